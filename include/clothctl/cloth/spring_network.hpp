@@ -1,0 +1,130 @@
+#pragma once
+
+// The data of a spring model: point masses, axial springs, linear bending stencils and the triangles that air pushes on.
+// Builders make networks (sheet, rope, solid); models (MassSpring, PositionBased) consume them.
+//
+//   spring a-b:   U = ½ k (|x_a - x_b| - l0)²,  axial damper  d n nᵀ (v_a - v_b),  d = β k
+//   stencil:      U = ½ kb |Σ_i w_i x_{s_i}|²   (w = 1,-2,1 on three vertices in a row, or a hinge on four)
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "clothctl/core/result.hpp"
+#include "clothctl/core/types.hpp"
+
+namespace clothctl {
+
+/// An axial spring with a parallel damper between two vertices.
+template <RealScalar Scalar>
+struct Spring {
+  /// First vertex.
+  int a = 0;
+  /// Second vertex.
+  int b = 0;
+  /// Length without force, m.
+  Scalar rest_length = Scalar(0);
+  /// Stiffness k, N/m.
+  Scalar stiffness = Scalar(0);
+  /// Axial damping d, N s/m.
+  Scalar damping = Scalar(0);
+};
+
+/// A quadratic bending element: ½ kb |Σ w_i x_i|² over three or four vertices.
+template <RealScalar Scalar>
+struct BendStencil {
+  /// The vertices; only the first `count` are used.
+  std::array<int, 4> vertex{};
+  /// Their weights; they sum to zero.
+  std::array<Scalar, 4> weight{Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
+  /// Stiffness kb, N/m.
+  Scalar stiffness = Scalar(0);
+  /// Vertices in use, 2 to 4.
+  int count = 0;
+};
+
+/// Masses, springs, bending stencils and air triangles over one vertex numbering.
+template <RealScalar Scalar>
+struct SpringNetwork {
+  /// Undeformed vertex positions, 3×n, m.
+  Points<Scalar> rest_positions;
+  /// Vertex masses, n, kg.
+  VectorX<Scalar> mass;
+  /// Axial springs.
+  std::vector<Spring<Scalar>> springs;
+  /// Bending elements.
+  std::vector<BendStencil<Scalar>> bends;
+  /// Triangles that feel the air, and that a viewer draws; counter-clockwise seen from their front.
+  std::vector<std::array<int, 3>> triangles;
+
+  /// Number of vertices.
+  Index vertex_count() const { return rest_positions.cols(); }
+
+  /// The same network in another scalar. Allocates.
+  template <RealScalar Other>
+  SpringNetwork<Other> cast() const {
+    SpringNetwork<Other> out;
+    out.rest_positions = rest_positions.template cast<Other>();
+    out.mass = mass.template cast<Other>();
+    out.springs.reserve(springs.size());
+    for (const Spring<Scalar>& s : springs) {
+      out.springs.push_back(
+          {s.a, s.b, static_cast<Other>(s.rest_length), static_cast<Other>(s.stiffness), static_cast<Other>(s.damping)});
+    }
+    out.bends.reserve(bends.size());
+    for (const BendStencil<Scalar>& b : bends) {
+      BendStencil<Other> c;
+      c.vertex = b.vertex;
+      for (std::size_t i = 0; i < 4; ++i) c.weight[i] = static_cast<Other>(b.weight[i]);
+      c.stiffness = static_cast<Other>(b.stiffness);
+      c.count = b.count;
+      out.bends.push_back(c);
+    }
+    out.triangles = triangles;
+    return out;
+  }
+
+  /// Checks indices, masses and constants. Returns an empty string, or a line that names the first bad item.
+  std::string check() const {
+    const Index n = vertex_count();
+    const auto bad = [n](int v) { return v < 0 || v >= n; };
+    const Scalar zero = Scalar(0);
+    if (n == 0) return "spring network has no vertices";
+    if (mass.size() != n)
+      return "spring network has " + std::to_string(mass.size()) + " masses for " + std::to_string(n) + " vertices";
+    for (Index i = 0; i < n; ++i) {
+      for (Index c = 0; c < 3; ++c) {
+        if (!is_finite(rest_positions(c, i))) return "rest position of vertex " + std::to_string(i) + " is not finite";
+      }
+      if (!is_finite(mass[i]) || !(zero < mass[i])) return "mass of vertex " + std::to_string(i) + " is not positive";
+    }
+    for (std::size_t e = 0; e < springs.size(); ++e) {
+      const Spring<Scalar>& s = springs[e];
+      const std::string name = "spring " + std::to_string(e);
+      if (bad(s.a) || bad(s.b)) return name + " joins vertex " + std::to_string(bad(s.a) ? s.a : s.b) + " off the mesh";
+      if (s.a == s.b) return name + " joins vertex " + std::to_string(s.a) + " to itself";
+      if (!is_finite(s.rest_length) || !(zero < s.rest_length)) return name + " has no positive rest length";
+      if (!is_finite(s.stiffness) || s.stiffness < zero) return name + " has a negative or non-finite stiffness";
+      if (!is_finite(s.damping) || s.damping < zero) return name + " has a negative or non-finite damping";
+    }
+    for (std::size_t e = 0; e < bends.size(); ++e) {
+      const BendStencil<Scalar>& s = bends[e];
+      const std::string name = "bending stencil " + std::to_string(e);
+      if (s.count < 2 || s.count > 4) return name + " has " + std::to_string(s.count) + " vertices";
+      for (int i = 0; i < s.count; ++i) {
+        const int v = s.vertex[static_cast<std::size_t>(i)];
+        if (bad(v)) return name + " holds vertex " + std::to_string(v) + " off the mesh";
+        if (!is_finite(s.weight[static_cast<std::size_t>(i)])) return name + " has a non-finite weight";
+      }
+      if (!is_finite(s.stiffness) || s.stiffness < zero) return name + " has a negative or non-finite stiffness";
+    }
+    for (std::size_t e = 0; e < triangles.size(); ++e) {
+      for (int v : triangles[e]) {
+        if (bad(v)) return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " off the mesh";
+      }
+    }
+    return {};
+  }
+};
+
+}  // namespace clothctl

@@ -1,0 +1,50 @@
+#pragma once
+
+// The state of a sheet and the input of a step: plain values that can be copied, compared and kept.
+
+#include <vector>
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl {
+
+/// Where the vertices are and how fast they move. World frame, z up.
+template <RealScalar Scalar>
+struct ClothState {
+  /// Vertex positions, 3×n, m.
+  Points<Scalar> positions;
+  /// Vertex velocities, 3×n, m/s.
+  Points<Scalar> velocities;
+
+  /// Bitwise-equal coordinates.
+  bool operator==(const ClothState& other) const {
+    return positions.cols() == other.positions.cols() && velocities.cols() == other.velocities.cols() &&
+           positions == other.positions && velocities == other.velocities;
+  }
+};
+
+/// What acts on a sheet during one step. World frame; a vertex that is driven ignores forces on it.
+template <RealScalar Scalar>
+struct ClothInput {
+  /// Vertices that a force acts on; an index may occur more than once.
+  std::vector<int> force_vertices;
+  /// Forces, 3×force_vertices.size(), N, constant over the step.
+  Points<Scalar> forces;
+  /// Vertices whose motion is prescribed; each index at most once.
+  std::vector<int> driven_vertices;
+  /// Where the driven vertices stand at the end of the step, 3×driven_vertices.size(), m.
+  Points<Scalar> driven_positions;
+  /// Velocity of the air, m/s.
+  Vector3<Scalar> wind = Vector3<Scalar>::Zero();
+
+  /// Removes forces, driven vertices and wind; keeps the memory of the index lists.
+  void clear() {
+    force_vertices.clear();
+    forces.resize(3, 0);
+    driven_vertices.clear();
+    driven_positions.resize(3, 0);
+    wind.setZero();
+  }
+};
+
+}  // namespace clothctl
