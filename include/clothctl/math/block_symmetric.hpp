@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <utility>
 #include <vector>
 
@@ -67,6 +68,13 @@ class BlockSymmetric {
   void set_zero() {
     for (auto& block : diagonal_) block.setZero();
     for (auto& block : lower_) block.setZero();
+  }
+
+  /// Adds `factor` times `other`, a matrix of the same pattern. Never allocates.
+  void add_scaled(const BlockSymmetric& other, Scalar factor) {
+    assert(other.lower_.size() == lower_.size() && other.diagonal_.size() == diagonal_.size());
+    for (std::size_t i = 0; i < diagonal_.size(); ++i) diagonal_[i] += factor * other.diagonal_[i];
+    for (std::size_t i = 0; i < lower_.size(); ++i) lower_[i] += factor * other.lower_[i];
   }
 
   /// y = A x for kLanes vectors at once: x and y are kLanes×3n, column 3i+c is coordinate c of vertex i. No allocation.

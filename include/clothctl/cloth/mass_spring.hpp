@@ -1,0 +1,318 @@
+#pragma once
+
+// A mass-spring body stepped by implicit Euler, h = dt, driven vertices (index h) prescribed:
+//
+//   one linear solve (Baraff-Witkin):  A v⁺ = M v + h ( f(x0) + f_g + f_u + C w ),              x⁺ = x0 + h v⁺
+//                                      A = (1 + h α) M + h (D + C) + h² K(x0)
+//   Newton to convergence:             v⁺ = argmin ½(v - v0)ᵀM(v - v0) + U(x0 + h v) - h (M g + f_u)ᵀ v
+//                                           + ½ h α vᵀM v + ½ h vᵀD v + ½ h (w - v)ᵀC (w - v)
+//
+// D and C are frozen at the start of the step. The Hessian of each Newton step is SPD-projected (spring_forces.hpp), so
+// its direction descends; an Armijo backtracking line search on the energy makes the method globally convergent.
+// Reference: Baraff & Witkin, Large Steps in Cloth Simulation (1998); paper 000, eq. 4-6.
+
+#include <cmath>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/cloth/spring_forces.hpp"
+#include "clothctl/cloth/step_input.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/report.hpp"
+#include "clothctl/core/result.hpp"
+#include "clothctl/math/block_cholesky.hpp"
+#include "clothctl/mesh/ordering.hpp"
+
+namespace clothctl {
+
+/// How the implicit Euler equations of a step are solved.
+enum class Integration {
+  /// One linear solve about the start of the step: fast, damps more, does not buckle within a step.
+  OneSolve,
+  /// Newton's method with line search until the residual meets the tolerance.
+  Newton
+};
+
+/// Settings of a MassSpring model. Defaults: gravity, no drag, one linear solve.
+template <RealScalar Scalar>
+struct MassSpringSettings {
+  /// Which equations a step solves.
+  Integration integration = Integration::OneSolve;
+  /// Gravity, m/s².
+  Vector3<Scalar> gravity = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
+  /// Mass-proportional drag α, 1/s.
+  Scalar drag = Scalar(0);
+  /// Air on the network's triangles; zero coefficients mean none.
+  AirSettings<Scalar> air = {};
+  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s; 0 means
+  /// 2 ∛ε (1.2e-5 in double).
+  Scalar velocity_tolerance = Scalar(0);
+  /// Newton steps at most.
+  int max_iterations = 100;
+  /// Vertices that never move unless they are driven.
+  std::vector<int> pinned = {};
+
+  /// Returns an empty string, or a line that names the first bad setting.
+  std::string check() const {
+    if (!all_finite(gravity)) return "gravity is not finite";
+    if (!is_finite(drag) || drag < Scalar(0)) return "drag is negative or not finite";
+    if (!is_finite(velocity_tolerance) || velocity_tolerance < Scalar(0)) return "velocity_tolerance is negative or not finite";
+    if (max_iterations < 1) return "max_iterations is " + std::to_string(max_iterations) + ", must be at least 1";
+    return air.check();
+  }
+};
+
+/// A network of masses and springs under implicit Euler; models ClothModel. Const in use: one model serves many threads.
+template <RealScalar S>
+class MassSpring {
+ public:
+  /// The scalar type.
+  using Scalar = S;
+  /// The state of a step.
+  using State = ClothState<Scalar>;
+
+  /// All memory of a step. Made by `make_workspace`.
+  struct Workspace {
+    /// The step matrix.
+    BlockSymmetric<Scalar> matrix;
+    /// Its factor.
+    BlockCholesky<Scalar> factor;
+    /// Flags of driven and pinned vertices.
+    std::vector<unsigned char> held;
+    /// Unit vectors of the springs at the start of the step.
+    Points<Scalar> direction;
+    /// Start-of-step air matrix products and forces, trial velocities and positions, gradient.
+    Points<Scalar> outer, velocity, trial, position, gradient;
+    /// Air matrices of the triangles, one after the other.
+    std::vector<Matrix3<Scalar>> air;
+    /// A right-hand side and a product.
+    Lanes<Scalar, 1> rhs, product;
+  };
+
+  /// Checks and keeps network and settings, and analyses the step matrix once. Allocates.
+  static Result<MassSpring> create(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings = {}) {
+    std::string problem = network.check();
+    if (problem.empty()) problem = settings.check();
+    for (int v : settings.pinned) {
+      if (problem.empty() && (v < 0 || v >= network.vertex_count())) problem = "pinned vertex " + std::to_string(v) + " is off the mesh";
+    }
+    if (!problem.empty()) return Error{problem};
+    return MassSpring(std::move(network), std::move(settings));
+  }
+
+  /// The masses and springs.
+  const SpringNetwork<Scalar>& network() const { return network_; }
+  /// The settings.
+  const MassSpringSettings<Scalar>& settings() const { return settings_; }
+  /// Changes how a step is solved; everything else stays.
+  void set_integration(Integration integration) { settings_.integration = integration; }
+  /// Changes the mass-proportional drag α (1/s), as for settling; negative or non-finite values are a caller's bug.
+  void set_drag(Scalar drag) {
+    assert(is_finite(drag) && !(drag < Scalar(0)));
+    settings_.drag = drag;
+  }
+  /// Number of vertices.
+  Index vertex_count() const { return network_.vertex_count(); }
+
+  /// The undeformed body at rest. Allocates.
+  State rest_state() const { return {network_.rest_positions, Points<Scalar>::Zero(3, vertex_count())}; }
+
+  /// Makes the memory of a step. Allocates.
+  Workspace make_workspace() const {
+    const Index n = vertex_count();
+    Workspace ws;
+    ws.matrix = pattern_.matrix();
+    ws.factor = BlockCholesky<Scalar>(pattern_.matrix(), tree_);
+    ws.held.assign(static_cast<std::size_t>(n), 0);
+    ws.direction.setZero(3, static_cast<Index>(network_.springs.size()));
+    for (Points<Scalar>* p : {&ws.outer, &ws.velocity, &ws.trial, &ws.position, &ws.gradient}) p->setZero(3, n);
+    ws.air.assign(air() ? network_.triangles.size() : 0, Matrix3<Scalar>::Zero());
+    ws.rhs.setZero(1, 3 * n);
+    ws.product.setZero(1, 3 * n);
+    return ws;
+  }
+
+  /// Advances `state` by `dt` seconds under `input`. Never allocates. On any failure the state is left as it was.
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+    const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
+    if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
+    prepare(state, input, dt, ws);
+    StepReport<Scalar> report = solve_linear(state, dt, ws);
+    if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) report = iterate(state, dt, ws);
+    if (report.status != StepStatus::Converged && report.status != StepStatus::IterationLimit) return report;
+    if (!all_finite(ws.velocity)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+    state.velocities = ws.velocity;
+    state.positions += dt * ws.velocity;
+    for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+      state.positions.col(input.driven_vertices[i]) = input.driven_positions.col(static_cast<Index>(i));  // exact, not x + h v
+    }
+    report.advanced = true;
+    return report;
+  }
+
+ private:
+  MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings)
+      : network_(std::move(network)),
+        settings_(std::move(settings)),
+        pattern_(network_, true, settings_.air.enabled()),
+        tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)) {}
+
+  bool air() const { return settings_.air.enabled(); }
+
+  /// Freezes what a step keeps fixed: directions of the dampers, air matrices, outer forces; ws.velocity = v with the
+  /// held vertices at their prescribed velocity.
+  void prepare(const State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+    const Points<Scalar>& x = state.positions;
+    for (int v : settings_.pinned) ws.held[static_cast<std::size_t>(v)] = 1;
+    for (std::size_t e = 0; e < network_.springs.size(); ++e) {
+      const Spring<Scalar>& s = network_.springs[e];
+      const Vector3<Scalar> d = x.col(s.a) - x.col(s.b);
+      const Scalar squared = d.squaredNorm();
+      using std::sqrt;
+      if (squared > Scalar(1e-12) * s.rest_length * s.rest_length) {
+        ws.direction.col(static_cast<Index>(e)) = d * (Scalar(1) / sqrt(squared));
+      } else {
+        ws.direction.col(static_cast<Index>(e)).setZero();
+      }
+    }
+    ws.outer.noalias() = settings_.gravity * network_.mass.transpose();
+    for (std::size_t i = 0; i < input.force_vertices.size(); ++i) ws.outer.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
+    const Scalar third = Scalar(1) / Scalar(3);
+    for (std::size_t e = 0; e < ws.air.size(); ++e) {
+      const std::array<int, 3>& t = network_.triangles[e];
+      const Vector3<Scalar> mean = (state.velocities.col(t[0]) + state.velocities.col(t[1]) + state.velocities.col(t[2])) * third;
+      ws.air[e] = air_drag_matrix<Scalar>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean, input.wind, settings_.air);
+      const Vector3<Scalar> push = ws.air[e] * input.wind * third;
+      for (int v : t) ws.outer.col(v) += push;
+    }
+    ws.velocity = state.velocities;
+    for (int v : settings_.pinned) ws.velocity.col(v).setZero();
+    for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+      const int v = input.driven_vertices[i];
+      ws.velocity.col(v) = (input.driven_positions.col(static_cast<Index>(i)) - x.col(v)) / dt;
+    }
+  }
+
+  /// Assembles A at `x`: the part that changes (K) and the frozen dampers and air.
+  void assemble(const Points<Scalar>& x, Scalar dt, Workspace& ws) const {
+    BlockSymmetric<Scalar>& a = ws.matrix;
+    a.set_zero();
+    pattern_.add_springs(network_, x, StiffnessScale<Scalar>{}, dt * dt, Scalar(0), a);
+    pattern_.add_bending(network_, dt * dt, a);
+    pattern_.add_frozen(network_, ws.direction, ws.air, dt, a);
+    const Scalar inertia = Scalar(1) + dt * settings_.drag;
+    for (Index i = 0; i < vertex_count(); ++i) a.diagonal(i).diagonal().array() += inertia * network_.mass[i];
+  }
+
+  /// One linear solve: A (v⁺ - v̂) = M v + h f - A v̂ on the free rows, v̂ the start velocity with held rows prescribed.
+  StepReport<Scalar> solve_linear(const State& state, Scalar dt, Workspace& ws) const {
+    assemble(state.positions, dt, ws);
+    if (!ws.factor.factorize(ws.matrix, ws.held)) return {StepStatus::NumericalFailure, false, Scalar(0), 1};
+    ws.gradient = ws.outer;
+    add_spring_forces<Scalar>(network_, state.positions, ws.gradient);
+    as_points(ws.rhs) = ws.velocity;
+    ws.matrix.multiply(ws.rhs, ws.product);
+    for (Index i = 0; i < vertex_count(); ++i) {
+      if (held(ws, i)) {
+        point(ws.rhs, i).setZero();
+      } else {
+        point(ws.rhs, i) = network_.mass[i] * state.velocities.col(i) + dt * ws.gradient.col(i) - point(ws.product, i);
+      }
+    }
+    ws.factor.template solve<1>(ws.rhs);
+    ws.velocity += as_points(ws.rhs);
+    return {StepStatus::Converged, false, Scalar(0), 1};
+  }
+
+  /// Newton from ws.velocity. Leaves the solution there.
+  StepReport<Scalar> iterate(const State& state, Scalar dt, Workspace& ws) const {
+    using std::cbrt;
+    const Scalar given = settings_.velocity_tolerance;
+    const Scalar tolerance = Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
+    StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), 1};
+    Scalar energy = objective(state, ws.velocity, dt, ws);
+    for (int iteration = 0; iteration < settings_.max_iterations; ++iteration) {
+      report.residual = Scalar(0);
+      bool converged = true;
+      for (Index i = 0; i < vertex_count(); ++i) {
+        if (held(ws, i)) {
+          point(ws.rhs, i).setZero();
+          continue;
+        }
+        point(ws.rhs, i) = -ws.gradient.col(i);
+        const Scalar size = ws.gradient.col(i).cwiseAbs().maxCoeff();
+        if (report.residual < size) report.residual = size;
+        if (!(size < tolerance * network_.mass[i])) converged = false;
+      }
+      if (!is_finite(report.residual) || !is_finite(energy)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      if (converged) {
+        report.status = StepStatus::Converged;
+        return report;
+      }
+      assemble(ws.position, dt, ws);
+      if (!ws.factor.factorize(ws.matrix, ws.held)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      ws.factor.template solve<1>(ws.rhs);
+      ++report.iterations;
+      const Scalar slope = as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
+      Scalar length = Scalar(1);
+      Scalar next = energy;
+      const Scalar noise = Scalar(64) * scalar_traits<Scalar>::epsilon() * (energy < Scalar(0) ? -energy : energy);
+      for (int halving = 0; halving < 30; ++halving) {
+        ws.trial = ws.velocity + length * as_points(ws.rhs);
+        next = objective(state, ws.trial, dt, ws);
+        if (next < energy + Scalar(1e-4) * length * slope + noise) break;
+        length *= Scalar(0.5);
+      }
+      ws.velocity.swap(ws.trial);
+      energy = next;
+    }
+    return report;
+  }
+
+  /// The step's energy at velocities `v` (J s² / s²: kg m²/s²); leaves its gradient in ws.gradient and x0 + h v in ws.position.
+  Scalar objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const {
+    const Scalar half = Scalar(0.5);
+    const Scalar drag = dt * settings_.drag;
+    ws.position = state.positions + dt * v;
+    ws.gradient = ws.outer;
+    Scalar energy = add_spring_forces<Scalar>(network_, ws.position, ws.gradient) - dt * ws.outer.cwiseProduct(v).sum();
+    ws.gradient *= -dt;
+    for (Index i = 0; i < vertex_count(); ++i) {
+      const Vector3<Scalar> dv = v.col(i) - state.velocities.col(i);
+      const Scalar m = network_.mass[i];
+      energy += half * m * (dv.squaredNorm() + drag * v.col(i).squaredNorm());
+      ws.gradient.col(i) += m * (dv + drag * v.col(i));
+    }
+    for (std::size_t e = 0; e < network_.springs.size(); ++e) {
+      const Spring<Scalar>& s = network_.springs[e];
+      if (!(Scalar(0) < s.damping)) continue;
+      const Index k = static_cast<Index>(e);
+      const Scalar rate = ws.direction.col(k).dot(v.col(s.a) - v.col(s.b));
+      const Vector3<Scalar> push = ws.direction.col(k) * (dt * s.damping * rate);
+      energy += half * dt * s.damping * rate * rate;
+      ws.gradient.col(s.a) += push;
+      ws.gradient.col(s.b) -= push;
+    }
+    const Scalar third = Scalar(1) / Scalar(3);
+    for (std::size_t e = 0; e < ws.air.size(); ++e) {
+      const std::array<int, 3>& t = network_.triangles[e];
+      const Vector3<Scalar> mean = (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) * third;
+      const Vector3<Scalar> push = ws.air[e] * mean;
+      energy += half * dt * mean.dot(push);
+      for (int vertex : t) ws.gradient.col(vertex) += push * (dt * third);
+    }
+    return energy;
+  }
+
+  bool held(const Workspace& ws, Index i) const { return ws.held[static_cast<std::size_t>(i)] != 0; }
+  static Eigen::Map<Points<Scalar>> as_points(Lanes<Scalar, 1>& row) { return {row.data(), 3, row.cols() / 3}; }
+  static Eigen::Map<Vector3<Scalar>> point(Lanes<Scalar, 1>& row, Index i) { return Eigen::Map<Vector3<Scalar>>(row.data() + 3 * i); }
+
+  SpringNetwork<Scalar> network_;
+  MassSpringSettings<Scalar> settings_;
+  SpringPattern<Scalar> pattern_;
+  EliminationTree tree_;
+};
+
+}  // namespace clothctl

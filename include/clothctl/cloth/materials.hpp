@@ -1,0 +1,120 @@
+#pragma once
+
+// What a sheet is made of, in SI units that do not depend on the mesh. On a grid of square cells
+//
+//   edges      k  = stretch            (half on the border)       C11 = stretch + shear,  C12 = shear   (N/m)
+//   diagonals  k  = shear                                         G t = shear                           (N/m)
+//   bending    kb = bending / dx²                                 U = ½ bending ∫ κ² dA                 (N m)
+//
+// `sheet.hpp` holds the rule for rectangular cells and for triangles. The presets and where their sizes come from are
+// described in docs/cloth_materials.md.
+
+#include <array>
+#include <span>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "clothctl/core/result.hpp"
+#include "clothctl/mesh/grid.hpp"
+
+namespace clothctl {
+
+/// A sheet's material. The defaults are the preset "handkerchief".
+template <RealScalar Scalar>
+struct Material {
+  /// What reports call it.
+  std::string name = "handkerchief";
+  /// Mass per area, kg/m².
+  Scalar area_density = Scalar(0.2);
+  /// Membrane stiffness along the threads, N/m: the spring constant of an edge between square cells.
+  Scalar stretch = Scalar(1000.0);
+  /// Membrane stiffness against shear, N/m: the spring constant of a diagonal of a square cell.
+  Scalar shear = Scalar(200.0);
+  /// Bending stiffness B per width, N m.
+  Scalar bending = Scalar(2e-5);
+  /// Axial damping time β, s: every spring has a damper d = β k.
+  Scalar damping_time = Scalar(0.002);
+  /// Drag α proportional to mass, 1/s: force -α m v.
+  Scalar drag = Scalar(0.5);
+  /// Coefficient of friction μ between cloth and finger.
+  Scalar friction = Scalar(0.5);
+  /// Drag coefficient of a triangle in air flowing along its normal, dimensionless.
+  Scalar air_normal = Scalar(1.0);
+  /// Drag coefficient of a triangle in air flowing along its plane, dimensionless.
+  Scalar air_tangent = Scalar(0.1);
+
+  /// Checks ranges: density and stretch positive, the others at least zero. Returns an empty string, or a line that
+  /// names material, quantity and value.
+  std::string check() const {
+    const Scalar zero = Scalar(0);
+    const std::array<std::pair<const char*, const Scalar*>, 9> quantities{{{"area_density", &area_density},
+                                                                           {"stretch", &stretch},
+                                                                           {"shear", &shear},
+                                                                           {"bending", &bending},
+                                                                           {"damping_time", &damping_time},
+                                                                           {"drag", &drag},
+                                                                           {"friction", &friction},
+                                                                           {"air_normal", &air_normal},
+                                                                           {"air_tangent", &air_tangent}}};
+    for (std::size_t i = 0; i < quantities.size(); ++i) {
+      const Scalar& value = *quantities[i].second;
+      const std::string item = "material \"" + name + "\": " + quantities[i].first;
+      if (!is_finite(value)) return item + " is not a finite number";
+      if (i < 2 && !(zero < value)) return item + " must be positive, got " + detail::number_text(value);
+      if (value < zero) return item + " must not be negative, got " + detail::number_text(value);
+    }
+    return {};
+  }
+};
+
+namespace detail {
+
+/// A preset as it stands in the table; air coefficients are those of the default material.
+struct MaterialRow {
+  double area_density, stretch, shear, bending, damping_time, drag, friction;
+};
+
+inline constexpr std::array<std::string_view, 9> kMaterialNames{"handkerchief", "iri",  "cotton", "silk", "denim",
+                                                                "wool",         "knit", "towel",  "paper"};
+
+inline constexpr std::array<MaterialRow, 9> kMaterialRows{{
+    {0.20, 1000.0, 200.0, 2e-5, 0.002, 0.5, 0.5},    // handkerchief
+    {1.10, 3000.0, 600.0, 2e-5, 0.002, 0.5, 0.5},    // iri
+    {0.12, 5000.0, 60.0, 8e-6, 0.002, 0.5, 0.5},     // cotton
+    {0.06, 4000.0, 20.0, 3e-6, 0.002, 0.8, 0.3},     // silk
+    {0.40, 10000.0, 180.0, 5e-5, 0.002, 0.3, 0.6},   // denim
+    {0.25, 3000.0, 45.0, 1.2e-5, 0.002, 0.4, 0.5},   // wool
+    {0.20, 400.0, 35.0, 5e-6, 0.004, 0.5, 0.6},      // knit
+    {0.40, 2500.0, 70.0, 3e-5, 0.004, 0.4, 0.8},     // towel
+    {0.08, 40000.0, 15000.0, 3e-4, 0.001, 0.8, 0.4}  // paper
+}};
+
+}  // namespace detail
+
+/// The names of the presets; the first is the default of the programs.
+inline std::span<const std::string_view> material_names() { return detail::kMaterialNames; }
+
+/// Looks a preset up by its name. Allocates (the name). Fails when: no preset has this name (the line lists them all).
+template <RealScalar Scalar = double>
+Result<Material<Scalar>> material_preset(std::string_view name) {
+  for (std::size_t i = 0; i < detail::kMaterialNames.size(); ++i) {
+    if (detail::kMaterialNames[i] != name) continue;
+    const detail::MaterialRow& row = detail::kMaterialRows[i];
+    Material<Scalar> material;
+    material.name = std::string(name);
+    material.area_density = Scalar(row.area_density);
+    material.stretch = Scalar(row.stretch);
+    material.shear = Scalar(row.shear);
+    material.bending = Scalar(row.bending);
+    material.damping_time = Scalar(row.damping_time);
+    material.drag = Scalar(row.drag);
+    material.friction = Scalar(row.friction);
+    return material;
+  }
+  std::string message = "unknown material \"" + std::string(name) + "\"; known:";
+  for (std::string_view known : detail::kMaterialNames) message += " " + std::string(known);
+  return Error{message};
+}
+
+}  // namespace clothctl

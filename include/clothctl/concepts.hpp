@@ -1,0 +1,7 @@
+#pragma once
+
+// What the parts of the library ask of each other, and the traits through which foreign types answer.
+
+#include "clothctl/concepts/cloth.hpp"
+#include "clothctl/concepts/executor.hpp"
+#include "clothctl/concepts/prediction.hpp"

@@ -1,0 +1,8 @@
+#pragma once
+
+// Curves, sparse block matrices and their factors.
+
+#include "clothctl/math/b_spline.hpp"
+#include "clothctl/math/block_symmetric.hpp"
+#include "clothctl/math/dense_kernels.hpp"
+#include "clothctl/math/pack.hpp"

@@ -1,0 +1,146 @@
+#pragma once
+
+// A few numbers side by side, held in as many vector registers as they need. Written with the compiler's own vector types
+// (g++, clang), so that one source becomes SSE, AVX, AVX-512, NEON or WebAssembly code; any other scalar or compiler takes
+// plain arrays. Chunk width = the widest register that divides the pack.
+
+#include <cstring>
+#include <type_traits>
+#include <utility>
+
+#include "clothctl/core/types.hpp"
+
+#if defined(__GNUC__)
+#define CLOTHCTL_INLINE __attribute__((always_inline)) inline
+#define CLOTHCTL_INLINE_LAMBDA __attribute__((always_inline))
+#else
+#define CLOTHCTL_INLINE inline
+#define CLOTHCTL_INLINE_LAMBDA
+#endif
+
+namespace clothctl::detail {
+
+#if defined(__AVX512F__)
+inline constexpr int kVectorBytes = 64;
+#elif defined(__AVX__)
+inline constexpr int kVectorBytes = 32;
+#else
+inline constexpr int kVectorBytes = 16;
+#endif
+
+/// True where the machine has 32 vector registers, else 16 are assumed.
+#if defined(__AVX512F__) || defined(__aarch64__)
+inline constexpr bool kManyRegisters = true;
+#else
+inline constexpr bool kManyRegisters = false;
+#endif
+
+/// Numbers in one vector register; 1 for scalars and compilers without vector types.
+template <class Scalar>
+constexpr int native_lanes() {
+#if defined(__GNUC__)
+  if constexpr (std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double>) return kVectorBytes / int(sizeof(Scalar));
+#endif
+  return 1;
+}
+
+/// Largest power of two that divides `lanes` and fits a register.
+template <class Scalar>
+constexpr int chunk_lanes(int lanes) {
+  int chunk = 1;
+  while (2 * chunk <= native_lanes<Scalar>() && lanes % (2 * chunk) == 0) chunk *= 2;
+  return chunk;
+}
+
+/// The type of one register of `kCount` numbers.
+template <class Scalar, int kCount>
+struct Register {
+#if defined(__GNUC__)
+  typedef Scalar type __attribute__((vector_size(kCount * sizeof(Scalar))));
+#else
+  typedef Scalar type;
+#endif
+};
+template <class Scalar>
+struct Register<Scalar, 1> {
+  typedef Scalar type;
+};
+
+/// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, written out by the compiler.
+template <int kCount, class Function>
+CLOTHCTL_INLINE void unroll(Function&& function) {
+  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_INLINE_LAMBDA {
+    (function(std::integral_constant<int, i>{}), ...);
+  }(std::make_integer_sequence<int, kCount>{});
+}
+
+/// kLanes numbers side by side.
+template <class Scalar, int kLanes>
+struct Pack {
+  static constexpr int kChunk = chunk_lanes<Scalar>(kLanes);
+  static constexpr int kChunks = kLanes / kChunk;
+  using Chunk = typename Register<Scalar, kChunk>::type;
+
+  Chunk chunk[kChunks];
+
+  /// Reads kLanes numbers from any address.
+  CLOTHCTL_INLINE void load(const Scalar* from) {
+    if constexpr (kChunk > 1) {
+      unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { std::memcpy(&chunk[i], from + i * kChunk, sizeof(Chunk)); });
+    } else {
+      for (int i = 0; i < kLanes; ++i) chunk[i] = from[i];
+    }
+  }
+  /// Writes kLanes numbers to any address.
+  CLOTHCTL_INLINE void store(Scalar* to) const {
+    if constexpr (kChunk > 1) {
+      unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { std::memcpy(to + i * kChunk, &chunk[i], sizeof(Chunk)); });
+    } else {
+      for (int i = 0; i < kLanes; ++i) to[i] = chunk[i];
+    }
+  }
+  /// Sets every lane to zero.
+  CLOTHCTL_INLINE void set_zero() {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
+      if constexpr (kChunk > 1) {
+        chunk[i] = Chunk{};
+      } else {
+        chunk[i] = Scalar(0);
+      }
+    });
+  }
+  /// this += other.
+  CLOTHCTL_INLINE void add(const Pack& other) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + other.chunk[i]; });
+  }
+  /// this -= other.
+  CLOTHCTL_INLINE void subtract(const Pack& other) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] - other.chunk[i]; });
+  }
+  /// this *= factor.
+  CLOTHCTL_INLINE void scale(const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] * factor; });
+  }
+  /// this += a · factor.
+  CLOTHCTL_INLINE void add_product(const Pack& a, const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * factor; });
+  }
+  /// this -= a · factor.
+  CLOTHCTL_INLINE void subtract_product(const Pack& a, const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] - a.chunk[i] * factor; });
+  }
+  /// this += a · b, lane by lane.
+  CLOTHCTL_INLINE void add_product(const Pack& a, const Pack& b) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
+  }
+  /// Sum of the lanes.
+  CLOTHCTL_INLINE Scalar sum() const {
+    Scalar values[kLanes];
+    store(values);
+    Scalar total = values[0];
+    for (int i = 1; i < kLanes; ++i) total = total + values[i];
+    return total;
+  }
+};
+
+}  // namespace clothctl::detail

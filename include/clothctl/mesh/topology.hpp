@@ -1,0 +1,135 @@
+#pragma once
+
+// Who touches whom on a triangle mesh: every edge once, the edges of the border, the neighbours of a vertex, and the
+// hinges (two triangles that share an edge). Sorted, hence the same for the same mesh in every run.
+
+#include <algorithm>
+#include <array>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "clothctl/core/result.hpp"
+
+namespace clothctl {
+
+/// An undirected edge a < b with the one or two triangles at it.
+struct MeshEdge {
+  /// The end with the smaller index.
+  int a = 0;
+  /// The end with the larger index.
+  int b = 0;
+  /// The triangles at the edge, ascending; the second is -1 on the border.
+  std::array<int, 2> triangle{-1, -1};
+  /// The vertex of each triangle that is not on the edge; -1 where there is no triangle.
+  std::array<int, 2> opposite{-1, -1};
+
+  /// Tells whether only one triangle touches the edge.
+  bool is_boundary() const { return triangle[1] < 0; }
+};
+
+/// Two triangles that share an edge.
+struct Hinge {
+  /// The edge's ends a, b, then the opposite vertices of its first and second triangle.
+  std::array<int, 4> vertex{};
+  /// Index of the edge.
+  int edge = 0;
+};
+
+/// The incidences of a triangle mesh. `make_topology` fills it.
+struct Topology {
+  /// Every edge once, ascending in (a, b).
+  std::vector<MeshEdge> edges;
+  /// Indices of the edges with one triangle, ascending.
+  std::vector<int> boundary_edges;
+  /// One hinge for every edge with two triangles, in edge order.
+  std::vector<Hinge> hinges;
+  /// Where the neighbours of vertex v start in `neighbour_list`; one entry more than there are vertices.
+  std::vector<int> neighbour_start;
+  /// The neighbours of all vertices, ascending for each.
+  std::vector<int> neighbour_list;
+  /// True when the two triangles at each interior edge run through it in opposite directions, so that all show the same
+  /// side; false where some triangle is turned over.
+  bool consistently_oriented = true;
+
+  /// The vertices that share an edge with `vertex`, ascending.
+  std::span<const int> neighbours(int vertex) const {
+    const std::size_t v = static_cast<std::size_t>(vertex);
+    const std::size_t first = static_cast<std::size_t>(neighbour_start[v]);
+    return std::span<const int>(neighbour_list).subspan(first, static_cast<std::size_t>(neighbour_start[v + 1]) - first);
+  }
+};
+
+/// Finds edges, border, neighbours and hinges of a mesh. Allocates. Complexity: O(n log n).
+/// Fails when: an index is off the mesh, a triangle names a vertex twice or repeats another one, or three
+/// triangles share an edge. Vertices that no triangle touches are allowed; they have no neighbours.
+inline Result<Topology> make_topology(int vertex_count, const std::vector<std::array<int, 3>>& triangles) {
+  struct Side {
+    int a, b, triangle, opposite;
+    bool forward;
+  };
+  std::vector<Side> sides;
+  sides.reserve(3 * triangles.size());
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const std::array<int, 3>& corner = triangles[t];
+    const std::string name = "triangle " + std::to_string(t);
+    for (std::size_t i = 0; i < 3; ++i) {
+      if (corner[i] < 0 || corner[i] >= vertex_count)
+        return Error{name + " holds vertex " + std::to_string(corner[i]) + " off the mesh of " + std::to_string(vertex_count) +
+                     " vertices"};
+      if (corner[i] == corner[(i + 1) % 3]) return Error{name + " holds vertex " + std::to_string(corner[i]) + " twice"};
+      const int from = corner[i], to = corner[(i + 1) % 3];
+      sides.push_back({std::min(from, to), std::max(from, to), static_cast<int>(t), corner[(i + 2) % 3], from < to});
+    }
+  }
+  std::sort(sides.begin(), sides.end(), [](const Side& p, const Side& q) {
+    if (p.a != q.a) return p.a < q.a;
+    return p.b != q.b ? p.b < q.b : p.triangle < q.triangle;
+  });
+
+  Topology topology;
+  topology.edges.reserve(sides.size() / 2 + 1);
+  for (std::size_t i = 0; i < sides.size();) {
+    std::size_t end = i + 1;
+    while (end < sides.size() && sides[end].a == sides[i].a && sides[end].b == sides[i].b) ++end;
+    if (end - i > 2)
+      return Error{"edge " + std::to_string(sides[i].a) + "-" + std::to_string(sides[i].b) + " is shared by " +
+                   std::to_string(end - i) + " triangles, the third is triangle " + std::to_string(sides[i + 2].triangle)};
+    MeshEdge edge;
+    edge.a = sides[i].a;
+    edge.b = sides[i].b;
+    for (std::size_t k = i; k < end; ++k) {
+      edge.triangle[k - i] = sides[k].triangle;
+      edge.opposite[k - i] = sides[k].opposite;
+    }
+    const int index = static_cast<int>(topology.edges.size());
+    if (edge.is_boundary()) {
+      topology.boundary_edges.push_back(index);
+    } else {
+      if (edge.opposite[0] == edge.opposite[1])
+        return Error{"triangle " + std::to_string(edge.triangle[1]) + " repeats triangle " + std::to_string(edge.triangle[0])};
+      if (sides[i].forward == sides[i + 1].forward) topology.consistently_oriented = false;
+      topology.hinges.push_back({{edge.a, edge.b, edge.opposite[0], edge.opposite[1]}, index});
+    }
+    topology.edges.push_back(edge);
+    i = end;
+  }
+
+  topology.neighbour_start.assign(static_cast<std::size_t>(vertex_count) + 1, 0);
+  for (const MeshEdge& edge : topology.edges) {
+    ++topology.neighbour_start[static_cast<std::size_t>(edge.a) + 1];
+    ++topology.neighbour_start[static_cast<std::size_t>(edge.b) + 1];
+  }
+  for (std::size_t v = 0; v < static_cast<std::size_t>(vertex_count); ++v)
+    topology.neighbour_start[v + 1] += topology.neighbour_start[v];
+  topology.neighbour_list.resize(2 * topology.edges.size());
+  std::vector<int> next(topology.neighbour_start.begin(), topology.neighbour_start.end() - 1);
+  // Edges ascend in (a, b): first every smaller neighbour of a vertex in ascending order, then every larger one.
+  for (const MeshEdge& edge : topology.edges)
+    topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.b)]++)] = edge.a;
+  for (const MeshEdge& edge : topology.edges)
+    topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.a)]++)] = edge.b;
+  return topology;
+}
+
+}  // namespace clothctl

@@ -1,0 +1,144 @@
+#pragma once
+
+// What a planner is told once: horizon, weights of its cost, kind of input, limits.
+//
+//   J = Σ_k  w_f |y_k - ȳ_k|²                 features follow their target            (paper 000, eq. 7)
+//         +  w_m |u_k - u_ref|² + w_d |d_k|²   effort; d: friction-cone coefficients   (eq. 8)
+//         +  w_s |ċ_k - ċ_{k-1}|² + w_l |L_k - L_{k-1}|²   smooth hands               (eq. 9)
+//         +  w_h |p_k - p̄_k|²                 the hands stay where they belong (hand_anchor.hpp)
+//         +  w_p |non-affine patch motion|²    soft form of eq. 3 (patch.hpp)
+//         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |u_k - ū_k|²      for nonlinear rollouts
+//
+// c, p: centroid of a grip; ċ its velocity; all sums over k = 1..K.
+
+#include <string>
+
+#include "clothctl/mpc/hand_anchor.hpp"
+#include "clothctl/mpc/window.hpp"
+
+namespace clothctl {
+
+/// What the planner decides on.
+enum class GripInput {
+  /// Contact forces inside friction cones, one set of coefficients for each finger and vertex.
+  Force,
+  /// The pose of each grip: its velocity and, where it holds a line or a surface, its angular velocity.
+  Pose
+};
+
+/// What is sent to the plant when forces are planned.
+enum class Command {
+  /// The planned forces.
+  Force,
+  /// The positions that the held vertices reach under the planned forces, as a robot's position controller wants them.
+  Position
+};
+
+/// How a patch of held vertices is kept from moving in ways that a finger cannot make (paper 000, eq. 3).
+enum class PatchMode {
+  /// Non-affine motion is a cost: the QP keeps bounds alone. Fast.
+  Soft,
+  /// Non-affine motion is forbidden by equality rows. Exact; slower.
+  Hard
+};
+
+/// Weights of the cost, in SI units. Defaults follow a 0.5 m sheet well on converged and unconverged implicit plants.
+template <RealScalar Scalar>
+struct PlannerWeights {
+  /// w_f, 1/m².
+  Scalar feature = Scalar(40);
+  /// w_m for forces, 1/N².
+  Scalar force = Scalar(1e-4);
+  /// w_d, 1/N²: picks one of the many coefficient sets that make a force.
+  Scalar cone = Scalar(1e-4);
+  /// w_m for velocities, s²/m².
+  Scalar velocity = Scalar(1e-5);
+  /// w_s, s²/m².
+  Scalar smooth = Scalar(0.003);
+  /// w_l, dimensionless.
+  Scalar shape = Scalar(0.1);
+  /// w_h, 1/m².
+  Scalar anchor = Scalar(3);
+  /// w_p, 1/m².
+  Scalar patch = Scalar(1000);
+  /// w_j, s²/m².
+  Scalar jerk = Scalar(0);
+  /// w_r, in the units of the input.
+  Scalar step = Scalar(0);
+};
+
+/// Settings of a Planner.
+template <RealScalar Scalar>
+struct PlannerSettings {
+  /// Frames K in the window.
+  Index horizon = 20;
+  /// Length of a frame h, s.
+  Scalar dt = Scalar(0.02);
+  /// What is decided on.
+  GripInput input = GripInput::Force;
+  /// What is sent when forces are planned.
+  Command command = Command::Force;
+  /// How patches are kept together (force input; a commanded pose is rigid anyway).
+  PatchMode patch = PatchMode::Soft;
+  /// Weights of the cost.
+  PlannerWeights<Scalar> weights = {};
+  /// Directions in which the hand anchor swings.
+  Swing swing = Swing::Sheet;
+  /// Size of gravity, m/s² (hand anchor).
+  Scalar gravity = Scalar(9.81);
+  /// Furthest that a commanded grip moves in a frame along each axis, m.
+  Scalar max_step = Scalar(0.05);
+  /// Furthest that a plan of velocities changes between frames, m/s; 0 means any.
+  Scalar max_change = Scalar(0);
+  /// The force that the grips share at rest, N: minus the sheet's weight. u_ref of each held vertex is its share.
+  Vector3<Scalar> supported = Vector3<Scalar>::Zero();
+
+  /// The paper's own cost: 40 / 0.01 / 10 with displacements per frame, total force as effort, no anchor.
+  /// 10 |Δ(c per frame)|² = 10 h² |Δċ|². Loses the track on sheets that are not the predictor; for comparison.
+  static PlannerSettings paper() {
+    PlannerSettings s;
+    s.weights.feature = Scalar(40);
+    s.weights.force = Scalar(0.01);
+    s.weights.cone = Scalar(1e-6);
+    s.weights.smooth = Scalar(10) * s.dt * s.dt;
+    s.weights.shape = Scalar(10);
+    s.weights.anchor = Scalar(0);
+    return s;
+  }
+
+  /// For plants that do not solve their equations to the end (substepped position-based cloth): calmer hands, firmer anchor.
+  static PlannerSettings loose_plant() {
+    PlannerSettings s;
+    s.weights.smooth = Scalar(10);
+    s.weights.anchor = Scalar(10);
+    return s;
+  }
+
+  /// For predictors that roll the plant's own nonlinear step along the plan: small, damped corrections.
+  static PlannerSettings rollout() {
+    PlannerSettings s;
+    s.weights.jerk = Scalar(0.01);
+    s.weights.step = Scalar(0.01);
+    s.max_change = Scalar(0.1);
+    return s;
+  }
+
+  /// Returns an empty string, or a line that names the first bad setting and its value.
+  std::string check() const {
+    const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
+    if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
+    if (bad(dt) || !(Scalar(0) < dt)) return "frame length dt is not positive";
+    if (bad(weights.feature) || bad(weights.force) || bad(weights.cone) || bad(weights.velocity) || bad(weights.smooth) ||
+        bad(weights.shape) || bad(weights.anchor) || bad(weights.patch) || bad(weights.jerk) || bad(weights.step)) {
+      return "a planner weight is negative or not finite";
+    }
+    if (bad(gravity) || !(Scalar(0) < gravity)) return "gravity is not positive";
+    if (bad(max_step) || !(Scalar(0) < max_step)) return "max_step is not positive";
+    if (bad(max_change)) return "max_change is negative or not finite";
+    if (!all_finite(supported)) return "the supported force is not finite";
+    if (input == GripInput::Pose && command == Command::Force) return {};
+    return {};
+  }
+};
+
+}  // namespace clothctl

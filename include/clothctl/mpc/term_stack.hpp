@@ -1,0 +1,78 @@
+#pragma once
+
+// The rows of the window's least-squares cost, stacked so that one Toeplitz pass condenses them all. A row triple belongs to
+// a point z = Σ w_o y_o of the predicted outputs, differenced in time n times:
+//
+//   e_k = s ( Σ_i b_i z_{k-i} - target_k ),   b = 1 | 1,-1 | 1,-2,1 | 1,-3,3,-1;   z_0, z_-1, z_-2 measured
+
+#include <array>
+#include <span>
+
+#include "clothctl/mpc/window.hpp"
+
+namespace clothctl {
+
+/// One output in a weighted sum.
+template <RealScalar Scalar>
+struct OutputTerm {
+  /// Index of the output point.
+  Index output;
+  /// Its weight.
+  Scalar weight;
+};
+
+/// Stacks weighted, differenced outputs of a window. Made once for a largest number of rows; `add` never allocates.
+template <RealScalar Scalar>
+class TermStack {
+ public:
+  /// Makes room. Allocates.
+  void reserve(Index max_rows, Index inputs, Index horizon) {
+    blocks_.setZero(max_rows, inputs * horizon);
+    residual_.setZero(max_rows, horizon);
+    rows_ = 0;
+  }
+  /// Forgets all rows.
+  void clear() { rows_ = 0; }
+  /// Number of scalar rows.
+  Index rows() const { return rows_; }
+  /// Z_0 … Z_{K-1} of all rows, rows × inputs·K.
+  auto blocks() const { return blocks_.topRows(rows_); }
+  /// The rows at the plan, rows × K.
+  auto residual() const { return residual_.topRows(rows_); }
+
+  /// Adds the three rows of a point. `past`: z_0, z_-1, z_-2; `order`: 0 … 3 differences; `scale`: √weight (by 1/h where the
+  /// difference is a velocity); `target(k)`: what z (order 0) shall be in frame k = 0 … K-1.
+  template <class Target>
+  void add(const WindowResponse<Scalar>& window, std::span<const OutputTerm<Scalar>> point, const std::array<Vector3<Scalar>, 3>& past,
+           int order, Scalar scale, const Target& target) {
+    if (!(Scalar(0) < scale)) return;
+    static const std::array<std::array<double, 4>, 4> kBinomials{{{1, 0, 0, 0}, {1, -1, 0, 0}, {1, -2, 1, 0}, {1, -3, 3, -1}}};
+    const Index horizon = residual_.cols();
+    const Index inputs = blocks_.cols() / horizon;
+    blocks_.middleRows(rows_, 3).setZero();
+    for (Index k = 0; k < horizon; ++k) {
+      Vector3<Scalar> sum = Vector3<Scalar>::Zero();
+      for (int i = 0; i <= order; ++i) {
+        const Scalar b = Scalar(kBinomials[static_cast<std::size_t>(order)][static_cast<std::size_t>(i)]);
+        const Index frame = k - i;
+        if (frame >= 0) {
+          for (const OutputTerm<Scalar>& t : point) {
+            sum += (b * t.weight) * window.free.template block<3, 1>(3 * t.output, frame);
+            blocks_.block(rows_, k * inputs, 3, inputs) += (scale * b * t.weight) * window.impulse.block(3 * t.output, frame * inputs, 3, inputs);
+          }
+        } else {
+          sum += b * past[static_cast<std::size_t>(-frame - 1)];
+        }
+      }
+      const Vector3<Scalar> wanted = target(k);
+      residual_.template block<3, 1>(rows_, k) = scale * (sum - wanted);
+    }
+    rows_ += 3;
+  }
+
+ private:
+  MatrixX<Scalar> blocks_, residual_;
+  Index rows_ = 0;
+};
+
+}  // namespace clothctl

@@ -1,0 +1,138 @@
+#pragma once
+
+// An independent judge of QP solutions, straight from the definition and on the caller's own data.
+//
+//   stationarity      |Hx + g - Aᵀy - z|, and the whole of a multiplier that pushes from an infinite side
+//   feasibility       largest violation of rl ≤ Ax ≤ ru and lb ≤ x ≤ ub
+//   complementarity   Σ |y_i| slack_i + Σ |z_j| slack_j, slack to the side that the multiplier's sign names
+//
+// all in infinity norms; relative values divide by max(1, |Hx|, |g|, |Aᵀy|), max(1, |Ax|, |x|) and max(1, |objective|).
+
+#include <cmath>
+#include <type_traits>
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl {
+
+/// How far a primal-dual triple is from optimal.
+template <RealScalar Scalar>
+struct KktResiduals {
+  /// Largest stationarity error.
+  Scalar stationarity = Scalar(0);
+  /// Largest violation of a bound or row.
+  Scalar feasibility = Scalar(0);
+  /// Sum of |multiplier| times slack.
+  Scalar complementarity = Scalar(0);
+  /// Stationarity over max(1, |Hx|, |g|, |Aᵀy|).
+  Scalar relative_stationarity = Scalar(0);
+  /// Feasibility over max(1, |Ax|, |x|).
+  Scalar relative_feasibility = Scalar(0);
+  /// Complementarity over max(1, |objective|).
+  Scalar relative_complementarity = Scalar(0);
+  /// ½ xᵀHx + gᵀx.
+  Scalar objective = Scalar(0);
+
+  /// The largest of the three relative values.
+  Scalar worst() const {
+    Scalar w = relative_stationarity;
+    if (w < relative_feasibility) w = relative_feasibility;
+    if (w < relative_complementarity) w = relative_complementarity;
+    return w;
+  }
+};
+
+namespace detail {
+
+/// Adds one bounded quantity `value` in [lower, upper] with its multiplier to the residuals.
+template <RealScalar Scalar>
+void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper, const Scalar& multiplier,
+                 KktResiduals<Scalar>& r) {
+  using std::abs;
+  const Scalar zero(0);
+  const bool has_lower = !is_unbounded(lower);
+  const bool has_upper = !is_unbounded(upper);
+  if (has_lower && lower - value > r.feasibility) r.feasibility = lower - value;
+  if (has_upper && value - upper > r.feasibility) r.feasibility = value - upper;
+  if (multiplier > zero) {
+    if (has_lower) {
+      r.complementarity += multiplier * abs(value - lower);
+    } else if (multiplier > r.stationarity) {
+      r.stationarity = multiplier;
+    }
+  } else if (multiplier < zero) {
+    if (has_upper) {
+      r.complementarity += -multiplier * abs(upper - value);
+    } else if (-multiplier > r.stationarity) {
+      r.stationarity = -multiplier;
+    }
+  }
+}
+
+/// Residuals from the products Hx, Ax and Aᵀy. Never allocates.
+template <RealScalar Scalar>
+KktResiduals<Scalar> kkt_from_products(const Eigen::Ref<const VectorX<Scalar>>& Hx, const Eigen::Ref<const VectorX<Scalar>>& Ax,
+                                       const Eigen::Ref<const VectorX<Scalar>>& Aty, const Eigen::Ref<const VectorX<Scalar>>& g,
+                                       const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
+                                       const Eigen::Ref<const VectorX<Scalar>>& lb, const Eigen::Ref<const VectorX<Scalar>>& ub,
+                                       const Eigen::Ref<const VectorX<Scalar>>& x, const Eigen::Ref<const VectorX<Scalar>>& y,
+                                       const Eigen::Ref<const VectorX<Scalar>>& z) {
+  using std::abs;
+  KktResiduals<Scalar> r;
+  Scalar dual_scale(1);
+  Scalar primal_scale(1);
+  const auto raise = [](Scalar& scale, const Scalar& value) {
+    if (abs(value) > scale) scale = abs(value);
+  };
+  for (Index j = 0; j < x.size(); ++j) {
+    raise(dual_scale, Hx[j]);
+    raise(dual_scale, g[j]);
+    raise(dual_scale, Aty[j]);
+    raise(primal_scale, x[j]);
+    const Scalar error = abs(Hx[j] + g[j] - Aty[j] - z[j]);
+    if (error > r.stationarity) r.stationarity = error;
+    judge_bound(x[j], lb[j], ub[j], z[j], r);
+    r.objective += (Scalar(0.5) * Hx[j] + g[j]) * x[j];
+  }
+  for (Index i = 0; i < y.size(); ++i) {
+    raise(primal_scale, Ax[i]);
+    judge_bound(Ax[i], rl[i], ru[i], y[i], r);
+  }
+  Scalar value_scale(1);
+  raise(value_scale, r.objective);
+  r.relative_stationarity = r.stationarity / dual_scale;
+  r.relative_feasibility = r.feasibility / primal_scale;
+  r.relative_complementarity = r.complementarity / value_scale;
+  return r;
+}
+
+}  // namespace detail
+
+/// Judges the triple (x, y, z) on the problem (H, g, A, rl, ru, lb, ub). H is n×n, A m×n (0×n or 0×0 without rows). The
+/// scalar is deduced from g. Allocates. Complexity: O(n² + mn).
+template <class Gradient, RealScalar Scalar = typename Gradient::Scalar>
+KktResiduals<Scalar> kkt_residuals(const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& H,
+                                   const Eigen::MatrixBase<Gradient>& g,
+                                   const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& A,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& rl,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ru,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& lb,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ub,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& x,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& y,
+                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& z) {
+  VectorX<Scalar> Hx = VectorX<Scalar>::Constant(x.size(), Scalar(0));
+  VectorX<Scalar> Ax = VectorX<Scalar>::Constant(y.size(), Scalar(0));
+  VectorX<Scalar> Aty = VectorX<Scalar>::Constant(x.size(), Scalar(0));
+  const VectorX<Scalar> gradient = g;
+  for (Index j = 0; j < x.size(); ++j) {
+    Hx += H.col(j) * x[j];
+    for (Index i = 0; i < y.size(); ++i) {
+      Ax[i] += A(i, j) * x[j];
+      Aty[j] += A(i, j) * y[i];
+    }
+  }
+  return detail::kkt_from_products<Scalar>(Hx, Ax, Aty, gradient, rl, ru, lb, ub, x, y, z);
+}
+
+}  // namespace clothctl

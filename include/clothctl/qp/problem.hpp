@@ -1,0 +1,152 @@
+#pragma once
+
+// The quadratic program that every solver here answers, its settings and its result.
+//
+//   min ½ xᵀHx + gᵀx   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub
+//
+// H symmetric positive semidefinite (n×n), A m×n, bounds infinite where there are none. Multipliers obey
+//
+//   H x + g = Aᵀ y + z,   y, z ≥ 0 at a lower bound, ≤ 0 at an upper one, any sign where the two are equal.
+
+#include <cmath>
+#include <string>
+
+#include "clothctl/core/status.hpp"
+#include "clothctl/core/types.hpp"
+
+namespace clothctl {
+
+/// Tolerances and budget of a QP solve. Tolerances hold for the caller's own (unscaled) data, relative to problem
+/// magnitude as in `kkt_residuals`.
+template <RealScalar Scalar>
+struct QpSettings {
+  /// Spacing of the scalar to the power 9/16: 1.6e-9 in double, 1.3e-4 in float.
+  static Scalar default_tolerance() {
+    using std::sqrt;
+    const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
+    return half * sqrt(sqrt(sqrt(half)));
+  }
+  /// Largest entry of Hx + g - Aᵀy - z over max(1, |Hx|, |g|, |Aᵀy|).
+  Scalar stationarity_tolerance = default_tolerance();
+  /// Largest bound or row violation over max(1, |Ax|, |x|).
+  Scalar feasibility_tolerance = default_tolerance();
+  /// Σ |multiplier| · slack over max(1, |objective|).
+  Scalar complementarity_tolerance = default_tolerance();
+  /// Rounds in which the active set may change; 0 means 10 (n + m).
+  int max_iterations = 0;
+
+  /// Checks the values. Returns an empty string, or a line that names the first bad one.
+  std::string check() const {
+    const auto bad = [](const Scalar& t) { return !is_finite(t) || !(Scalar(0) < t); };
+    if (bad(stationarity_tolerance)) return "stationarity_tolerance is not a positive number";
+    if (bad(feasibility_tolerance)) return "feasibility_tolerance is not a positive number";
+    if (bad(complementarity_tolerance)) return "complementarity_tolerance is not a positive number";
+    if (max_iterations < 0) return "max_iterations is negative";
+    return {};
+  }
+};
+
+/// What a QP solve answers. Its vectors allocate when the problem's size changes, never between solves of one size.
+template <RealScalar Scalar>
+struct QpResult {
+  /// The minimiser, n; with IterationLimit the best iterate (within its bounds); zero-sized before the first solve.
+  VectorX<Scalar> x;
+  /// Multipliers z of the bounds, n. With PrimalInfeasible: the bound part of the Farkas pair (see row_multipliers).
+  VectorX<Scalar> bound_multipliers;
+  /// Multipliers y of the rows, m. With PrimalInfeasible: Aᵀy + z = 0 while the largest value of yᵀr + zᵀx over all r in
+  /// [rl, ru], x in [lb, ub] is negative, which no feasible point allows.
+  VectorX<Scalar> row_multipliers;
+  /// With DualInfeasible: a direction d, n, in which the objective falls and no bound is ever met; else zero.
+  VectorX<Scalar> ray;
+  /// How the solve ended.
+  QpStatus status = QpStatus::InvalidData;
+  /// Rounds in which the active set changed; 0 when the warm set was already optimal.
+  int iterations = 0;
+  /// Relative stationarity residual of the caller's data.
+  Scalar stationarity = Scalar(0);
+  /// Relative feasibility residual of the caller's data.
+  Scalar feasibility = Scalar(0);
+  /// Relative complementarity residual of the caller's data.
+  Scalar complementarity = Scalar(0);
+  /// ½ xᵀHx + gᵀx.
+  Scalar objective = Scalar(0);
+  /// With InvalidData: what was refused (static text); else empty.
+  const char* message = "";
+  /// With InvalidData: index of the first refused entry (column-major in a matrix), or -1.
+  Index invalid_index = -1;
+
+  /// Sizes the vectors for n unknowns and m rows and zeroes them. Allocates when a size changes.
+  void resize(Index n, Index m) {
+    x.setZero(n);
+    bound_multipliers.setZero(n);
+    row_multipliers.setZero(m);
+    ray.setZero(n);
+  }
+};
+
+namespace detail {
+
+/// Stands for "no bound" inside solvers: finite, so that comparisons hold under -ffast-math, and beyond 1e20.
+template <RealScalar Scalar>
+Scalar no_bound() {
+  return Scalar(1e30);
+}
+
+/// Copies bounds, replacing unbounded values by ±no_bound. Returns the first refused index, or -1: NaN, crossed, or +inf
+/// below / -inf above.
+template <RealScalar Scalar>
+Index load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const Eigen::Ref<const VectorX<Scalar>>& upper,
+                  Eigen::Ref<VectorX<Scalar>> lo, Eigen::Ref<VectorX<Scalar>> hi) {
+  const Scalar big = no_bound<Scalar>();
+  for (Index i = 0; i < lower.size(); ++i) {
+    const Scalar l = lower[i];
+    const Scalar u = upper[i];
+    const bool l_open = is_unbounded(l);
+    const bool u_open = is_unbounded(u);
+    if ((!l_open && !is_finite(l)) || (!u_open && !is_finite(u))) return i;
+    if ((l_open && l > Scalar(0)) || (u_open && u < Scalar(0))) return i;
+    lo[i] = l_open ? -big : l;
+    hi[i] = u_open ? big : u;
+    if (lo[i] > hi[i]) return i;
+  }
+  return -1;
+}
+
+/// Tells whether a loaded bound is a real one.
+template <RealScalar Scalar>
+bool has_bound(const Scalar& bound) {
+  return bound < Scalar(1e25) && bound > Scalar(-1e25);
+}
+
+/// Finds the first non-finite or asymmetric entry of H (column-major index), or -1. Complexity: O(n²).
+template <RealScalar Scalar>
+Index find_bad_hessian_entry(const Eigen::Ref<const MatrixX<Scalar>>& H, const char*& message) {
+  using std::abs;
+  using std::sqrt;
+  const Index n = H.rows();
+  if (!all_finite(H)) {
+    message = "Hessian entry is not finite";
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) {
+        if (!is_finite(H(i, j))) return i + j * n;
+      }
+    }
+  }
+  const Scalar tolerance = sqrt(scalar_traits<Scalar>::epsilon());
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = j + 1; i < n; ++i) {
+      const Scalar gap = abs(H(i, j) - H(j, i));
+      if (!(gap > Scalar(0))) continue;
+      const Scalar size = abs(H(i, j)) + abs(H(j, i)) + sqrt(abs(H(i, i) * H(j, j)));
+      if (gap > tolerance * size) {
+        message = "Hessian is not symmetric";
+        return i + j * n;
+      }
+    }
+  }
+  return -1;
+}
+
+}  // namespace detail
+
+}  // namespace clothctl

@@ -1,0 +1,83 @@
+#include "clothctl/cloth/materials.hpp"
+
+#include <limits>
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+TEMPLATE_TEST_CASE("every preset is found by its name and passes its own check", "[cloth]", float, double) {
+  using S = TestType;
+  CHECK(material_names().front() == "handkerchief");
+  for (std::string_view name : material_names()) {
+    const auto material = material_preset<S>(name);
+    REQUIRE(material);
+    CHECK(material->name == name);
+    CHECK(material->check().empty());
+  }
+}
+
+TEST_CASE("the handkerchief is the default material and the iri sheet its heavy, stiff sister", "[cloth]") {
+  const auto preset = material_preset("handkerchief");
+  REQUIRE(preset);
+  const Material<double> standard;
+  for (const Material<double>* m : {&preset.value(), &standard}) {
+    CHECK(m->name == "handkerchief");
+    CHECK(m->area_density == 0.2);
+    CHECK(m->stretch == 1000.0);
+    CHECK(m->shear == 200.0);
+    CHECK(m->bending == 2e-5);
+    CHECK(m->damping_time == 0.002);
+    CHECK(m->drag == 0.5);
+    CHECK(m->friction == 0.5);
+    CHECK(m->air_normal == 1.0);
+    CHECK(m->air_tangent == 0.1);
+  }
+  const auto iri = material_preset("iri");
+  REQUIRE(iri);
+  CHECK(iri->area_density == 1.1);
+  CHECK(iri->stretch == 3000.0);
+  CHECK(iri->shear == 600.0);
+  CHECK(iri->bending == standard.bending);
+  CHECK(iri->damping_time == standard.damping_time);
+}
+
+TEST_CASE("presets stand in the order that hands know", "[cloth]") {
+  const auto get = [](std::string_view name) { return material_preset(name).value(); };
+  CHECK(get("silk").area_density < get("cotton").area_density);
+  CHECK(get("cotton").area_density < get("denim").area_density);
+  CHECK(get("silk").bending < get("cotton").bending);
+  CHECK(get("cotton").bending < get("denim").bending);
+  CHECK(get("denim").bending < get("paper").bending);
+  CHECK(get("knit").stretch < get("wool").stretch);
+  CHECK(get("wool").stretch < get("paper").stretch);
+}
+
+TEST_CASE("an unknown material is refused with the list of known ones", "[cloth]") {
+  const auto none = material_preset("velvet");
+  REQUIRE_FALSE(none);
+  CHECK(none.error().find("\"velvet\"") != std::string::npos);
+  for (std::string_view name : material_names()) CHECK(none.error().find(name) != std::string::npos);
+  CHECK_FALSE(material_preset(""));
+}
+
+TEMPLATE_TEST_CASE("a material out of range names the quantity and its value", "[cloth]", float, double) {
+  using S = TestType;
+  Material<S> material;
+  CHECK(material.check().empty());
+  material.name = "mine";
+  material.friction = S(-0.5);
+  CHECK(material.check() == "material \"mine\": friction must not be negative, got -0.5");
+  material = Material<S>();
+  material.area_density = S(0);
+  CHECK(material.check() == "material \"handkerchief\": area_density must be positive, got 0");
+  for (S Material<S>::*member : {&Material<S>::area_density, &Material<S>::stretch, &Material<S>::shear, &Material<S>::bending,
+                                 &Material<S>::damping_time, &Material<S>::drag, &Material<S>::friction,
+                                 &Material<S>::air_normal, &Material<S>::air_tangent}) {
+    for (S bad : {S(-1), std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity()}) {
+      material = Material<S>();
+      material.*member = bad;
+      CHECK_FALSE(material.check().empty());
+    }
+  }
+}

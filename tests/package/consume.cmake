@@ -1,0 +1,27 @@
+# Configures, builds and runs one consumer project (KIND) in WORK_DIR. Stops with an error at the first step that fails.
+
+function(run)
+  execute_process(COMMAND ${ARGN} RESULT_VARIABLE code)
+  if(NOT code EQUAL 0)
+    list(JOIN ARGN " " command)
+    message(FATAL_ERROR "package ${KIND}: failed (${code}): ${command}")
+  endif()
+endfunction()
+
+file(REMOVE_RECURSE ${WORK_DIR})
+file(MAKE_DIRECTORY ${WORK_DIR})
+set(arguments -S ${SOURCE_DIR}/tests/package/${KIND} -B ${WORK_DIR}/build -G ${GENERATOR} -DCMAKE_BUILD_TYPE=Debug
+    -DCMAKE_CXX_COMPILER=${COMPILER} -DEigen3_DIR=${EIGEN_DIR})
+if(KIND STREQUAL "find_package")
+  # Installed into a prefix of its own; the source tree is not on any search path.
+  run(${CMAKE_COMMAND} --install ${BINARY_DIR} --prefix ${WORK_DIR}/prefix)
+  list(APPEND arguments -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
+elseif(KIND STREQUAL "fetch_content")
+  # The consumer names a remote; here it is overridden by the tree at hand, so no network is needed.
+  list(APPEND arguments -DFETCHCONTENT_SOURCE_DIR_CLOTHCTL=${SOURCE_DIR} -DFETCHCONTENT_FULLY_DISCONNECTED=ON)
+else()
+  list(APPEND arguments -DCLOTHCTL_TREE=${SOURCE_DIR})
+endif()
+run(${CMAKE_COMMAND} ${arguments})
+run(${CMAKE_COMMAND} --build ${WORK_DIR}/build)
+run(${WORK_DIR}/build/consumer)

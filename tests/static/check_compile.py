@@ -1,0 +1,34 @@
+#!/usr/bin/env python3
+"""Compiles one unit against the headers of the project with the house warnings as errors and the flags given."""
+
+import os
+import shlex
+import subprocess
+import sys
+import tempfile
+
+from house import arguments
+
+
+def main():
+    options = arguments(
+        __doc__,
+        compiler={"default": "c++"},
+        unit={"required": True, "help": "source file, relative to tests/static"},
+        flags={"default": "", "help": "flags beside the house's own"},
+        system={"default": "/usr/include/eigen3", "help": "directories of system headers, separated by ;"},
+    )
+    command = [options.compiler, "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
+    command += shlex.split(options.flags)
+    command += ["-I", str(options.root / "include"), "-I", str(options.root / "tests")]
+    for directory in filter(None, options.system.split(";")):
+        command += ["-isystem", directory]
+    with tempfile.TemporaryDirectory() as scratch:
+        command += ["-c", str(options.root / "tests" / "static" / options.unit), "-o", os.path.join(scratch, "unit.o")]
+        code = subprocess.run(command).returncode
+    print(f"{options.unit} with {os.path.basename(options.compiler)} {options.flags}: {'ok' if code == 0 else 'FAILED'}")
+    sys.exit(1 if code else 0)
+
+
+if __name__ == "__main__":
+    main()

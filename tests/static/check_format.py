@@ -1,0 +1,45 @@
+#!/usr/bin/env python3
+"""Checks that all C++ files are as clang-format 14 leaves them. Exit code 77 (skipped) where that version is not installed,
+since other versions format differently."""
+
+import re
+import shutil
+import subprocess
+import sys
+
+from house import Report, arguments
+
+VERSION = 14
+
+
+def formatter():
+    for name in (f"clang-format-{VERSION}", "clang-format"):
+        program = shutil.which(name)
+        if program:
+            text = subprocess.run([program, "--version"], capture_output=True, text=True).stdout
+            match = re.search(r"version (\d+)", text)
+            if match and int(match.group(1)) == VERSION:
+                return program
+    return None
+
+
+def main():
+    options = arguments(__doc__)
+    report = Report("formatting")
+    program = formatter()
+    if program is None:
+        print(f"formatting: skipped, clang-format {VERSION} is not installed")
+        sys.exit(77)
+    files = []
+    for folder in ("include", "tests", "examples", "bench"):
+        files += sorted(p for p in (options.root / folder).rglob("*.[ch]pp"))
+    for path in files:
+        run = subprocess.run([program, "--dry-run", "-Werror", str(path)], capture_output=True, text=True, cwd=options.root)
+        if run.returncode != 0:
+            first = re.search(r":(\d+):\d+: error", run.stderr)
+            report.add(path.relative_to(options.root), int(first.group(1)) if first else 0, "is not formatted; run scripts/format")
+    report.finish(f"{len(files)} files")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,19 @@
+#pragma once
+
+// The two tiers of tests: quick (every run) and full (`scripts/test --full`, or CLOTHCTL_FULL=1 in the environment).
+
+#include <cstdlib>
+#include <cstring>
+
+namespace clothctl_test {
+
+/// Tells whether the large trial counts are asked for.
+inline bool full_tier() {
+  const char* value = std::getenv("CLOTHCTL_FULL");
+  return value != nullptr && std::strcmp(value, "1") == 0;
+}
+
+/// Picks a trial count for the tier that runs.
+inline int trials(int quick, int full) { return full_tier() ? full : quick; }
+
+}  // namespace clothctl_test
