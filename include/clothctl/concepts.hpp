@@ -5,3 +5,4 @@
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/concepts/prediction.hpp"
+#include "clothctl/concepts/qp_solver.hpp"

@@ -2,7 +2,13 @@
 
 // Quadratic programs: problem, solvers, and the independent check of optimality.
 
+#include "clothctl/qp/active_set.hpp"
+#include "clothctl/qp/box_active_set.hpp"
+#include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/free_set_factor.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/proximal_problem.hpp"
+#include "clothctl/qp/row_factor.hpp"
+#include "clothctl/qp/scaling.hpp"
 #include "clothctl/qp/tiled_cholesky.hpp"

@@ -95,7 +95,8 @@ class MassSpring {
     std::string problem = network.check();
     if (problem.empty()) problem = settings.check();
     for (int v : settings.pinned) {
-      if (problem.empty() && (v < 0 || v >= network.vertex_count())) problem = "pinned vertex " + std::to_string(v) + " is off the mesh";
+      if (problem.empty() && (v < 0 || v >= network.vertex_count()))
+        problem = "pinned vertex " + std::to_string(v) + " is off the mesh";
     }
     if (!problem.empty()) return Error{problem};
     return MassSpring(std::move(network), std::move(settings));
@@ -139,7 +140,30 @@ class MassSpring {
     if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
     prepare(state, input, dt, ws);
     StepReport<Scalar> report = solve_linear(state, dt, ws);
-    if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) report = iterate(state, dt, ws);
+    if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
+      report = iterate(state, dt, settings_.max_iterations, ws);
+    }
+    return finish(state, input, dt, report, ws);
+  }
+
+  /// Advances `state` by at most `newton_steps` Newton steps from the end velocities `guess` (3×n, m/s), whatever the settings
+  /// say: for rolling a plan out again that has hardly changed. Never allocates. On any failure the state is left as it was.
+  [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps, State& state,
+                                             const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+    const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
+    if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
+    if (guess.cols() != vertex_count() || !all_finite(guess)) return {StepStatus::InvalidInput, false, Scalar(0), 0};
+    prepare(state, input, dt, ws);
+    for (Index i = 0; i < vertex_count(); ++i) {
+      if (!held(ws, i)) ws.velocity.col(i) = guess.col(i);
+    }
+    return finish(state, input, dt, iterate(state, dt, newton_steps, ws), ws);
+  }
+
+ private:
+  /// Moves the state to the end of the step unless the solve failed.
+  StepReport<Scalar> finish(State& state, const ClothInput<Scalar>& input, Scalar dt, StepReport<Scalar> report,
+                            Workspace& ws) const {
     if (report.status != StepStatus::Converged && report.status != StepStatus::IterationLimit) return report;
     if (!all_finite(ws.velocity)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
     state.velocities = ws.velocity;
@@ -151,7 +175,6 @@ class MassSpring {
     return report;
   }
 
- private:
   MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings)
       : network_(std::move(network)),
         settings_(std::move(settings)),
@@ -177,11 +200,13 @@ class MassSpring {
       }
     }
     ws.outer.noalias() = settings_.gravity * network_.mass.transpose();
-    for (std::size_t i = 0; i < input.force_vertices.size(); ++i) ws.outer.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
+    for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
+      ws.outer.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
     const Scalar third = Scalar(1) / Scalar(3);
     for (std::size_t e = 0; e < ws.air.size(); ++e) {
       const std::array<int, 3>& t = network_.triangles[e];
-      const Vector3<Scalar> mean = (state.velocities.col(t[0]) + state.velocities.col(t[1]) + state.velocities.col(t[2])) * third;
+      const Vector3<Scalar> mean =
+          (state.velocities.col(t[0]) + state.velocities.col(t[1]) + state.velocities.col(t[2])) * third;
       ws.air[e] = air_drag_matrix<Scalar>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean, input.wind, settings_.air);
       const Vector3<Scalar> push = ws.air[e] * input.wind * third;
       for (int v : t) ws.outer.col(v) += push;
@@ -226,13 +251,13 @@ class MassSpring {
   }
 
   /// Newton from ws.velocity. Leaves the solution there.
-  StepReport<Scalar> iterate(const State& state, Scalar dt, Workspace& ws) const {
+  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, Workspace& ws) const {
     using std::cbrt;
     const Scalar given = settings_.velocity_tolerance;
     const Scalar tolerance = Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
     StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), 1};
     Scalar energy = objective(state, ws.velocity, dt, ws);
-    for (int iteration = 0; iteration < settings_.max_iterations; ++iteration) {
+    for (int iteration = 0; iteration <= max_iterations; ++iteration) {
       report.residual = Scalar(0);
       bool converged = true;
       for (Index i = 0; i < vertex_count(); ++i) {
@@ -245,13 +270,16 @@ class MassSpring {
         if (report.residual < size) report.residual = size;
         if (!(size < tolerance * network_.mass[i])) converged = false;
       }
-      if (!is_finite(report.residual) || !is_finite(energy)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      if (!is_finite(report.residual) || !is_finite(energy))
+        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
       if (converged) {
         report.status = StepStatus::Converged;
         return report;
       }
+      if (iteration == max_iterations) break;
       assemble(ws.position, dt, ws);
-      if (!ws.factor.factorize(ws.matrix, ws.held)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      if (!ws.factor.factorize(ws.matrix, ws.held))
+        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
       ws.factor.template solve<1>(ws.rhs);
       ++report.iterations;
       const Scalar slope = as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
@@ -307,7 +335,9 @@ class MassSpring {
 
   bool held(const Workspace& ws, Index i) const { return ws.held[static_cast<std::size_t>(i)] != 0; }
   static Eigen::Map<Points<Scalar>> as_points(Lanes<Scalar, 1>& row) { return {row.data(), 3, row.cols() / 3}; }
-  static Eigen::Map<Vector3<Scalar>> point(Lanes<Scalar, 1>& row, Index i) { return Eigen::Map<Vector3<Scalar>>(row.data() + 3 * i); }
+  static Eigen::Map<Vector3<Scalar>> point(Lanes<Scalar, 1>& row, Index i) {
+    return Eigen::Map<Vector3<Scalar>>(row.data() + 3 * i);
+  }
 
   SpringNetwork<Scalar> network_;
   MassSpringSettings<Scalar> settings_;

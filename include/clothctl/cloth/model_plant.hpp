@@ -39,7 +39,9 @@ class ModelPlant {
   /// Sets what acts on the sheet from now on. Allocates when the lists grow.
   void apply(const ClothInput<Scalar>& input) { input_ = input; }
   /// Advances by `dt` seconds. Never allocates.
-  [[nodiscard]] StepReport<Scalar> advance(Scalar dt) { return cloth_traits<Model>::step(model_, state_, input_, dt, workspace_); }
+  [[nodiscard]] StepReport<Scalar> advance(Scalar dt) {
+    return cloth_traits<Model>::step(model_, state_, input_, dt, workspace_);
+  }
 
  private:
   Model model_;

@@ -4,13 +4,14 @@
 // substeps h; in each, with a = g + f/m constant over the step and w = 1/m,
 //
 //   air      acts on v (air.hpp)
-//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v;   driven vertices (w = 0) go a straight line to where they are told
-//   correct  `iterations` sweeps over the constraints of position_based_constraints.hpp: springs, then bending stencils
-//   update   v = (p - x)/h,  x = p
+//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v;   driven vertices (w = 0) go a straight line to where they are told,
+//   pinned ones stay correct  `iterations` sweeps over the constraints of position_based_constraints.hpp: springs, then bending
+//   stencils update   v = (p - x)/h,  x = p
 //
 // Verlet (paper 004, eq. 1-4): θ = 1 - d, so p = x + (1 - d)(x - x_old) + a h² with x_old = x - h v; distances are rigid.
-// XPBD: θ = 1; springs have the compliance 1/k and their damper, stencils the compliance 1/kb. With many sweeps a substep
-// tends to one of implicit Euler; with few, the sheet is softer than its network says.
+// XPBD: θ = 1; springs have the compliance 1/k and their damper, stencils the compliance 1/kb; drag slows their impulses
+// too, so they meet the inverse mass w/(1 + h α). With many sweeps a substep tends to one of implicit Euler,
+// (1 + h α) M v+ = M v + h f(x+, v+); with few, the sheet is softer than its network says.
 // References: paper 004, ch. 2.3; Macklin, Müller, Chentanez, "XPBD", 2016; Macklin et al., "Small steps", 2019.
 
 #include <algorithm>
@@ -35,8 +36,10 @@ template <RealScalar Scalar>
 struct PositionBasedWorkspace {
   /// 1 for driven vertices.
   std::vector<unsigned char> held;
-  /// Inverse masses, 0 for driven vertices, n, 1/kg.
+  /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
+  /// Inverse masses over 1 + h α, which the compliant constraints meet, n, 1/kg.
+  VectorX<Scalar> slowed_inverse_mass;
   /// Acceleration g + f/m, 3×n, m/s².
   Points<Scalar> acceleration;
   /// Positions being corrected, 3×n, m.
@@ -56,9 +59,13 @@ struct PositionBasedWorkspace {
 };
 
 /// A cloth model (concept ClothModel) by position-based dynamics. Const and free of state: one model serves many threads.
-template <RealScalar Scalar>
+template <RealScalar S>
 class PositionBased {
  public:
+  /// The scalar type.
+  using Scalar = S;
+  /// The state of a step.
+  using State = ClothState<Scalar>;
   /// The scratch memory of a step.
   using Workspace = PositionBasedWorkspace<Scalar>;
 
@@ -66,7 +73,7 @@ class PositionBased {
   /// Fails when: the network or the settings do not pass their check, or a stencil holds a vertex twice.
   static Result<PositionBased> create(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings = {}) {
     if (std::string problem = network.check(); !problem.empty()) return Error{std::move(problem)};
-    if (std::string problem = settings.check(network.springs.size()); !problem.empty()) return Error{std::move(problem)};
+    if (std::string problem = settings.check(network); !problem.empty()) return Error{std::move(problem)};
     for (std::size_t e = 0; e < network.bends.size(); ++e) {
       const BendStencil<Scalar>& s = network.bends[e];
       for (int i = 1; i < s.count; ++i) {
@@ -89,9 +96,7 @@ class PositionBased {
   const PositionBasedSettings<Scalar>& settings() const { return settings_; }
 
   /// The undeformed sheet at rest. Allocates.
-  ClothState<Scalar> rest_state() const {
-    return {network_.rest_positions, Points<Scalar>(Points<Scalar>::Zero(3, vertex_count()))};
-  }
+  State rest_state() const { return {network_.rest_positions, Points<Scalar>(Points<Scalar>::Zero(3, vertex_count()))}; }
 
   /// All scratch memory of a step. Allocates.
   Workspace make_workspace() const {
@@ -99,6 +104,7 @@ class PositionBased {
     Workspace ws;
     ws.held.assign(static_cast<std::size_t>(n), 0);
     ws.inverse_mass = inverse_mass_;
+    ws.slowed_inverse_mass = inverse_mass_;
     ws.acceleration.setZero(3, n);
     ws.positions.setZero(3, n);
     ws.start.setZero(3, n);
@@ -113,7 +119,7 @@ class PositionBased {
   /// Advances `state` by `dt` (s) under `input`. The report's iterations are sweeps; its residual is 0, since no equation
   /// is solved to a tolerance. Never allocates. Complexity: O(substeps × iterations × constraints).
   /// Fails when: see StepStatus; the state is then bitwise as it was.
-  StepReport<Scalar> step(ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+  StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
     StepReport<Scalar> report;
     report.status = check_step(state, input, dt, vertex_count(), ws.held);
     if (report.status != StepStatus::Converged) return report;
@@ -154,10 +160,14 @@ class PositionBased {
   }
 
   /// Copies the state and computes all that is constant over the step.
-  void load(const ClothState<Scalar>& state, const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const {
+  void load(const State& state, const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const {
     ws.positions = state.positions;
     ws.velocities = state.velocities;
     ws.inverse_mass = inverse_mass_;
+    for (int vertex : settings_.pinned) {
+      ws.inverse_mass[vertex] = Scalar(0);
+      ws.velocities.col(vertex).setZero();
+    }
     for (int vertex : input.driven_vertices) ws.inverse_mass[vertex] = Scalar(0);
     ws.acceleration.colwise() = settings_.gravity;
     for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
@@ -169,20 +179,21 @@ class PositionBased {
       bends3_.prepare_rigid(ws.inverse_mass, settings_.bend_relaxation, ws.bends3);
       bends4_.prepare_rigid(ws.inverse_mass, settings_.bend_relaxation, ws.bends4);
     } else {
-      compliant_.prepare(ws.inverse_mass, h, ws.compliant);
-      bends3_.prepare_compliant(ws.inverse_mass, h, ws.bends3);
-      bends4_.prepare_compliant(ws.inverse_mass, h, ws.bends4);
+      ws.slowed_inverse_mass = ws.inverse_mass / (Scalar(1) + h * settings_.drag);
+      compliant_.prepare(ws.slowed_inverse_mass, h, ws.compliant);
+      bends3_.prepare_compliant(ws.slowed_inverse_mass, h, ws.bends3);
+      bends4_.prepare_compliant(ws.slowed_inverse_mass, h, ws.bends4);
     }
   }
 
-  void predict(const ClothState<Scalar>& state, const ClothInput<Scalar>& input, int part, const Scalar& h,
-               Workspace& ws) const {
+  void predict(const State& state, const ClothInput<Scalar>& input, int part, const Scalar& h, Workspace& ws) const {
     const bool verlet = settings_.scheme == PositionScheme::Verlet;
     const Scalar keep = verlet ? Scalar(1) - settings_.verlet_damping : Scalar(1);
     const Scalar scale = Scalar(1) / (Scalar(1) + h * settings_.drag);
     ws.start = ws.positions;
     ws.velocities = scale * (keep * ws.velocities + h * ws.acceleration);
     ws.positions += h * ws.velocities;
+    for (int vertex : settings_.pinned) ws.positions.col(vertex) = ws.start.col(vertex);
     const Scalar done = Scalar(static_cast<double>(part)) / Scalar(static_cast<double>(settings_.substeps));
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
       const Index vertex = input.driven_vertices[i];

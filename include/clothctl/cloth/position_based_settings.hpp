@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "clothctl/cloth/air.hpp"
+#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl {
@@ -41,6 +42,8 @@ struct PositionBasedSettings {
   Scalar bend_relaxation = Scalar(0.2);
   /// The air.
   AirSettings<Scalar> air;
+  /// Vertices that never move unless they are driven.
+  std::vector<int> pinned;
 
   /// The Verlet scheme as in paper 004: one substep, 15 sweeps, d = 0.01.
   static PositionBasedSettings verlet() {
@@ -51,9 +54,9 @@ struct PositionBasedSettings {
     return settings;
   }
 
-  /// Checks the values for a network of `spring_count` springs. Returns an empty string, or a line that names the first
-  /// bad one.
-  std::string check(std::size_t spring_count) const {
+  /// Checks the values for a network. Returns an empty string, or a line that names the first bad one.
+  std::string check(const SpringNetwork<Scalar>& network) const {
+    const std::size_t spring_count = network.springs.size();
     const auto negative = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     const auto no_part = [&](const Scalar& value) { return negative(value) || Scalar(1) < value; };
     if (substeps < 1) return "substeps is " + std::to_string(substeps) + ", must be at least 1";
@@ -67,6 +70,9 @@ struct PositionBasedSettings {
     }
     for (std::size_t e = 0; e < spring_relaxation.size(); ++e) {
       if (no_part(spring_relaxation[e])) return "relaxation of spring " + std::to_string(e) + " is outside 0 to 1";
+    }
+    for (int v : pinned) {
+      if (v < 0 || v >= network.vertex_count()) return "pinned vertex " + std::to_string(v) + " is off the mesh";
     }
     return air.check();
   }

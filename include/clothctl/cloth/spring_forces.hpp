@@ -45,7 +45,8 @@ class SpringPattern {
     std::vector<std::pair<int, int>> pairs;
     for (const Spring<Scalar>& s : network.springs) pairs.emplace_back(s.a, s.b);
     if (with_bending) {
-      for (const BendStencil<Scalar>& b : network.bends) each_pair(b, [&](int i, int j) { pairs.emplace_back(vertex(b, i), vertex(b, j)); });
+      for (const BendStencil<Scalar>& b : network.bends)
+        each_pair(b, [&](int i, int j) { pairs.emplace_back(vertex(b, i), vertex(b, j)); });
     }
     if (with_air) {
       for (const std::array<int, 3>& t : network.triangles) {
@@ -102,7 +103,8 @@ class SpringPattern {
     if (bends_.empty()) return;
     std::size_t slot = 0;
     for (const BendStencil<Scalar>& b : network.bends) {
-      for (int i = 0; i < b.count; ++i) out.diagonal(vertex(b, i)).diagonal().array() += factor * b.stiffness * weight(b, i) * weight(b, i);
+      for (int i = 0; i < b.count; ++i)
+        out.diagonal(vertex(b, i)).diagonal().array() += factor * b.stiffness * weight(b, i) * weight(b, i);
       each_pair(b, [&](int i, int j) {
         out.lower(bends_[slot++]).diagonal().array() += factor * b.stiffness * weight(b, i) * weight(b, j);
       });
@@ -111,8 +113,8 @@ class SpringPattern {
 
   /// Adds `dt` times the dampers along the unit vectors `direction` (3×springs) and the air matrices of the triangles
   /// (`air`, empty for none) to `out`. Never allocates.
-  void add_frozen(const SpringNetwork<Scalar>& network, const Points<Scalar>& direction, const std::vector<Matrix3<Scalar>>& air,
-                  Scalar dt, BlockSymmetric<Scalar>& out) const {
+  void add_frozen(const SpringNetwork<Scalar>& network, const Points<Scalar>& direction,
+                  const std::vector<Matrix3<Scalar>>& air, Scalar dt, BlockSymmetric<Scalar>& out) const {
     for (std::size_t e = 0; e < network.springs.size(); ++e) {
       const Spring<Scalar>& s = network.springs[e];
       if (!(Scalar(0) < s.damping)) continue;

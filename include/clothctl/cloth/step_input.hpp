@@ -24,7 +24,8 @@ template <RealScalar Scalar>
   for (int vertex : input.force_vertices) {
     if (vertex < 0 || vertex >= vertex_count) return StepStatus::InvalidInput;
   }
-  if (!all_finite(input.forces) || !all_finite(input.driven_positions) || !all_finite(input.wind)) return StepStatus::InvalidInput;
+  if (!all_finite(input.forces) || !all_finite(input.driven_positions) || !all_finite(input.wind))
+    return StepStatus::InvalidInput;
   held.assign(static_cast<std::size_t>(vertex_count), 0);
   for (int vertex : input.driven_vertices) {
     if (vertex < 0 || vertex >= vertex_count) return StepStatus::InvalidInput;

@@ -16,37 +16,31 @@ namespace clothctl {
 /// Axioms: `solve` inverts A on the free vertices; A, K and R are symmetric; A is positive definite; held entries of
 /// right-hand sides are zero and stay zero.
 template <class Response>
-concept StepResponse =
-    RealScalar<typename Response::Scalar> &&
+concept StepResponse = RealScalar<typename Response::Scalar> &&
     requires(Response& response, const Response& constant, const Points<typename Response::Scalar>& points,
              Vector3<typename Response::Scalar> wind, typename Response::Scalar dt, const std::vector<int>& driven,
              Lanes<typename Response::Scalar, 8>& lanes, Points<typename Response::Scalar>& out) {
-      { response.linearise(points, points, wind, dt, driven) } -> std::convertible_to<bool>;
-      { constant.vertex_count() } -> std::convertible_to<Index>;
-      { constant.mass() } -> std::convertible_to<const VectorX<typename Response::Scalar>&>;
-      { constant.drag() } -> std::convertible_to<typename Response::Scalar>;
-      { constant.force() } -> std::convertible_to<const Points<typename Response::Scalar>&>;
-      { constant.held() } -> std::convertible_to<const std::vector<unsigned char>&>;
-      constant.multiply(lanes, lanes, lanes);
-      response.solve(lanes);
-      constant.add_wind_force(wind, out);
-    };
+  { response.linearise(points, points, wind, dt, driven) } -> std::convertible_to<bool>;
+  { constant.vertex_count() } -> std::convertible_to<Index>;
+  { constant.mass() } -> std::convertible_to<const VectorX<typename Response::Scalar>&>;
+  { constant.drag() } -> std::convertible_to<typename Response::Scalar>;
+  { constant.force() } -> std::convertible_to<const Points<typename Response::Scalar>&>;
+  { constant.held() } -> std::convertible_to<const std::vector<unsigned char>&>;
+  constant.multiply(lanes, lanes, lanes);
+  response.solve(lanes);
+  constant.add_wind_force(wind, out);
+};
 
 /// How a type acts as a map from vertices to features. The primary forwards to members of the same names.
 template <class Map>
 struct feature_traits {
   /// Number of features; each is a point in space.
-  static Index count(const Map& map)
-    requires requires { map.count(); }
-  {
-    return map.count();
-  }
+  static Index count(const Map& map) requires requires { map.count(); }
+  { return map.count(); }
   /// Calls `function(vertex, weight)` for each term of feature `feature` = Σ weight · x_vertex.
   template <class Function>
-    requires requires(const Map& m, Index i, Function&& f) { m.for_each_term(i, f); }
-  static void for_each_term(const Map& map, Index feature, Function&& function) {
-    map.for_each_term(feature, function);
-  }
+  requires requires(const Map& m, Index i, Function&& f) { m.for_each_term(i, f); }
+  static void for_each_term(const Map& map, Index feature, Function&& function) { map.for_each_term(feature, function); }
 };
 
 namespace detail {

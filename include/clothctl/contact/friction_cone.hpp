@@ -23,7 +23,7 @@ void tangent_frame(const Vector3<Scalar>& normal, Vector3<Scalar>& t1, Vector3<S
   using std::abs;
   using std::sqrt;
   const Vector3<Scalar> helper = abs(normal[2]) < Scalar(0.9) ? Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1))
-                                                               : Vector3<Scalar>(Scalar(1), Scalar(0), Scalar(0));
+                                                              : Vector3<Scalar>(Scalar(1), Scalar(0), Scalar(0));
   t1 = helper.cross(normal);
   t1 /= sqrt(t1.squaredNorm());
   t2 = normal.cross(t1);
@@ -46,7 +46,8 @@ void friction_generators(const Vector3<Scalar>& normal, Scalar friction, Eigen::
   }
 }
 
-/// How far `force` leaves the true cone about `normal`, in N: the larger of |f_t| - μ f_n, -f_n and f_n - limit (0 when inside).
+/// How far `force` leaves the true cone about `normal`, in N: the larger of |f_t| - μ f_n, -f_n and f_n - limit (0 when
+/// inside).
 template <RealScalar Scalar>
 Scalar cone_violation(const Vector3<Scalar>& force, const Vector3<Scalar>& normal, Scalar friction, Scalar limit) {
   using std::sqrt;

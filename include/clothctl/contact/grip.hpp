@@ -65,22 +65,27 @@ std::string check_grips(const std::vector<Grip<Scalar>>& grips, Index vertex_cou
     const std::string grip = "grip " + std::to_string(g);
     if (grips[g].fingers.empty()) return grip + " has no fingers";
     const Scalar length = grips[g].fallback_normal.squaredNorm();
-    if (!all_finite(grips[g].fallback_normal) || length < Scalar(0.99) || Scalar(1.01) < length) return grip + " has a fallback normal that is not a unit vector";
+    if (!all_finite(grips[g].fallback_normal) || length < Scalar(0.99) || Scalar(1.01) < length)
+      return grip + " has a fallback normal that is not a unit vector";
     for (std::size_t f = 0; f < grips[g].fingers.size(); ++f) {
       const Finger<Scalar>& finger = grips[g].fingers[f];
       const std::string name = grip + " finger " + std::to_string(f);
       if (finger.vertices.empty()) return name + " holds no vertices";
       for (std::size_t i = 0; i < finger.vertices.size(); ++i) {
         const int v = finger.vertices[i];
-        if (v < 0 || v >= vertex_count) return name + " holds vertex " + std::to_string(v) + ", off a mesh of " + std::to_string(vertex_count) + " vertices";
-        if (std::find(finger.vertices.begin(), finger.vertices.begin() + static_cast<std::ptrdiff_t>(i), v) != finger.vertices.begin() + static_cast<std::ptrdiff_t>(i)) {
+        if (v < 0 || v >= vertex_count)
+          return name + " holds vertex " + std::to_string(v) + ", off a mesh of " + std::to_string(vertex_count) + " vertices";
+        if (std::find(finger.vertices.begin(), finger.vertices.begin() + static_cast<std::ptrdiff_t>(i), v) !=
+            finger.vertices.begin() + static_cast<std::ptrdiff_t>(i)) {
           return name + " holds vertex " + std::to_string(v) + " twice";
         }
         int& other = owner[static_cast<std::size_t>(v)];
-        if (other >= 0 && other != static_cast<int>(g)) return name + " holds vertex " + std::to_string(v) + ", which grip " + std::to_string(other) + " holds already";
+        if (other >= 0 && other != static_cast<int>(g))
+          return name + " holds vertex " + std::to_string(v) + ", which grip " + std::to_string(other) + " holds already";
         other = static_cast<int>(g);
       }
-      if (!is_finite(finger.friction) || finger.friction < Scalar(0)) return name + " has a negative or non-finite friction coefficient";
+      if (!is_finite(finger.friction) || finger.friction < Scalar(0))
+        return name + " has a negative or non-finite friction coefficient";
       if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit)) return name + " has no positive grip limit";
       if (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))) return name + " has a side that is neither +1 nor -1";
       if (finger.generators < 4) return name + " has " + std::to_string(finger.generators) + " generators, needs at least 4";

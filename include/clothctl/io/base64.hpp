@@ -62,7 +62,7 @@ inline Result<std::vector<std::uint8_t>> decode_base64(std::string_view text) {
     for (int shift = 16; shift >= 0; shift -= 8) bytes.push_back(static_cast<std::uint8_t>((word >> shift) & 255u));
     word = 0;
   }
-  bytes.resize(bytes.size() - padding);
+  for (; padding > 0; --padding) bytes.pop_back();
   return bytes;
 }
 

@@ -86,7 +86,7 @@ for (const data of [actual, target, origins]) {
     high[i % 3] = Math.max(high[i % 3], data[i]);
   }
 }
-const diagonal = Math.max(1e-6, norm(sub(high, low)));
+const diagonal = norm(sub(high, low)) > 1e-6 ? norm(sub(high, low)) : 1;
 const middle = low.map((x, c) => (x + high[c]) / 2);
 
 const palette = {

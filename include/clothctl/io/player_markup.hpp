@@ -40,6 +40,7 @@ inline constexpr char kPlayerBody[] = R"html(
         <line data-axis="0" stroke="#e0483f"/><line data-axis="1" stroke="#3a9d4f"/><line data-axis="2" stroke="#3f74e0"/>
         <text data-axis="0">x</text><text data-axis="1">y</text><text data-axis="2">z</text>
       </svg>
+      <span class="grid-size" id="grid-size"></span>
     </div>
     <div class="transport" role="group" aria-label="Playback">
       <button class="icon" id="first" type="button" aria-label="To the first frame" title="First frame (Home)"><svg viewBox="0 0 24 24" aria-hidden="true"><path d="M6 6v12"/><path class="solid" d="M18 6.5v11L9.5 12z"/></svg></button>

@@ -12,16 +12,17 @@ const fail = text => {
   gpu = null;
   $('notice-text').textContent = text;
   $('notice').hidden = false;
-  canvas.hidden = $('presets').hidden = true;
+  canvas.hidden = $('presets').hidden = $('grid-size').hidden = true;
+  $('triad').setAttribute('hidden', '');
 };
 const build = () => {
   gl.getExtension('OES_element_index_uint');
   const programs = {};
   for (const [name, [vertex, fragment]] of Object.entries(shaders)) {
     const program = gl.createProgram();
-    for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, precision + fragment]]) {
+    for (const [type, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
       const shader = gl.createShader(type);
-      gl.shaderSource(shader, (type === gl.VERTEX_SHADER ? 'precision highp float;\n' : '') + source.replace(/([^\n])uniform vec2 viewport/, '$1uniform highp vec2 viewport'));
+      gl.shaderSource(shader, 'precision highp float;\n' + source);
       gl.compileShader(shader);
       gl.attachShader(program, shader);
     }
@@ -128,7 +129,7 @@ const paintView = () => {
   const lit = { camera: matrix, eye, light: unit(add(add(back, right, -.55), [0, 0, 1], .75)) };
   const strokes = (data, count, values) => {
     if (!count) return;
-    const program = use('line', { camera: matrix, near, viewport: [width, height], top, bottom, dash: 0, now: 1e9, veil: 0, lift: 4e-4, round_shade: 0, ...values, width: values.width * ratio });
+    const program = use('line', { camera: matrix, near, viewport: [width, height], top, bottom, dash: 0, now: 1e9, veil: 0, lift: 4e-4, round_shade: 0, least: .02, ...values, width: values.width * ratio });
     for (const [name, size, offset] of [['a', 3, 0], ['b', 3, 12], ['corner', 2, 24], ['along', 1, 32], ['stamp', 1, 36]]) bind(program, name, data, size, 40, offset);
     gl.drawArrays(gl.TRIANGLES, 0, count * 6);
   };
@@ -141,7 +142,8 @@ const paintView = () => {
     gl.bufferSubData(gl.ARRAY_BUFFER, 0, normals);
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
-    const program = use('surface', { ...lit, gloss: .045, front: dark ? [.80, .77, .72] : [.93, .90, .85], back: dark ? [.50, .60, .68] : [.66, .75, .82] });
+    const sides = dark ? [[.80, .77, .72], [.50, .60, .68]] : [[.93, .90, .85], [.66, .75, .82]];
+    const program = use('surface', { ...lit, gloss: .045, front: sides[flipped ? 1 : 0], back: sides[flipped ? 0 : 1] });
     bind(program, 'position', gpu.position, 3);
     bind(program, 'normal', gpu.normal, 3);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gpu.triangles);
@@ -150,7 +152,12 @@ const paintView = () => {
   }
   if (show.surface && segments.length) {
     edgeLines(gpu.rope, segments);
-    stream(gpu.rope, { colour: [...(dark ? [.80, .74, .66] : [.66, .55, .44]), 1], width: triangles.length ? 3 : 7, round_shade: 1, lift: 0 });
+    // The solid core hides what lies behind it, then the smooth rim is laid over.
+    const rope = { colour: [...(dark ? [.80, .74, .66] : [.66, .55, .44]), 1], width: clamp(1800 / segments.length, 1.5, 6.5), round_shade: 1, lift: 0 };
+    stream(gpu.rope, { ...rope, least: .98 });
+    gl.depthMask(false);
+    stream(gpu.rope, { ...rope, lift: 2e-5 });
+    gl.depthMask(true);
   }
   const arrowCorners = show.arrows ? buildArrows(frame) : 0;
   if (arrowCorners) {

@@ -64,7 +64,9 @@ h2 { margin: 0; font-size: 12px; font-weight: 600; color: var(--muted); letter-s
 .triad { position: absolute; left: 8px; bottom: 8px; width: 64px; height: 64px; pointer-events: none; }
 .triad text { font-size: 10px; font-weight: 600; fill: var(--muted); text-anchor: middle; dominant-baseline: central; }
 .triad line { stroke-width: 1.8; stroke-linecap: round; }
+.grid-size { position: absolute; right: 14px; bottom: 10px; font-size: 11px; color: var(--muted); pointer-events: none; }
 .notice { position: absolute; inset: 0; display: grid; place-items: center; padding: 24px; text-align: center; color: var(--muted); }
+.notice p { max-width: 46ch; }
 .notice strong { display: block; color: var(--ink); font-size: 15px; margin-bottom: 4px; }
 .transport { display: flex; align-items: center; gap: 4px; padding: 8px 12px; border-top: 1px solid var(--line); }
 .transport .clock { margin: 0 6px; white-space: nowrap; color: var(--muted); font-size: 13px; min-width: 104px; text-align: right; }
@@ -91,7 +93,7 @@ input[type="range"]::-moz-range-thumb { width: 12px; height: 12px; border-radius
 .plot-head { display: flex; flex-wrap: wrap; align-items: baseline; gap: 4px 16px; padding: 0 4px 4px; }
 .plot-head h2 { margin-right: auto; }
 .legend { display: flex; flex-wrap: wrap; gap: 2px 16px; font-size: 12.5px; color: var(--muted); }
-.legend b { display: inline-block; color: var(--ink); font-weight: 600; min-width: 58px; text-align: right; }
+.legend b { display: inline-block; color: var(--ink); font-weight: 600; min-width: 54px; margin-left: 6px; text-align: right; }
 .legend i { display: inline-block; width: 14px; height: 3px; border-radius: 2px; vertical-align: middle; margin-right: 6px; }
 .plot canvas { display: block; width: 100%; height: 150px; touch-action: none; cursor: ew-resize; }
 
@@ -126,7 +128,7 @@ details th { white-space: nowrap; }
 /// The part of the style sheet that answers to the size of the window and to the reader's settings.
 inline constexpr char kPlayerStyleNarrow[] = R"css(
 @media (max-width: 860px) {
-  .page { grid-template: "head" auto "stage" auto "plot" auto "side" auto / minmax(0, 1fr); padding: 12px; }
+  .page { grid-template: "head" auto "stage" auto "plot" auto "side" auto / minmax(0, 1fr); align-content: start; padding: 12px; }
   .view { min-height: min(58vh, 120vw); }
   .side { display: grid; grid-template-columns: repeat(auto-fit, minmax(240px, 1fr)); align-items: start; }
 }

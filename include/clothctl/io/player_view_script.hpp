@@ -6,13 +6,6 @@ namespace clothctl::io_detail {
 
 /// Shader sources (WebGL 1). Lines are screen-aligned quads with round ends, so that they have any width and smooth edges.
 inline constexpr char kPlayerShaders[] = R"js(
-const precision = `
-#ifdef GL_FRAGMENT_PRECISION_HIGH
-precision highp float;
-#else
-precision mediump float;
-#endif
-`;
 const shaders = {
   backdrop: [`attribute vec2 corner; varying float v_up;
 void main() { v_up = corner.y * .5 + .5; gl_Position = vec4(corner, 0., 1.); }`,
@@ -59,16 +52,16 @@ void main() {
   v_screen = vec4(corner.x < .5 ? -h : size + h, corner.y * h, size, 1.) * c.w;
   v_along = along; v_stamp = stamp;
 }`,
-  `uniform vec4 colour; uniform vec3 top, bottom; uniform vec2 viewport; uniform float width, dash, now, veil, round_shade;
+  `uniform vec4 colour; uniform vec3 top, bottom; uniform vec2 viewport; uniform float width, dash, now, veil, round_shade, least;
 varying vec4 v_screen; varying float v_along, v_stamp;
 void main() {
   vec3 s = v_screen.xyz / v_screen.w;
   float off = length(vec2(max(max(-s.x, s.x - s.z), 0.), s.y));
   float alpha = clamp(width * .5 + .5 - off, 0., 1.);
   if (dash > 0. && fract(v_along / dash) > .56) alpha = 0.;
-  if (alpha < .02) discard;
+  if (alpha < least) discard;
   vec3 behind = mix(bottom, top, gl_FragCoord.y / viewport.y), c = colour.rgb;
-  if (round_shade > 0.) { float r = clamp(off / (width * .5), 0., 1.); c *= mix(.62, 1.12, sqrt(1. - r * r)); }
+  if (round_shade > 0.) { float r = clamp(abs(s.y) / (width * .5), 0., 1.); c *= mix(.62, 1.12, sqrt(1. - r * r)); }
   gl_FragColor = vec4(mix(c, behind, max(veil, v_stamp > now ? .72 : 0.)), alpha * colour.a);
 }`],
   // A disc with a rim; `hollow` leaves only the rim.
@@ -105,17 +98,6 @@ const cameraMatrix = aspect => {
   const lens = new Float32Array([g / aspect, 0, 0, 0, 0, g, 0, 0, 0, 0, (far + near) / (near - far), -1, 0, 0, 2 * far * near / (near - far), 0]);
   return { matrix: multiply(lens, view), near, eye, right, up, back };
 };
-// The nearest distance from which every corner of the box is seen.
-const fitCamera = aspect => {
-  const { right, up, back } = axes(), t = Math.tan(kField / 2), tall = aspect < 1 ? t / aspect : t, wide = tall * aspect;
-  camera.target = middle.slice();
-  let distance = diagonal * .1;
-  for (let i = 0; i < 8; ++i) {
-    const p = sub([0, 1, 2].map(c => i >> c & 1 ? high[c] : low[c]), middle);
-    distance = Math.max(distance, dot(p, back) + Math.max(Math.abs(dot(p, right)) / wide, Math.abs(dot(p, up)) / tall));
-  }
-  camera.distance = distance * 1.12;
-};
 const points = positionsAt(0, new Float32Array(N * 3));
 const point = i => [points[3 * i], points[3 * i + 1], points[3 * i + 2]];
 
@@ -127,6 +109,8 @@ for (let i = 0; i < triangles.length; i += 3) {
 }
 const hangs = Math.hypot(broad[0], broad[1]) > .6 * norm(broad) && norm(broad) > 0;
 const frontYaw = !hangs ? -Math.PI / 2 : Math.atan2(broad[1], broad[0]) + (broad[1] > 1e-9 * norm(broad) ? Math.PI : 0);
+// The side of a sheet that the first view shows is its front in colour.
+const flipped = dot(broad, [Math.cos(frontYaw), Math.sin(frontYaw), hangs ? 0 : 1]) < 0;
 const presets = {
   fit: [frontYaw + .5, hangs ? .24 : .5], front: [frontYaw, 0], side: [frontYaw + Math.PI / 2, 0], top: [frontYaw, Math.PI / 2]
 };
@@ -198,6 +182,35 @@ for (let i = 0; i < F * A; ++i) {
 }
 lengths.sort((a, b) => a - b);
 const arrowUnit = lengths.length ? .2 * diagonal / lengths[Math.floor(.95 * (lengths.length - 1))] : 0;
+// What the first view must show: vertices of some frames, the curves, and the arrows with their tips.
+const watched = [];
+{
+  const watch = p => { if (Number.isFinite(p[0] + p[1] + p[2])) watched.push(p); };
+  const rows = Math.min(F, 40), stride = Math.max(1, Math.floor(N * rows / 8000));
+  for (let r = 0; r < rows; ++r) {
+    const f = Math.floor(r * (F - 1) / Math.max(1, rows - 1)), at = f * N * 3;
+    for (let i = r % stride; i < N; i += stride) watch([0, 1, 2].map(c => scene.low[c] + scene.size[c] * quantised[at + 3 * i + c] / 65535));
+    for (let k = 0; k < K; ++k) { watch(columnAt(actual, K, k, f)); watch(columnAt(target, K, k, f)); }
+    for (let i = 0; i < A; ++i) watch(add(columnAt(origins, A, i, f), columnAt(vectors, A, i, f), arrowUnit));
+  }
+  if (!watched.length) watched.push(low, high);
+}
+// Centres them in the view and goes as near as all can be seen.
+const fitCamera = aspect => {
+  const { right, up, back } = axes(), t = Math.tan(kField / 2), tall = aspect < 1 ? t / aspect : t, wide = tall * aspect;
+  camera.target = middle.slice();
+  for (let pass = 0; pass < 4; ++pass) {
+    let distance = diagonal * .1, box = [Infinity, -Infinity, Infinity, -Infinity];
+    const seen = watched.map(w => { const p = sub(w, camera.target); return [dot(p, right), dot(p, up), dot(p, back)]; });
+    for (const [x, y, z] of seen) distance = Math.max(distance, z + Math.max(Math.abs(x) / wide, Math.abs(y) / tall));
+    for (const [x, y, z] of seen) {
+      const scale = distance / Math.max(1e-9, distance - z);
+      box = [Math.min(box[0], x * scale), Math.max(box[1], x * scale), Math.min(box[2], y * scale), Math.max(box[3], y * scale)];
+    }
+    camera.distance = distance * 1.13;
+    if (pass < 3) camera.target = add(add(camera.target, right, (box[0] + box[1]) / 2), up, (box[2] + box[3]) / 2);
+  }
+};
 const kSides = 10;
 const arrowSolid = new Float32Array(A * kSides * 9 * 6);   // 9 corners a side, position and normal
 const buildArrows = frame => {

@@ -5,10 +5,10 @@
 // A front is F = [F_pp .; F_bp F_bb], symmetric, p pivot and b border rows (both multiples of 3). With F_pp = L Lᵀ and
 // V = F_bp L⁻ᵀ, elimination leaves L and V in the pivot columns and the Schur complement U = F_bb - V Vᵀ for the parent.
 // Columns are taken in panels of at most 12; each panel's diagonal block of L is replaced by its inverse, so that solves
-// are products with small dense matrices and nothing else:
-//     forward   x_k <- L_kk⁻¹ (x_k - Σ_{j<k} L_kj x_j),     backward   x_k <- L_kk⁻ᵀ (x_k - Σ_{i>k} L_ikᵀ x_i).
-// Tiles of registers: lanes run down the rows (factorisation) or over the right-hand sides (solve).
+// (solve_kernels.hpp) are products with small dense matrices and nothing else. Work is done in tiles of registers, lanes
+// running down the rows.
 
+#include <algorithm>
 #include <cmath>
 
 #include "clothctl/math/pack.hpp"
@@ -32,7 +32,7 @@ struct Panels {
 
 /// Calls `function(integral_constant<int, width>)` for a width of 3, 6, 9 or 12.
 template <class Function>
-CLOTHCTL_INLINE void dispatch_width(int width, Function&& function) {
+CLOTHCTL_FORCE_INLINE void dispatch_width(int width, Function&& function) {
   switch (width) {
     case 12: function(std::integral_constant<int, 12>{}); break;
     case 9: function(std::integral_constant<int, 9>{}); break;
@@ -99,23 +99,23 @@ struct Tile {
   using Rows = Pack<Scalar, kLanes>;
   Rows entry[kColumns][kVectors];
 
-  CLOTHCTL_INLINE void set_zero() {
+  CLOTHCTL_FORCE_INLINE void set_zero() {
     unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
       unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].set_zero(); });
     });
   }
-  CLOTHCTL_INLINE void load(const Scalar* from, Index ld) {
+  CLOTHCTL_FORCE_INLINE void load(const Scalar* from, Index ld) {
     unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
       unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].load(from + j * ld + v * kLanes); });
     });
   }
-  CLOTHCTL_INLINE void store(Scalar* to, Index ld) const {
+  CLOTHCTL_FORCE_INLINE void store(Scalar* to, Index ld) const {
     unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
       unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].store(to + j * ld + v * kLanes); });
     });
   }
   /// this -= A Bᵀ; column k of A and B starts k·ld after `a` and `b`.
-  CLOTHCTL_INLINE void subtract_outer(const Scalar* a, const Scalar* b, Index ld, Index depth) {
+  CLOTHCTL_FORCE_INLINE void subtract_outer(const Scalar* a, const Scalar* b, Index ld, Index depth) {
     for (Index k = 0; k < depth; ++k, a += ld, b += ld) {
       Rows rows[kVectors];
       unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { rows[v].load(a + v * kLanes); });
@@ -126,7 +126,7 @@ struct Tile {
     }
   }
   /// this <- this · L⁻ᵀ for a triangular inverse stored by columns.
-  CLOTHCTL_INLINE void multiply_inverse_transposed(const Scalar* inverse, int stride) {
+  CLOTHCTL_FORCE_INLINE void multiply_inverse_transposed(const Scalar* inverse, int stride) {
     unroll<kColumns>([&](auto reversed) CLOTHCTL_INLINE_LAMBDA {
       constexpr int j = kColumns - 1 - decltype(reversed)::value;
       unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].scale(inverse[stride * j + j]); });
@@ -140,7 +140,7 @@ struct Tile {
 
 /// Calls `function(integral_constant<int, vectors>, row)` for tiles of one or more registers over rows [first, last).
 template <class Scalar, class Function>
-CLOTHCTL_INLINE void for_each_row_tile(Index first, Index last, Function&& function) {
+CLOTHCTL_FORCE_INLINE void for_each_row_tile(Index first, Index last, Function&& function) {
   constexpr int kLanes = native_lanes<Scalar>();
   Index row = first;
   if constexpr (kManyRegisters) {
@@ -175,7 +175,7 @@ bool eliminate_panel(Scalar* f, Index ld, Index first) {
     });
   }
   for (int j = 0; j < kWidth; ++j) {
-    for (int i = j; i < kWidth; ++i) panel[j * ld + first + i] = block.inverse[kStride * j + i];
+    std::copy_n(block.inverse + kStride * j, kWidth, panel + j * ld + first);
   }
   for_each_row_tile<Scalar>(middle, ld, [&](auto vectors, Index row) CLOTHCTL_INLINE_LAMBDA {
     Tile<Scalar, decltype(vectors)::value, kWidth> tile;
@@ -222,9 +222,43 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
   return true;
 }
 
+/// Scalars that pack_front writes.
+inline Index packed_size(Index pivots, Index border) {
+  Index size = pivots * border;
+  const Panels panels(pivots);
+  for (int p = 0; p < panels.count; ++p) size += Index(panels.begin(p + 1)) * (panels.begin(p + 1) - panels.begin(p));
+  return size;
+}
+
+/// Copies the pivot columns of an eliminated front in the order in which solves read them: panel by panel of rows (pivots,
+/// then border), each a column after the other, as many columns as lie left of and on the diagonal.
+template <class Scalar>
+void pack_front(const Scalar* f, Index ld, Index pivots, Index border, Scalar* to) {
+  const auto pack_rows = [&](Index first, int width, Index columns) {
+    dispatch_width(width, [&](auto w) {
+      constexpr int kWidth = decltype(w)::value;
+      const Scalar* from = f + first;
+      for (Index k = 0; k < columns; ++k, from += ld, to += kWidth) {
+        Pack<Scalar, kWidth> rows;
+        rows.load(from);
+        rows.store(to);
+      }
+    });
+  };
+  const Panels pivot_panels(pivots), border_panels(border);
+  for (int p = 0; p < pivot_panels.count; ++p) {
+    const int first = pivot_panels.begin(p), last = pivot_panels.begin(p + 1);
+    pack_rows(first, last - first, last);
+  }
+  for (int p = 0; p < border_panels.count; ++p) {
+    const int first = border_panels.begin(p);
+    pack_rows(pivots + first, border_panels.begin(p + 1) - first, pivots);
+  }
+}
+
 /// target[i] += source[i].
 template <class Scalar>
-CLOTHCTL_INLINE void add_run(Scalar* target, const Scalar* source, Index count) {
+CLOTHCTL_FORCE_INLINE void add_run(Scalar* target, const Scalar* source, Index count) {
   constexpr int kLanes = native_lanes<Scalar>();
   Index i = 0;
   for (; i + kLanes <= count; i += kLanes) {
@@ -235,110 +269,6 @@ CLOTHCTL_INLINE void add_run(Scalar* target, const Scalar* source, Index count) 
     a.store(target + i);
   }
   for (; i < count; ++i) target[i] = target[i] + source[i];
-}
-
-/// sum_i = Σ_k f[k·ld + i] x_k for kRows rows i and `depth` columns k; x_k is row k of `x`, kLanes right-hand sides wide.
-template <int kRows, int kLanes, class Scalar>
-CLOTHCTL_INLINE void row_products(const Scalar* f, Index ld, const Scalar* x, Index depth, Pack<Scalar, kLanes>* sum) {
-  unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA { sum[i].set_zero(); });
-  for (Index k = 0; k < depth; ++k, f += ld, x += kLanes) {
-    Pack<Scalar, kLanes> row;
-    row.load(x);
-    unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA { sum[i].add_product(row, f[i]); });
-  }
-}
-
-/// x_j -= Σ_r f[j·ld + r] y_r for kColumns columns j and `count` rows r of y.
-template <int kColumns, int kLanes, class Scalar>
-CLOTHCTL_INLINE void subtract_column_products(const Scalar* f, Index ld, const Scalar* y, Index count, Scalar* x) {
-  using Row = Pack<Scalar, kLanes>;
-  Row even[kColumns], odd[kColumns];
-  const Scalar* column[kColumns];
-  unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
-    even[j].load(x + j * kLanes);
-    odd[j].set_zero();
-    column[j] = f + j * ld;
-  });
-  Index r = 0;
-  for (; r + 2 <= count; r += 2) {
-    Row a, b;
-    a.load(y + r * kLanes);
-    b.load(y + (r + 1) * kLanes);
-    unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA { even[j].subtract_product(a, column[j][r]); });
-    unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA { odd[j].subtract_product(b, column[j][r + 1]); });
-  }
-  if (r < count) {
-    Row a;
-    a.load(y + r * kLanes);
-    unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA { even[j].subtract_product(a, column[j][r]); });
-  }
-  unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
-    even[j].add(odd[j]);
-    even[j].store(x + j * kLanes);
-  });
-}
-
-/// Forward pass over the pivots of a front: x <- L⁻¹ x for `pivots` rows of kLanes right-hand sides.
-template <int kLanes, class Scalar>
-void solve_pivots_forward(const Scalar* f, Index ld, Index pivots, Scalar* x) {
-  const Panels panels(pivots);
-  for (int panel = 0; panel < panels.count; ++panel) {
-    const int first = panels.begin(panel);
-    dispatch_width(panels.begin(panel + 1) - first, [&](auto w) {
-      constexpr int kWidth = decltype(w)::value;
-      using Row = Pack<Scalar, kLanes>;
-      Row sum[kWidth];
-      row_products<kWidth, kLanes>(f + first, ld, x, first, sum);
-      const Scalar* inverse = f + first * ld + first;
-      unroll<kWidth>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
-        Row row;
-        row.load(x + (first + i) * kLanes);
-        row.subtract(sum[i]);
-        sum[i] = row;
-      });
-      unroll<kWidth>([&](auto reversed) CLOTHCTL_INLINE_LAMBDA {
-        constexpr int i = kWidth - 1 - decltype(reversed)::value;
-        sum[i].scale(inverse[i * ld + i]);
-        unroll<i>([&](auto k) CLOTHCTL_INLINE_LAMBDA { sum[i].add_product(sum[k], inverse[k * ld + i]); });
-        sum[i].store(x + (first + i) * kLanes);
-      });
-    });
-  }
-}
-
-/// Backward pass over the pivots of a front: x_p <- L⁻ᵀ (x_p - Vᵀ x_b); x holds pivot rows, then border rows.
-template <int kLanes, class Scalar>
-void solve_pivots_backward(const Scalar* f, Index ld, Index pivots, Index rows, Scalar* x) {
-  const Panels panels(pivots);
-  for (int panel = panels.count - 1; panel >= 0; --panel) {
-    const int first = panels.begin(panel);
-    const int below = panels.begin(panel + 1);
-    const int width = below - first;
-    Scalar* pivot = x + first * kLanes;
-    const Scalar* l = f + first * ld + below;
-    int j = 0;
-    for (; j + 6 <= width; j += 6) {
-      subtract_column_products<6, kLanes>(l + j * ld, ld, x + below * kLanes, rows - below, pivot + j * kLanes);
-    }
-    if (j < width) {
-      subtract_column_products<3, kLanes>(l + j * ld, ld, x + below * kLanes, rows - below, pivot + j * kLanes);
-    }
-    dispatch_width(width, [&](auto w) {
-      constexpr int kWidth = decltype(w)::value;
-      using Row = Pack<Scalar, kLanes>;
-      Row row[kWidth];
-      const Scalar* inverse = f + first * ld + first;
-      unroll<kWidth>([&](auto i) CLOTHCTL_INLINE_LAMBDA { row[i].load(pivot + i * kLanes); });
-      unroll<kWidth>([&](auto k) CLOTHCTL_INLINE_LAMBDA {
-        row[k].scale(inverse[k * ld + k]);
-        unroll<kWidth - 1 - decltype(k)::value>([&](auto offset) CLOTHCTL_INLINE_LAMBDA {
-          constexpr int i = decltype(k)::value + 1 + decltype(offset)::value;
-          row[k].add_product(row[i], inverse[k * ld + i]);
-        });
-        row[k].store(pivot + k * kLanes);
-      });
-    });
-  }
 }
 
 }  // namespace clothctl::detail

@@ -8,13 +8,13 @@
 #include <type_traits>
 #include <utility>
 
+#include "clothctl/config.hpp"
 #include "clothctl/core/types.hpp"
 
+/// Forces a lambda to be inlined where the compiler offers it; stands after its parameter list.
 #if defined(__GNUC__)
-#define CLOTHCTL_INLINE __attribute__((always_inline)) inline
 #define CLOTHCTL_INLINE_LAMBDA __attribute__((always_inline))
 #else
-#define CLOTHCTL_INLINE inline
 #define CLOTHCTL_INLINE_LAMBDA
 #endif
 
@@ -68,10 +68,9 @@ struct Register<Scalar, 1> {
 
 /// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, written out by the compiler.
 template <int kCount, class Function>
-CLOTHCTL_INLINE void unroll(Function&& function) {
-  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_INLINE_LAMBDA {
-    (function(std::integral_constant<int, i>{}), ...);
-  }(std::make_integer_sequence<int, kCount>{});
+CLOTHCTL_FORCE_INLINE void unroll(Function&& function) {
+  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_INLINE_LAMBDA { (function(std::integral_constant<int, i>{}), ...); }
+  (std::make_integer_sequence<int, kCount>{});
 }
 
 /// kLanes numbers side by side.
@@ -84,7 +83,7 @@ struct Pack {
   Chunk chunk[kChunks];
 
   /// Reads kLanes numbers from any address.
-  CLOTHCTL_INLINE void load(const Scalar* from) {
+  CLOTHCTL_FORCE_INLINE void load(const Scalar* from) {
     if constexpr (kChunk > 1) {
       unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { std::memcpy(&chunk[i], from + i * kChunk, sizeof(Chunk)); });
     } else {
@@ -92,7 +91,7 @@ struct Pack {
     }
   }
   /// Writes kLanes numbers to any address.
-  CLOTHCTL_INLINE void store(Scalar* to) const {
+  CLOTHCTL_FORCE_INLINE void store(Scalar* to) const {
     if constexpr (kChunk > 1) {
       unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { std::memcpy(to + i * kChunk, &chunk[i], sizeof(Chunk)); });
     } else {
@@ -100,7 +99,7 @@ struct Pack {
     }
   }
   /// Sets every lane to zero.
-  CLOTHCTL_INLINE void set_zero() {
+  CLOTHCTL_FORCE_INLINE void set_zero() {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
       if constexpr (kChunk > 1) {
         chunk[i] = Chunk{};
@@ -110,36 +109,37 @@ struct Pack {
     });
   }
   /// this += other.
-  CLOTHCTL_INLINE void add(const Pack& other) {
+  CLOTHCTL_FORCE_INLINE void add(const Pack& other) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + other.chunk[i]; });
   }
   /// this -= other.
-  CLOTHCTL_INLINE void subtract(const Pack& other) {
+  CLOTHCTL_FORCE_INLINE void subtract(const Pack& other) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] - other.chunk[i]; });
   }
   /// this *= factor.
-  CLOTHCTL_INLINE void scale(const Scalar& factor) {
+  CLOTHCTL_FORCE_INLINE void scale(const Scalar& factor) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] * factor; });
   }
   /// this += a · factor.
-  CLOTHCTL_INLINE void add_product(const Pack& a, const Scalar& factor) {
+  CLOTHCTL_FORCE_INLINE void add_product(const Pack& a, const Scalar& factor) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * factor; });
   }
   /// this -= a · factor.
-  CLOTHCTL_INLINE void subtract_product(const Pack& a, const Scalar& factor) {
+  CLOTHCTL_FORCE_INLINE void subtract_product(const Pack& a, const Scalar& factor) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] - a.chunk[i] * factor; });
   }
   /// this += a · b, lane by lane.
-  CLOTHCTL_INLINE void add_product(const Pack& a, const Pack& b) {
+  CLOTHCTL_FORCE_INLINE void add_product(const Pack& a, const Pack& b) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
   }
   /// Sum of the lanes.
-  CLOTHCTL_INLINE Scalar sum() const {
+  CLOTHCTL_FORCE_INLINE Scalar sum() const {
     Scalar values[kLanes];
     store(values);
-    Scalar total = values[0];
-    for (int i = 1; i < kLanes; ++i) total = total + values[i];
-    return total;
+    for (int half = kLanes / 2, rest = kLanes; rest > 1; rest -= half, half = rest / 2) {
+      for (int i = 0; i < half; ++i) values[i] = values[i] + values[rest - half + i];
+    }
+    return values[0];
   }
 };
 

@@ -183,7 +183,7 @@ class Dissection {
 /// vertices are not cut further. Deterministic. Allocates. Complexity: O((n log n + p) log n), p pairs.
 template <RealScalar Scalar>
 EliminationTree nested_dissection(const BlockSymmetric<Scalar>& pattern,
-                                  const std::type_identity_t<PointsView<Scalar>>& positions, int leaf_size = 12) {
+                                  const std::type_identity_t<PointsView<Scalar>>& positions, int leaf_size = 16) {
   assert(positions.cols() == pattern.rows());
   return detail::Dissection<Scalar>(pattern, positions, leaf_size).take();
 }

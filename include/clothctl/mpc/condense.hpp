@@ -23,9 +23,12 @@ void condense(const Eigen::Ref<const MatrixX<Scalar>>& blocks, const Eigen::Ref<
     for (Index l = horizon - 1; l >= lag; --l) {
       const Index j = l - lag;
       hessian.block(l * inputs, j * inputs, inputs, inputs) =
-          blocks.middleCols((horizon - 1 - l) * inputs, inputs).transpose().lazyProduct(blocks.middleCols((horizon - 1 - j) * inputs, inputs));
+          blocks.middleCols((horizon - 1 - l) * inputs, inputs)
+              .transpose()
+              .lazyProduct(blocks.middleCols((horizon - 1 - j) * inputs, inputs));
       if (l + 1 < horizon) {
-        hessian.block(l * inputs, j * inputs, inputs, inputs) += hessian.block((l + 1) * inputs, (j + 1) * inputs, inputs, inputs);
+        hessian.block(l * inputs, j * inputs, inputs, inputs) +=
+            hessian.block((l + 1) * inputs, (j + 1) * inputs, inputs, inputs);
       }
     }
   }
@@ -35,7 +38,8 @@ void condense(const Eigen::Ref<const MatrixX<Scalar>>& blocks, const Eigen::Ref<
   gradient.setZero();
   for (Index k = 0; k < horizon; ++k) {
     for (Index j = 0; j <= k; ++j) {
-      gradient.segment(j * inputs, inputs).noalias() += blocks.middleCols((k - j) * inputs, inputs).transpose() * residual.col(k);
+      gradient.segment(j * inputs, inputs).noalias() +=
+          blocks.middleCols((k - j) * inputs, inputs).transpose() * residual.col(k);
     }
   }
 }

@@ -142,8 +142,9 @@ class ExactPredictor {
           change_.template middleCols<3>(3 * i).setZero();
         } else {
           const Inner drag = dt * response_.drag() * response_.mass()[i];
-          change_.template middleCols<3>(3 * i) =
-              dt * a_.template middleCols<3>(3 * i) - drag * w_.template middleCols<3>(3 * i) - coupled_.template middleCols<3>(3 * i);
+          change_.template middleCols<3>(3 * i) = dt * a_.template middleCols<3>(3 * i) -
+                                                  drag * w_.template middleCols<3>(3 * i) -
+                                                  coupled_.template middleCols<3>(3 * i);
         }
       }
       response_.solve(change_);

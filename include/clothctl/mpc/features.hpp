@@ -66,7 +66,8 @@ std::string check_features(const Map& map, Index vertex_count) {
       ++terms;
       if (!problem.empty()) return;
       if (vertex < 0 || vertex >= vertex_count) {
-        problem = "feature " + std::to_string(i) + " uses vertex " + std::to_string(vertex) + ", off a mesh of " + std::to_string(vertex_count) + " vertices";
+        problem = "feature " + std::to_string(i) + " uses vertex " + std::to_string(vertex) + ", off a mesh of " +
+                  std::to_string(vertex_count) + " vertices";
       } else if (!is_finite(weight)) {
         problem = "feature " + std::to_string(i) + " has a non-finite weight at vertex " + std::to_string(vertex);
       }

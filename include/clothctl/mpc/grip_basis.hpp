@@ -3,7 +3,8 @@
 // How the unknowns of the QP move the held vertices: raw inputs r = B u, the same B in every frame of the window.
 //
 //   Force:  u = d >= 0, one coefficient for each (finger, vertex, generator);  r_j = Σ d_i s_i       (paper 000, eq. 1-2)
-//   Pose:   u = (v, ω) of each grip;  r_j = v + ω × (x_j - c)                                         (ω only if the patch has extent)
+//   Pose:   u = (v, ω) of each grip;  r_j = v + ω × (x_j - c)                                         (ω only if the patch has
+//   extent)
 //
 // Held vertices are ordered grip by grip, so a column of B touches a contiguous run of rows.
 
@@ -47,7 +48,8 @@ class GripBasis {
         grip_of_.push_back(static_cast<int>(g));
         around_.emplace_back();
         for (std::size_t t = 0; t < triangles_.size(); ++t) {
-          if (triangles_[t][0] == v || triangles_[t][1] == v || triangles_[t][2] == v) around_.back().push_back(static_cast<int>(t));
+          if (triangles_[t][0] == v || triangles_[t][1] == v || triangles_[t][2] == v)
+            around_.back().push_back(static_cast<int>(t));
         }
       }
     }
@@ -64,7 +66,8 @@ class GripBasis {
           for (int v : grips_[g].fingers[f].vertices) {
             std::size_t slot = grip_begin_[g];
             while (held_[slot] != v) ++slot;
-            contacts_.push_back({static_cast<int>(g), static_cast<int>(f), static_cast<Index>(slot), static_cast<Index>(columns_.size())});
+            contacts_.push_back(
+                {static_cast<int>(g), static_cast<int>(f), static_cast<Index>(slot), static_cast<Index>(columns_.size())});
             for (int i = 0; i < grips_[g].fingers[f].generators; ++i) columns_.push_back({3 * static_cast<Index>(slot), 3});
           }
         }
@@ -129,8 +132,8 @@ class GripBasis {
     for (std::size_t i = 0; i < contacts_.size(); ++i) {
       const Contact& contact = contacts_[i];
       const Finger<Scalar>& f = finger(contact);
-      const Vector3<Scalar> front =
-          vertex_normal<Scalar>(x, triangles_, around_[static_cast<std::size_t>(contact.slot)], grips_[static_cast<std::size_t>(contact.grip)].fallback_normal);
+      const Vector3<Scalar> front = vertex_normal<Scalar>(x, triangles_, around_[static_cast<std::size_t>(contact.slot)],
+                                                          grips_[static_cast<std::size_t>(contact.grip)].fallback_normal);
       normals_.col(static_cast<Index>(i)) = f.side * front;
       friction_generators<Scalar>(f.side * front, f.friction, matrix_.block(3 * contact.slot, contact.column, 3, f.generators));
     }
@@ -161,7 +164,8 @@ class GripBasis {
 
   /// Bounds of one frame's unknowns: coefficients in [0, limit √(1+μ²)], poses within ±max_step/h (rotations so that no
   /// held vertex moves further). Never allocates.
-  void bounds(const PointsView<Scalar>& x, Scalar max_step, Scalar dt, Eigen::Ref<VectorX<Scalar>> lower, Eigen::Ref<VectorX<Scalar>> upper) const {
+  void bounds(const PointsView<Scalar>& x, Scalar max_step, Scalar dt, Eigen::Ref<VectorX<Scalar>> lower,
+              Eigen::Ref<VectorX<Scalar>> upper) const {
     using std::sqrt;
     if (input_ == GripInput::Force) {
       lower.setZero();

@@ -43,8 +43,8 @@ class TermStack {
   /// Adds the three rows of a point. `past`: z_0, z_-1, z_-2; `order`: 0 … 3 differences; `scale`: √weight (by 1/h where the
   /// difference is a velocity); `target(k)`: what z (order 0) shall be in frame k = 0 … K-1.
   template <class Target>
-  void add(const WindowResponse<Scalar>& window, std::span<const OutputTerm<Scalar>> point, const std::array<Vector3<Scalar>, 3>& past,
-           int order, Scalar scale, const Target& target) {
+  void add(const WindowResponse<Scalar>& window, std::span<const OutputTerm<Scalar>> point,
+           const std::array<Vector3<Scalar>, 3>& past, int order, Scalar scale, const Target& target) {
     if (!(Scalar(0) < scale)) return;
     static const std::array<std::array<double, 4>, 4> kBinomials{{{1, 0, 0, 0}, {1, -1, 0, 0}, {1, -2, 1, 0}, {1, -3, 3, -1}}};
     const Index horizon = residual_.cols();
@@ -58,7 +58,8 @@ class TermStack {
         if (frame >= 0) {
           for (const OutputTerm<Scalar>& t : point) {
             sum += (b * t.weight) * window.free.template block<3, 1>(3 * t.output, frame);
-            blocks_.block(rows_, k * inputs, 3, inputs) += (scale * b * t.weight) * window.impulse.block(3 * t.output, frame * inputs, 3, inputs);
+            blocks_.block(rows_, k * inputs, 3, inputs) +=
+                (scale * b * t.weight) * window.impulse.block(3 * t.output, frame * inputs, 3, inputs);
           }
         } else {
           sum += b * past[static_cast<std::size_t>(-frame - 1)];

@@ -35,6 +35,8 @@ struct WindowRequest {
   std::vector<int> held;
   /// The points to predict.
   PointFeatures<Scalar> outputs;
+  /// Index of the output that is the first held vertex; the others follow in order.
+  Index held_outputs = 0;
   /// The plan ū, 3·held × K: forces (N) or velocities (m/s).
   MatrixX<Scalar> plan;
   /// Input that was applied during the frame that led to the measured state, 3·held.

@@ -348,8 +348,7 @@ class BoxActiveSet {
   Walk flat_step(Index i) {
     const Index f = factor_.size();
     factor_.append(H(), i, Scalar(0), Scalar(2));  // always refused: leaves L⁻¹ H_Fi behind
-    using std::sqrt;
-    if (factor_.pivot() < -sqrt(scalar_traits<Scalar>::epsilon()) * H()(i, i)) return Walk::Concave;
+    if (factor_.concave()) return Walk::Concave;
     const Scalar sign = q_[i] > Scalar(0) ? Scalar(-1) : Scalar(1);
     w_.head(f) = factor_.column().head(f);
     factor_.solve_upper(w_);
@@ -387,6 +386,7 @@ class BoxActiveSet {
   QpStatus iterate(result_type& result) {
     using std::abs;
     const int limit = settings_.max_iterations > 0 ? settings_.max_iterations : 10 * static_cast<int>(n_) + 10;
+    factor_.clear_concave();
     refresh_gradient();
     int stalls = 0;
     int polishes = 0;
@@ -394,6 +394,7 @@ class BoxActiveSet {
     bool first = true;
     for (;;) {
       sync_factor();
+      if (factor_.concave()) return QpStatus::NonConvex;
       if (newton_step() == Walk::Clipped) {
         if (++result.iterations >= limit) return QpStatus::IterationLimit;
         continue;

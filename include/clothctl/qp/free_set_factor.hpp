@@ -33,6 +33,8 @@ class FreeSetFactor {
     work_.setZero(n);
     rotated_.setZero(n);
     scale_.setZero(n);
+    cosine_.setZero(n);
+    sine_.setZero(n);
     size_ = 0;
   }
 
@@ -59,6 +61,7 @@ class FreeSetFactor {
     solve_lower(work_);
     const Scalar diagonal = H(i, i) + shift;
     pivot_ = diagonal - work_.head(size_).squaredNorm();
+    if (pivot_ < -sqrt(scalar_traits<Scalar>::epsilon()) * diagonal) concave_ = true;
     if (!(pivot_ > relative * diagonal)) return false;
     L_.row(size_).head(size_) = work_.head(size_).transpose();
     L_(size_, size_) = sqrt(pivot_);
@@ -67,10 +70,19 @@ class FreeSetFactor {
     return true;
   }
 
+  /// Tells whether a clearly negative pivot was met since `clear_concave`: the submatrix is not positive semidefinite.
+  bool concave() const { return concave_; }
+  /// Forgets negative pivots.
+  void clear_concave() { concave_ = false; }
   /// Last pivot d² that `append` met.
   const Scalar& pivot() const { return pivot_; }
   /// L⁻¹ H_Fi of the last `append` (first `size()` entries, before a successful append).
   const VectorX<Scalar>& column() const { return work_; }
+
+  /// Cosines of the rotations of the last `remove`, one for each place behind the removed one.
+  const VectorX<Scalar>& cosine() const { return cosine_; }
+  /// Sines of the rotations of the last `remove`.
+  const VectorX<Scalar>& sine() const { return sine_; }
 
   /// Removes the unknown at place k.
   void remove(Index k) {
@@ -97,6 +109,8 @@ class FreeSetFactor {
       const Scalar r = sqrt(a * a + b * b);
       const Scalar c = a / r;
       const Scalar s = b / r;
+      cosine_[j] = c;
+      sine_[j] = s;
       const Index below = m - j - 1;
       L_(k + j, k + j) = r;
       rotated_.head(below) = c * L_.col(k + j).segment(k + j + 1, below) + s * work_.segment(j + 1, below);
@@ -145,9 +159,10 @@ class FreeSetFactor {
 
   Matrix L_;
   std::vector<Index> order_, position_;
-  VectorX<Scalar> work_, rotated_, scale_;
+  VectorX<Scalar> work_, rotated_, scale_, cosine_, sine_;
   Scalar pivot_ = Scalar(0);
   Index size_ = 0;
+  bool concave_ = false;
 };
 
 }  // namespace clothctl::detail

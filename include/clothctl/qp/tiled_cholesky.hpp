@@ -3,7 +3,7 @@
 // Dense triangular kernels in tiles, so that every product stays below the size at which Eigen takes its blocking buffers
 // from the heap. L is lower triangular; all work in place.
 //
-//   A = L Lᵀ (left-looking over tile columns),   X ← L⁻¹ X for many right-hand sides,   C ← C ± P Qᵀ, Pᵀ Q
+//   A = L Lᵀ (left-looking over tile columns),   X ← X L⁻ᵀ for many rows,   C ← C - P Qᵀ
 
 #include <algorithm>
 #include <cmath>
@@ -31,37 +31,6 @@ void subtract_outer(Eigen::Ref<MatrixX<Scalar>> C, const Eigen::Ref<const Matrix
   }
 }
 
-/// C -= P Q for C r×s, P r×k, Q k×s. Never allocates.
-template <RealScalar Scalar>
-void subtract_product(Eigen::Ref<MatrixX<Scalar>> C, const Eigen::Ref<const MatrixX<Scalar>>& P,
-                      const Eigen::Ref<const MatrixX<Scalar>>& Q) {
-  for (Index j = 0; j < C.cols(); j += kTile) {
-    const Index nj = std::min(kTile, C.cols() - j);
-    for (Index k = 0; k < P.cols(); k += kTile) {
-      const Index nk = std::min(kTile, P.cols() - k);
-      for (Index i = 0; i < C.rows(); i += kTile) {
-        const Index ni = std::min(kTile, C.rows() - i);
-        C.block(i, j, ni, nj).noalias() -= P.block(i, k, ni, nk) * Q.block(k, j, nk, nj);
-      }
-    }
-  }
-}
-
-/// The lower triangle of C += Vᵀ V for V k×s. Never allocates.
-template <RealScalar Scalar>
-void add_gram(Eigen::Ref<MatrixX<Scalar>> C, const Eigen::Ref<const MatrixX<Scalar>>& V) {
-  for (Index j = 0; j < C.cols(); j += kTile) {
-    const Index nj = std::min(kTile, C.cols() - j);
-    for (Index i = j; i < C.rows(); i += kTile) {
-      const Index ni = std::min(kTile, C.rows() - i);
-      for (Index k = 0; k < V.rows(); k += kTile) {
-        const Index nk = std::min(kTile, V.rows() - k);
-        C.block(i, j, ni, nj).noalias() += V.block(k, i, nk, ni).transpose() * V.block(k, j, nk, nj);
-      }
-    }
-  }
-}
-
 /// Factors the lower triangle of A in place. `scale` holds the diagonal of A beforehand; a pivot not above
 /// `relative` · scale stops the work. Returns the index of that pivot, or the size of A. Complexity: n³/3.
 template <RealScalar Scalar>
@@ -84,15 +53,16 @@ Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A, const Eigen::Ref<const Ve
   return n;
 }
 
-/// X ← L⁻¹ X for X n×s. Never allocates. Complexity: n² s.
+/// X ← X L⁻ᵀ for X s×n. Never allocates. Complexity: n² s.
 template <RealScalar Scalar>
-void lower_solve(const Eigen::Ref<const MatrixX<Scalar>>& L, Eigen::Ref<MatrixX<Scalar>> X) {
-  for (Index i = 0; i < L.rows(); i += kTile) {
-    const Index ni = std::min(kTile, L.rows() - i);
-    if (i > 0) subtract_product<Scalar>(X.middleRows(i, ni), L.block(i, 0, ni, i), X.topRows(i));
-    for (Index j = 0; j < X.cols(); j += kTile) {
-      const Index nj = std::min(kTile, X.cols() - j);
-      L.block(i, i, ni, ni).template triangularView<Eigen::Lower>().solveInPlace(X.block(i, j, ni, nj));
+void right_solve(const Eigen::Ref<const MatrixX<Scalar>>& L, Eigen::Ref<MatrixX<Scalar>> X) {
+  for (Index j = 0; j < L.rows(); j += kTile) {
+    const Index nj = std::min(kTile, L.rows() - j);
+    if (j > 0) subtract_outer<Scalar>(X.middleCols(j, nj), X.leftCols(j), L.block(j, 0, nj, j));
+    for (Index i = 0; i < X.rows(); i += kTile) {
+      const Index ni = std::min(kTile, X.rows() - i);
+      Eigen::Block<Eigen::Ref<MatrixX<Scalar>>> tile = X.block(i, j, ni, nj);
+      L.block(j, j, nj, nj).transpose().template triangularView<Eigen::Upper>().template solveInPlace<Eigen::OnTheRight>(tile);
     }
   }
 }

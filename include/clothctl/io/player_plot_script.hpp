@@ -1,0 +1,122 @@
+#pragma once
+
+// Fourth part of the page's script: the plot of errors over time under the view.
+
+namespace clothctl::io_detail {
+
+/// The plot: one curve a feature, the mean as a dashed line, a cursor that scrubs.
+inline constexpr char kPlayerPlotScript[] = R"js(
+const plot = $('plot'), pen = plot.getContext('2d');
+const unitScale = largestError < .995 ? 1000 : 1, unitName = unitScale === 1000 ? 'mm' : 'm';
+const digits = clamp(2 - Math.floor(Math.log10(Math.max(largestError * unitScale, .01))), 0, 3);
+const shown = x => Number.isFinite(x) ? (x * unitScale).toFixed(digits) : '–';
+const ticks = (limit, count) => {
+  const step = nice(limit / count), out = [];
+  for (let i = 0; i * step <= limit * (1 + 1e-9); ++i) out.push(i * step);
+  return { step, out };
+};
+const tickText = (x, step) => x.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+const frame_ = { left: 40, right: 10, top: 8, bottom: 22 };
+const plotX = (f, width) => frame_.left + (F > 1 ? f / (F - 1) : 0) * (width - frame_.left - frame_.right);
+const paintPlot = () => {
+  if (!K) return;
+  const ratio = window.devicePixelRatio || 1, width = plot.clientWidth, height = plot.clientHeight;
+  if (plot.width !== Math.round(width * ratio) || plot.height !== Math.round(height * ratio)) {
+    plot.width = Math.round(width * ratio);
+    plot.height = Math.round(height * ratio);
+  }
+  const ink = css('--ink'), muted = css('--muted'), line = css('--line'), panel = css('--panel');
+  const limit = Math.max(largestError * unitScale * 1.06, .01), bottom = height - frame_.bottom;
+  const y = v => bottom - v / limit * (bottom - frame_.top);
+  pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+  pen.clearRect(0, 0, width, height);
+  pen.font = '11px ' + getComputedStyle(document.body).fontFamily;
+  pen.lineWidth = 1;
+  pen.fillStyle = muted;
+  pen.strokeStyle = line;
+  const vertical = ticks(limit, 3.2), span = (F - 1) * dt, horizontal = ticks(Math.max(span, dt), clamp(width / 90, 2, 10));
+  pen.textAlign = 'right';
+  pen.textBaseline = 'middle';
+  for (const v of vertical.out) {
+    const at = Math.round(y(v)) + .5;
+    pen.beginPath(); pen.moveTo(frame_.left, at); pen.lineTo(width - frame_.right, at); pen.stroke();
+    pen.fillText(tickText(v, vertical.step), frame_.left - 8, at);
+  }
+  pen.textBaseline = 'top';
+  for (const t of horizontal.out) {
+    if (t > span) continue;
+    const text = tickText(t, horizontal.step) + ' s', x = plotX(t / dt, width), half = pen.measureText(text).width / 2;
+    pen.textAlign = 'center';
+    pen.fillText(text, clamp(x, frame_.left - 8 + half, width - half - 1), bottom + 7);
+  }
+  if (scored < F) {
+    pen.fillStyle = css('--raised');
+    pen.globalAlpha = .8;
+    const from = plotX(scored - 1, width);
+    pen.fillRect(from, frame_.top, width - frame_.right - from, bottom - frame_.top);
+    pen.globalAlpha = 1;
+  }
+  pen.lineWidth = K > 8 ? 1 : 1.75;
+  pen.lineJoin = 'round';
+  for (let k = 0; k < K; ++k) {
+    pen.strokeStyle = colourOf(k);
+    pen.beginPath();
+    let lifted = true;
+    for (let f = 0; f < F; ++f) {
+      const e = errors[f * K + k];
+      if (!Number.isFinite(e)) { lifted = true; continue; }
+      pen[lifted ? 'moveTo' : 'lineTo'](plotX(f, width), y(e * unitScale));
+      lifted = false;
+    }
+    pen.stroke();
+  }
+  if (Number.isFinite(meanError)) {
+    const at = Math.round(y(meanError * unitScale)) + .5, text = 'mean ' + shown(meanError) + ' ' + unitName;
+    pen.strokeStyle = ink;
+    pen.lineWidth = 1;
+    pen.setLineDash([5, 4]);
+    pen.beginPath(); pen.moveTo(frame_.left, at); pen.lineTo(width - frame_.right, at); pen.stroke();
+    pen.setLineDash([]);
+    pen.font = '600 ' + pen.font;
+    const size = pen.measureText(text).width + 14, low_ = at + 20 > bottom, top_ = low_ ? at - 20 : at + 3;
+    pen.fillStyle = panel;
+    pen.globalAlpha = .88;
+    pen.beginPath(); pen.roundRect ? pen.roundRect(width - frame_.right - size, top_, size, 17, 5) : pen.rect(width - frame_.right - size, top_, size, 17); pen.fill();
+    pen.globalAlpha = 1;
+    pen.fillStyle = ink;
+    pen.textAlign = 'left';
+    pen.textBaseline = 'middle';
+    pen.fillText(text, width - frame_.right - size + 7, top_ + 9);
+  }
+  const x = plotX(state.frame, width), accent = css('--accent');
+  pen.strokeStyle = pen.fillStyle = accent;
+  pen.lineWidth = 1.5;
+  pen.beginPath(); pen.moveTo(x, frame_.top - 3); pen.lineTo(x, bottom); pen.stroke();
+  pen.beginPath(); pen.moveTo(x - 5, bottom + 7); pen.lineTo(x + 5, bottom + 7); pen.lineTo(x, bottom); pen.fill();
+  const [f, g, w] = blend(state.frame);
+  for (let k = 0; k < K; ++k) {
+    const e = errors[f * K + k] * (1 - w) + errors[g * K + k] * w;
+    if (!Number.isFinite(e)) continue;
+    if (legendValues[k]) legendValues[k].textContent = shown(e) + ' ' + unitName;
+    pen.beginPath(); pen.arc(x, y(e * unitScale), K > 8 ? 2.5 : 4, 0, 2 * Math.PI);
+    pen.fillStyle = colourOf(k); pen.fill();
+    pen.strokeStyle = panel; pen.lineWidth = 1.5; pen.stroke();
+  }
+};
+const legendValues = [];
+const buildLegend = () => {
+  if (!K) return void ($('plot-card').hidden = true);
+  $('plot-unit').textContent = '(' + unitName + ')';
+  plot.setAttribute('aria-label', `Distance of ${K} features to their targets over time: mean ${shown(meanError)} ${unitName}, largest ${shown(largestError)} ${unitName}. Drag to scrub.`);
+  if (K > 8) return void ($('legend').textContent = K + ' features, largest ' + shown(largestError) + ' ' + unitName);
+  scene.features.forEach((name, k) => {
+    const item = document.createElement('span'), swatch = document.createElement('i'), value = document.createElement('b');
+    swatch.dataset.feature = k;
+    item.append(swatch, name || 'feature ' + k, value);
+    legendValues[k] = value;
+    $('legend').append(item);
+  });
+};
+)js";
+
+}  // namespace clothctl::io_detail

@@ -1,0 +1,58 @@
+#pragma once
+
+// What a planner is made for and what a frame of planning answers.
+
+#include <array>
+#include <vector>
+
+#include "clothctl/contact/grip.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/status.hpp"
+#include "clothctl/mpc/features.hpp"
+#include "clothctl/mpc/grip_basis.hpp"
+#include "clothctl/mpc/hand_anchor.hpp"
+
+namespace clothctl {
+
+/// What a planning frame answers. Made by `Planner::make_result`; reused from frame to frame.
+template <RealScalar Scalar>
+struct PlanResult {
+  /// How the frame ended.
+  PlanStatus status = PlanStatus::Failed;
+  /// What to apply to the plant during the next frame: forces, or driven positions. Wind is left to the caller.
+  ClothInput<Scalar> input;
+  /// The force of each finger on each of its vertices; empty for poses.
+  std::vector<FingerForce<Scalar>> finger_forces;
+  /// Raw inputs over the window, 3·held × K: forces (N) or velocities (m/s).
+  MatrixX<Scalar> plan;
+  /// Features over the window as predicted, 3·features × K, m.
+  MatrixX<Scalar> predicted;
+  /// Distance between the features measured now and what the last frame predicted for now, root mean square, m.
+  Scalar prediction_error = Scalar(0);
+  /// 1 - prediction_error / (how far the features moved in the last frame, at least 1 mm), within [0, 1]. 1: the plant does
+  /// what was predicted. 1 in the first frame.
+  Scalar agreement = Scalar(1);
+  /// Largest predicted non-affine displacement of a held vertex over the window, m.
+  Scalar patch_residual = Scalar(0);
+  /// QP iterations.
+  int qp_iterations = 0;
+  /// How the QP ended.
+  QpStatus qp_status = QpStatus::Solved;
+  /// True when the row solver was used.
+  bool used_rows = false;
+};
+
+/// What a planner plans for: fixed when it is made.
+template <RealScalar Scalar>
+struct PlannerSetup {
+  /// The features that follow a target.
+  PointFeatures<Scalar> features;
+  /// Who holds the sheet where.
+  std::vector<Grip<Scalar>> grips;
+  /// The sheet's triangles, for contact normals; may be empty.
+  std::vector<std::array<int, 3>> triangles;
+  /// One anchor a grip; empty: made from the start positions (grip i follows feature i if there are as many, else the mean).
+  std::vector<HandAnchor<Scalar>> anchors = {};
+};
+
+}  // namespace clothctl

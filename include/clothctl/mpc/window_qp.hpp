@@ -1,0 +1,293 @@
+#pragma once
+
+// The QP of a window in the unknowns u of grip_basis.hpp, raw inputs r_k = B u_k, δ = r - ū:
+//
+//   ½ δᵀH δ + gᵀδ + effort(r)   ->   ½ uᵀ(BᵀH B + ridge) u + (Bᵀ(g - H ū))ᵀ u,     lower <= u <= upper
+//   grip limits:   Σ d_i / √(1+μ²) <= limit                       a finger and frame
+//   hard patches:  N y_k = 0  (paper 000, eq. 3)                  3 · non-affine modes a frame
+//
+// The box QP is tried first. Grip limits of whole fingers go to the row solver only in frames where the box solution breaks
+// one; hard patch rows always. Rows that cannot be met (a grip limit stands against them) are relaxed by an exact L1 penalty.
+
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "clothctl/concepts/qp_solver.hpp"
+#include "clothctl/mpc/condense.hpp"
+#include "clothctl/mpc/held_patches.hpp"
+#include "clothctl/mpc/plan_types.hpp"
+#include "clothctl/mpc/planner_settings.hpp"
+
+namespace clothctl {
+
+/// Assembles and solves the QP of one window. All memory is made by `reserve`.
+template <RealScalar Scalar, BoxQpSolver<Scalar> BoxSolver, QpSolver<Scalar> RowSolver>
+class WindowQp {
+ public:
+  /// Makes room. Allocates.
+  void reserve(const PlannerSettings<Scalar>& settings, const GripBasis<Scalar>& basis,
+               const std::vector<HeldPatch<Scalar>>& patches) {
+    const Index horizon = settings.horizon, raw = basis.inputs() * horizon;
+    unknowns_ = basis.unknowns() * horizon;
+    raw_hessian_.setZero(raw, raw);
+    raw_gradient_.setZero(raw);
+    hessian_.setZero(unknowns_, unknowns_);
+    for (VectorX<Scalar>* p : {&gradient_, &lower_, &upper_, &solution_}) p->setZero(unknowns_);
+    column_.setZero(basis.inputs());
+    qp_solver_traits<BoxSolver>::reserve(box_, unknowns_);
+    if (settings.input != GripInput::Force) return;
+    Index fingers = 0, hard = 0;
+    std::size_t longest = 0;
+    for (const Grip<Scalar>& g : basis.grips()) fingers += static_cast<Index>(g.fingers.size());
+    for (const HeldPatch<Scalar>& p : patches) {
+      if (settings.patch == PatchMode::Hard) hard += 3 * p.modes.count();
+      longest = std::max(longest, p.slots.size());
+    }
+    const Index rows = (fingers + hard) * horizon;
+    point_.reserve(longest);
+    row_matrix_.setZero(rows, unknowns_);
+    row_lower_.setZero(rows);
+    row_upper_.setZero(rows);
+    qp_solver_traits<RowSolver>::reserve(rows_, unknowns_, rows);
+  }
+
+  /// The unknowns of frame `k` of the last solution.
+  auto frame(Index k, Index unknowns) const { return solution_.segment(k * unknowns, unknowns); }
+
+  /// Moves the warm start one frame on.
+  void shift(Index unknowns) { qp_solver_traits<BoxSolver>::shift(box_, unknowns); }
+  /// Forgets warm starts.
+  void reset() {
+    qp_solver_traits<BoxSolver>::reset(box_);
+    qp_solver_traits<RowSolver>::reset(rows_);
+  }
+
+  /// Builds H, g and bounds from the stacked cost about the plan of `request`. Never allocates.
+  void assemble(const TermStack<Scalar>& stack, const WindowRequest<Scalar>& request, const GripBasis<Scalar>& basis,
+                const PlannerSettings<Scalar>& settings, const Vector3<Scalar>& reference, const PointsView<Scalar>& x) {
+    const PlannerWeights<Scalar>& w = settings.weights;
+    const Index m = basis.inputs(), horizon = settings.horizon, p = basis.unknowns();
+    const bool force = settings.input == GripInput::Force;
+    condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
+    const Scalar effort = force ? w.force : w.velocity;
+    for (Index k = 0; k < horizon; ++k) {
+      for (Index i = 0; i < m; ++i) {
+        const Index row = k * m + i;
+        raw_hessian_(row, row) += effort + w.step;
+        raw_gradient_[row] += effort * (request.plan(i, k) - reference[i % 3]);
+      }
+    }
+    for (Index k = 0; k < horizon; ++k) {  // g - H ū, then Bᵀ of it
+      column_ = raw_gradient_.segment(k * m, m);
+      for (Index j = 0; j < horizon; ++j) column_.noalias() -= raw_hessian_.block(k * m, j * m, m, m) * request.plan.col(j);
+      for (Index c = 0; c < p; ++c) gradient_[k * p + c] = dot(basis, c, column_);
+    }
+    for (Index l = 0; l < horizon; ++l) {
+      for (Index d = 0; d < p; ++d) {
+        const std::pair<Index, Index> wide = basis.rows(d);
+        for (Index j = l; j < horizon; ++j) {
+          column_.noalias() = raw_hessian_.block(j * m, l * m + wide.first, m, wide.second) *
+                              basis.matrix().col(d).segment(wide.first, wide.second);
+          for (Index c = 0; c < p; ++c) {
+            const Scalar value = dot(basis, c, column_);
+            hessian_(j * p + c, l * p + d) = value;
+            hessian_(l * p + d, j * p + c) = value;
+          }
+        }
+      }
+    }
+    const Scalar ridge = force ? w.cone : w.velocity;
+    for (Index i = 0; i < unknowns_; ++i) hessian_(i, i) += ridge;
+    basis.bounds(x, settings.max_step, settings.dt, lower_.head(p), upper_.head(p));
+    for (Index k = 1; k < horizon; ++k) {
+      lower_.segment(k * p, p) = lower_.head(p);
+      upper_.segment(k * p, p) = upper_.head(p);
+    }
+  }
+
+  /// Solves; answers Planned, Suboptimal, Relaxed or Failed and fills the QP part of `result`. Never allocates, unless hard
+  /// rows cannot be met.
+  PlanStatus solve(const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& window, const GripBasis<Scalar>& basis,
+                   const std::vector<HeldPatch<Scalar>>& patches, const PlannerSettings<Scalar>& settings,
+                   PlanResult<Scalar>& result) {
+    const bool force = settings.input == GripInput::Force;
+    Index modes = 0;
+    if (force && settings.patch == PatchMode::Hard) {
+      for (const HeldPatch<Scalar>& p : patches) modes += p.modes.non_affine_count();
+    }
+    result.used_rows = false;
+    result.qp_iterations = 0;
+    if (modes == 0) {
+      if (qp_solver_traits<BoxSolver>::set_hessian(box_, hessian_) != QpStatus::Solved) return PlanStatus::Failed;
+      result.qp_status = qp_solver_traits<BoxSolver>::solve(box_, gradient_, lower_, upper_, box_result_);
+      result.qp_iterations = iterations(box_result_);
+      const PlanStatus status = plan_status(result.qp_status);
+      if (status == PlanStatus::Failed) return status;
+      solution_ = qp_solver_traits<BoxSolver>::solution(box_result_);
+      if (!force || limits_hold(basis, settings.horizon)) return status;
+    }
+    result.used_rows = true;
+    const Index limits = limit_rows(basis, settings.horizon);
+    const Index count = modes == 0 ? limits : patch_rows(request, window, basis, patches, limits);
+    if (qp_solver_traits<RowSolver>::set_hessian(rows_, hessian_) != QpStatus::Solved ||
+        qp_solver_traits<RowSolver>::set_rows(rows_, row_matrix_.topRows(count)) != QpStatus::Solved) {
+      return PlanStatus::Failed;
+    }
+    row_result_status_ = solve_with(rows_, count);
+    result.qp_iterations += iterations(row_result_);
+    result.qp_status = row_result_status_;
+    if (row_result_status_ == QpStatus::PrimalInfeasible && modes > 0) return solve_relaxed(limits, count, result);
+    const PlanStatus status = plan_status(row_result_status_);
+    if (status != PlanStatus::Failed) solution_ = qp_solver_traits<RowSolver>::solution(row_result_).head(unknowns_);
+    return status;
+  }
+
+ private:
+  using BoxResult = typename qp_solver_traits<BoxSolver>::result_type;
+  using RowResult = typename qp_solver_traits<RowSolver>::result_type;
+
+  static PlanStatus plan_status(QpStatus status) {
+    if (status == QpStatus::Solved) return PlanStatus::Planned;
+    if (status == QpStatus::SolvedInaccurate || status == QpStatus::IterationLimit || status == QpStatus::TimeLimit)
+      return PlanStatus::Suboptimal;
+    return PlanStatus::Failed;
+  }
+
+  template <class AnyResult>
+  static int iterations(const AnyResult& result) {
+    if constexpr (requires { result.iterations; }) return static_cast<int>(result.iterations);
+    return 0;
+  }
+
+  /// Column c of B times a vector of raw inputs.
+  static Scalar dot(const GripBasis<Scalar>& basis, Index c, const VectorX<Scalar>& raw) {
+    const std::pair<Index, Index> rows = basis.rows(c);
+    return basis.matrix().col(c).segment(rows.first, rows.second).dot(raw.segment(rows.first, rows.second));
+  }
+
+  /// What one coefficient of a finger adds to its normal force.
+  static Scalar normal_share(const Finger<Scalar>& f) {
+    using std::sqrt;
+    return Scalar(1) / sqrt(Scalar(1) + f.friction * f.friction);
+  }
+
+  using View = Eigen::Ref<const VectorX<Scalar>>;
+
+  QpStatus solve_with(RowSolver& solver, Index count) {
+    const View g(gradient_), lower(lower_), upper(upper_), row_lower(row_lower_.head(count)), row_upper(row_upper_.head(count));
+    return qp_solver_traits<RowSolver>::solve(solver, g, lower, upper, row_lower, row_upper, row_result_);
+  }
+
+  /// Whether every finger of every frame keeps its limit.
+  bool limits_hold(const GripBasis<Scalar>& basis, Index horizon) const {
+    for (Index k = 0; k < horizon; ++k) {
+      for (std::size_t g = 0; g < basis.grips().size(); ++g) {
+        for (std::size_t f = 0; f < basis.grips()[g].fingers.size(); ++f) {
+          const Finger<Scalar>& finger = basis.grips()[g].fingers[f];
+          Scalar sum = Scalar(0);
+          for (const typename GripBasis<Scalar>::Contact& c : basis.contacts()) {
+            if (c.grip != static_cast<int>(g) || c.finger != static_cast<int>(f)) continue;
+            sum += solution_.segment(k * basis.unknowns() + c.column, finger.generators).sum();
+          }
+          if (finger.limit < sum * normal_share(finger)) return false;
+        }
+      }
+    }
+    return true;
+  }
+
+  Index limit_rows(const GripBasis<Scalar>& basis, Index horizon) {
+    row_matrix_.setZero();
+    Index row = 0;
+    for (std::size_t g = 0; g < basis.grips().size(); ++g) {
+      for (std::size_t f = 0; f < basis.grips()[g].fingers.size(); ++f) {
+        const Finger<Scalar>& finger = basis.grips()[g].fingers[f];
+        for (Index k = 0; k < horizon; ++k, ++row) {
+          for (const typename GripBasis<Scalar>::Contact& c : basis.contacts()) {
+            if (c.grip != static_cast<int>(g) || c.finger != static_cast<int>(f)) continue;
+            row_matrix_.row(row).segment(k * basis.unknowns() + c.column, finger.generators).setConstant(normal_share(finger));
+          }
+          row_lower_[row] = -scalar_traits<Scalar>::infinity();
+          row_upper_[row] = finger.limit;
+        }
+      }
+    }
+    return row;
+  }
+
+  Index patch_rows(const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& window, const GripBasis<Scalar>& basis,
+                   const std::vector<HeldPatch<Scalar>>& patches, Index row) {
+    const Index m = basis.inputs(), p = basis.unknowns();
+    for (const HeldPatch<Scalar>& patch : patches) {
+      for (Index i = 0; i < patch.modes.non_affine_count(); ++i) {
+        take_non_affine(patch, i, request.held_outputs, point_);
+        for (Index k = 0; k < request.horizon; ++k) {
+          for (Index c = 0; c < 3; ++c, ++row) {
+            Scalar offset = Scalar(0);
+            for (const OutputTerm<Scalar>& t : point_) offset -= t.weight * window.free(3 * t.output + c, k);
+            for (Index j = 0; j <= k; ++j) {
+              column_.setZero();
+              for (const OutputTerm<Scalar>& t : point_) {
+                column_ += t.weight * window.impulse.row(3 * t.output + c).segment((k - j) * m, m).transpose();
+              }
+              offset += column_.dot(request.plan.col(j));
+              for (Index d = 0; d < p; ++d) row_matrix_(row, j * p + d) = dot(basis, d, column_);
+            }
+            row_lower_[row] = offset;
+            row_upper_[row] = offset;
+          }
+        }
+      }
+    }
+    return row;
+  }
+
+  /// Hard rows that cannot be met: r = A u + s⁺ - s⁻ with a penalty on s above the multipliers of the rows. Allocates.
+  PlanStatus solve_relaxed(Index limits, Index count, PlanResult<Scalar>& result) {
+    const Index hard = count - limits, n = unknowns_ + 2 * hard;
+    MatrixX<Scalar> h = MatrixX<Scalar>::Zero(n, n), a = MatrixX<Scalar>::Zero(count, n);
+    VectorX<Scalar> g(n), lb(n), ub(n);
+    h.topLeftCorner(unknowns_, unknowns_) = hessian_;
+    a.leftCols(unknowns_) = row_matrix_.topRows(count);
+    Scalar size = Scalar(1);
+    for (Index i = 0; i < unknowns_; ++i) {
+      if (size < hessian_(i, i)) size = hessian_(i, i);
+    }
+    g.head(unknowns_) = gradient_;
+    lb.head(unknowns_) = lower_;
+    ub.head(unknowns_) = upper_;
+    for (Index i = 0; i < hard; ++i) {
+      a(limits + i, unknowns_ + i) = Scalar(1);
+      a(limits + i, unknowns_ + hard + i) = Scalar(-1);
+    }
+    g.tail(2 * hard).setConstant(Scalar(1e3) * size);
+    lb.tail(2 * hard).setZero();
+    ub.tail(2 * hard).setConstant(scalar_traits<Scalar>::infinity());
+    RowSolver solver;
+    qp_solver_traits<RowSolver>::reserve(solver, n, count);
+    if (qp_solver_traits<RowSolver>::set_hessian(solver, h) != QpStatus::Solved ||
+        qp_solver_traits<RowSolver>::set_rows(solver, a) != QpStatus::Solved) {
+      return PlanStatus::Failed;
+    }
+    RowResult relaxed;
+    const VectorX<Scalar> rl = row_lower_.head(count), ru = row_upper_.head(count);
+    result.qp_status = qp_solver_traits<RowSolver>::solve(solver, g, lb, ub, rl, ru, relaxed);
+    result.qp_iterations += iterations(relaxed);
+    if (plan_status(result.qp_status) == PlanStatus::Failed) return PlanStatus::Failed;
+    solution_ = qp_solver_traits<RowSolver>::solution(relaxed).head(unknowns_);
+    return PlanStatus::Relaxed;
+  }
+
+  BoxSolver box_;
+  RowSolver rows_;
+  BoxResult box_result_;
+  RowResult row_result_;
+  QpStatus row_result_status_ = QpStatus::Solved;
+  MatrixX<Scalar> raw_hessian_, hessian_, row_matrix_;
+  VectorX<Scalar> raw_gradient_, gradient_, lower_, upper_, solution_, column_, row_lower_, row_upper_;
+  std::vector<OutputTerm<Scalar>> point_;
+  Index unknowns_ = 0;
+};
+
+}  // namespace clothctl

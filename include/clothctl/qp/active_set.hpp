@@ -1,0 +1,543 @@
+#pragma once
+
+// General convex QP: proximal method of multipliers outside, active set on free unknowns and violated rows inside.
+//
+//   x_{k+1} = argmin over lb ≤ x ≤ ub of  f(x) + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
+//   y_{k+1} = y(x_{k+1})
+//
+// Every subproblem is strictly convex and always feasible (proximal_problem.hpp), so dependent rows, degenerate vertices,
+// semidefinite H and linear programs need no special case. Once the sets are right the exact solution follows from a few
+// refinement steps: the unregularised optimality equations of the sets, solved with the regularised factor. When no solution
+// exists the differences y_{k+1} - y_k and x_{k+1} - x_k tend to a Farkas pair and to a ray: both are checked on the caller's
+// data before they are reported. Scaling is by powers of two, hence exact; "Solved" is judged on unscaled residuals.
+// Reference: Rockafellar, Math. Oper. Res. 1 (1976); Hermans, Themelis, Patrinos, QPALM (2022) for inner Newton steps.
+
+#include <algorithm>
+#include <cassert>
+#include <vector>
+
+#include "clothctl/qp/certificate.hpp"
+#include "clothctl/qp/kkt.hpp"
+#include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/proximal_problem.hpp"
+#include "clothctl/qp/scaling.hpp"
+
+namespace clothctl {
+
+/// Solves convex QPs with bounds and two-sided rows, warm from its last iterate and active set.
+template <RealScalar Scalar>
+class ActiveSet {
+ public:
+  /// The number type.
+  using scalar_type = Scalar;
+  /// What `solve` fills.
+  using result_type = QpResult<Scalar>;
+  /// A read-only view of a vector.
+  using VectorView = Eigen::Ref<const VectorX<Scalar>>;
+  /// A read-only view of a matrix.
+  using MatrixView = Eigen::Ref<const MatrixX<Scalar>>;
+
+  /// Takes settings; `settings.check()` must be empty (asserted).
+  explicit ActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings) { assert(settings_.check().empty()); }
+
+  /// Makes room for up to n unknowns and m rows and forgets both matrices; afterwards nothing here allocates up to those
+  /// sizes (results size themselves at their first solve). Allocates.
+  void reserve(Index n, Index m) {
+    capacity_n_ = n;
+    capacity_m_ = m;
+    problem_.reserve(n, m);
+    hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
+    matrix_.assign(static_cast<std::size_t>(n * m), Scalar(0));
+    for (VectorX<Scalar>* v : {&D_, &g_, &lo_, &hi_, &q_, &x_, &best_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
+    for (VectorX<Scalar>* v : {&E_, &rl_, &ru_, &y_, &best_y_, &delta_, &r2_, &m_work_, &m_size_}) v->setZero(m);
+    n_ = m_ = 0;
+    hessian_status_ = rows_status_ = QpStatus::InvalidData;
+    reset();
+  }
+
+  /// Takes H (n×n, symmetric, positive semidefinite; zero for a linear program) and keeps a copy. When n changes the rows
+  /// must be set again. Allocates only beyond the reserved size. Fails when: an entry is not finite or not symmetric
+  /// (InvalidData), or a diagonal entry is negative (NonConvex). Complexity: O(n²).
+  QpStatus set_hessian(const MatrixView& H) {
+    const Index n = H.rows();
+    hessian_index_ = -1;
+    hessian_status_ = QpStatus::InvalidData;
+    if (H.cols() != n || n == 0) {
+      hessian_message_ = n == 0 ? "Hessian is empty" : "Hessian is not square";
+      return hessian_status_;
+    }
+    hessian_index_ = detail::find_bad_hessian_entry<Scalar>(H, hessian_message_);
+    if (hessian_index_ >= 0) return hessian_status_;
+    if (n > capacity_n_) reserve(n, capacity_m_);
+    if (n != n_) {
+      n_ = n;
+      m_ = 0;
+      rows_status_ = QpStatus::Solved;
+      rows_index_ = -1;
+      reset();
+    }
+    prepared_ = false;
+    for (Index j = 0; j < n; ++j) {
+      if (H(j, j) < Scalar(0)) {
+        hessian_message_ = "Hessian has a negative diagonal entry";
+        hessian_index_ = j + j * n;
+        hessian_status_ = QpStatus::NonConvex;
+        return hessian_status_;
+      }
+      for (Index i = 0; i < n; ++i) hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * (H(i, j) + H(j, i));
+    }
+    hessian_message_ = "";
+    hessian_status_ = QpStatus::Solved;
+    return hessian_status_;
+  }
+
+  /// Takes A (m×n; m may be 0) and keeps a copy; call after `set_hessian`. Allocates only beyond the reserved size. Fails
+  /// when: A has not n columns or an entry is not finite (InvalidData). Complexity: O(mn).
+  QpStatus set_rows(const MatrixView& A) {
+    rows_index_ = -1;
+    rows_status_ = QpStatus::InvalidData;
+    if (A.cols() != n_ && A.rows() > 0) {
+      rows_message_ = "rows differ in length from the Hessian";
+      return rows_status_;
+    }
+    const Index m = A.rows();
+    for (Index j = 0; j < A.cols(); ++j) {
+      for (Index i = 0; i < m; ++i) {
+        if (is_finite(A(i, j))) continue;
+        rows_message_ = "row entry is not finite";
+        rows_index_ = i + j * m;
+        return rows_status_;
+      }
+    }
+    if (m > capacity_m_) grow_rows(m);
+    if (m != m_) {
+      m_ = m;
+      reset();
+    }
+    prepared_ = false;
+    for (Index j = 0; j < A.cols(); ++j) {
+      for (Index i = 0; i < m; ++i) matrix_[static_cast<std::size_t>(i + j * m)] = A(i, j);
+    }
+    rows_status_ = QpStatus::Solved;
+    return rows_status_;
+  }
+
+  /// Solves for gradient g, bounds lb, ub (n each) and row bounds rl, ru (m each), warm from the last iterate and active set.
+  /// Never allocates once `result` has seen this size. Fails when: sizes differ, an entry is NaN, or a lower bound lies
+  /// above its upper one (InvalidData; nothing is changed).
+  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru,
+                 result_type& result) {
+    result.resize(n_, m_);
+    result.iterations = 0;
+    result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
+    if (!load(g, lb, ub, rl, ru, result)) return result.status;
+    prepare();
+    take_start();
+    result.status = iterate(result);
+    report(lb, ub, rl, ru, result);
+    return result.status;
+  }
+
+  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside are free.
+  void warm_start(const VectorView& x) {
+    if (x.size() != n_ || !all_finite(x)) return;
+    if (start_ == Start::Cold) y_.head(m_).setConstant(Scalar(0));
+    x_.head(n_) = x;
+    start_ = Start::FromX;
+  }
+
+  /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns, row i those of row i + rows; the
+  /// tails repeat their last blocks.
+  void shift(Index unknowns, Index rows) {
+    if (start_ == Start::Cold) return;
+    for (Index i = 0; unknowns > 0 && i + unknowns < n_; ++i) {
+      x_[i] = x_[i + unknowns];
+      state(i) = state(i + unknowns);
+    }
+    for (Index i = 0; rows > 0 && i + rows < m_; ++i) y_[i] = y_[i + rows];
+  }
+
+  /// Forgets the active set: the next solve is cold.
+  void reset() { start_ = Start::Cold; }
+
+ private:
+  using Problem = detail::ProximalProblem<Scalar>;
+  using State = typename Problem::State;
+  enum class Start { Cold, FromX, Warm };
+
+  State& state(Index i) { return problem_.state[static_cast<std::size_t>(i)]; }
+
+  void grow_rows(Index m) {
+    const Index n = n_;
+    const std::vector<Scalar> keep = hessian_;
+    const QpStatus status = hessian_status_;
+    reserve(capacity_n_, m);
+    hessian_ = keep;
+    hessian_status_ = status;
+    n_ = n;
+  }
+
+  bool load(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru,
+            result_type& result) {
+    const auto refuse = [&result](QpStatus status, const char* message, Index index) {
+      result.status = status;
+      result.message = message;
+      result.invalid_index = index;
+      return false;
+    };
+    if (hessian_status_ != QpStatus::Solved) return refuse(hessian_status_, hessian_message_, hessian_index_);
+    if (rows_status_ != QpStatus::Solved) return refuse(rows_status_, rows_message_, rows_index_);
+    constexpr QpStatus bad = QpStatus::InvalidData;
+    if (g.size() != n_ || lb.size() != n_ || ub.size() != n_) {
+      return refuse(bad, "gradient or bounds differ in size from the Hessian", -1);
+    }
+    if (rl.size() != m_ || ru.size() != m_) return refuse(bad, "row bounds differ in size from the rows", -1);
+    for (Index i = 0; i < n_; ++i) {
+      if (!is_finite(g[i])) return refuse(bad, "gradient entry is not finite", i);
+    }
+    Index wrong = detail::load_bounds<Scalar>(lb, ub, n_work_.head(n_), n_size_.head(n_));
+    if (wrong >= 0) return refuse(bad, "bound is NaN, crossed, or infinite on the wrong side", wrong);
+    wrong = detail::load_bounds<Scalar>(rl, ru, m_work_.head(m_), m_size_.head(m_));
+    if (wrong >= 0) return refuse(bad, "row bound is NaN, crossed, or infinite on the wrong side", wrong);
+    lo_.head(n_) = n_work_.head(n_);
+    hi_.head(n_) = n_size_.head(n_);
+    rl_.head(m_) = m_work_.head(m_);
+    ru_.head(m_) = m_size_.head(m_);
+    g_.head(n_) = g;
+    result.message = "";
+    result.invalid_index = -1;
+    return true;
+  }
+
+  /// Scales H and A afresh after either changed.
+  void prepare() {
+    if (prepared_) return;
+    problem_.resize(n_, m_);
+    problem_.H() = Eigen::Map<const MatrixX<Scalar>>(hessian_.data(), n_, n_);
+    problem_.A() = Eigen::Map<const MatrixX<Scalar>>(matrix_.data(), m_, n_);
+    detail::equilibrate<Scalar>(problem_.H(), problem_.A(), D_.head(n_), E_.head(m_));
+    problem_.At() = problem_.A().transpose();
+    curvature_ = Scalar(0);
+    for (Index j = 0; j < n_; ++j) curvature_ = std::max(curvature_, problem_.H()(j, j));
+    prepared_ = true;
+    weighted_ = false;
+  }
+
+  /// Loads the scaled vectors, the start and the weights.
+  void take_start() {
+    using std::abs;
+    using std::sqrt;
+    Scalar steepest(0);
+    const auto scaled = [](const Scalar& bound, const Scalar& factor) {
+      return detail::has_bound(bound) ? Scalar(bound * factor) : bound;
+    };
+    for (Index i = 0; i < n_; ++i) {
+      problem_.g[i] = D_[i] * g_[i];
+      steepest = std::max(steepest, Scalar(abs(problem_.g[i])));
+      problem_.lo[i] = scaled(lo_[i], Scalar(1) / D_[i]);
+      problem_.hi[i] = scaled(hi_[i], Scalar(1) / D_[i]);
+      if (start_ == Start::Cold) x_[i] = Scalar(0);
+      const bool fixed = !(lo_[i] < hi_[i]);
+      const bool keep = start_ == Start::Warm && !fixed;
+      if (keep && state(i) == State::Lower && detail::has_bound(lo_[i])) x_[i] = lo_[i];
+      if (keep && state(i) == State::Upper && detail::has_bound(hi_[i])) x_[i] = hi_[i];
+      x_[i] = std::min(std::max(x_[i], lo_[i]), hi_[i]);
+      problem_.x[i] = x_[i] / D_[i];
+      if (!keep || state(i) != State::Free) {
+        state(i) = !(x_[i] > lo_[i]) ? State::Lower : !(x_[i] < hi_[i]) ? State::Upper : State::Free;
+      }
+    }
+    for (Index i = 0; i < m_; ++i) {
+      problem_.rl[i] = scaled(rl_[i], E_[i]);
+      problem_.ru[i] = scaled(ru_[i], E_[i]);
+      if (start_ == Start::Cold) y_[i] = Scalar(0);
+      problem_.y[i] = y_[i] / E_[i];
+    }
+    const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
+    const Scalar slope = steepest > Scalar(0) ? steepest : Scalar(1);
+    const Scalar unit = curvature_ > Scalar(0) ? curvature_ : slope;
+    const Scalar mu_unit = Scalar(1) / std::max(unit, slope);
+    const bool far = !weighted_ || start_ == Start::Cold || mu_unit > Scalar(64) * mu_unit_ || mu_unit < mu_unit_ / Scalar(64);
+    if (far) {
+      problem_.rho = Scalar(8) * half * unit;
+      problem_.mu = Scalar(1e-2) * mu_unit;
+      problem_.rho_ceiling = unit;
+      mu_unit_ = mu_unit;
+      weighted_ = true;
+      problem_.factor.clear();
+    }
+    start_ = Start::Warm;
+  }
+
+  /// Unscaled residuals of the present (x, y), z chosen from the gradient by position and sign; q_ holds the scaled gradient.
+  KktResiduals<Scalar> judge() {
+    using std::abs;
+    problem_.reduced_gradient(q_);
+    KktResiduals<Scalar> r;
+    Scalar dual_scale(1);
+    Scalar primal_scale(1);
+    for (Index j = 0; j < n_; ++j) {
+      const Scalar hx = problem_.hx[j];
+      const Scalar all =
+          std::max(Scalar(abs(hx)), std::max(Scalar(abs(problem_.g[j])), Scalar(abs(hx + problem_.g[j] - q_[j]))));
+      dual_scale = std::max(dual_scale, Scalar(all / D_[j]));
+      primal_scale = std::max(primal_scale, Scalar(abs(problem_.x[j]) * D_[j]));
+      r.stationarity = std::max(r.stationarity, Scalar(abs(q_[j] - bound_multiplier(j)) / D_[j]));
+      r.objective += (Scalar(0.5) * hx + problem_.g[j]) * problem_.x[j];
+    }
+    for (Index i = 0; i < m_; ++i) {
+      primal_scale = std::max(primal_scale, Scalar(abs(problem_.ax[i]) / E_[i]));
+      const Scalar below = problem_.rl[i] - problem_.ax[i];
+      const Scalar above = problem_.ax[i] - problem_.ru[i];
+      r.feasibility = std::max(r.feasibility, Scalar(std::max(below, above) / E_[i]));
+      const Scalar y = problem_.y[i];
+      const Scalar edge = y > Scalar(0) ? below : above;
+      if (y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
+    }
+    r.relative_stationarity = r.stationarity / dual_scale;
+    r.relative_feasibility = r.feasibility / primal_scale;
+    r.relative_complementarity = r.complementarity / std::max(Scalar(1), Scalar(abs(r.objective)));
+    return r;
+  }
+
+  /// The part of the scaled gradient q_j that an active bound may carry.
+  Scalar bound_multiplier(Index j) const {
+    const Scalar q = q_[j];
+    if (!(problem_.lo[j] < problem_.hi[j])) return q;
+    if (!(problem_.x[j] > problem_.lo[j])) return std::max(Scalar(0), q);
+    if (!(problem_.x[j] < problem_.hi[j])) return std::min(Scalar(0), q);
+    return Scalar(0);
+  }
+
+  /// How many tolerances the worst residual is away: at most one means solved.
+  Scalar excess(const KktResiduals<Scalar>& r) const {
+    return std::max(Scalar(r.relative_stationarity / settings_.stationarity_tolerance),
+                    std::max(Scalar(r.relative_feasibility / settings_.feasibility_tolerance),
+                             Scalar(r.relative_complementarity / settings_.complementarity_tolerance)));
+  }
+
+  /// Refines (x, y) on the sets of the factor towards the unregularised optimality equations while that helps.
+  KktResiduals<Scalar> refine(KktResiduals<Scalar> now) {
+    constexpr int kSteps = 12;
+    for (int step = 0; step < kSteps && excess(now) > Scalar(1e-3); ++step) {
+      best_x_.head(n_) = problem_.x.head(n_);
+      best_y_.head(m_) = problem_.y.head(m_);
+      for (Index k = 0; k < problem_.factor.row_size(); ++k) {
+        const Index i = problem_.factor.row(k);
+        const Scalar y = problem_.y[i];
+        const bool lower =
+            !(problem_.rl[i] < problem_.ru[i]) || y > Scalar(0) || (!(y < Scalar(0)) && problem_.ax[i] < problem_.rl[i]);
+        r2_[i] = problem_.ax[i] - (lower ? problem_.rl[i] : problem_.ru[i]);
+        if (!detail::has_bound(lower ? problem_.rl[i] : problem_.ru[i])) r2_[i] = Scalar(0);
+      }
+      problem_.factor.solve(q_, r2_, p_, delta_);
+      for (Index k = 0; k < problem_.factor.free_size(); ++k) {
+        const Index i = problem_.factor.unknown(k);
+        problem_.x[i] = std::min(std::max(Scalar(problem_.x[i] + p_[i]), problem_.lo[i]), problem_.hi[i]);
+      }
+      for (Index k = 0; k < problem_.factor.row_size(); ++k) {
+        const Index i = problem_.factor.row(k);
+        Scalar y = problem_.y[i] + delta_[i];
+        if (!detail::has_bound(problem_.rl[i])) y = std::min(y, Scalar(0));
+        if (!detail::has_bound(problem_.ru[i])) y = std::max(y, Scalar(0));
+        problem_.y[i] = y;
+      }
+      problem_.refresh_products();
+      const KktResiduals<Scalar> next = judge();
+      if (!(excess(next) < Scalar(0.5) * excess(now))) {
+        if (!(excess(next) < excess(now))) {
+          problem_.x.head(n_) = best_x_.head(n_);
+          problem_.y.head(m_) = best_y_.head(m_);
+          problem_.refresh_products();
+          return judge();
+        }
+        return next;
+      }
+      now = next;
+    }
+    return now;
+  }
+
+  /// Tests y - yk as a proof of infeasibility on unscaled data, refined towards Aᵀ(y - yk) = 0 on the free unknowns.
+  bool check_infeasible(result_type& result) {
+    using std::abs;
+    Scalar largest(0);
+    for (Index i = 0; i < m_; ++i) largest = std::max(largest, Scalar(abs(problem_.y[i] - problem_.yk[i])));
+    bool changed = false;
+    if (!(largest > Scalar(0)) || !problem_.sync(changed)) return false;
+    const Scalar tiny = detail::certificate_tolerance<Scalar>();
+    Scalar reach(1);
+    for (Index j = 0; j < n_; ++j) reach = std::max(reach, Scalar(abs(problem_.x[j])));
+    best_y_.head(m_) = (problem_.yk.head(m_) - problem_.y.head(m_)) / largest;
+    r2_.head(m_).setConstant(Scalar(0));
+    constexpr int kSteps = 3;
+    for (int step = 0; step < kSteps; ++step) {
+      n_work_.head(n_).setConstant(Scalar(0));
+      n_size_.head(n_).setConstant(Scalar(0));
+      for (Index i = 0; i < m_; ++i) {
+        if (abs(best_y_[i]) < tiny) best_y_[i] = Scalar(0);
+        const Scalar v = best_y_[i];
+        if (!(v < Scalar(0)) && !(v > Scalar(0))) continue;
+        n_work_.head(n_) -= v * problem_.At().col(i);
+        n_size_.head(n_) += abs(v) * problem_.At().col(i).cwiseAbs();
+      }
+      q_.head(n_) = n_work_.head(n_);
+      if (detail::proves_infeasible<Scalar>(best_y_.head(m_), n_work_.head(n_), n_size_.head(n_), problem_.rl.head(m_),
+                                            problem_.ru.head(m_), problem_.lo.head(n_), problem_.hi.head(n_),
+                                            Scalar(16) * reach)) {
+        for (Index i = 0; i < m_; ++i) result.row_multipliers[i] = best_y_[i] * E_[i];
+        for (Index j = 0; j < n_; ++j) result.bound_multipliers[j] = n_work_[j] / D_[j];
+        return true;
+      }
+      problem_.factor.solve(q_, r2_, p_, delta_);
+      for (Index k = 0; k < problem_.factor.row_size(); ++k) {
+        const Index i = problem_.factor.row(k);
+        best_y_[i] += delta_[i];
+      }
+    }
+    return false;
+  }
+
+  /// Tests x - xk as a ray on unscaled data.
+  bool check_unbounded(result_type& result) {
+    using std::abs;
+    Scalar largest(0);
+    for (Index j = 0; j < n_; ++j) largest = std::max(largest, Scalar(abs(problem_.x[j] - problem_.xk[j])));
+    if (!(largest > Scalar(0))) return false;
+    n_work_.head(n_).setConstant(Scalar(0));
+    n_size_.head(n_).setConstant(Scalar(0));
+    m_work_.head(m_).setConstant(Scalar(0));
+    m_size_.head(m_).setConstant(Scalar(0));
+    for (Index j = 0; j < n_; ++j) {
+      Scalar d = (problem_.x[j] - problem_.xk[j]) / largest;
+      if (abs(d) < Scalar(8) * detail::certificate_tolerance<Scalar>()) d = Scalar(0);
+      p_[j] = d;
+      if (!(d < Scalar(0)) && !(d > Scalar(0))) continue;
+      for (Index i = 0; i < n_; ++i) {
+        const Scalar term = problem_.H()(i, j) * d;
+        n_work_[i] += term;
+        n_size_[i] += abs(term);
+      }
+      for (Index i = 0; i < m_; ++i) {
+        const Scalar term = problem_.A()(i, j) * d;
+        m_work_[i] += term;
+        m_size_[i] += abs(term);
+      }
+    }
+    if (!detail::proves_unbounded<Scalar>(p_.head(n_), n_work_.head(n_), m_work_.head(m_), n_size_.head(n_), m_size_.head(m_),
+                                          problem_.g.head(n_), problem_.rl.head(m_), problem_.ru.head(m_), problem_.lo.head(n_),
+                                          problem_.hi.head(n_))) {
+      return false;
+    }
+    for (Index j = 0; j < n_; ++j) result.ray[j] = p_[j] * D_[j];
+    return true;
+  }
+
+  QpStatus iterate(result_type& result) {
+    using std::abs;
+    using std::sqrt;
+    const int limit = settings_.max_iterations > 0 ? settings_.max_iterations : 10 * static_cast<int>(n_ + m_) + 10;
+    const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
+    const bool coarse = scalar_traits<Scalar>::epsilon() > Scalar(1e-12);  // y(x) = …/μ would drown in rounding
+    problem_.refresh_products();
+    KktResiduals<Scalar> now = judge();
+    if (!(excess(now) > Scalar(1))) return QpStatus::Solved;
+    Scalar tolerance = Scalar(1e-3) * std::max(curvature_, Scalar(1) / mu_unit_);
+    const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
+    Scalar gap = scalar_traits<Scalar>::infinity();
+    for (int outer = 0; outer < kOuterLimit; ++outer) {
+      problem_.xk.head(n_) = problem_.x.head(n_);
+      problem_.yk.head(m_) = problem_.y.head(m_);
+      const typename Problem::Outcome outcome = problem_.minimise(tolerance, result.iterations, limit);
+      if (outcome == Problem::Outcome::Concave) return QpStatus::NonConvex;
+      problem_.refresh_products();
+      problem_.update_multipliers();
+      now = judge();
+      if (outcome == Problem::Outcome::Budget) return QpStatus::IterationLimit;
+      const Scalar violation = now.feasibility;
+      if (!(excess(now) > Scalar(1))) return finish(now);
+      if (now.relative_feasibility > settings_.feasibility_tolerance && check_infeasible(result)) {
+        return QpStatus::PrimalInfeasible;
+      }
+      if (check_unbounded(result)) return QpStatus::DualInfeasible;
+      bool changed = false;
+      if (problem_.sync(changed)) {
+        now = refine(judge());
+        if (!(excess(now) > Scalar(1))) return QpStatus::Solved;
+      }
+      if (now.relative_feasibility > settings_.feasibility_tolerance && violation > Scalar(0.1) * gap) {
+        problem_.mu = std::max(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle || coarse ? sqrt(half) : half) * mu_unit_));
+        problem_.factor.touch();
+      }
+      gap = violation;
+      tolerance = std::max(tolerance_floor, Scalar(0.05) * tolerance);
+    }
+    return QpStatus::IterationLimit;
+  }
+
+  /// Polishes a point that already passes.
+  QpStatus finish(const KktResiduals<Scalar>& now) {
+    bool changed = false;
+    if (problem_.sync(changed)) refine(now);
+    return QpStatus::Solved;
+  }
+
+  /// Fills the result in the caller's units; the definition has the last word on "Solved".
+  void report(const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru, result_type& result) {
+    const Scalar zero(0);
+    const bool infeasible = result.status == QpStatus::PrimalInfeasible;
+    if (!all_finite(problem_.x.head(n_)) || !all_finite(problem_.y.head(m_))) {
+      for (Index i = 0; i < n_; ++i) problem_.x[i] = std::min(std::max(zero, problem_.lo[i]), problem_.hi[i]);
+      problem_.y.head(m_).setConstant(zero);
+      if (!infeasible && result.status != QpStatus::DualInfeasible) result.status = QpStatus::IterationLimit;
+      problem_.factor.clear();
+    }
+    problem_.refresh_products();
+    problem_.reduced_gradient(q_);
+    n_work_.head(n_).setConstant(zero);
+    p_.head(n_).setConstant(zero);
+    for (Index j = 0; j < n_; ++j) {
+      x_[j] = D_[j] * problem_.x[j];
+      result.x[j] = x_[j];
+      n_work_[j] = problem_.hx[j] / D_[j];                       // Hx
+      p_[j] = (problem_.hx[j] + problem_.g[j] - q_[j]) / D_[j];  // Aᵀy
+      n_size_[j] = bound_multiplier(j) / D_[j];
+    }
+    for (Index i = 0; i < m_; ++i) {
+      y_[i] = E_[i] * problem_.y[i];
+      m_work_[i] = problem_.ax[i] / E_[i];
+    }
+    const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(
+        n_work_.head(n_), m_work_.head(m_), p_.head(n_), g_.head(n_), rl, ru, lb, ub, result.x, y_.head(m_), n_size_.head(n_));
+    result.stationarity = r.relative_stationarity;
+    result.feasibility = r.relative_feasibility;
+    result.complementarity = r.relative_complementarity;
+    result.objective = r.objective;
+    if (!infeasible) {
+      result.bound_multipliers = n_size_.head(n_);
+      result.row_multipliers = y_.head(m_);
+    }
+    if (result.status == QpStatus::Solved && excess(r) > Scalar(1)) {
+      result.status = excess(r) < Scalar(1000) ? QpStatus::SolvedInaccurate : QpStatus::IterationLimit;
+    }
+    if (result.status == QpStatus::IterationLimit && !(excess(r) > Scalar(1000))) result.status = QpStatus::SolvedInaccurate;
+    if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
+  }
+
+  static constexpr int kOuterLimit = 200, kGentle = 15;
+
+  QpSettings<Scalar> settings_;
+  Problem problem_;
+  std::vector<Scalar> hessian_, matrix_;
+  VectorX<Scalar> D_, g_, lo_, hi_, q_, x_, best_x_, p_, n_work_, n_size_;
+  VectorX<Scalar> E_, rl_, ru_, y_, best_y_, delta_, r2_, m_work_, m_size_;
+  Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1);
+  Index capacity_n_ = 0, capacity_m_ = 0, n_ = 0, m_ = 0, hessian_index_ = -1, rows_index_ = -1;
+  const char* hessian_message_ = "no Hessian was set";
+  const char* rows_message_ = "no rows were set";
+  QpStatus hessian_status_ = QpStatus::InvalidData, rows_status_ = QpStatus::InvalidData;
+  Start start_ = Start::Cold;
+  bool prepared_ = false, weighted_ = false;
+};
+
+}  // namespace clothctl

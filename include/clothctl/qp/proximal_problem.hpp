@@ -1,0 +1,295 @@
+#pragma once
+
+// One step of the proximal method of multipliers around (x_k, y_k): minimise over lb ≤ x ≤ ub
+//
+//   φ(x) = ½ xᵀHx + gᵀx + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
+//   y(x) = (Π(v) - v)/μ,  v = Ax - μ y_k         ∇φ = Hx + g + ρ (x - x_k) - Aᵀ y(x)
+//
+// φ is strictly convex, bounded below and finite for every x in the box, so its minimiser exists whatever the rows are. It is
+// found by Newton steps on the free unknowns and violated rows, each with an exact search along the path that bends at the
+// bounds; unknowns that meet a bound leave the free set, those with a wrong multiplier sign join it once the reduced gradient
+// is small.
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/row_factor.hpp"
+
+namespace clothctl::detail {
+
+/// Data, iterate and factor of the proximal subproblem, in scaled space. Members are plain: ActiveSet is the only user.
+template <RealScalar Scalar>
+class ProximalProblem {
+ public:
+  using Vector = VectorX<Scalar>;
+  using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
+  using Map = Eigen::Map<MatrixX<Scalar>>;
+  enum class State : signed char { Lower = -1, Free = 0, Upper = 1 };
+  enum class Outcome { Minimised, Budget, Concave };
+
+  /// Makes room. Allocates.
+  void reserve(Index n, Index m) {
+    hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
+    rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
+    columns_.assign(static_cast<std::size_t>(n * m), Scalar(0));
+    for (Vector* v : {&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_}) v->setZero(n);
+    for (Vector* v : {&rl, &ru, &y, &yk, &ax, &b_, &delta_, &zero_rows_}) v->setZero(m);
+    state.assign(static_cast<std::size_t>(n), State::Lower);
+    moving_.assign(static_cast<std::size_t>(n), 0);
+    hits_.assign(static_cast<std::size_t>(n), 0);
+    kinks_.assign(static_cast<std::size_t>(2 * m), {Scalar(0), Scalar(0)});
+    factor.reserve(n, m);
+    n_ = m_ = 0;
+  }
+  /// Sets the problem's size, within what was reserved.
+  void resize(Index n, Index m) {
+    n_ = n;
+    m_ = m;
+    factor.clear();
+  }
+
+  Index unknowns() const { return n_; }
+  Index rows() const { return m_; }
+  Map H() { return {hessian_.data(), n_, n_}; }
+  Map A() { return {rows_.data(), m_, n_}; }
+  Map At() { return {columns_.data(), n_, m_}; }
+  ConstMap H() const { return {hessian_.data(), n_, n_}; }
+  ConstMap A() const { return {rows_.data(), m_, n_}; }
+  ConstMap At() const { return {columns_.data(), n_, m_}; }
+
+  /// hx = H x and ax = A x from scratch.
+  void refresh_products() {
+    hx.head(n_).setConstant(Scalar(0));
+    ax.head(m_).setConstant(Scalar(0));
+    for (Index j = 0; j < n_; ++j) {
+      if (!(x[j] < Scalar(0)) && !(x[j] > Scalar(0))) continue;
+      hx.head(n_) += x[j] * std::as_const(*this).H().col(j);
+      ax.head(m_) += x[j] * std::as_const(*this).A().col(j);
+    }
+  }
+
+  /// out = H x + g - Aᵀ y for the present x, y.
+  void reduced_gradient(Vector& out) const {
+    out.head(n_) = hx.head(n_) + g.head(n_);
+    for (Index i = 0; i < m_; ++i) {
+      if (y[i] < Scalar(0) || y[i] > Scalar(0)) out.head(n_) -= y[i] * At().col(i);
+    }
+  }
+
+  /// y(x) and ∇φ from ax and hx.
+  void update_multipliers() {
+    for (Index i = 0; i < m_; ++i) y[i] = multiplier(i, ax[i] - mu * yk[i]);
+    reduced_gradient(grad);
+    grad.head(n_) += rho * (x.head(n_) - xk.head(n_));
+  }
+
+  /// Sign violation of the multiplier of an unknown at a bound, given its gradient; 0 where it holds.
+  Scalar violation(Index i, const Vector& gradient) const {
+    const State s = state[static_cast<std::size_t>(i)];
+    if (s == State::Free || !(lo[i] < hi[i])) return Scalar(0);
+    return std::max(Scalar(0), s == State::Lower ? Scalar(-gradient[i]) : gradient[i]);
+  }
+
+  /// Minimises φ until free gradient and sign violations are below `tolerance`. Adds set changes to `iterations`.
+  Outcome minimise(const Scalar& tolerance, int& iterations, int limit) {
+    using std::abs;
+    update_multipliers();
+    Scalar last = scalar_traits<Scalar>::infinity();
+    int stalls = 0;
+    int settled = 0;
+    for (;;) {
+      Scalar inside(0);
+      Scalar outside(0);
+      Index worst = -1;
+      for (Index i = 0; i < n_; ++i) {
+        if (state[static_cast<std::size_t>(i)] == State::Free) inside = std::max(inside, Scalar(abs(grad[i])));
+        const Scalar v = violation(i, grad);
+        if (v > outside) {
+          outside = v;
+          worst = i;
+        }
+      }
+      const bool bottom = !(inside > tolerance) || settled > 2;
+      if (bottom && !(outside > tolerance)) return Outcome::Minimised;
+      const Scalar value = objective();
+      if (!(value < last)) ++stalls;
+      last = value;
+      if (stalls > kStalls) return Outcome::Minimised;  // rounding rules: the outer loop judges what was reached
+      if (outside > tolerance && (bottom || settled > 0 || inside < Scalar(0.1) * outside)) {
+        const bool one = stalls > kStalls / 2;
+        for (Index i = 0; i < n_; ++i) {
+          if (one ? i == worst : violation(i, grad) > tolerance) state[static_cast<std::size_t>(i)] = State::Free;
+        }
+        settled = 0;
+      }
+      bool changed = false;
+      while (!sync(changed)) {
+        if (factor.free_failed()) {
+          if (rho > Scalar(1e-2) * rho_ceiling) return Outcome::Concave;
+          rho *= Scalar(16);
+          factor.clear();
+        } else {
+          mu *= Scalar(16);
+          factor.touch();
+        }
+        update_multipliers();
+        last = scalar_traits<Scalar>::infinity();
+      }
+      if (changed && ++iterations >= limit) return Outcome::Budget;
+      zero_rows_.head(m_).setConstant(Scalar(0));
+      factor.solve(grad, zero_rows_, p_, delta_);
+      settled = walk() ? settled + 1 : 0;
+      update_multipliers();
+    }
+  }
+
+  /// Brings the factor to the present sets.
+  bool sync(bool& changed) {
+    return factor.sync(
+        std::as_const(*this).H(), std::as_const(*this).At(), rho, mu,
+        [this](Index i) { return state[static_cast<std::size_t>(i)] == State::Free; },
+        [this](Index i) {
+          const Scalar v = ax[i] - mu * yk[i];
+          return !(rl[i] < ru[i]) || v < rl[i] || v > ru[i];
+        },
+        changed);
+  }
+
+  Vector g, lo, hi, x, xk, hx, grad;
+  Vector rl, ru, y, yk, ax;
+  std::vector<State> state;
+  RowFactor<Scalar> factor;
+  Scalar rho = Scalar(0), mu = Scalar(1), rho_ceiling = Scalar(1);
+
+ private:
+  static constexpr int kStalls = 8;
+
+  Scalar multiplier(Index i, const Scalar& v) const {
+    return v < rl[i] ? (rl[i] - v) / mu : v > ru[i] ? (ru[i] - v) / mu : Scalar(0);
+  }
+
+  Scalar objective() const {
+    return x.head(n_).dot(Scalar(0.5) * hx.head(n_) + g.head(n_)) +
+           Scalar(0.5) * rho * (x.head(n_) - xk.head(n_)).squaredNorm() + Scalar(0.5) * mu * y.head(m_).squaredNorm();
+  }
+
+  /// First minimum of φ(x + t p) on 0 ≤ t ≤ end, given φ'(0) < 0 and the curvature without rows; `end` when there is none.
+  Scalar minimum_along(const Scalar& slope, const Scalar& curvature, const Scalar& end) {
+    Index kinks = 0;
+    Scalar bend = curvature;
+    for (Index i = 0; i < m_; ++i) {
+      const Scalar b = b_[i];
+      if (!(b < Scalar(0)) && !(b > Scalar(0))) continue;
+      const Scalar stiffness = b * b / mu;
+      const Scalar v = ax[i] - mu * yk[i];
+      const bool equality = !(rl[i] < ru[i]);
+      if (equality || v < rl[i] || v > ru[i]) bend += stiffness;
+      if (equality) continue;
+      const auto kink = [&](const Scalar& edge, bool inwards) {
+        if (!has_bound(edge)) return;
+        const Scalar t = (edge - v) / b;
+        if (t < Scalar(0) || !(t < end)) return;
+        if (!(t > Scalar(0)) && inwards) return;  // on the edge, moving in: was not counted
+        kinks_[static_cast<std::size_t>(kinks++)] = {t, inwards ? Scalar(-stiffness) : stiffness};
+      };
+      kink(rl[i], b > Scalar(0));
+      kink(ru[i], b < Scalar(0));
+    }
+    std::sort(kinks_.begin(), kinks_.begin() + kinks, [](const Kink& a, const Kink& c) { return a.first < c.first; });
+    Scalar t(0);
+    Scalar s = slope;
+    for (Index k = 0; k < kinks; ++k) {
+      const Kink& kink = kinks_[static_cast<std::size_t>(k)];
+      const Scalar next = s + bend * (kink.first - t);
+      if (!(next < Scalar(0))) break;
+      s = next;
+      t = kink.first;
+      bend += kink.second;
+    }
+    if (!(bend > Scalar(0))) return end;
+    return std::min(end, Scalar(t - s / bend));
+  }
+
+  /// Walks along the bent path of the Newton direction. Returns true when it was one whole step within the present sets.
+  bool walk() {
+    const Scalar big = no_bound<Scalar>();
+    const Index count = factor.free_size();
+    w_.head(n_).setConstant(Scalar(0));
+    b_.head(m_).setConstant(Scalar(0));
+    Index hits = 0;
+    bool whole = true;
+    for (Index k = 0; k < count; ++k) {
+      const Index i = factor.unknown(k);
+      moving_[static_cast<std::size_t>(k)] = i;
+      if (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0))) continue;
+      w_.head(n_) += p_[i] * std::as_const(*this).H().col(i);
+      b_.head(m_) += p_[i] * std::as_const(*this).A().col(i);
+      const Scalar edge = p_[i] < Scalar(0) ? lo[i] : hi[i];
+      if (!has_bound(edge)) continue;
+      limit_[i] = std::max(Scalar(0), Scalar((edge - x[i]) / p_[i]));
+      if (limit_[i] < Scalar(1)) whole = false;
+      hits_[static_cast<std::size_t>(hits++)] = i;
+    }
+    for (Index i = 0; whole && i < m_; ++i) {
+      const Scalar v = ax[i] - mu * yk[i];
+      if (rl[i] < ru[i] && ((v < rl[i]) != (v + b_[i] < rl[i]) || (v > ru[i]) != (v + b_[i] > ru[i]))) whole = false;
+    }
+    if (whole) {
+      advance(Scalar(1), count);
+      return true;
+    }
+    std::sort(hits_.begin(), hits_.begin() + hits,
+              [this](Index a, Index c) { return limit_[a] < limit_[c] || (!(limit_[c] < limit_[a]) && a < c); });
+    Scalar t(0);
+    for (Index hit = 0;; ++hit) {
+      Scalar slope(0);
+      Scalar curvature(0);
+      for (Index k = 0; k < count; ++k) {
+        const Index i = moving_[static_cast<std::size_t>(k)];
+        slope += (hx[i] + g[i] + rho * (x[i] - xk[i])) * p_[i];
+        curvature += (w_[i] + rho * p_[i]) * p_[i];
+      }
+      for (Index i = 0; i < m_; ++i) slope -= multiplier(i, ax[i] - mu * yk[i]) * b_[i];
+      if (!(slope < Scalar(0))) break;
+      const Index next = hit < hits ? hits_[static_cast<std::size_t>(hit)] : Index(-1);
+      const Scalar end = next >= 0 ? Scalar(limit_[next] - t) : big;
+      const Scalar step = minimum_along(slope, curvature, end);
+      if (!(step < big)) break;
+      advance(step, count);
+      t += step;
+      if (step < end) break;
+      const bool down = p_[next] < Scalar(0);
+      x[next] = down ? lo[next] : hi[next];
+      state[static_cast<std::size_t>(next)] = down ? State::Lower : State::Upper;
+      w_.head(n_) -= p_[next] * std::as_const(*this).H().col(next);
+      b_.head(m_) -= p_[next] * std::as_const(*this).A().col(next);
+      p_[next] = Scalar(0);
+    }
+    for (Index k = 0; k < count; ++k) {  // rounding must not leave the box
+      const Index i = moving_[static_cast<std::size_t>(k)];
+      x[i] = std::min(std::max(x[i], lo[i]), hi[i]);
+    }
+    return false;
+  }
+
+  void advance(const Scalar& step, Index count) {
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving_[static_cast<std::size_t>(k)];
+      x[i] += step * p_[i];
+    }
+    hx.head(n_) += step * w_.head(n_);
+    ax.head(m_) += step * b_.head(m_);
+  }
+
+  using Kink = std::pair<Scalar, Scalar>;
+  std::vector<Scalar> hessian_, rows_, columns_;
+  Vector p_, w_, limit_, b_, delta_, zero_rows_;
+  std::vector<Index> moving_, hits_;
+  std::vector<Kink> kinks_;
+  Index n_ = 0, m_ = 0;
+};
+
+}  // namespace clothctl::detail
