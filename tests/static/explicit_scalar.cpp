@@ -4,5 +4,6 @@
 
 #include <clothctl/clothctl.hpp>
 
+#define CLOTHCTL_EXPLICIT_SCALAR
 #define CLOTHCTL_SCALAR clothctl_test::ExplicitDouble
 #include "instantiations.inc"

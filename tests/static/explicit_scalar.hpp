@@ -67,6 +67,9 @@ inline ExplicitDouble pow(ExplicitDouble x, ExplicitDouble y) { return ExplicitD
 inline ExplicitDouble copysign(ExplicitDouble x, ExplicitDouble y) {
   return ExplicitDouble(std::copysign(x.unboxed(), y.unboxed()));
 }
+inline bool(isnan)(ExplicitDouble x) { return clothctl::scalar_traits<double>::is_nan(x.unboxed()); }
+inline bool(isfinite)(ExplicitDouble x) { return clothctl::scalar_traits<double>::is_finite(x.unboxed()); }
+inline bool(isinf)(ExplicitDouble x) { return !(isnan)(x) && !(isfinite)(x); }
 inline ExplicitDouble abs2(ExplicitDouble x) { return x * x; }
 inline const ExplicitDouble& conj(const ExplicitDouble& x) { return x; }
 inline const ExplicitDouble& real(const ExplicitDouble& x) { return x; }

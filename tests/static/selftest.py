@@ -69,6 +69,7 @@ Scalar twice(Scalar x) {
     "tests/static/boxed.cpp": '#include "clothctl/clothctl.hpp"\n#include "static/explicit_scalar.hpp"\n'
     "template clothctl_test::ExplicitDouble clothctl::twice(clothctl_test::ExplicitDouble);\n",
     "tests/static/long_headers.txt": "# none\n",
+    "tests/static/tested_with.txt": "# none\n",
     "examples/quickstart.cpp": "int main() { return 0; }\n",
     "README.md": "# x\n\n```cpp\nint main() { return 0; }\n```\n",
 }

@@ -7,11 +7,18 @@
 //   Newton to convergence:             v⁺ = argmin ½(v - v0)ᵀM(v - v0) + U(x0 + h v) - h (M g + f_u)ᵀ v
 //                                           + ½ h α vᵀM v + ½ h vᵀD v + ½ h (w - v)ᵀC (w - v)
 //
-// D and C are frozen at the start of the step. The Hessian of each Newton step is SPD-projected (spring_forces.hpp), so
-// its direction descends; an Armijo backtracking line search on the energy makes the method globally convergent.
+// D and C are frozen at the start of the step. The one solve takes K's SPD projection. A Newton step takes as much of the
+// exact K as leaves A positive definite: the factor γ on its compression part (spring_forces.hpp) starts at 1, halves whenever
+// the factorisation fails (0 below ¼: the projection) and doubles again after a few good steps. So every direction descends,
+// and near a minimum, where the exact A is positive definite, convergence is quadratic: a sheet that buckles takes a fifth of
+// the iterations of the projected method. An Armijo backtracking line search on the energy makes it globally convergent.
 // Reference: Baraff & Witkin, Large Steps in Cloth Simulation (1998); paper 000, eq. 4-6.
 
+#include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
+#include <cstddef>
 #include <string>
 #include <utility>
 #include <vector>
@@ -45,10 +52,10 @@ struct MassSpringSettings {
   Scalar drag = Scalar(0);
   /// Air on the network's triangles; zero coefficients mean none.
   AirSettings<Scalar> air = {};
-  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s; 0 means
-  /// 2 ∛ε (1.2e-5 in double).
+  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s, or when the
+  /// residual is rounding of the spring forces; 0 means 2 ∛ε (1.2e-5 in double).
   Scalar velocity_tolerance = Scalar(0);
-  /// Newton steps at most.
+  /// Most Newton steps of a step; when they are used up the step advances with the status IterationLimit.
   int max_iterations = 100;
   /// Vertices that never move unless they are driven.
   std::vector<int> pinned = {};
@@ -74,15 +81,15 @@ class MassSpring {
 
   /// All memory of a step. Made by `make_workspace`.
   struct Workspace {
-    /// The step matrix.
-    BlockSymmetric<Scalar> matrix;
+    /// The step matrix, and the part of it that a step keeps: inertia, drag, dampers, air and bending.
+    BlockSymmetric<Scalar> matrix, frozen;
     /// Its factor.
     BlockCholesky<Scalar> factor;
     /// Flags of driven and pinned vertices.
     std::vector<unsigned char> held;
     /// Unit vectors of the springs at the start of the step.
     Points<Scalar> direction;
-    /// Start-of-step air matrix products and forces, trial velocities and positions, gradient.
+    /// Forces that stay over the step (gravity, input, C w), end velocities, trial velocities, end positions, energy gradient.
     Points<Scalar> outer, velocity, trial, position, gradient;
     /// Air matrices of the triangles, one after the other.
     std::vector<Matrix3<Scalar>> air;
@@ -90,9 +97,11 @@ class MassSpring {
     Lanes<Scalar, 1> rhs, product;
   };
 
-  /// Checks and keeps network and settings, and analyses the step matrix once. Allocates.
+  /// Checks and keeps network and settings, and analyses the step matrix once. Allocates. Fails when: network or settings do
+  /// not pass their check, a pin is off the mesh, or a stencil or triangle holds a vertex twice.
   static Result<MassSpring> create(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings = {}) {
     std::string problem = network.check();
+    if (problem.empty()) problem = check_distinct(network);
     if (problem.empty()) problem = settings.check();
     for (int v : settings.pinned) {
       if (problem.empty() && (v < 0 || v >= network.vertex_count()))
@@ -124,6 +133,7 @@ class MassSpring {
     const Index n = vertex_count();
     Workspace ws;
     ws.matrix = pattern_.matrix();
+    ws.frozen = pattern_.matrix();
     ws.factor = BlockCholesky<Scalar>(pattern_.matrix(), tree_);
     ws.held.assign(static_cast<std::size_t>(n), 0);
     ws.direction.setZero(3, static_cast<Index>(network_.springs.size()));
@@ -135,13 +145,14 @@ class MassSpring {
   }
 
   /// Advances `state` by `dt` seconds under `input`. Never allocates. On any failure the state is left as it was.
+  /// Complexity: one factorisation of the step matrix (O(n^1.5) on a sheet of n vertices) a linear solve.
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
     const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
     if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
     prepare(state, input, dt, ws);
     StepReport<Scalar> report = solve_linear(state, dt, ws);
     if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
-      report = iterate(state, dt, settings_.max_iterations, ws);
+      report = iterate(state, dt, settings_.max_iterations, report.iterations, ws);
     }
     return finish(state, input, dt, report, ws);
   }
@@ -157,20 +168,26 @@ class MassSpring {
     for (Index i = 0; i < vertex_count(); ++i) {
       if (!held(ws, i)) ws.velocity.col(i) = guess.col(i);
     }
-    return finish(state, input, dt, iterate(state, dt, newton_steps, ws), ws);
+    return finish(state, input, dt, iterate(state, dt, newton_steps, 0, ws), ws);
   }
 
  private:
+  static constexpr int kMaxHalvings = 30;
+
   /// Moves the state to the end of the step unless the solve failed.
   StepReport<Scalar> finish(State& state, const ClothInput<Scalar>& input, Scalar dt, StepReport<Scalar> report,
                             Workspace& ws) const {
     if (report.status != StepStatus::Converged && report.status != StepStatus::IterationLimit) return report;
-    if (!all_finite(ws.velocity)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
-    state.velocities = ws.velocity;
-    state.positions += dt * ws.velocity;
+    ws.position = state.positions + dt * ws.velocity;
+    for (int v : settings_.pinned) ws.position.col(v) = state.positions.col(v);
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
-      state.positions.col(input.driven_vertices[i]) = input.driven_positions.col(static_cast<Index>(i));  // exact, not x + h v
+      ws.position.col(input.driven_vertices[i]) = input.driven_positions.col(static_cast<Index>(i));  // exact, not x + h v
     }
+    if (!all_finite(ws.velocity) || !all_finite(ws.position)) {
+      return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+    }
+    state.velocities = ws.velocity;
+    state.positions = ws.position;
     report.advanced = true;
     return report;
   }
@@ -179,37 +196,56 @@ class MassSpring {
       : network_(std::move(network)),
         settings_(std::move(settings)),
         pattern_(network_, true, settings_.air.enabled()),
-        tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)) {}
+        tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)),
+        stiffness_sum_(VectorX<Scalar>::Zero(network_.vertex_count())) {
+    for (const Spring<Scalar>& s : network_.springs) {
+      stiffness_sum_[s.a] += s.stiffness;
+      stiffness_sum_[s.b] += s.stiffness;
+    }
+  }
+
+  /// Returns an empty string, or a line that names the first stencil or triangle that holds a vertex twice.
+  static std::string check_distinct(const SpringNetwork<Scalar>& network) {
+    const auto repeated = [](const auto& list, std::size_t count) {
+      for (std::size_t i = 1; i < count; ++i) {
+        if (std::find(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(i), list[i]) - list.begin() <
+            static_cast<std::ptrdiff_t>(i)) {
+          return list[i];
+        }
+      }
+      return -1;
+    };
+    for (std::size_t e = 0; e < network.bends.size(); ++e) {
+      const int v = repeated(network.bends[e].vertex, static_cast<std::size_t>(network.bends[e].count));
+      if (v >= 0) return "bending stencil " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
+    }
+    for (std::size_t e = 0; e < network.triangles.size(); ++e) {
+      const int v = repeated(network.triangles[e], 3);
+      if (v >= 0) return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
+    }
+    return {};
+  }
 
   bool air() const { return settings_.air.enabled(); }
 
-  /// Freezes what a step keeps fixed: directions of the dampers, air matrices, outer forces; ws.velocity = v with the
-  /// held vertices at their prescribed velocity.
+  /// Freezes what a step keeps fixed: directions of the dampers, air matrices, outer forces, ws.frozen; ws.velocity = v with
+  /// the held vertices at their prescribed velocity.
   void prepare(const State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
     const Points<Scalar>& x = state.positions;
     for (int v : settings_.pinned) ws.held[static_cast<std::size_t>(v)] = 1;
-    for (std::size_t e = 0; e < network_.springs.size(); ++e) {
-      const Spring<Scalar>& s = network_.springs[e];
-      const Vector3<Scalar> d = x.col(s.a) - x.col(s.b);
-      const Scalar squared = d.squaredNorm();
-      using std::sqrt;
-      if (squared > Scalar(1e-12) * s.rest_length * s.rest_length) {
-        ws.direction.col(static_cast<Index>(e)) = d * (Scalar(1) / sqrt(squared));
-      } else {
-        ws.direction.col(static_cast<Index>(e)).setZero();
-      }
-    }
+    spring_directions<Scalar>(network_, x, ws.direction);
     ws.outer.noalias() = settings_.gravity * network_.mass.transpose();
-    for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
+    for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
       ws.outer.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
-    const Scalar third = Scalar(1) / Scalar(3);
-    for (std::size_t e = 0; e < ws.air.size(); ++e) {
-      const std::array<int, 3>& t = network_.triangles[e];
-      const Vector3<Scalar> mean =
-          (state.velocities.col(t[0]) + state.velocities.col(t[1]) + state.velocities.col(t[2])) * third;
-      ws.air[e] = air_drag_matrix<Scalar>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean, input.wind, settings_.air);
-      const Vector3<Scalar> push = ws.air[e] * input.wind * third;
-      for (int v : t) ws.outer.col(v) += push;
+    }
+    freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air, ws.outer);
+    ws.frozen.set_zero();
+    pattern_.add_bending(network_, dt * dt, ws.frozen);
+    pattern_.add_frozen(network_, ws.direction, ws.air, dt, ws.frozen);
+    const Scalar inertia = Scalar(1) + dt * settings_.drag;
+    for (Index i = 0; i < vertex_count(); ++i) {
+      ws.frozen.diagonal(i).diagonal().array() += inertia * network_.mass[i];
+      if (held(ws, i)) ws.outer.col(i).setZero();  // what acts on a held vertex moves nothing
     }
     ws.velocity = state.velocities;
     for (int v : settings_.pinned) ws.velocity.col(v).setZero();
@@ -219,21 +255,18 @@ class MassSpring {
     }
   }
 
-  /// Assembles A at `x`: the part that changes (K) and the frozen dampers and air.
-  void assemble(const Points<Scalar>& x, Scalar dt, Workspace& ws) const {
-    BlockSymmetric<Scalar>& a = ws.matrix;
-    a.set_zero();
-    pattern_.add_springs(network_, x, StiffnessScale<Scalar>{}, dt * dt, Scalar(0), a);
-    pattern_.add_bending(network_, dt * dt, a);
-    pattern_.add_frozen(network_, ws.direction, ws.air, dt, a);
-    const Scalar inertia = Scalar(1) + dt * settings_.drag;
-    for (Index i = 0; i < vertex_count(); ++i) a.diagonal(i).diagonal().array() += inertia * network_.mass[i];
+  /// Factorises A at `x`: the frozen part and h² K with the factor `compression` on its indefinite part.
+  bool factorize(const Points<Scalar>& x, Scalar dt, Scalar compression, Workspace& ws) const {
+    StiffnessScale<Scalar> scale;
+    scale.compression = compression;
+    ws.matrix = ws.frozen;
+    pattern_.add_springs(network_, x, scale, dt * dt, ws.matrix);
+    return ws.factor.factorize(ws.matrix, ws.held);
   }
 
   /// One linear solve: A (v⁺ - v̂) = M v + h f - A v̂ on the free rows, v̂ the start velocity with held rows prescribed.
   StepReport<Scalar> solve_linear(const State& state, Scalar dt, Workspace& ws) const {
-    assemble(state.positions, dt, ws);
-    if (!ws.factor.factorize(ws.matrix, ws.held)) return {StepStatus::NumericalFailure, false, Scalar(0), 1};
+    if (!factorize(state.positions, dt, Scalar(0), ws)) return {StepStatus::NumericalFailure, false, Scalar(0), 1};
     ws.gradient = ws.outer;
     add_spring_forces<Scalar>(network_, state.positions, ws.gradient);
     as_points(ws.rhs) = ws.velocity;
@@ -250,67 +283,91 @@ class MassSpring {
     return {StepStatus::Converged, false, Scalar(0), 1};
   }
 
-  /// Newton from ws.velocity. Leaves the solution there.
-  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, Workspace& ws) const {
-    using std::cbrt;
-    const Scalar given = settings_.velocity_tolerance;
-    const Scalar tolerance = Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
-    StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), 1};
-    Scalar energy = objective(state, ws.velocity, dt, ws);
+  /// The step's energy (kg m²/s²) and the sum of the sizes of its terms, which is what its rounding grows with.
+  struct Energy {
+    Scalar value, size;
+  };
+
+  /// Newton from ws.velocity, with `solves` linear solves spent before. Leaves the best velocities there.
+  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves, Workspace& ws) const {
+    const Scalar epsilon = scalar_traits<Scalar>::epsilon();
+    StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
+    const Scalar rounding = Scalar(2) * epsilon * dt * state.positions.cwiseAbs().maxCoeff();
+    Energy energy = objective(state, ws.velocity, dt, ws);
+    Scalar compression = Scalar(1);
     for (int iteration = 0; iteration <= max_iterations; ++iteration) {
-      report.residual = Scalar(0);
-      bool converged = true;
-      for (Index i = 0; i < vertex_count(); ++i) {
-        if (held(ws, i)) {
-          point(ws.rhs, i).setZero();
-          continue;
-        }
-        point(ws.rhs, i) = -ws.gradient.col(i);
-        const Scalar size = ws.gradient.col(i).cwiseAbs().maxCoeff();
-        if (report.residual < size) report.residual = size;
-        if (!(size < tolerance * network_.mass[i])) converged = false;
-      }
-      if (!is_finite(report.residual) || !is_finite(energy))
+      const bool converged = load_residual(rounding, report.residual, ws);
+      if (!is_finite(report.residual) || !is_finite(energy.value)) {
         return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
-      if (converged) {
-        report.status = StepStatus::Converged;
-        return report;
       }
-      if (iteration == max_iterations) break;
-      assemble(ws.position, dt, ws);
-      if (!ws.factor.factorize(ws.matrix, ws.held))
-        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      if (converged) report.status = StepStatus::Converged;
+      if (converged || iteration == max_iterations) break;
+      while (!factorize(ws.position, dt, compression, ws)) {
+        if (!(Scalar(0) < compression)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+        compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);
+      }
       ws.factor.template solve<1>(ws.rhs);
       ++report.iterations;
+      if (iteration % 3 == 2) compression = std::min(Scalar(1), std::max(Scalar(0.25), Scalar(2) * compression));
       const Scalar slope = as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
-      Scalar length = Scalar(1);
-      Scalar next = energy;
-      const Scalar noise = Scalar(64) * scalar_traits<Scalar>::epsilon() * (energy < Scalar(0) ? -energy : energy);
-      for (int halving = 0; halving < 30; ++halving) {
+      const Scalar noise = Scalar(16) * epsilon * energy.size;
+      const auto descends = [&](Scalar length) {
         ws.trial = ws.velocity + length * as_points(ws.rhs);
-        next = objective(state, ws.trial, dt, ws);
-        if (next < energy + Scalar(1e-4) * length * slope + noise) break;
+        const Energy next = objective(state, ws.trial, dt, ws);
+        if (!(next.value < energy.value + Scalar(1e-4) * length * slope + noise)) return false;
+        energy = next;
+        return true;
+      };
+      Scalar length = Scalar(1);
+      int halvings = 0;
+      while (halvings < kMaxHalvings && !descends(length)) {
         length *= Scalar(0.5);
+        ++halvings;
       }
+      if (halvings == kMaxHalvings) break;  // rounding hides any descent
       ws.velocity.swap(ws.trial);
-      energy = next;
     }
     return report;
   }
 
-  /// The step's energy at velocities `v` (J s² / s²: kg m²/s²); leaves its gradient in ws.gradient and x0 + h v in ws.position.
-  Scalar objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const {
+  /// ws.rhs = minus the gradient on the free vertices; its largest entry goes to `largest`. Returns true when every vertex
+  /// meets the tolerance or the rounding of its spring forces (`rounding` times its stiffness).
+  bool load_residual(Scalar rounding, Scalar& largest, Workspace& ws) const {
+    using std::cbrt;
+    const Scalar given = settings_.velocity_tolerance;
+    const Scalar tolerance = Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
+    bool converged = true;
+    largest = Scalar(0);
+    for (Index i = 0; i < vertex_count(); ++i) {
+      if (held(ws, i)) {
+        point(ws.rhs, i).setZero();
+        continue;
+      }
+      point(ws.rhs, i) = -ws.gradient.col(i);
+      const Scalar size = ws.gradient.col(i).cwiseAbs().maxCoeff();
+      if (largest < size) largest = size;
+      if (!(size < std::max(tolerance * network_.mass[i], rounding * stiffness_sum_[i]))) converged = false;
+    }
+    return converged;
+  }
+
+  /// The step's energy at velocities `v`; leaves its gradient in ws.gradient and x0 + h v in ws.position.
+  Energy objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const {
     const Scalar half = Scalar(0.5);
     const Scalar drag = dt * settings_.drag;
     ws.position = state.positions + dt * v;
     ws.gradient = ws.outer;
-    Scalar energy = add_spring_forces<Scalar>(network_, ws.position, ws.gradient) - dt * ws.outer.cwiseProduct(v).sum();
-    ws.gradient *= -dt;
+    Scalar energy = add_spring_forces<Scalar>(network_, ws.position, ws.gradient);
+    Scalar work = Scalar(0), work_size = Scalar(0);
     for (Index i = 0; i < vertex_count(); ++i) {
+      if (held(ws, i)) continue;
       const Vector3<Scalar> dv = v.col(i) - state.velocities.col(i);
       const Scalar m = network_.mass[i];
+      const Scalar gain = dt * ws.outer.col(i).dot(v.col(i));
       energy += half * m * (dv.squaredNorm() + drag * v.col(i).squaredNorm());
-      ws.gradient.col(i) += m * (dv + drag * v.col(i));
+      work += gain;
+      work_size += gain < Scalar(0) ? -gain : gain;
+      ws.gradient.col(i) = m * (dv + drag * v.col(i)) - dt * ws.gradient.col(i);
     }
     for (std::size_t e = 0; e < network_.springs.size(); ++e) {
       const Spring<Scalar>& s = network_.springs[e];
@@ -330,7 +387,7 @@ class MassSpring {
       energy += half * dt * mean.dot(push);
       for (int vertex : t) ws.gradient.col(vertex) += push * (dt * third);
     }
-    return energy;
+    return {energy - work, energy + work_size};
   }
 
   bool held(const Workspace& ws, Index i) const { return ws.held[static_cast<std::size_t>(i)] != 0; }
@@ -343,6 +400,7 @@ class MassSpring {
   MassSpringSettings<Scalar> settings_;
   SpringPattern<Scalar> pattern_;
   EliminationTree tree_;
+  VectorX<Scalar> stiffness_sum_;  // Σ k of a vertex's springs: how rounding of positions shows in its force
 };
 
 }  // namespace clothctl

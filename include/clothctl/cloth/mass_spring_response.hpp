@@ -7,7 +7,9 @@
 // A, K and R are assembled once a frame; A is factored once. Scale factors turn the true model into a better predictor of
 // plants whose elongation is not tension (unconverged position-based sheets): see StiffnessScale.
 
-#include <utility>
+#include <algorithm>
+#include <cassert>
+#include <cstddef>
 #include <vector>
 
 #include "clothctl/cloth/mass_spring.hpp"
@@ -63,35 +65,23 @@ class MassSpringResponse {
   /// Flags of the vertices that are prescribed or pinned.
   const std::vector<unsigned char>& held() const { return held_; }
 
-  /// Linearises about positions `x` (3×n, m) and velocities `v` (3×n, m/s) in air that moves at `wind`, for steps of `dt` s;
-  /// `driven` vertices are prescribed. Returns false when the step matrix is not positive definite. Never allocates.
-  bool linearise(const PointsView<Scalar>& x, const PointsView<Scalar>& v, const Vector3<Scalar>& wind, Scalar dt,
-                 const std::vector<int>& driven) {
-    using std::sqrt;
+  /// Linearises about positions `x` (3×n, m) and velocities `v` (3×n, m/s) in air that moves at `wind` (m/s), for steps of
+  /// `dt` s; `driven` vertices are prescribed. Returns false when the step matrix is not positive definite, as with a state
+  /// that is not finite; nothing but `linearise` may be called then. Never allocates. Complexity: one factorisation.
+  [[nodiscard]] bool linearise(const PointsView<Scalar>& x, const PointsView<Scalar>& v, const Vector3<Scalar>& wind, Scalar dt,
+                               const std::vector<int>& driven) {
     std::fill(held_.begin(), held_.end(), static_cast<unsigned char>(0));
     for (int i : pinned_) held_[static_cast<std::size_t>(i)] = 1;
-    for (int i : driven) held_[static_cast<std::size_t>(i)] = 1;
+    for (int i : driven) {
+      assert(i >= 0 && i < vertex_count());
+      held_[static_cast<std::size_t>(i)] = 1;
+    }
     force_.noalias() = gravity_ * network_.mass.transpose();
     add_spring_forces<Scalar>(network_, x, force_);
-    for (std::size_t e = 0; e < network_.springs.size(); ++e) {
-      const Vector3<Scalar> d = x.col(network_.springs[e].a) - x.col(network_.springs[e].b);
-      const Scalar length = sqrt(d.squaredNorm());
-      if (length > Scalar(1e-6) * network_.springs[e].rest_length) {
-        direction_.col(static_cast<Index>(e)) = d / length;
-      } else {
-        direction_.col(static_cast<Index>(e)).setZero();
-      }
-    }
-    const Scalar third = Scalar(1) / Scalar(3);
-    for (std::size_t e = 0; e < air_.size(); ++e) {
-      const std::array<int, 3>& t = network_.triangles[e];
-      const Vector3<Scalar> mean = (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) * third;
-      air_[e] = air_drag_matrix<Scalar>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean, wind, air_settings_);
-      const Vector3<Scalar> push = air_[e] * wind * third;
-      for (int i : t) force_.col(i) += push;
-    }
+    spring_directions<Scalar>(network_, x, direction_);
+    freeze_air<Scalar>(network_, x, v, wind, air_settings_, air_, force_);
     stiffness_.set_zero();
-    pattern_.add_springs(network_, x, settings_.scale, Scalar(1), Scalar(0), stiffness_);
+    pattern_.add_springs(network_, x, settings_.scale, Scalar(1), stiffness_);
     pattern_.add_bending(network_, settings_.scale.bending, stiffness_);
     coupling_.set_zero();
     pattern_.add_frozen(network_, direction_, air_, dt, coupling_);
@@ -106,20 +96,21 @@ class MassSpringResponse {
     return definite;
   }
 
-  /// stiffness = K w and coupling = R w for kLanes vectors. Never allocates.
+  /// Computes stiffness = K w and coupling = R w for kLanes vectors; neither may be `w`. Never allocates.
   template <int kLanes>
   void multiply(const Lanes<Scalar, kLanes>& w, Lanes<Scalar, kLanes>& stiffness, Lanes<Scalar, kLanes>& coupling) const {
     stiffness_.multiply(w, stiffness);
     coupling_.multiply(w, coupling);
   }
 
-  /// w = A⁻¹ w on the free vertices; held entries must be zero and stay so. Never allocates.
+  /// Replaces w by A⁻¹ w on the free vertices; held entries must be zero and stay so. Never allocates.
   template <int kLanes>
   void solve(Lanes<Scalar, kLanes>& w) {
     factor_.template solve<kLanes>(w);
   }
 
-  /// Force per vertex (N) of a wind change `dw` (m/s) at the linearised air matrices, added to `out` (3×n).
+  /// Adds the force on each vertex (N) of a wind change `dw` (m/s) at the linearised air matrices to `out` (3×n).
+  /// Never allocates.
   void add_wind_force(const Vector3<Scalar>& dw, Points<Scalar>& out) const {
     const Scalar third = Scalar(1) / Scalar(3);
     for (std::size_t e = 0; e < air_.size(); ++e) {

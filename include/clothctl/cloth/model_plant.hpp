@@ -8,8 +8,10 @@
 
 namespace clothctl {
 
-/// Makes a ClothPlant of any ClothModel: owns model, state, workspace and the input that was applied last.
+/// Makes a ClothPlant of any ClothModel: owns model, state, workspace and the input that was applied last. A model type
+/// without a member `Scalar` names it in `S`.
 template <class Model, RealScalar S = typename Model::Scalar>
+requires ClothModel<Model, S>
 class ModelPlant {
  public:
   /// The scalar type.
@@ -38,7 +40,8 @@ class ModelPlant {
   const Points<Scalar>& velocities() const { return state_.velocities; }
   /// Sets what acts on the sheet from now on. Allocates when the lists grow.
   void apply(const ClothInput<Scalar>& input) { input_ = input; }
-  /// Advances by `dt` seconds. Never allocates.
+  /// Advances by `dt` seconds under the input that was applied last. Never allocates. Fails when: the model's step does; the
+  /// state is then as it was.
   [[nodiscard]] StepReport<Scalar> advance(Scalar dt) {
     return cloth_traits<Model>::step(model_, state_, input_, dt, workspace_);
   }

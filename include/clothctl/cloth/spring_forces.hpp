@@ -3,12 +3,15 @@
 // Forces, energy and step matrices of a spring network.
 //
 //   f_a = -k (l - l0) n,  f_b = -f_a,            n = (x_a - x_b)/l
-//   K   = Σ k [ n nᵀ + max(0, 1 - l0/l) (I - n nᵀ) ]   on (a,a), (b,b); minus on (a,b)   (SPD projection: no compression term)
+//   K   = Σ k [ n nᵀ + g (I - n nᵀ) ]            on (a,a), (b,b); minus on (a,b)
+//         g = 1 - l0/l                           in tension (l >= l0): exact, and the block is positive semidefinite
+//         g = γ (1 - l0/l)                       in compression: γ = 1 exact but indefinite, γ = 0 its SPD projection
 //   D   = Σ d n nᵀ  in the same pattern
-//   bending: f = -kb w_i Σ_j w_j x_j,  K += kb w_i w_j I
-//   A   = (1 + h α) M + h (D + C) + h² K          C: air, see air.hpp
+//   C   = Σ C_t / 9 on the nine corner blocks of a triangle, see air.hpp
+//   bending: f_i = -kb w_i Σ_j w_j x_j,  K_ij += kb w_i w_j I
 //
-// The tension part max(0, 1 - l0/l) is the pendulum stiffness of a hanging sheet and must stay.
+// The tension part is the pendulum stiffness of a hanging sheet and must stay. Springs whose ends coincide (l < 1e-6 l0)
+// have no direction: they exert no force, and k I in K keeps matrices definite.
 
 #include <array>
 #include <cmath>
@@ -22,7 +25,7 @@
 
 namespace clothctl {
 
-/// Factors that a predictor may put on the stiffness blocks; all one for the true model.
+/// Factors that a predictor may put on the stiffness blocks. The defaults give the true model's SPD-projected stiffness.
 template <RealScalar Scalar>
 struct StiffnessScale {
   /// Factor on the axial part k n nᵀ.
@@ -31,7 +34,28 @@ struct StiffnessScale {
   Scalar geometric = Scalar(1);
   /// Factor on the bending part.
   Scalar bending = Scalar(1);
+  /// Factor γ on the compression part k min(0, 1 - l0/l) (I - n nᵀ); 1 is exact, but any other value than 0 may make a
+  /// matrix indefinite.
+  Scalar compression = Scalar(0);
 };
+
+namespace detail {
+
+/// Squared length below which a spring counts as having no direction, m².
+template <RealScalar Scalar>
+Scalar shortest_squared(const Spring<Scalar>& s) {
+  return Scalar(1e-12) * s.rest_length * s.rest_length;
+}
+
+/// Σ w_i x_i of a stencil, m.
+template <RealScalar Scalar>
+Vector3<Scalar> stencil_curvature(const BendStencil<Scalar>& b, const PointsView<Scalar>& x) {
+  Vector3<Scalar> sum = Vector3<Scalar>::Zero();
+  for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) sum += x.col(b.vertex[i]) * b.weight[i];
+  return sum;
+}
+
+}  // namespace detail
 
 /// Where each element of a network writes in a BlockSymmetric matrix.
 template <RealScalar Scalar>
@@ -40,57 +64,50 @@ class SpringPattern {
   /// An empty pattern.
   SpringPattern() = default;
 
-  /// Finds the slots of all springs, bending stencils and (when `with_air`) triangles. Allocates.
+  /// Finds the slots of all springs, bending stencils (when `with_bending`) and triangles (when `with_air`). No element may
+  /// hold a vertex twice. Allocates.
   SpringPattern(const SpringNetwork<Scalar>& network, bool with_bending, bool with_air) {
-    std::vector<std::pair<int, int>> pairs;
-    for (const Spring<Scalar>& s : network.springs) pairs.emplace_back(s.a, s.b);
-    if (with_bending) {
-      for (const BendStencil<Scalar>& b : network.bends)
-        each_pair(b, [&](int i, int j) { pairs.emplace_back(vertex(b, i), vertex(b, j)); });
-    }
-    if (with_air) {
-      for (const std::array<int, 3>& t : network.triangles) {
-        for (std::size_t e = 0; e < 3; ++e) pairs.emplace_back(t[e], t[(e + 1) % 3]);
-      }
-    }
-    matrix_ = BlockSymmetric<Scalar>(network.vertex_count(), std::move(pairs));
-    for (const Spring<Scalar>& s : network.springs) springs_.push_back(matrix_.find(s.a, s.b));
+    std::vector<std::pair<int, int>> springs, bends, triangles;
+    for (const Spring<Scalar>& s : network.springs) springs.emplace_back(s.a, s.b);
     if (with_bending) {
       for (const BendStencil<Scalar>& b : network.bends) {
-        each_pair(b, [&](int i, int j) { bends_.push_back(matrix_.find(vertex(b, i), vertex(b, j))); });
+        each_pair(b, [&](int i, int j) { bends.emplace_back(vertex(b, i), vertex(b, j)); });
       }
     }
     if (with_air) {
       for (const std::array<int, 3>& t : network.triangles) {
-        for (std::size_t e = 0; e < 3; ++e) triangles_.push_back(matrix_.find(t[e], t[(e + 1) % 3]));
+        for (std::size_t e = 0; e < 3; ++e) triangles.emplace_back(t[e], t[(e + 1) % 3]);
       }
     }
+    std::vector<std::pair<int, int>> all = springs;
+    all.insert(all.end(), bends.begin(), bends.end());
+    all.insert(all.end(), triangles.begin(), triangles.end());
+    matrix_ = BlockSymmetric<Scalar>(network.vertex_count(), std::move(all));
+    springs_ = slots(springs);
+    bends_ = slots(bends);
+    triangles_ = slots(triangles);
   }
 
   /// An all-zero matrix of the pattern.
   const BlockSymmetric<Scalar>& matrix() const { return matrix_; }
 
-  /// Adds `stiffness_factor` K(x) + `damping_factor` D(x) to `out`. Never allocates. Complexity: O(elements).
+  /// Adds `factor` times the springs' stiffness K at positions `x` (3×n, m) to `out`. Never allocates. Complexity: O(springs).
   void add_springs(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x, const StiffnessScale<Scalar>& scale,
-                   Scalar stiffness_factor, Scalar damping_factor, BlockSymmetric<Scalar>& out) const {
+                   Scalar factor, BlockSymmetric<Scalar>& out) const {
     using std::sqrt;
     for (std::size_t e = 0; e < network.springs.size(); ++e) {
       const Spring<Scalar>& s = network.springs[e];
       const Vector3<Scalar> d = x.col(s.a) - x.col(s.b);
       const Scalar squared = d.squaredNorm();
-      const Scalar rest_squared = s.rest_length * s.rest_length;
+      const Scalar axial = factor * s.stiffness * scale.axial;
       Matrix3<Scalar> block;
-      if (squared > Scalar(1e-12) * rest_squared) {
-        const Scalar length = sqrt(squared);
-        const Scalar strain = Scalar(1) - s.rest_length / length;
-        const Scalar tension = Scalar(0) < strain ? strain : Scalar(0);
-        const Scalar geometric = stiffness_factor * s.stiffness * scale.geometric * tension;
-        const Scalar axial = stiffness_factor * s.stiffness * scale.axial + damping_factor * s.damping;
-        block.noalias() = d * (d.transpose() * ((axial - geometric) / squared));
-        block.diagonal().array() += geometric;
+      if (detail::shortest_squared(s) < squared) {
+        const Scalar strain = Scalar(1) - s.rest_length / sqrt(squared);
+        const Scalar across = factor * s.stiffness * strain * (Scalar(0) < strain ? scale.geometric : scale.compression);
+        block.noalias() = d * (d.transpose() * ((axial - across) / squared));
+        block.diagonal().array() += across;
       } else {
-        // Coincident ends have no direction; the isotropic block keeps the matrix definite.
-        block = Matrix3<Scalar>::Identity() * (stiffness_factor * s.stiffness * scale.axial);
+        block = Matrix3<Scalar>::Identity() * axial;
       }
       out.diagonal(s.a) += block;
       out.diagonal(s.b) += block;
@@ -98,13 +115,14 @@ class SpringPattern {
     }
   }
 
-  /// Adds `factor` times the bending stiffness to `out`; nothing when the pattern was made without bending.
+  /// Adds `factor` times the bending stiffness to `out`; nothing when the pattern was made without bending. Never allocates.
   void add_bending(const SpringNetwork<Scalar>& network, Scalar factor, BlockSymmetric<Scalar>& out) const {
     if (bends_.empty()) return;
     std::size_t slot = 0;
     for (const BendStencil<Scalar>& b : network.bends) {
-      for (int i = 0; i < b.count; ++i)
+      for (int i = 0; i < b.count; ++i) {
         out.diagonal(vertex(b, i)).diagonal().array() += factor * b.stiffness * weight(b, i) * weight(b, i);
+      }
       each_pair(b, [&](int i, int j) {
         out.lower(bends_[slot++]).diagonal().array() += factor * b.stiffness * weight(b, i) * weight(b, j);
       });
@@ -144,6 +162,12 @@ class SpringPattern {
       for (int j = 0; j < i; ++j) function(i, j);
     }
   }
+  std::vector<int> slots(const std::vector<std::pair<int, int>>& pairs) const {
+    std::vector<int> out;
+    out.reserve(pairs.size());
+    for (const std::pair<int, int>& p : pairs) out.push_back(matrix_.find(p.first, p.second));
+    return out;
+  }
 
   BlockSymmetric<Scalar> matrix_;
   std::vector<int> springs_;
@@ -151,32 +175,67 @@ class SpringPattern {
   std::vector<int> triangles_;
 };
 
-/// Adds spring and bending forces at positions `x` (3×n) to `forces` (N) and returns their energy (J). Never allocates.
+/// Writes the unit vectors n = (x_a - x_b)/l of the springs at positions `x` (3×n, m) into `direction` (3×springs); zero where
+/// the ends coincide. Never allocates.
+template <RealScalar Scalar>
+void spring_directions(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x, Points<Scalar>& direction) {
+  using std::sqrt;
+  for (std::size_t e = 0; e < network.springs.size(); ++e) {
+    const Spring<Scalar>& s = network.springs[e];
+    const Vector3<Scalar> d = x.col(s.a) - x.col(s.b);
+    const Scalar squared = d.squaredNorm();
+    if (detail::shortest_squared(s) < squared) {
+      direction.col(static_cast<Index>(e)) = d * (Scalar(1) / sqrt(squared));
+    } else {
+      direction.col(static_cast<Index>(e)).setZero();
+    }
+  }
+}
+
+/// Writes the air matrices C_t of the triangles at positions `x` (3×n, m) and velocities `v` (3×n, m/s) into `air` (an entry a
+/// triangle, or empty: no air) and adds the forces C w of air that moves at `wind` (m/s) to `forces` (3×n, N).
+/// Never allocates.
+template <RealScalar Scalar>
+void freeze_air(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x, const PointsView<Scalar>& v,
+                const Vector3<Scalar>& wind, const AirSettings<Scalar>& settings, std::vector<Matrix3<Scalar>>& air,
+                Points<Scalar>& forces) {
+  const Scalar third = Scalar(1) / Scalar(3);
+  for (std::size_t e = 0; e < air.size(); ++e) {
+    const std::array<int, 3>& t = network.triangles[e];
+    const Vector3<Scalar> mean = (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) * third;
+    air[e] = air_drag_matrix<Scalar>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean, wind, settings);
+    const Vector3<Scalar> push = air[e] * wind * third;
+    for (int vertex : t) forces.col(vertex) += push;
+  }
+}
+
+/// Adds spring and bending forces at positions `x` (3×n, m) to `forces` (3×n, N) and returns their energy (J). Never allocates.
 template <RealScalar Scalar>
 Scalar add_spring_forces(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x, Points<Scalar>& forces) {
   using std::sqrt;
   Scalar energy = Scalar(0);
   for (const Spring<Scalar>& s : network.springs) {
     const Vector3<Scalar> d = x.col(s.a) - x.col(s.b);
-    const Scalar length = sqrt(d.squaredNorm());
+    const Scalar squared = d.squaredNorm();
+    const Scalar length = sqrt(squared);
     const Scalar stretch = length - s.rest_length;
     energy += Scalar(0.5) * s.stiffness * stretch * stretch;
-    if (!(length > Scalar(1e-6) * s.rest_length)) continue;  // no direction to push in
+    if (!(detail::shortest_squared(s) < squared)) continue;
     const Vector3<Scalar> f = d * (s.stiffness * stretch / length);
     forces.col(s.a) -= f;
     forces.col(s.b) += f;
   }
   for (const BendStencil<Scalar>& b : network.bends) {
-    Vector3<Scalar> curvature = Vector3<Scalar>::Zero();
-    const std::size_t count = static_cast<std::size_t>(b.count);
-    for (std::size_t i = 0; i < count; ++i) curvature += x.col(b.vertex[i]) * b.weight[i];
+    const Vector3<Scalar> curvature = detail::stencil_curvature<Scalar>(b, x);
     energy += Scalar(0.5) * b.stiffness * curvature.squaredNorm();
-    for (std::size_t i = 0; i < count; ++i) forces.col(b.vertex[i]) -= curvature * (b.stiffness * b.weight[i]);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
+      forces.col(b.vertex[i]) -= curvature * (b.stiffness * b.weight[i]);
+    }
   }
   return energy;
 }
 
-/// The elastic energy at positions `x` (J).
+/// Returns the elastic energy at positions `x` (3×n, m), J. Never allocates.
 template <RealScalar Scalar>
 Scalar spring_energy(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x) {
   using std::sqrt;
@@ -187,9 +246,7 @@ Scalar spring_energy(const SpringNetwork<Scalar>& network, const PointsView<Scal
     energy += Scalar(0.5) * s.stiffness * stretch * stretch;
   }
   for (const BendStencil<Scalar>& b : network.bends) {
-    Vector3<Scalar> curvature = Vector3<Scalar>::Zero();
-    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) curvature += x.col(b.vertex[i]) * b.weight[i];
-    energy += Scalar(0.5) * b.stiffness * curvature.squaredNorm();
+    energy += Scalar(0.5) * b.stiffness * detail::stencil_curvature<Scalar>(b, x).squaredNorm();
   }
   return energy;
 }

@@ -8,8 +8,10 @@
 // 1 - cos(π/4) = 29 % of the friction is given away between generators; n_g = 8 leaves 8 %.
 // Normal part of f:  f_n = Σ d_i / √(1 + μ²).
 
+#include <cassert>
 #include <cmath>
 #include <numbers>
+#include <type_traits>
 
 #include <Eigen/Geometry>
 
@@ -17,7 +19,8 @@
 
 namespace clothctl {
 
-/// Two unit tangents that make a right-handed frame (t1, t2, n) with the unit normal `normal`. Continuous but for one switch.
+/// Writes two unit tangents that make a right-handed frame (t1, t2, n) with the unit normal `normal`. Continuous in the normal
+/// but where |n_z| passes 0.9. Never allocates.
 template <RealScalar Scalar>
 void tangent_frame(const Vector3<Scalar>& normal, Vector3<Scalar>& t1, Vector3<Scalar>& t2) {
   using std::abs;
@@ -32,30 +35,34 @@ void tangent_frame(const Vector3<Scalar>& normal, Vector3<Scalar>& t1, Vector3<S
 /// Writes the `generators.cols()` unit generators of the cone about `normal` (unit) with friction coefficient `friction`
 /// into the columns of `generators` (3×n_g, n_g >= 4). Never allocates. Reference: paper 000, eq. 1.
 template <RealScalar Scalar>
-void friction_generators(const Vector3<Scalar>& normal, Scalar friction, Eigen::Ref<Points<Scalar>> generators) {
+void friction_generators(const Vector3<Scalar>& normal, const std::type_identity_t<Scalar>& friction,
+                         std::type_identity_t<Eigen::Ref<Points<Scalar>>> generators) {
+  assert(generators.cols() >= 4);
   using std::cos;
   using std::sin;
   using std::sqrt;
   Vector3<Scalar> t1, t2;
   tangent_frame(normal, t1, t2);
   const Scalar scale = Scalar(1) / sqrt(Scalar(1) + friction * friction);
-  const Scalar turn = Scalar(2.0 * std::numbers::pi / static_cast<double>(generators.cols()));
-  Scalar angle = Scalar(0);
-  for (Index i = 0; i < generators.cols(); ++i, angle += turn) {
+  const double turn = 2.0 * std::numbers::pi / static_cast<double>(generators.cols());
+  for (Index i = 0; i < generators.cols(); ++i) {
+    const Scalar angle = Scalar(turn * static_cast<double>(i));
     generators.col(i) = (normal + friction * (cos(angle) * t1 + sin(angle) * t2)) * scale;
   }
 }
 
-/// How far `force` leaves the true cone about `normal`, in N: the larger of |f_t| - μ f_n, -f_n and f_n - limit (0 when
-/// inside).
+/// Returns how far `force` leaves the true cone about `normal` (unit) with friction coefficient `friction` and the `limit` on
+/// its normal part, N: the largest of |f_t| - μ f_n, -f_n and f_n - limit; 0 when inside, infinity when not finite.
 template <RealScalar Scalar>
-Scalar cone_violation(const Vector3<Scalar>& force, const Vector3<Scalar>& normal, Scalar friction, Scalar limit) {
+Scalar cone_violation(const Vector3<Scalar>& force, const Vector3<Scalar>& normal, const std::type_identity_t<Scalar>& friction,
+                      const std::type_identity_t<Scalar>& limit) {
   using std::sqrt;
   const Scalar f_n = force.dot(normal);
   const Vector3<Scalar> f_t = force - f_n * normal;
   Scalar worst = sqrt(f_t.squaredNorm()) - friction * f_n;
   if (worst < -f_n) worst = -f_n;
   if (worst < f_n - limit) worst = f_n - limit;
+  if (!is_finite(worst)) return scalar_traits<Scalar>::infinity();  // fails every bound
   return Scalar(0) < worst ? worst : Scalar(0);
 }
 

@@ -9,21 +9,67 @@
 //
 // A flat patch leaves 9 of the 12 affine modes; the rank is found, never assumed.
 
-#include <string>
-#include <vector>
-
-#include <Eigen/Eigenvalues>
+#include <cassert>
+#include <cmath>
+#include <utility>
 
 #include "clothctl/core/types.hpp"
 
 namespace clothctl {
 
+namespace detail {
+
+/// Makes the symmetric matrix `a` diagonal by Jacobi's rotations (three sweeps or four, each entry to rounding) and leaves the
+/// eigenvectors in the columns of `axes`, in the order of the diagonal.
+template <RealScalar Scalar>
+void diagonalise(Matrix3<Scalar>& a, Matrix3<Scalar>& axes) {
+  using std::abs;
+  using std::sqrt;
+  constexpr int kMaxSweeps = 12;
+  axes.setIdentity();
+  const Scalar small = scalar_traits<Scalar>::epsilon() * scalar_traits<Scalar>::epsilon() * a.trace();
+  for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
+    bool done = true;
+    for (const auto [p, q] : {std::pair<Index, Index>(0, 1), std::pair<Index, Index>(0, 2), std::pair<Index, Index>(1, 2)}) {
+      if (!(small < abs(a(p, q)))) continue;
+      done = false;
+      const Scalar half = (a(q, q) - a(p, p)) / (Scalar(2) * a(p, q));
+      const Scalar size = abs(half) + sqrt(half * half + Scalar(1));
+      const Scalar t = Scalar(1) / (half < Scalar(0) ? -size : size);
+      const Scalar c = Scalar(1) / sqrt(t * t + Scalar(1));
+      const Scalar s = t * c;
+      for (Index i = 0; i < 3; ++i) {  // a = a J, axes = axes J
+        const Scalar left = a(i, p), axis = axes(i, p);
+        a(i, p) = c * left - s * a(i, q);
+        a(i, q) = s * left + c * a(i, q);
+        axes(i, p) = c * axis - s * axes(i, q);
+        axes(i, q) = s * axis + c * axes(i, q);
+      }
+      for (Index i = 0; i < 3; ++i) {  // a = Jᵀ a
+        const Scalar upper = a(p, i);
+        a(p, i) = c * upper - s * a(q, i);
+        a(q, i) = s * upper + c * a(q, i);
+      }
+      a(p, q) = a(q, p) = Scalar(0);
+    }
+    if (done) break;
+  }
+}
+
+}  // namespace detail
+
 /// The affine split of a patch. Made once with room for m vertices; `update` never allocates.
 template <RealScalar Scalar>
 class PatchModes {
  public:
-  /// Makes room for `count` vertices. Allocates.
-  explicit PatchModes(Index count) : offsets_(3, count), map_(3, count), rest_(count, count), trial_(count) {}
+  /// Makes room for `count` vertices, at least 1. Allocates.
+  explicit PatchModes(Index count)
+      : offsets_(Points<Scalar>::Zero(3, count)),
+        map_(Points<Scalar>::Zero(3, count)),
+        rest_(MatrixX<Scalar>::Zero(count, count)),
+        trial_(VectorX<Scalar>::Zero(count)) {
+    assert(count >= 1);
+  }
 
   /// Number of vertices m.
   Index count() const { return offsets_.cols(); }
@@ -37,10 +83,11 @@ class PatchModes {
   typename MatrixX<Scalar>::ConstRowXpr non_affine(Index i) const { return rest_.row(i); }
 
   /// Takes the reference positions (3×m, m), finds rank, map and non-affine modes. Directions thinner than 1e-3 of the widest
-  /// count as flat. Never allocates.
+  /// (2e-3 in float) count as flat. Never allocates. Complexity: O(m³).
   void update(const PointsView<Scalar>& reference) {
     using std::sqrt;
     const Index m = count();
+    assert(reference.cols() == m);
     Vector3<Scalar> centre = Vector3<Scalar>::Zero();
     Scalar number = Scalar(0);
     for (Index j = 0; j < m; ++j) {
@@ -51,16 +98,20 @@ class PatchModes {
     for (Index j = 0; j < m; ++j) offsets_.col(j) = reference.col(j) - centre;
     Matrix3<Scalar> spread = Matrix3<Scalar>::Zero();
     for (Index j = 0; j < m; ++j) spread += offsets_.col(j) * offsets_.col(j).transpose();
-    eigen_.compute(spread);
-    const Vector3<Scalar> values = eigen_.eigenvalues();  // ascending
-    const Matrix3<Scalar> axes = eigen_.eigenvectors();
+    Matrix3<Scalar> axes;
+    detail::diagonalise(spread, axes);
+    const Vector3<Scalar> values = spread.diagonal();
+    const Scalar widest = values.maxCoeff();
+    // Squares of relative thickness; the eigenvalues' own rounding must count as flat.
+    const Scalar rounding = Scalar(32) * scalar_traits<Scalar>::epsilon();
+    const Scalar thinnest = Scalar(1e-6) < rounding ? rounding : Scalar(1e-6);
     map_.setZero();
     rank_ = 0;
     non_affine_ = 0;
     Index rows = 0;
     rest_.row(rows++).setConstant(Scalar(1) / sqrt(number));
-    for (int a = 2; a >= 0; --a) {
-      if (!(Scalar(1e-6) * values[2] < values[a]) || !(Scalar(0) < values[2])) continue;
+    for (Index a = 0; a < 3; ++a) {
+      if (!(thinnest * widest < values[a]) || !(Scalar(0) < widest)) continue;
       ++rank_;
       const Vector3<Scalar> axis = axes.col(a);
       for (Index j = 0; j < m; ++j) {
@@ -93,7 +144,6 @@ class PatchModes {
   Points<Scalar> offsets_, map_;
   MatrixX<Scalar> rest_;
   VectorX<Scalar> trial_;
-  Eigen::SelfAdjointEigenSolver<Matrix3<Scalar>> eigen_;
   int rank_ = 0;
   Index non_affine_ = 0;
 };

@@ -60,7 +60,7 @@ inline std::string_view trimmed(std::string_view text) {
 }
 
 /// The text in quotes for a message of one line: at most 40 characters, those that do not print as `?`.
-inline std::string quoted(std::string_view text) {
+inline std::string in_quotes(std::string_view text) {
   std::string out = "'";
   for (const char c : text.substr(0, 40)) out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
   return out + (text.size() > 40 ? "…'" : "'");
@@ -85,15 +85,15 @@ inline std::string parse_number(std::string_view cell, double& value) {
   std::string_view digits = cell;
   if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-' && digits[1] != '+') digits.remove_prefix(1);
   const std::from_chars_result end = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (end.ec == std::errc::result_out_of_range) return quoted(cell) + " is out of the range of a double";
-  if (end.ec != std::errc() || end.ptr != digits.data() + digits.size()) return quoted(cell) + " is not a number";
-  if (!is_finite(value)) return quoted(cell) + " is not finite";
+  if (end.ec == std::errc::result_out_of_range) return in_quotes(cell) + " is out of the range of a double";
+  if (end.ec != std::errc() || end.ptr != digits.data() + digits.size()) return in_quotes(cell) + " is not a number";
+  if (!is_finite(value)) return in_quotes(cell) + " is not finite";
   return {};
 }
 
 /// The column of a cell for a message: its name where there is a header, else its number from 1.
 inline std::string column_text(const CsvTable& table, std::size_t column) {
-  if (!table.header.empty()) return "column " + quoted(table.header[column]);
+  if (!table.header.empty()) return "column " + in_quotes(table.header[column]);
   return "column " + std::to_string(column + 1);
 }
 

@@ -31,22 +31,22 @@ namespace io_detail {
 /// Takes the names of features from a header; answers with what is wrong with it, "" where nothing is.
 inline std::string parse_target_header(const std::vector<std::string>& header, std::vector<std::string>& names) {
   const std::string expected = ", expected t,Lx,Ly,Lz,Rx,Ry,Rz or the like";
-  if (header[0] != "t") return "header starts with " + quoted(header[0]) + expected;
+  if (header[0] != "t") return "header starts with " + in_quotes(header[0]) + expected;
   if (header.size() < 4 || header.size() % 3 != 1) {
     return "header has " + std::to_string(header.size()) + " columns" + expected;
   }
   for (std::size_t c = 1; c < header.size(); c += 3) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::string& cell = header[c + axis];
-      if (cell.empty() || cell.back() != "xyz"[axis]) return "header has " + quoted(cell) + expected;
+      if (cell.empty() || cell.back() != "xyz"[axis]) return "header has " + in_quotes(cell) + expected;
       const std::string name = cell.substr(0, cell.size() - 1);
       if (axis == 0) {
         for (const std::string& other : names) {
-          if (other == name) return "header has " + quoted(cell) + " twice";
+          if (other == name) return "header has " + in_quotes(cell) + " twice";
         }
         names.push_back(name);
       } else if (name != names.back()) {
-        return "header has " + quoted(cell) + " after " + quoted(header[c]) + expected;
+        return "header has " + in_quotes(cell) + " after " + in_quotes(header[c]) + expected;
       }
     }
   }

@@ -132,14 +132,25 @@ struct Pack {
   CLOTHCTL_FORCE_INLINE void add_product(const Pack& a, const Pack& b) {
     unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
   }
-  /// Sum of the lanes.
+  /// Sum of the lanes: of the chunks first, then pairwise within one.
   CLOTHCTL_FORCE_INLINE Scalar sum() const {
-    Scalar values[kLanes];
-    store(values);
-    for (int half = kLanes / 2, rest = kLanes; rest > 1; rest -= half, half = rest / 2) {
-      for (int i = 0; i < half; ++i) values[i] = values[i] + values[rest - half + i];
+    Chunk total = chunk[0];
+    unroll<kChunks - 1>([&](auto i) CLOTHCTL_INLINE_LAMBDA { total = total + chunk[i + 1]; });
+    if constexpr (kChunk > 1) {
+      return sum_of<0, kChunk>(total);
+    } else {
+      return total;
     }
-    return values[0];
+  }
+
+ private:
+  template <int kFirst, int kCount>
+  static CLOTHCTL_FORCE_INLINE Scalar sum_of(const Chunk& values) {
+    if constexpr (kCount == 1) {
+      return values[kFirst];
+    } else {
+      return sum_of<kFirst, kCount / 2>(values) + sum_of<kFirst + kCount / 2, kCount / 2>(values);
+    }
   }
 };
 

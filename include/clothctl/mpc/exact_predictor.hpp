@@ -12,8 +12,11 @@
 //   force:     T_m = h z_m at the held vertices
 //   velocity:  T_m = -(R z_m) - h² Σ_{i<m} K z_i at the held vertices    (held rows of z are zero)
 //
-// Solving for the change of w keeps single precision accurate. Cost: one factorisation and K solves of 3·outputs lanes.
+// Solving for the change of w keeps single precision accurate, and so does taking the mean of w out of the products where the
+// response says that internal forces do not feel it (a sheet on forces moves almost as one): R w̄ = h C w̄. Cost: one factorisation and K solves of 3·outputs lanes.
 
+#include <algorithm>
+#include <array>
 #include <utility>
 #include <vector>
 
@@ -48,6 +51,9 @@ class ExactPredictor {
     for (Lanes<Inner, kLanes>* lanes : {&a_, &w_, &change_, &stiff_, &coupled_}) lanes->setZero(kLanes, 3 * n);
     for (Points<Inner>* p : {&x_, &v_, &force_, &gust_[0], &gust_[1], &gust_[2]}) p->setZero(3, n);
     last_velocity_.setZero(3, n);
+    Inner count = Inner(0);
+    for (Index i = 0; i < n; ++i) count += Inner(1);
+    share_ = Inner(1) / count;
   }
 
   /// Makes room for requests of this size. Allocates.
@@ -64,11 +70,13 @@ class ExactPredictor {
   bool predict(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request, WindowResponse<S>& response) {
     x_ = x.template cast<Inner>();
     v_ = v.template cast<Inner>();
-    static const std::vector<int> none;
     const bool velocity_input = request.kind == InputKind::Velocity;
     const Vector3<S> wind = request.wind.col(0);
     const Inner dt = static_cast<Inner>(request.dt);
-    if (!response_.linearise(x_, v_, wind.template cast<Inner>(), dt, velocity_input ? request.held : none)) return false;
+    if (!response_.linearise(x_, v_, wind.template cast<Inner>(), dt, velocity_input ? request.held : none_)) {
+      has_last_ = false;
+      return false;
+    }
     gather_force(request);
     for (Index first = 0; first < request.output_rows(); first += kLanes) run_lanes(first, x, request, response);
     add_plan(request.plan, response);
@@ -102,13 +110,14 @@ class ExactPredictor {
     }
     gusty_ = false;
     for (Index k = 1; k < request.horizon; ++k) gusty_ = gusty_ || !(request.wind.col(k) == request.wind.col(0));
-    if (!gusty_) return;
+    airy_ = false;
     for (Index c = 0; c < 3; ++c) {
       Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
       gust.setZero();
       Vector3<Inner> axis = Vector3<Inner>::Zero();
       axis[c] = Inner(1);
       response_.add_wind_force(axis, gust);
+      airy_ = airy_ || Inner(0) < gust.cwiseAbs().maxCoeff();
     }
   }
 
@@ -149,7 +158,7 @@ class ExactPredictor {
       }
       response_.solve(change_);
       w_ += change_;
-      response_.multiply(w_, stiff_, coupled_);
+      multiply(dt);
       a_ -= dt * stiff_;
       Lane inertia = Lane::Zero();
       for (Index i = 0; i < n; ++i) {
@@ -178,6 +187,29 @@ class ExactPredictor {
     }
     if (velocity_input) add_direct(first, used, request, response);
     if (gusty_) add_gusts(first, used, request, response);
+  }
+
+  /// stiff = K w, coupled = R w.
+  void multiply(Inner dt) {
+    if constexpr (requires(const Response& r) { r.translation_free() ? 0 : 1; }) {
+      if (response_.translation_free()) {
+        const Index n = response_.vertex_count();
+        Eigen::Matrix<Inner, kLanes, 3> mean = Eigen::Matrix<Inner, kLanes, 3>::Zero();
+        for (Index i = 0; i < n; ++i) mean += w_.template middleCols<3>(3 * i);
+        mean *= share_;
+        for (Index i = 0; i < n; ++i) change_.template middleCols<3>(3 * i) = w_.template middleCols<3>(3 * i) - mean;
+        response_.multiply(change_, stiff_, coupled_);
+        if (!airy_) return;
+        for (Index c = 0; c < 3; ++c) {
+          const Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
+          for (Index i = 0; i < n; ++i) {
+            for (Index d = 0; d < 3; ++d) coupled_.col(3 * i + d) += mean.col(c) * (dt * gust(d, i));
+          }
+        }
+        return;
+      }
+    }
+    response_.multiply(w_, stiff_, coupled_);
   }
 
   /// Outputs that hold a prescribed vertex move with it at once: T_m += h weight for every m.
@@ -228,6 +260,9 @@ class ExactPredictor {
   Points<Inner> x_, v_, force_, last_velocity_;
   std::array<Points<Inner>, 3> gust_;
   MatrixX<Inner> gust_response_;
+  std::vector<int> none_;
+  Inner share_ = Inner(0);
+  bool airy_ = false;
   bool has_last_ = false;
   bool gusty_ = false;
 };

@@ -3,6 +3,7 @@
 // Features: points that are fixed weighted sums of vertices, y_i = Σ w_ij x_j. Corners, centroids, any linear function.
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "clothctl/concepts/prediction.hpp"

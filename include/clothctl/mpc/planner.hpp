@@ -135,7 +135,7 @@ class Planner {
     predictor_.reserve(request_, window_);
     patches_ = find_patches(basis_);
     make_anchors(start);
-    Index rows = 3 * feature_count_ + 9 * static_cast<Index>(grip_count());
+    Index rows = 3 * feature_count_ + 12 * static_cast<Index>(grip_count());
     for (const HeldPatch<Scalar>& p : patches_) rows += 9 + 3 * p.modes.count();
     stack_.reserve(rows, request_.inputs(), horizon);
     qp_.reserve(settings_, basis_, patches_);
@@ -263,6 +263,7 @@ class Planner {
       stack_.add(window_, point_, past_, 0, sqrt(w.anchor),
                  [&](Index k) { return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k)); });
       stack_.add(window_, point_, past_, 2, sqrt(w.smooth) / settings_.dt, none);
+      stack_.add_change(window_, point_, 1, sqrt(w.step) / settings_.dt);
       stack_.add(window_, point_, past_, 3, sqrt(w.jerk) / settings_.dt, none);
     }
     for (HeldPatch<Scalar>& patch : patches_) {

@@ -7,7 +7,7 @@
 //         +  w_s |ċ_k - ċ_{k-1}|² + w_l |L_k - L_{k-1}|²   smooth hands               (eq. 9)
 //         +  w_h |p_k - p̄_k|²                 the hands stay where they belong (hand_anchor.hpp)
 //         +  w_p |non-affine patch motion|²    soft form of eq. 3 (patch.hpp)
-//         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |u_k - ū_k|²      for nonlinear rollouts
+//         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |ċ_k - ċ̄_k|²      for nonlinear rollouts; ċ̄: last plan
 //
 // c, p: centroid of a grip; ċ its velocity; all sums over k = 1..K.
 
@@ -63,7 +63,7 @@ struct PlannerWeights {
   Scalar patch = Scalar(1000);
   /// w_j, s²/m².
   Scalar jerk = Scalar(0);
-  /// w_r, in the units of the input.
+  /// w_r, s²/m².
   Scalar step = Scalar(0);
 };
 

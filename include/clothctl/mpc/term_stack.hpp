@@ -6,6 +6,7 @@
 //   e_k = s ( Σ_i b_i z_{k-i} - target_k ),   b = 1 | 1,-1 | 1,-2,1 | 1,-3,3,-1;   z_0, z_-1, z_-2 measured
 
 #include <array>
+#include <cassert>
 #include <span>
 
 #include "clothctl/mpc/window.hpp"
@@ -49,6 +50,7 @@ class TermStack {
     static const std::array<std::array<double, 4>, 4> kBinomials{{{1, 0, 0, 0}, {1, -1, 0, 0}, {1, -2, 1, 0}, {1, -3, 3, -1}}};
     const Index horizon = residual_.cols();
     const Index inputs = blocks_.cols() / horizon;
+    assert(rows_ + 3 <= blocks_.rows() && order >= 0 && order <= 3);
     blocks_.middleRows(rows_, 3).setZero();
     for (Index k = 0; k < horizon; ++k) {
       Vector3<Scalar> sum = Vector3<Scalar>::Zero();
@@ -69,6 +71,15 @@ class TermStack {
       residual_.template block<3, 1>(rows_, k) = scale * (sum - wanted);
     }
     rows_ += 3;
+  }
+
+  /// Adds three rows that hold the n times differenced point where the plan has it: e_k = s Σ_i b_i (z_{k-i} - z̄_{k-i}), z̄ at
+  /// the plan that the window was predicted at.
+  void add_change(const WindowResponse<Scalar>& window, std::span<const OutputTerm<Scalar>> point, int order, Scalar scale) {
+    const Index before = rows_;
+    const std::array<Vector3<Scalar>, 3> still{Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero()};
+    add(window, point, still, order, scale, [](Index) { return Vector3<Scalar>(Vector3<Scalar>::Zero()); });
+    residual_.middleRows(before, rows_ - before).setZero();
   }
 
  private:

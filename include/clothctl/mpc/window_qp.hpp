@@ -74,7 +74,7 @@ class WindowQp {
     for (Index k = 0; k < horizon; ++k) {
       for (Index i = 0; i < m; ++i) {
         const Index row = k * m + i;
-        raw_hessian_(row, row) += effort + w.step;
+        raw_hessian_(row, row) += effort;
         raw_gradient_[row] += effort * (request.plan(i, k) - reference[i % 3]);
       }
     }

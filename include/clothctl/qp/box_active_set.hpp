@@ -21,6 +21,7 @@
 #include <cassert>
 #include <vector>
 
+#include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/free_set_factor.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem.hpp"
@@ -162,7 +163,7 @@ class BoxActiveSet {
   static Scalar pivot_tolerance() {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
-    return half * sqrt(half);
+    return half * sqrt(sqrt(half));
   }
 
   /// Sets x within its bounds and the first guess of the active set.
@@ -261,6 +262,8 @@ class BoxActiveSet {
 
   /// Walks along p over the `count` unknowns in moving_, whose bounds bend the path.
   Walk walk(Index count, bool newton) {
+    using std::sqrt;
+    const Scalar rounding = Scalar(4) * static_cast<Scalar>(n_) * scalar_traits<Scalar>::epsilon();
     w_.head(n_).setConstant(Scalar(0));
     const auto moving = [this](Index k) { return moving_[static_cast<std::size_t>(k)]; };
     Index hits = 0;
@@ -275,7 +278,10 @@ class BoxActiveSet {
       list_[static_cast<std::size_t>(hits++)] = i;
     }
     if (newton && !clipped) {
-      for (Index k = 0; k < count; ++k) x_[moving(k)] += p_[moving(k)];
+      for (Index k = 0; k < count; ++k) {
+        const Index i = moving(k);
+        x_[i] = std::min(std::max(Scalar(x_[i] + p_[i]), lo_[i]), hi_[i]);
+      }
       q_.head(n_) += w_.head(n_);
       return Walk::Full;
     }
@@ -294,7 +300,8 @@ class BoxActiveSet {
         size += H()(i, i) * p_[i] * p_[i];
       }
       if (!(slope < Scalar(0))) break;
-      const bool curved = curvature > (newton ? Scalar(0) : pivot_tolerance() * size);
+      if (!newton && curvature < -sqrt(scalar_traits<Scalar>::epsilon()) * size) return Walk::Concave;
+      const bool curved = curvature > (newton ? Scalar(0) : rounding * size);
       const Scalar rest = curved ? -slope / curvature : Scalar(0);
       const bool stops_first = hit < hits && !(curved && t + rest < limit_[list(hit)]);
       if (!stops_first && !curved) return Walk::Unbounded;
@@ -348,7 +355,6 @@ class BoxActiveSet {
   Walk flat_step(Index i) {
     const Index f = factor_.size();
     factor_.append(H(), i, Scalar(0), Scalar(2));  // always refused: leaves L⁻¹ H_Fi behind
-    if (factor_.concave()) return Walk::Concave;
     const Scalar sign = q_[i] > Scalar(0) ? Scalar(-1) : Scalar(1);
     w_.head(f) = factor_.column().head(f);
     factor_.solve_upper(w_);
@@ -368,17 +374,17 @@ class BoxActiveSet {
   /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, and hands it to the result.
   bool verify_ray(Index count, result_type& result) {
     using std::abs;
-    Scalar size(0);
+    const Scalar tolerance = Scalar(64) * detail::certificate_tolerance<Scalar>();
     Scalar slope(0);
+    limit_.head(n_).setConstant(Scalar(0));
     for (Index k = 0; k < count; ++k) {
       const Index i = moving_[static_cast<std::size_t>(k)];
       result.ray[i] = p_[i];
-      slope += q_[i] * p_[i];
-      for (Index r = 0; r < n_; ++r) size = std::max(size, Scalar(abs(H()(r, i) * p_[i])));
+      slope += g_[i] * p_[i];
+      limit_.head(n_) += abs(p_[i]) * H().col(i).cwiseAbs();
     }
-    const Scalar flat = settings_.stationarity_tolerance * std::max(size, Scalar(abs(slope)));
     for (Index r = 0; r < n_; ++r) {
-      if (abs(w_[r]) > flat) return false;
+      if (abs(w_[r]) > tolerance * limit_[r]) return false;
     }
     return slope < Scalar(0);
   }
@@ -386,7 +392,6 @@ class BoxActiveSet {
   QpStatus iterate(result_type& result) {
     using std::abs;
     const int limit = settings_.max_iterations > 0 ? settings_.max_iterations : 10 * static_cast<int>(n_) + 10;
-    factor_.clear_concave();
     refresh_gradient();
     int stalls = 0;
     int polishes = 0;
@@ -394,7 +399,6 @@ class BoxActiveSet {
     bool first = true;
     for (;;) {
       sync_factor();
-      if (factor_.concave()) return QpStatus::NonConvex;
       if (newton_step() == Walk::Clipped) {
         if (++result.iterations >= limit) return QpStatus::IterationLimit;
         continue;

@@ -61,7 +61,6 @@ class FreeSetFactor {
     solve_lower(work_);
     const Scalar diagonal = H(i, i) + shift;
     pivot_ = diagonal - work_.head(size_).squaredNorm();
-    if (pivot_ < -sqrt(scalar_traits<Scalar>::epsilon()) * diagonal) concave_ = true;
     if (!(pivot_ > relative * diagonal)) return false;
     L_.row(size_).head(size_) = work_.head(size_).transpose();
     L_(size_, size_) = sqrt(pivot_);
@@ -70,10 +69,6 @@ class FreeSetFactor {
     return true;
   }
 
-  /// Tells whether a clearly negative pivot was met since `clear_concave`: the submatrix is not positive semidefinite.
-  bool concave() const { return concave_; }
-  /// Forgets negative pivots.
-  void clear_concave() { concave_ = false; }
   /// Last pivot d² that `append` met.
   const Scalar& pivot() const { return pivot_; }
   /// L⁻¹ H_Fi of the last `append` (first `size()` entries, before a successful append).
@@ -162,7 +157,6 @@ class FreeSetFactor {
   VectorX<Scalar> work_, rotated_, scale_, cosine_, sine_;
   Scalar pivot_ = Scalar(0);
   Index size_ = 0;
-  bool concave_ = false;
 };
 
 }  // namespace clothctl::detail

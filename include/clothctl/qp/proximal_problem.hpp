@@ -239,6 +239,7 @@ class ProximalProblem {
     }
     if (whole) {
       advance(Scalar(1), count);
+      stay_inside(count);
       return true;
     }
     std::sort(hits_.begin(), hits_.begin() + hits,
@@ -268,10 +269,7 @@ class ProximalProblem {
       b_.head(m_) -= p_[next] * std::as_const(*this).A().col(next);
       p_[next] = Scalar(0);
     }
-    for (Index k = 0; k < count; ++k) {  // rounding must not leave the box
-      const Index i = moving_[static_cast<std::size_t>(k)];
-      x[i] = std::min(std::max(x[i], lo[i]), hi[i]);
-    }
+    stay_inside(count);
     return false;
   }
 
@@ -282,6 +280,14 @@ class ProximalProblem {
     }
     hx.head(n_) += step * w_.head(n_);
     ax.head(m_) += step * b_.head(m_);
+  }
+
+  /// Rounding must not leave the box.
+  void stay_inside(Index count) {
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving_[static_cast<std::size_t>(k)];
+      x[i] = std::min(std::max(x[i], lo[i]), hi[i]);
+    }
   }
 
   using Kink = std::pair<Scalar, Scalar>;

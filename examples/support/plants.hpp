@@ -1,0 +1,157 @@
+#pragma once
+
+// Plants and predictors chosen at run time: one virtual step around the library's templates.
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "clothctl/clothctl.hpp"
+#include "support/options.hpp"
+
+namespace program {
+
+using clothctl::Index;
+using Vec = clothctl::Vector3<double>;
+using Points = clothctl::Points<double>;
+using View = clothctl::PointsView<double>;
+
+/// Any ClothPlant.
+class AnyPlant {
+ public:
+  using Scalar = double;
+  template <clothctl::ClothModel Model>
+  explicit AnyPlant(Model model) : plant_(std::make_unique<Holder<Model>>(std::move(model))) {}
+  Index vertex_count() const { return plant_->positions().cols(); }
+  const Points& positions() const { return plant_->positions(); }
+  const Points& velocities() const { return plant_->velocities(); }
+  void set_state(const clothctl::ClothState<double>& state) { plant_->set_state(state); }
+  void apply(const clothctl::ClothInput<double>& input) { plant_->apply(input); }
+  clothctl::StepReport<double> advance(double dt) { return plant_->advance(dt); }
+
+ private:
+  struct Base {
+    virtual ~Base() = default;
+    virtual const Points& positions() const = 0;
+    virtual const Points& velocities() const = 0;
+    virtual void set_state(const clothctl::ClothState<double>&) = 0;
+    virtual void apply(const clothctl::ClothInput<double>&) = 0;
+    virtual clothctl::StepReport<double> advance(double) = 0;
+  };
+  template <class Model>
+  struct Holder final : Base {
+    explicit Holder(Model model) : plant(std::move(model)) {}
+    const Points& positions() const override { return plant.positions(); }
+    const Points& velocities() const override { return plant.velocities(); }
+    void set_state(const clothctl::ClothState<double>& state) override { plant.set_state(state); }
+    void apply(const clothctl::ClothInput<double>& input) override { plant.apply(input); }
+    clothctl::StepReport<double> advance(double dt) override { return plant.advance(dt); }
+    clothctl::ModelPlant<Model> plant;
+  };
+  std::unique_ptr<Base> plant_;
+};
+
+/// Any predictor of the planner.
+class AnyPredictor {
+ public:
+  using Scalar = double;
+  using Request = clothctl::WindowRequest<double>;
+  using Response = clothctl::WindowResponse<double>;
+  template <class Predictor>
+    requires(!std::same_as<Predictor, AnyPredictor>)
+  explicit AnyPredictor(Predictor predictor) : predictor_(std::make_unique<Holder<Predictor>>(std::move(predictor))) {}
+  void reserve(const Request& request, Response& response) { predictor_->reserve(request, response); }
+  bool predict(const View& x, const View& v, const Request& request, Response& response) {
+    return predictor_->predict(x, v, request, response);
+  }
+  void reset() { predictor_->reset(); }
+
+ private:
+  struct Base {
+    virtual ~Base() = default;
+    virtual void reserve(const Request&, Response&) = 0;
+    virtual bool predict(const View&, const View&, const Request&, Response&) = 0;
+    virtual void reset() = 0;
+  };
+  template <class Predictor>
+  struct Holder final : Base {
+    explicit Holder(Predictor p) : predictor(std::move(p)) {}
+    void reserve(const Request& request, Response& response) override { predictor.reserve(request, response); }
+    bool predict(const View& x, const View& v, const Request& request, Response& response) override {
+      return predictor.predict(x, v, request, response);
+    }
+    void reset() override { predictor.reset(); }
+    Predictor predictor;
+  };
+  std::unique_ptr<Base> predictor_;
+};
+
+/// A body to be simulated: what every plant and predictor of the programs is made from.
+struct Body {
+  clothctl::SpringNetwork<double> network;
+  double drag = 0;
+  clothctl::AirSettings<double> air = {};
+};
+
+template <class T>
+T must(clothctl::Result<T> result) {
+  if (!result) refuse(result.error());
+  return std::move(result).value();
+}
+
+inline clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integration integration) {
+  clothctl::MassSpringSettings<double> settings;
+  settings.integration = integration;
+  settings.drag = body.drag;
+  settings.air = body.air;
+  return must(clothctl::MassSpring<double>::create(body.network, settings));
+}
+
+inline bool is_implicit(const std::string& plant) { return plant == "one-solve" || plant == "newton"; }
+
+/// The plant that `name` asks for; `drag` replaces the body's (settling).
+inline AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
+  Body changed = body;
+  changed.drag = drag;
+  if (name == "one-solve") return AnyPlant(make_mass_spring(changed, clothctl::Integration::OneSolve));
+  if (name == "newton") return AnyPlant(make_mass_spring(changed, clothctl::Integration::Newton));
+  clothctl::PositionBasedSettings<double> settings =
+      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet() : clothctl::PositionBasedSettings<double>();
+  settings.drag = drag;
+  settings.air = body.air;
+  return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
+}
+
+/// Weights and predictor for a plant. Position-based sheets carry their weight by unconverged elongation, not by tension:
+/// their predictor scales the tension term and takes the measured net force.
+inline AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
+  using Response = clothctl::MassSpringResponse<float>;
+  const bool implicit = is_implicit(o.plant);
+  clothctl::ResponseSettings<float> response;
+  clothctl::ExactPredictorSettings<double> exact;
+  if (!implicit) {
+    response.scale.axial = 0.2f;
+    response.scale.geometric = o.plant == "xpbd" ? 0.04f : 0.003f;
+    exact.measured_force = 1;
+    settings.weights.smooth = 10;
+    settings.weights.anchor = o.plant == "xpbd" ? 10 : 100;
+  }
+  clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
+  clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
+  // Rolling the converged step out under planned forces is unstable (docs/planner.md): there the frozen predictor is better.
+  const bool better = o.plant == "one-solve" || (o.plant == "newton" && o.grip == "position");
+  if (o.predictor == "frozen" || (o.predictor == "auto" && !better)) return AnyPredictor(std::move(frozen));
+  const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
+  settings.weights.jerk = calm.weights.jerk;
+  if (o.grip == "position") {
+    settings.weights.step = calm.weights.step;
+    settings.max_change = calm.max_change;
+  }
+  clothctl::RolloutSettings rollout;
+  rollout.newton_steps = o.plant == "newton" && o.grip == "position" ? 1 : 0;
+  return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>, clothctl::ExactPredictor<Response, double>>(
+      std::move(model), std::move(frozen), rollout));
+}
+
+}  // namespace program

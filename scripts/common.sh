@@ -1,0 +1,60 @@
+# shellcheck shell=bash
+# Sourced by the scripts beside it: friendly messages, and installing what is missing on Debian and its kin.
+
+say() { printf '\n== %s\n' "$*"; }
+die() {
+  printf '%s: %s\n' "$(basename "$0")" "$*" >&2
+  exit 2
+}
+
+cores() { nproc 2>/dev/null || echo 2; }
+
+# need PACKAGE TEST...: notes PACKAGE as missing unless the command TEST succeeds.
+missing_packages=()
+need() {
+  local package=$1
+  shift
+  "$@" >/dev/null 2>&1 || missing_packages+=("$package")
+}
+
+# Tells whether one of the given files exists.
+any_file() {
+  local file
+  for file in "$@"; do [ -e "$file" ] && return 0; done
+  return 1
+}
+
+# Installs what `need` found missing; says what to do where it cannot.
+install_missing() {
+  [ ${#missing_packages[@]} -eq 0 ] && return 0
+  local list="${missing_packages[*]}" as_root=()
+  command -v apt-get >/dev/null || die "missing: $list (Debian package names), and there is no apt-get to install them with"
+  if [ "$(id -u)" -ne 0 ]; then
+    command -v sudo >/dev/null || die "missing: $list; install them as root with: apt-get install $list"
+    as_root=(sudo)
+  fi
+  say "Installing $list"
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq update ||
+    echo "apt-get update failed; trying with the package lists at hand" >&2
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "${missing_packages[@]}" >/dev/null ||
+    die "could not install $list; see the messages of apt-get above"
+}
+
+# What a build of the library and its programs needs.
+need_build_tools() {
+  need g++ command -v g++
+  need cmake command -v cmake
+  need ninja-build command -v ninja
+  need libeigen3-dev any_file /usr/include/eigen3 /usr/local/include/eigen3
+  need libcli11-dev any_file /usr/include/CLI /usr/local/include/CLI
+  need nlohmann-json3-dev any_file /usr/include/nlohmann /usr/local/include/nlohmann
+}
+
+# What the tests and checks need beside that.
+need_test_tools() {
+  need catch2 any_file /usr/include/catch2 /usr/local/include/catch2
+  need clang command -v clang++
+  need clang-format command -v clang-format
+  need libbenchmark-dev any_file /usr/include/benchmark /usr/local/include/benchmark
+  need python3 command -v python3
+}

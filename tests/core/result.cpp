@@ -1,0 +1,59 @@
+#include "clothctl/core/result.hpp"
+
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+Result<int> halve(int value) {
+  if (value % 2 != 0) return Error{"value " + std::to_string(value) + " is odd"};
+  return value / 2;
+}
+
+}  // namespace
+
+TEST_CASE("a result holds a value or the line that says why not", "[result]") {
+  const Result<int> good = halve(8);
+  REQUIRE(good.has_value());
+  CHECK(good);
+  CHECK(good.value() == 4);
+  CHECK(*good == 4);
+
+  const Result<int> bad = halve(7);
+  CHECK_FALSE(bad.has_value());
+  CHECK_FALSE(bad);
+  CHECK(bad.error() == "value 7 is odd");
+}
+
+TEST_CASE("values can be changed in place and moved out", "[result]") {
+  Result<std::vector<int>> list(std::vector<int>{1, 2, 3});
+  list->push_back(4);
+  (*list)[0] = 9;
+  CHECK(list.value() == std::vector<int>{9, 2, 3, 4});
+  const std::vector<int> taken = std::move(list).value();
+  CHECK(taken.size() == 4);
+
+  Result<std::unique_ptr<int>> unique(std::make_unique<int>(5));
+  const std::unique_ptr<int> owner = std::move(unique).value();
+  CHECK(*owner == 5);
+}
+
+TEST_CASE("a result of strings keeps values and errors apart", "[result]") {
+  const Result<std::string> value(std::string("fine"));
+  const Result<std::string> error(Error{"not fine"});
+  CHECK(value.has_value());
+  CHECK(*value == "fine");
+  CHECK_FALSE(error.has_value());
+  CHECK(error.error() == "not fine");
+}
+
+// It is asked, not converted: `int n = result;` or adding results must not compile by way of bool.
+static_assert(!std::is_convertible_v<Result<int>, bool> && std::is_constructible_v<bool, Result<int>>);
+static_assert(!std::is_convertible_v<Result<int>, int>);
+static_assert(!std::is_default_constructible_v<Result<int>>);

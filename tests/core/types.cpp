@@ -1,0 +1,47 @@
+#include "clothctl/core/types.hpp"
+
+#include <limits>
+#include <type_traits>
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+TEMPLATE_TEST_CASE("all_finite sees one bad coefficient anywhere", "[types]", float, double) {
+  Points<TestType> points = Points<TestType>::Constant(3, 7, TestType(2));
+  CHECK(all_finite(points));
+  for (const TestType bad : {std::numeric_limits<TestType>::infinity(), std::numeric_limits<TestType>::quiet_NaN()}) {
+    for (Index k = 0; k < points.size(); ++k) {
+      Points<TestType> broken = points;
+      broken.data()[k] = bad;
+      CAPTURE(k);
+      CHECK_FALSE(all_finite(broken));
+      CHECK(all_finite(broken.leftCols(k / 3)));
+    }
+  }
+}
+
+TEST_CASE("all_finite takes expressions, views and empty matrices", "[types]") {
+  CHECK(all_finite(MatrixX<double>(0, 3)));
+  MatrixX<double> a = MatrixX<double>::Identity(3, 3);
+  CHECK(all_finite(a * 2.0));
+  CHECK(all_finite(a.row(1)));
+  a(2, 0) = std::numeric_limits<double>::infinity();
+  CHECK_FALSE(all_finite(a.col(0)));
+  CHECK(all_finite(a.col(1)));
+}
+
+TEST_CASE("a points view refers to columns without copying them", "[types]") {
+  const Points<double> points = Points<double>::Constant(3, 5, 1.5);
+  const PointsView<double> all(points);
+  CHECK(all.data() == points.data());
+  const PointsView<double> middle(points.middleCols(1, 3));
+  CHECK(middle.data() == points.col(1).data());
+  CHECK(middle.cols() == 3);
+}
+
+TEST_CASE("lanes lie side by side in memory", "[types]") {
+  Lanes<float, 4> lanes = Lanes<float, 4>::Zero(4, 3);
+  CHECK(&lanes(1, 2) == &lanes(0, 2) + 1);
+  CHECK(&lanes(0, 2) == &lanes(0, 1) + 4);
+}

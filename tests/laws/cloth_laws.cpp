@@ -1,0 +1,128 @@
+// The law suite judged: a small lawful model passes it, and each of its broken sisters fails.
+
+#include "laws/cloth_laws.hpp"
+
+#include <memory>
+
+#include "clothctl/cloth/step_input.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+enum class Fault {
+  None,
+  MovesOnBadInput,
+  IgnoresBadState,
+  RemembersLastStep,
+  MissesDrivenTarget,
+  LovesTheOrigin,
+  LeansEast,
+  LosesMomentum,
+  FallsHalfway,
+  MindsSpeed,
+  Allocates
+};
+
+// Particles on springs to their neighbours in a row, by implicit Euler with the spring forces of the start of the step.
+template <class Scalar, Fault fault = Fault::None>
+class ParticleRow {
+ public:
+  struct Workspace {
+    std::vector<unsigned char> held;
+    Points<Scalar> velocity;
+    Scalar memory = Scalar(0);
+  };
+
+  explicit ParticleRow(Index n) : mass_(VectorX<Scalar>::LinSpaced(n, Scalar(0.01), Scalar(0.02))) {}
+
+  const VectorX<Scalar>& mass() const { return mass_; }
+  Index vertex_count() const { return mass_.size(); }
+  ClothState<Scalar> rest_state() const {
+    ClothState<Scalar> state{Points<Scalar>::Zero(3, vertex_count()), Points<Scalar>::Zero(3, vertex_count())};
+    for (Index i = 0; i < vertex_count(); ++i) state.positions(0, i) = Scalar(0.1) * static_cast<Scalar>(i);
+    return state;
+  }
+  Workspace make_workspace() const {
+    const Points<Scalar> zero = Points<Scalar>::Zero(3, vertex_count());
+    return {std::vector<unsigned char>(static_cast<std::size_t>(vertex_count())), zero};
+  }
+
+  StepReport<Scalar> step(ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+    const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
+    if (checked != StepStatus::Converged) {
+      if (fault == Fault::MovesOnBadInput && state.positions.cols() == vertex_count()) state.velocities(0, 0) += Scalar(1);
+      if (fault == Fault::IgnoresBadState && checked == StepStatus::InvalidState)
+        return {StepStatus::Converged, true, Scalar(0), 0};
+      return {checked, false, Scalar(0), 0};
+    }
+    const Vector3<Scalar> gravity(Scalar(0), Scalar(0), Scalar(-9.81));
+    ws.velocity = state.velocities;
+    for (Index i = 0; i < vertex_count(); ++i) ws.velocity.col(i) += dt * gravity;
+    for (std::size_t k = 0; k < input.force_vertices.size(); ++k) {
+      const Index v = input.force_vertices[k];
+      ws.velocity.col(v) += dt / mass_[v] * input.forces.col(static_cast<Index>(k));
+    }
+    for (Index i = 1; i < vertex_count(); ++i) {
+      const Vector3<Scalar> d = state.positions.col(i) - state.positions.col(i - 1);
+      const Vector3<Scalar> pull = dt * Scalar(2) * (Scalar(1) - Scalar(0.1) / d.norm()) * d;
+      ws.velocity.col(i) -= pull / mass_[i];
+      ws.velocity.col(i - 1) += pull / mass_[i - 1];
+    }
+    if (fault == Fault::LovesTheOrigin) ws.velocity -= dt * state.positions;
+    if (fault == Fault::LeansEast) ws.velocity.row(0).array() += Scalar(0.1) * dt;
+    if (fault == Fault::LosesMomentum) ws.velocity *= Scalar(0.999);
+    if (fault == Fault::MindsSpeed)
+      ws.velocity += Scalar(1e-3) * dt * ws.velocity.squaredNorm() * gravity.replicate(1, vertex_count());
+    if (fault == Fault::RemembersLastStep) {
+      ws.velocity(2, 0) += ws.memory;
+      ws.memory = Scalar(1e-6);
+    }
+    if (fault == Fault::Allocates) std::make_unique<Points<Scalar>>(ws.velocity)->setZero();
+    for (std::size_t k = 0; k < input.driven_vertices.size(); ++k) {
+      const Index v = input.driven_vertices[k];
+      ws.velocity.col(v) = (input.driven_positions.col(static_cast<Index>(k)) - state.positions.col(v)) / dt;
+    }
+    state.velocities = ws.velocity;
+    state.positions += (fault == Fault::FallsHalfway ? Scalar(0.5) : Scalar(1)) * dt * ws.velocity;
+    for (std::size_t k = 0; k < input.driven_vertices.size() && fault != Fault::MissesDrivenTarget; ++k) {
+      state.positions.col(input.driven_vertices[k]) = input.driven_positions.col(static_cast<Index>(k));
+    }
+    if (fault == Fault::MissesDrivenTarget && !input.driven_vertices.empty()) {
+      state.positions.col(input.driven_vertices[0]).array() += Scalar(1e-7);
+    }
+    return {StepStatus::Converged, true, Scalar(0), 1};
+  }
+
+ private:
+  VectorX<Scalar> mass_;
+};
+
+template <class Scalar, Fault fault>
+void judge() {
+  const ParticleRow<Scalar, fault> model(7);
+  clothctl_test::ClothLaws<Scalar> laws;
+  laws.mass = model.mass();
+  clothctl_test::check_cloth_laws(model, laws);
+}
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("a lawful model passes the laws of cloth", "[laws]", float, double) { judge<TestType, Fault::None>(); }
+
+// Each of these must fail; Catch counts a failure as a success here, and a pass as a failure.
+TEST_CASE("laws notice: bad input moves the state", "[laws][!shouldfail]") { judge<double, Fault::MovesOnBadInput>(); }
+TEST_CASE("laws notice: a bad state is accepted", "[laws][!shouldfail]") { judge<double, Fault::IgnoresBadState>(); }
+TEST_CASE("laws notice: the workspace remembers", "[laws][!shouldfail]") { judge<double, Fault::RemembersLastStep>(); }
+TEST_CASE("laws notice: a driven vertex misses", "[laws][!shouldfail]") { judge<double, Fault::MissesDrivenTarget>(); }
+TEST_CASE("laws notice: the origin attracts", "[laws][!shouldfail]") { judge<double, Fault::LovesTheOrigin>(); }
+TEST_CASE("laws notice: one direction is preferred", "[laws][!shouldfail]") { judge<double, Fault::LeansEast>(); }
+TEST_CASE("laws notice: momentum is lost", "[laws][!shouldfail]") { judge<double, Fault::LosesMomentum>(); }
+TEST_CASE("laws notice: positions lag behind velocities", "[laws][!shouldfail]") { judge<double, Fault::FallsHalfway>(); }
+TEST_CASE("laws notice: absolute speed matters", "[laws][!shouldfail]") { judge<double, Fault::MindsSpeed>(); }
+
+TEST_CASE("laws notice: a step allocates", "[laws][!shouldfail]") {
+  judge<double, Fault::Allocates>();
+  if (!clothctl_test::allocation_counting_works()) FAIL("allocations cannot be counted in this build");
+}

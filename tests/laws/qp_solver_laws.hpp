@@ -1,0 +1,258 @@
+#pragma once
+
+// What any QP solver must obey, and random problems with known solutions to show it on.
+//
+//   solved       Solved means that the independent check of the unscaled optimality conditions passes, and the objective is
+//                the one the problem was built around
+//   repeats      the same problem twice: the second time 0 iterations; two solvers with the same history: the same bits
+//   refusals     NaN, crossed bounds, asymmetric Hessian: InvalidData, and the next solve is as good as if it had not happened
+//   recovery     an infeasible or unbounded problem leaves the next solve as good as a cold one
+//   memory       repeated solves of one size allocate nothing
+//
+// Each law answers with an empty string, or with the name of what broke.
+
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "clothctl/concepts/qp_solver.hpp"
+#include "clothctl/qp/kkt.hpp"
+#include "support/allocations.hpp"
+
+namespace clothctl_test {
+
+using clothctl::Index;
+using clothctl::MatrixX;
+using clothctl::QpStatus;
+using clothctl::VectorX;
+
+/// A problem and the optimal triple that it was built around.
+template <class Scalar>
+struct KnownQp {
+  MatrixX<Scalar> H, A;
+  VectorX<Scalar> g, lb, ub, rl, ru;
+  VectorX<Scalar> x, y, z;
+
+  /// Objective of the known solution.
+  Scalar objective() const { return x.dot(Scalar(0.5) * (H * x) + g); }
+};
+
+/// What a random problem should look like.
+struct QpFamily {
+  /// Unknowns and rows.
+  Index n = 10, m = 0;
+  /// Rank of H over n: 1 strictly convex, 0 a linear program.
+  double rank = 1.0;
+  /// Part of the unknowns that sit at a bound, and of the rows that are active.
+  double active = 0.5;
+  /// Part of the active ones with a zero multiplier.
+  double degenerate = 0.0;
+  /// Part of the rows that are equalities.
+  double equalities = 0.2;
+  /// Part of the rows that repeat an earlier row, scaled.
+  double copies = 0.0;
+  /// Columns are scaled by 2^±spread at random.
+  int spread = 0;
+};
+
+/// Draws a problem. Linear programs get enough active bounds that their solution is a vertex or face with the known value.
+template <class Scalar>
+KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  std::uniform_real_distribution<double> uniform(0.0, 1.0);
+  const Index n = family.n;
+  const Index m = family.m;
+  const double inf = std::numeric_limits<double>::infinity();
+  const auto matrix = [&](Index rows, Index cols) {
+    Eigen::MatrixXd M(rows, cols);
+    for (Index k = 0; k < M.size(); ++k) M.data()[k] = normal(random);
+    return M;
+  };
+  const Index rank = static_cast<Index>(std::lround(family.rank * static_cast<double>(n)));
+  const Eigen::MatrixXd J = matrix(rank, n);
+  Eigen::MatrixXd H = J.transpose() * J / static_cast<double>(n);
+  if (rank == n) H.diagonal().array() += 0.05;
+  Eigen::MatrixXd A = matrix(m, n);
+  for (Index i = 1; i < m; ++i) {
+    if (uniform(random) < family.copies) A.row(i) = (1.0 + std::floor(3.0 * uniform(random))) * A.row(i / 2);
+  }
+  Eigen::VectorXd scale = Eigen::VectorXd::Ones(n);
+  for (Index j = 0; j < n; ++j) scale[j] = std::ldexp(1.0, static_cast<int>((2.0 * uniform(random) - 1.0) * family.spread));
+  H = scale.asDiagonal() * H * scale.asDiagonal();
+  A = A * scale.asDiagonal();
+
+  Eigen::VectorXd x(n), z = Eigen::VectorXd::Zero(n), lb(n), ub(n), y = Eigen::VectorXd::Zero(m), rl(m), ru(m);
+  const auto place = [&](double value, double unit, double& lower, double& upper, double& multiplier, bool can_be_open) {
+    const bool open = can_be_open && uniform(random) < 0.2;
+    lower = open ? -inf : value - unit * (0.1 + uniform(random));
+    upper = open && uniform(random) < 0.5 ? inf : value + unit * (0.1 + uniform(random));
+    if (uniform(random) >= family.active) return;
+    const double size = uniform(random) < family.degenerate ? 0.0 : 0.1 + uniform(random);
+    if (uniform(random) < 0.5) {
+      lower = value;
+      multiplier = size;
+    } else {
+      upper = value;
+      multiplier = -size;
+    }
+  };
+  for (Index j = 0; j < n; ++j) {
+    x[j] = normal(random) / scale[j];
+    place(x[j], 1.0 / scale[j], lb[j], ub[j], z[j], true);
+    z[j] *= scale[j];
+  }
+  // Values are rounded to Scalar before rows and gradient are formed, so that the known solution stays consistent.
+  const Eigen::VectorXd Ax = A * x;
+  for (Index i = 0; i < m; ++i) {
+    place(Ax[i], 1.0, rl[i], ru[i], y[i], true);
+    if (uniform(random) < family.equalities) {
+      rl[i] = ru[i] = Ax[i];
+      y[i] = normal(random);
+    }
+  }
+  const Eigen::VectorXd g = A.transpose() * y + z - H * x;
+  KnownQp<Scalar> q;
+  q.H = H.template cast<Scalar>();
+  q.A = A.template cast<Scalar>();
+  q.g = g.template cast<Scalar>();
+  q.lb = lb.template cast<Scalar>();
+  q.ub = ub.template cast<Scalar>();
+  q.rl = rl.template cast<Scalar>();
+  q.ru = ru.template cast<Scalar>();
+  q.x = x.template cast<Scalar>();
+  q.y = y.template cast<Scalar>();
+  q.z = z.template cast<Scalar>();
+  return q;
+}
+
+/// Calls a solver through its trait, with rows where it takes them.
+template <class Scalar, class Solver>
+class QpSession {
+ public:
+  using Traits = clothctl::qp_solver_traits<Solver>;
+  using SolverResult = typename Traits::result_type;
+  static constexpr bool kRows = clothctl::QpSolver<Solver, Scalar>;
+
+  /// Makes room and sets the matrices.
+  QpStatus set(const KnownQp<Scalar>& q) {
+    if constexpr (kRows) {
+      Traits::reserve(solver, q.H.rows(), q.A.rows());
+      const QpStatus status = Traits::set_hessian(solver, q.H);
+      if (status != QpStatus::Solved) return status;
+      return Traits::set_rows(solver, q.A);
+    } else {
+      Traits::reserve(solver, q.H.rows());
+      return Traits::set_hessian(solver, q.H);
+    }
+  }
+  /// Solves with the vectors of q.
+  QpStatus solve(const KnownQp<Scalar>& q) {
+    if constexpr (kRows) {
+      return Traits::solve(solver, q.g, q.lb, q.ub, q.rl, q.ru, result);
+    } else {
+      return Traits::solve(solver, q.g, q.lb, q.ub, result);
+    }
+  }
+  /// Residuals of the last result on q.
+  clothctl::KktResiduals<Scalar> residuals(const KnownQp<Scalar>& q) const {
+    VectorX<Scalar> y(q.A.rows());
+    if constexpr (kRows) y = Traits::row_multipliers(result);
+    const VectorX<Scalar> x = Traits::solution(result);
+    const VectorX<Scalar> z = Traits::bound_multipliers(result);
+    return clothctl::kkt_residuals(q.H, q.g, q.A, q.rl, q.ru, q.lb, q.ub, x, y, z);
+  }
+
+  Solver solver;
+  SolverResult result;
+};
+
+/// Law "solved" on one problem.
+template <class Scalar, class Session>
+std::string qp_law_solved(Session& session, const KnownQp<Scalar>& q, double tolerance) {
+  using std::abs;
+  const QpStatus status = session.solve(q);
+  if (status != QpStatus::Solved) return "solved: status is " + std::string(clothctl::to_string(status));
+  const auto r = session.residuals(q);
+  if (!(static_cast<double>(r.worst()) <= tolerance))
+    return "solved: residual " + std::to_string(static_cast<double>(r.worst()));
+  const double known = static_cast<double>(q.objective());
+  const double error = abs(static_cast<double>(r.objective) - known) / std::max(1.0, abs(known));
+  if (!(error <= tolerance)) return "solved: objective is off by " + std::to_string(error);
+  return {};
+}
+
+/// Laws "repeats", "refusals" and "memory" on one problem that the session has not seen.
+template <class Scalar, class Solver>
+std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
+  QpSession<Scalar, Solver> first, second;
+  if (first.set(q) != QpStatus::Solved || second.set(q) != QpStatus::Solved) return "history: matrices were refused";
+  std::string broken = qp_law_solved(first, q, tolerance);
+  if (!broken.empty()) return broken;
+  second.solve(q);
+  using Traits = clothctl::qp_solver_traits<Solver>;
+  const VectorX<Scalar> x = Traits::solution(first.result);
+  for (Index i = 0; i < x.size(); ++i) {
+    if (!(x[i] <= Traits::solution(second.result)[i] && x[i] >= Traits::solution(second.result)[i]))
+      return "repeats: bits differ";
+  }
+  broken = qp_law_solved(first, q, tolerance);
+  if (!broken.empty()) return "repeats: " + broken;
+  if constexpr (requires { first.result.iterations; }) {
+    if (first.result.iterations != 0) return "repeats: second solve took iterations";
+  }
+  KnownQp<Scalar> bad = q;
+  bad.g[0] = std::numeric_limits<Scalar>::quiet_NaN();
+  if (first.solve(bad) != QpStatus::InvalidData) return "refusals: NaN in g";
+  bad = q;
+  bad.ub[0] = std::numeric_limits<Scalar>::quiet_NaN();
+  if (first.solve(bad) != QpStatus::InvalidData) return "refusals: NaN in a bound";
+  bad = q;
+  bad.lb[0] = Scalar(2);
+  bad.ub[0] = Scalar(1);
+  if (first.solve(bad) != QpStatus::InvalidData) return "refusals: crossed bounds";
+  broken = qp_law_solved(first, q, tolerance);
+  if (!broken.empty()) return "refusals: afterwards " + broken;
+  if constexpr (requires { first.result.iterations; }) {
+    if (first.result.iterations != 0) return "refusals: the active set was lost";
+  }
+  if (allocation_counting_works()) {
+    KnownQp<Scalar> next = q;
+    const long before = allocations();
+    first.solve(q);
+    next.g *= Scalar(-0.5);
+    first.solve(next);
+    first.solve(q);
+    if (allocations() != before) return "memory: a solve allocated";
+  }
+  bad = q;
+  bad.H(0, 0) = std::numeric_limits<Scalar>::infinity();
+  if (second.set(bad) != QpStatus::InvalidData) return "refusals: infinity in H";
+  if (second.solve(q) != QpStatus::InvalidData) return "refusals: solved with a refused Hessian";
+  if (q.H.rows() > 1) {
+    bad = q;
+    bad.H(0, 1) += Scalar(1);
+    if (second.set(bad) != QpStatus::InvalidData) return "refusals: asymmetric H";
+  }
+  if (second.set(q) != QpStatus::Solved) return "refusals: a good Hessian after a bad one";
+  return qp_law_solved(second, q, tolerance);
+}
+
+/// Law "recovery": a row solver meets q, then q with contradicting rows, then q with a gradient along which nothing bounds it.
+template <class Scalar, class Solver>
+std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
+  QpSession<Scalar, Solver> session;
+  if (session.set(q) != QpStatus::Solved) return "recovery: matrices were refused";
+  std::string broken = qp_law_solved(session, q, tolerance);
+  if (!broken.empty()) return broken;
+  KnownQp<Scalar> bad = q;  // the row is pushed beyond what the box allows
+  bad.lb = bad.x.array() - Scalar(1);
+  bad.ub = bad.x.array() + Scalar(1);
+  const Scalar reach = q.A.row(0).cwiseAbs().sum();
+  bad.rl[0] = bad.ru[0] = q.A.row(0).dot(q.x) + Scalar(2) * reach;
+  if (session.solve(bad) != QpStatus::PrimalInfeasible) return "recovery: infeasibility was not seen";
+  broken = qp_law_solved(session, q, tolerance);
+  return broken.empty() ? broken : "recovery: afterwards " + broken;
+}
+
+}  // namespace clothctl_test

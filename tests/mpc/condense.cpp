@@ -1,0 +1,57 @@
+// Condensing against products of the big matrices that it avoids.
+
+#include "clothctl/mpc/condense.hpp"
+
+#include <random>
+
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+template <class Scalar>
+MatrixX<Scalar> random_matrix(Index rows, Index cols, std::mt19937& random) {
+  std::uniform_real_distribution<double> uniform(-1.0, 1.0);
+  MatrixX<Scalar> m(rows, cols);
+  for (Index i = 0; i < m.size(); ++i) m(i) = Scalar(uniform(random));
+  return m;
+}
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window", "[mpc]", float, double) {
+  std::mt19937 random(11);
+  const TestType tolerance = std::is_same_v<TestType, float> ? TestType(1e-4) : TestType(1e-12);
+  for (const Index horizon : {1, 2, 7, 20}) {
+    for (const Index inputs : {3, 6}) {
+      const Index rows = 3 * (1 + horizon % 4);
+      const MatrixX<TestType> blocks = random_matrix<TestType>(rows, inputs * horizon, random);
+      const MatrixX<TestType> residual = random_matrix<TestType>(rows, horizon, random);
+      MatrixX<TestType> big = MatrixX<TestType>::Zero(rows * horizon, inputs * horizon);
+      for (Index k = 0; k < horizon; ++k) {
+        for (Index j = 0; j <= k; ++j) big.block(k * rows, j * inputs, rows, inputs) = blocks.middleCols((k - j) * inputs, inputs);
+      }
+      const VectorX<TestType> e = Eigen::Map<const VectorX<TestType>>(residual.data(), residual.size());
+      MatrixX<TestType> hessian = MatrixX<TestType>::Constant(inputs * horizon, inputs * horizon, TestType(7));
+      VectorX<TestType> gradient = VectorX<TestType>::Constant(inputs * horizon, TestType(7));
+      const long before = clothctl_test::allocations();
+      condense<TestType>(blocks, residual, hessian, gradient);
+      const long made = clothctl_test::allocations() - before;
+      if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+      const MatrixX<TestType> expected = big.transpose() * big;
+      CHECK((hessian - expected).norm() < tolerance * expected.norm());
+      CHECK((gradient - big.transpose() * e).norm() < tolerance * gradient.norm());
+      CHECK(hessian == MatrixX<TestType>(hessian.transpose()));
+    }
+  }
+}
+
+TEST_CASE("a window without rows condenses to nothing", "[mpc]") {
+  MatrixX<double> hessian = MatrixX<double>::Ones(12, 12);
+  VectorX<double> gradient = VectorX<double>::Ones(12);
+  condense<double>(MatrixX<double>(0, 12), MatrixX<double>(0, 4), hessian, gradient);
+  CHECK(hessian.norm() == 0.0);
+  CHECK(gradient.norm() == 0.0);
+}

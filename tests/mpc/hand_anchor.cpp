@@ -1,0 +1,120 @@
+// The hand anchor's moving average, on motions whose average is known.
+
+#include "clothctl/mpc/hand_anchor.hpp"
+
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+using V = Vector3<double>;
+
+HandAnchor<double> anchor_of(std::vector<double> weights, const V& offset) {
+  HandAnchor<double> anchor;
+  anchor.feature_weights = std::move(weights);
+  anchor.offset = offset;
+  anchor.drop = offset[2];
+  return anchor;
+}
+
+// Two features on a line along x, moved as one.
+template <class Motion>
+auto line(const Motion& motion) {
+  return [motion](Index i, double t) { return V(V(i == 0 ? -0.25 : 0.25, 0.0, 0.0) + motion(t)); };
+}
+
+}  // namespace
+
+TEST_CASE("a constant target gives a constant hand", "[mpc]") {
+  const HandAnchor<double> anchor = anchor_of({1.0, 0.0}, V(0.02, 0.1, 0.5));
+  for (const Swing swing : {Swing::None, Swing::Sheet, Swing::Pendulum}) {
+    const auto target = line([](double) { return V(0.3, -0.2, 1.0); });
+    const V p = anchor_position(anchor, swing, 9.81, target, 0.7);
+    CHECK((p - V(0.07, -0.1, 1.5)).norm() < 1e-14);
+  }
+}
+
+TEST_CASE("the hand of a steady motion moves steadily", "[mpc]") {
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
+  const V velocity(0.2, -0.4, 0.1);
+  for (const Swing swing : {Swing::None, Swing::Sheet, Swing::Pendulum}) {
+    const V p = anchor_position(anchor, swing, 9.81, line([&](double t) { return V(t * velocity); }), 1.3);
+    CHECK((p - V(1.3 * velocity + anchor.offset)).norm() < 1e-13);
+  }
+}
+
+TEST_CASE("the hand leads a constant acceleration by that of a hanging chain", "[mpc]") {
+  // The mean of (t + τ sin a)² is t² + τ²/2, so with ȳ = ½ b t² the hand stands b τ²/4 = b L/g ahead: tan(angle) = b/g.
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.4));
+  const double b = 1.7;
+  const V p = anchor_position(anchor, Swing::Sheet, 9.81, line([&](double t) { return V(0.0, 0.5 * b * t * t, 0.0); }), 0.9);
+  CHECK(p[1] == Approx(0.5 * b * 0.81 + b * 0.4 / 9.81).epsilon(1e-13));
+  CHECK(p[0] == Approx(0.0).margin(1e-14));
+  CHECK(p[2] == Approx(0.4));
+}
+
+TEST_CASE("a sinusoid is attenuated by the Bessel function of its frequency", "[mpc]") {
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
+  const double tau = 2.0 * std::sqrt(0.5 / 9.81);
+  for (const double omega : {1.0, 4.0, 9.0, 20.0}) {
+    for (const double t : {0.0, 0.4}) {
+      const V p = anchor_position(anchor, Swing::Sheet, 9.81, line([&](double s) { return V(0.0, std::cos(omega * s), 0.0); }), t);
+      double j0 = 0.0, term = 1.0;  // power series of J0
+      for (int m = 1; m < 60; ++m) {
+        j0 += term;
+        term *= -(omega * tau) * (omega * tau) / (4.0 * m * m);
+      }
+      CHECK(p[1] == Approx(j0 * std::cos(omega * t)).margin(1e-12));
+    }
+  }
+}
+
+TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]") {
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
+  const auto motion = [](double t) { return V(std::sin(5.0 * t), std::sin(5.0 * t), std::sin(5.0 * t)); };
+  const double t = 0.3, now = std::sin(5.0 * t);
+  const V none = anchor_position(anchor, Swing::None, 9.81, line(motion), t);
+  const V sheet = anchor_position(anchor, Swing::Sheet, 9.81, line(motion), t);
+  const V pendulum = anchor_position(anchor, Swing::Pendulum, 9.81, line(motion), t);
+  CHECK((none - V(now, now, now + 0.5)).norm() < 1e-14);
+  CHECK(sheet[0] == Approx(now).epsilon(1e-13));
+  CHECK(std::abs(sheet[1] - now) > 0.1);
+  CHECK(sheet[2] == Approx(now + 0.5));
+  CHECK(pendulum[0] == Approx(pendulum[1]));
+  CHECK(pendulum[1] == Approx(sheet[1]));
+  CHECK(pendulum[2] == Approx(now + 0.5));
+
+  // Nothing hangs below the hand, or no line to stand across: no average.
+  HandAnchor<double> flat = anchor;
+  flat.drop = 0.0;
+  CHECK((anchor_position(flat, Swing::Pendulum, 9.81, line(motion), t) - none).norm() < 1e-14);
+  const auto together = [&](Index, double s) { return motion(s); };
+  CHECK((anchor_position(anchor, Swing::Sheet, 9.81, together, t) - none).norm() < 1e-14);
+  const HandAnchor<double> single = anchor_of({1.0}, V(0.0, 0.0, 0.5));
+  CHECK((anchor_position(single, Swing::Sheet, 9.81, together, t) - none).norm() < 1e-14);
+}
+
+TEST_CASE("the average turns with the line between the features", "[mpc]") {
+  // The same motion across the line, seen from above under another angle.
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
+  const double angle = 0.6;
+  const V along(std::cos(angle), std::sin(angle), 0.0), across(-std::sin(angle), std::cos(angle), 0.0);
+  const auto turned = [&](Index i, double t) { return V((i == 0 ? -0.25 : 0.25) * along + std::sin(5.0 * t) * across); };
+  const auto straight = line([](double t) { return V(0.0, std::sin(5.0 * t), 0.0); });
+  const V p = anchor_position(anchor, Swing::Sheet, 9.81, turned, 0.2);
+  const V q = anchor_position(anchor, Swing::Sheet, 9.81, straight, 0.2);
+  CHECK(p.dot(across) == Approx(q[1]));
+  CHECK(p.dot(along) == Approx(0.0).margin(1e-14));
+}
+
+TEST_CASE("an anchor allocates nothing", "[mpc]") {
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
+  const auto target = line([](double t) { return V(t, t * t, 0.0); });
+  const long before = clothctl_test::allocations();
+  const V p = anchor_position(anchor, Swing::Pendulum, 9.81, target, 0.2);
+  const long made = clothctl_test::allocations() - before;
+  CHECK(all_finite(p));
+  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+}

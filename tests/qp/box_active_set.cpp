@@ -1,0 +1,282 @@
+#include "clothctl/qp/box_active_set.hpp"
+
+#include <limits>
+
+#include "laws/qp_solver_laws.hpp"
+#include "support/catch.hpp"
+#include "support/qpt.hpp"
+#include "support/shared_data.hpp"
+#include "support/tier.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+static_assert(BoxQpSolver<BoxActiveSet<float>, float> && BoxQpSolver<BoxActiveSet<double>, double>);
+static_assert(WarmStartable<BoxActiveSet<float>, float> && WarmStartable<BoxActiveSet<double>, double>);
+static_assert(!QpSolver<BoxActiveSet<double>>);
+
+namespace {
+
+template <class S>
+double tolerance() {
+  return sizeof(S) == sizeof(float) ? 2e-4 : 1e-8;
+}
+
+VectorX<double> vec(double a, double b) { return (VectorX<double>(2) << a, b).finished(); }
+const double inf = std::numeric_limits<double>::infinity();
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("random bound-constrained problems of every kind are solved", "[qp]", float, double) {
+  using S = TestType;
+  std::mt19937 random(11);
+  for (int trial = 0; trial < trials(150, 20000); ++trial) {
+    QpFamily family;
+    family.n = 1 + trial % 60;
+    family.active = 0.1 * (trial % 11);
+    family.degenerate = trial % 3 == 0 ? 0.5 : 0.0;
+    family.rank = trial % 4 == 1 ? 0.6 : 1.0;
+    family.spread = trial % 5 == 2 ? (sizeof(S) == sizeof(float) ? 2 : 8) : 0;
+    const KnownQp<S> q = draw_qp<S>(family, random);
+    QpSession<S, BoxActiveSet<S>> session;
+    REQUIRE(session.set(q) == QpStatus::Solved);
+    INFO("trial " << trial);
+    CHECK(qp_law_solved(session, q, tolerance<S>()) == "");
+    for (Index i = 0; i < q.x.size(); ++i) {
+      REQUIRE(session.result.x[i] >= q.lb[i]);
+      REQUIRE(session.result.x[i] <= q.ub[i]);
+    }
+  }
+}
+
+TEMPLATE_TEST_CASE("the box solver keeps the laws of history", "[qp]", float, double) {
+  using S = TestType;
+  std::mt19937 random(12);
+  for (Index n : {Index(1), Index(7), Index(40), Index(130)}) {
+    QpFamily family;
+    family.n = n;
+    CHECK(qp_law_history<S, BoxActiveSet<S>>(draw_qp<S>(family, random), tolerance<S>()) == "");
+    family.rank = 0.5;
+    CHECK(qp_law_history<S, BoxActiveSet<S>>(draw_qp<S>(family, random), tolerance<S>()) == "");
+  }
+}
+
+TEST_CASE("without bounds the box solver is a linear solve", "[qp]") {
+  std::mt19937 random(13);
+  const KnownQp<double> q = draw_qp<double>({.n = 150, .active = 0.0}, random);
+  BoxActiveSet<double> solver;
+  solver.reserve(150);
+  REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
+  QpResult<double> result;
+  const VectorX<double> ub = VectorX<double>::Constant(150, inf), lb = -ub;
+  REQUIRE(solver.solve(q.g, lb, ub, result) == QpStatus::Solved);
+  CHECK(result.iterations == 0);
+  CHECK((q.H * result.x + q.g).cwiseAbs().maxCoeff() < 1e-12 * 150);
+  CHECK(solver.free_count() == 150);
+}
+
+TEST_CASE("flat directions end at a bound or prove the problem unbounded", "[qp]") {
+  MatrixX<double> H = MatrixX<double>::Zero(2, 2);
+  H(0, 0) = 1.0;
+  BoxActiveSet<double> solver;
+  solver.reserve(2);
+  REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+  QpResult<double> r;
+  CHECK(solver.solve(vec(-2.0, -1.0), vec(0.0, 0.0), vec(9.0, 3.0), r) == QpStatus::Solved);
+  CHECK(r.x == vec(2.0, 3.0));
+  CHECK(solver.solve(vec(-2.0, -1.0), vec(0.0, 0.0), vec(9.0, inf), r) == QpStatus::DualInfeasible);
+  CHECK(r.ray[0] == Approx(0.0).margin(1e-12));
+  CHECK(r.ray[1] > 0.0);
+  CHECK(solver.solve(vec(-2.0, 1.0), vec(0.0, -inf), vec(9.0, inf), r) == QpStatus::DualInfeasible);
+  CHECK(r.ray[1] < 0.0);
+  CHECK(solver.solve(vec(-2.0, 0.0), vec(0.0, -inf), vec(9.0, inf), r) == QpStatus::Solved);
+  CHECK(r.x[0] == Approx(2.0));
+
+  // A ridge x0 = x1 that falls: flat along (1, 1).
+  H << 1.0, -1.0, -1.0, 1.0;
+  REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+  CHECK(solver.solve(vec(-1.0, -1.0), vec(0.0, 0.0), vec(inf, inf), r) == QpStatus::DualInfeasible);
+  CHECK(r.ray[0] == Approx(r.ray[1]));
+  CHECK(solver.solve(vec(-1.0, -1.0), vec(0.0, 0.0), vec(inf, 5.0), r) == QpStatus::Solved);
+  CHECK(r.x[1] == 5.0);
+  CHECK(r.x[0] == Approx(6.0));
+}
+
+TEST_CASE("a linear program over a box goes to its corners", "[qp]") {
+  BoxActiveSet<double> solver;
+  solver.reserve(30);
+  REQUIRE(solver.set_hessian(MatrixX<double>::Zero(30, 30)) == QpStatus::Solved);
+  VectorX<double> g(30);
+  for (Index i = 0; i < 30; ++i) g[i] = i % 3 == 0 ? 0.0 : i % 3 == 1 ? 1.0 : -1.0;
+  const VectorX<double> lb = VectorX<double>::Constant(30, -2.0), ub = VectorX<double>::Constant(30, 5.0);
+  QpResult<double> r;
+  REQUIRE(solver.solve(g, lb, ub, r) == QpStatus::Solved);
+  CHECK(r.objective == Approx(-70.0));
+}
+
+TEST_CASE("indefinite Hessians are named", "[qp]") {
+  BoxActiveSet<double> solver;
+  solver.reserve(2);
+  MatrixX<double> H = MatrixX<double>::Identity(2, 2);
+  H(1, 1) = -1.0;
+  CHECK(solver.set_hessian(H) == QpStatus::NonConvex);
+  QpResult<double> r;
+  CHECK(solver.solve(vec(0, 0), vec(-1, -1), vec(1, 1), r) == QpStatus::NonConvex);
+  CHECK(r.invalid_index == 3);
+  H << 1.0, 2.0, 2.0, 1.0;
+  REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+  CHECK(solver.solve(vec(1.0, 3.0), vec(-5, -5), vec(5, 5), r) == QpStatus::NonConvex);
+}
+
+TEST_CASE("refusals say what and where", "[qp]") {
+  BoxActiveSet<double> solver;
+  QpResult<double> r;
+  CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), r) == QpStatus::InvalidData);
+  CHECK(std::string(r.message) == "no Hessian was set");
+  solver.reserve(2);
+  REQUIRE(solver.set_hessian(MatrixX<double>::Identity(2, 2)) == QpStatus::Solved);
+  CHECK(solver.solve(vec(0, inf), vec(0, 0), vec(1, 1), r) == QpStatus::InvalidData);
+  CHECK(std::string(r.message) == "gradient entry is not finite");
+  CHECK(r.invalid_index == 1);
+  CHECK(solver.solve(vec(0, 0), vec(2, 0), vec(1, 1), r) == QpStatus::InvalidData);
+  CHECK(r.invalid_index == 0);
+  CHECK(solver.solve(VectorX<double>::Zero(3), vec(0, 0), vec(1, 1), r) == QpStatus::InvalidData);
+  CHECK(r.x.size() == 2);
+  CHECK(solver.set_hessian(MatrixX<double>::Zero(2, 3)) == QpStatus::InvalidData);
+  CHECK(solver.set_hessian(MatrixX<double>::Zero(0, 0)) == QpStatus::InvalidData);
+}
+
+TEST_CASE("bounds that close and open again leave no mark", "[qp]") {
+  // Schedules switch unknowns off by ub = lb = 0 for some frames; the set must be recomputed each time.
+  std::mt19937 random(14);
+  KnownQp<double> q = draw_qp<double>({.n = 60, .active = 0.3}, random);
+  QpSession<double, BoxActiveSet<double>> warm;
+  REQUIRE(warm.set(q) == QpStatus::Solved);
+  const VectorX<double> lb = q.lb, ub = q.ub;
+  for (int frame = 0; frame < 40; ++frame) {
+    for (Index i = 0; i < 60; ++i) {
+      const bool closed = random() % 3 == 0;
+      q.lb[i] = closed ? std::max(lb[i], -1.0) : lb[i];
+      q.ub[i] = closed ? q.lb[i] : ub[i];
+    }
+    REQUIRE(warm.solve(q) == QpStatus::Solved);
+    CHECK(warm.residuals(q).worst() < 1e-9);
+    QpSession<double, BoxActiveSet<double>> cold;
+    REQUIRE(cold.set(q) == QpStatus::Solved);
+    REQUIRE(cold.solve(q) == QpStatus::Solved);
+    CHECK(warm.result.objective == Approx(cold.result.objective).epsilon(1e-10));
+  }
+}
+
+TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
+  std::mt19937 random(15);
+  // Blocks of 10 unknowns coupled within themselves only, so that the shifted problem has the shifted solution.
+  const KnownQp<double> block = draw_qp<double>({.n = 10}, random);
+  const Index blocks = 6, n = 10 * blocks;
+  KnownQp<double> q;
+  q.H = MatrixX<double>::Zero(n, n);
+  q.A = MatrixX<double>(0, n);
+  q.g.resize(n);
+  q.lb.resize(n);
+  q.ub.resize(n);
+  std::normal_distribution<double> normal;
+  for (Index b = 0; b < blocks; ++b) {
+    q.H.block(10 * b, 10 * b, 10, 10) = block.H;
+    q.lb.segment(10 * b, 10).setConstant(-0.3);
+    q.ub.segment(10 * b, 10).setConstant(0.4);
+    for (Index i = 0; i < 10; ++i) q.g[10 * b + i] = normal(random);
+  }
+  QpSession<double, BoxActiveSet<double>> session;
+  REQUIRE(session.set(q) == QpStatus::Solved);
+  REQUIRE(session.solve(q) == QpStatus::Solved);
+  CHECK(session.result.iterations > 0);
+  const VectorX<double> x = session.result.x;
+
+  // What the shifted guess stands for: blocks move up by one, the last one is repeated.
+  KnownQp<double> next = q;
+  next.g.head(n - 10) = q.g.tail(n - 10);
+  session.solver.shift(10);
+  REQUIRE(session.solve(next) == QpStatus::Solved);
+  CHECK(session.result.iterations == 0);
+  CHECK((session.result.x.head(n - 10) - x.tail(n - 10)).cwiseAbs().maxCoeff() < 1e-12);
+  CHECK((session.result.x.tail(10) - x.tail(10)).cwiseAbs().maxCoeff() < 1e-12);
+
+  session.solver.warm_start(x);
+  REQUIRE(session.solve(q) == QpStatus::Solved);
+  CHECK(session.result.iterations == 0);
+  session.solver.reset();
+  REQUIRE(session.solve(q) == QpStatus::Solved);
+  CHECK(session.result.iterations > 0);
+  CHECK((session.result.x - x).cwiseAbs().maxCoeff() < 1e-12);
+}
+
+TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a feasible point", "[qp]") {
+  std::mt19937 random(16);
+  BoxActiveSet<double> solver;
+  solver.reserve(50);
+  for (Index n : {Index(50), Index(20), Index(35)}) {
+    const KnownQp<double> q = draw_qp<double>({.n = n}, random);
+    const long before = allocations();
+    const QpStatus status = solver.set_hessian(q.H);
+    const long taken = allocations() - before;
+    if (allocation_counting_works()) CHECK(taken == 0);
+    REQUIRE(status == QpStatus::Solved);
+    QpResult<double> r;
+    REQUIRE(solver.solve(q.g, q.lb, q.ub, r) == QpStatus::Solved);
+    CHECK(r.objective == Approx(q.objective()).epsilon(1e-9));
+  }
+  const KnownQp<double> big = draw_qp<double>({.n = 80}, random);  // beyond the reserve: grows
+  REQUIRE(solver.set_hessian(big.H) == QpStatus::Solved);
+  QpResult<double> r;
+  REQUIRE(solver.solve(big.g, big.lb, big.ub, r) == QpStatus::Solved);
+
+  QpSettings<double> settings;
+  settings.max_iterations = 1;
+  BoxActiveSet<double> hasty(settings);
+  hasty.reserve(80);
+  REQUIRE(hasty.set_hessian(big.H) == QpStatus::Solved);
+  CHECK(hasty.solve(big.g, big.lb, big.ub, r) == QpStatus::IterationLimit);
+  CHECK(r.feasibility == 0.0);
+  CHECK(r.objective >= big.objective() - 1e-9);
+  int solves = 1;  // each call goes on from where the last one stopped
+  while (hasty.solve(big.g, big.lb, big.ub, r) != QpStatus::Solved && solves < 200) ++solves;
+  CHECK(solves < 200);
+  CHECK(r.objective == Approx(big.objective()).epsilon(1e-9));
+}
+
+TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives on every frame", "[qp]", float, double) {
+  using S = TestType;
+  const bool single = sizeof(S) == sizeof(float);
+  for (const char* name : {"slide_n080", "slide_n160", "slide_n320", "sched_n160", "grip_n160"}) {
+    const std::string path = shared_path("data/qp/synthetic/e_" + std::string(name) + "_0.qpt");
+    if (path.empty()) {
+      WARN("shared data is missing; sequence " << name << " was not run");
+      continue;
+    }
+    Qpt file;
+    REQUIRE(read_qpt(path, file));
+    REQUIRE(file.frames.size() == 60);
+    KnownQp<S> q;
+    q.H = file.H.cast<S>();
+    q.A = MatrixX<S>(0, file.n);
+    QpSession<S, BoxActiveSet<S>> session;
+    REQUIRE(session.set(q) == QpStatus::Solved);
+    int iterations = 0;
+    for (std::size_t k = 0; k < file.frames.size(); ++k) {
+      const QptFrame& frame = file.frames[k];
+      q.g = frame.g.cast<S>();
+      q.lb = frame.lb.cast<S>();
+      q.ub = frame.ub.cast<S>();
+      session.solver.shift(file.shift);
+      INFO(name << " frame " << k);
+      REQUIRE(session.solve(q) == QpStatus::Solved);
+      const auto r = session.residuals(q);
+      CHECK(static_cast<double>(r.stationarity) < (single ? 1e-3 : 1e-9));
+      CHECK(static_cast<double>(r.feasibility) == 0.0);
+      CHECK(static_cast<double>(r.relative_complementarity) < (single ? 1e-4 : 1e-9));
+      CHECK(static_cast<double>(r.objective) == Approx(frame.objective).epsilon(single ? 1e-4 : 1e-9));
+      if (k > 0) iterations += session.result.iterations;
+    }
+    CHECK(iterations < 59 * 4);  // warm frames take a few rounds each
+  }
+}

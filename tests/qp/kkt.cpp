@@ -1,0 +1,88 @@
+#include "clothctl/qp/kkt.hpp"
+
+#include <limits>
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+// min ½ x² - 2x + ½ y², x ≤ 1, y free, x + y ≥ 3: x = 1, y = 2, row multiplier 2, bound multiplier 1 - 2 - 2 = -3.
+template <class S>
+struct Small {
+  S inf = std::numeric_limits<S>::infinity();
+  MatrixX<S> H = MatrixX<S>::Identity(2, 2);
+  MatrixX<S> A = MatrixX<S>::Ones(1, 2);
+  VectorX<S> g = (VectorX<S>(2) << S(-2), S(0)).finished();
+  VectorX<S> lb = VectorX<S>::Constant(2, -inf);
+  VectorX<S> ub = (VectorX<S>(2) << S(1), inf).finished();
+  VectorX<S> rl = VectorX<S>::Constant(1, S(3));
+  VectorX<S> ru = VectorX<S>::Constant(1, inf);
+  VectorX<S> x = (VectorX<S>(2) << S(1), S(2)).finished();
+  VectorX<S> y = VectorX<S>::Constant(1, S(2));
+  VectorX<S> z = (VectorX<S>(2) << S(-3), S(0)).finished();
+
+  KktResiduals<S> judge() const { return kkt_residuals(H, g, A, rl, ru, lb, ub, x, y, z); }
+};
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("a hand-made optimum has no residual", "[qp]", float, double) {
+  const Small<TestType> q;
+  const auto r = q.judge();
+  CHECK(r.stationarity == TestType(0));
+  CHECK(r.feasibility == TestType(0));
+  CHECK(r.complementarity == TestType(0));
+  CHECK(r.objective == TestType(0.5));
+  CHECK(r.worst() == TestType(0));
+}
+
+TEST_CASE("each kind of error shows in its own residual with its own size", "[qp]") {
+  Small<double> q;
+  SECTION("wrong multiplier") {
+    q.z[0] = -2.5;
+    CHECK(q.judge().stationarity == Approx(0.5));
+    CHECK(q.judge().relative_stationarity == Approx(0.25));  // |Hx| = |g| = |Aᵀy| = 2
+  }
+  SECTION("violated row") {
+    q.rl[0] = 3.25;
+    CHECK(q.judge().feasibility == Approx(0.25));
+    CHECK(q.judge().relative_feasibility == Approx(0.25 / 3.0));
+  }
+  SECTION("violated bound") {
+    q.ub[0] = 0.875;
+    CHECK(q.judge().feasibility == Approx(0.125));
+  }
+  SECTION("multiplier on a slack row") {
+    q.rl[0] = 2.5;
+    CHECK(q.judge().complementarity == Approx(2.0 * 0.5));
+    CHECK(q.judge().feasibility == 0.0);
+  }
+  SECTION("multiplier with the wrong sign counts the distance to the other side") {
+    q.ru[0] = 10.0;
+    q.y[0] = -2.0;
+    CHECK(q.judge().complementarity == Approx(2.0 * 7.0));
+  }
+  SECTION("multiplier that pushes from an infinite side is a stationarity error as a whole") {
+    q.z << 1.5, 0.0;  // no lower bound on x
+    q.g[0] = -2.0 + 4.5;
+    CHECK(q.judge().stationarity == Approx(1.5));
+    Small<double> p;
+    p.y[0] = -2.0;  // no upper side of the row
+    CHECK(p.judge().stationarity >= 2.0);
+  }
+  SECTION("stand-ins for infinity count as infinite") {
+    q.lb.setConstant(-1e30);
+    q.z[0] = 1.0;
+    CHECK(q.judge().stationarity >= 1.0);
+    CHECK(q.judge().complementarity == 0.0);
+  }
+}
+
+TEST_CASE("problems without rows take empty matrices", "[qp]") {
+  const MatrixX<double> H = MatrixX<double>::Identity(1, 1), A(0, 1);
+  const VectorX<double> g = VectorX<double>::Constant(1, -1.0), one = VectorX<double>::Ones(1), none(0);
+  const VectorX<double> lb = VectorX<double>::Zero(1), ub = VectorX<double>::Constant(1, 9.0), z = VectorX<double>::Zero(1);
+  CHECK(kkt_residuals(H, g, A, none, none, lb, ub, one, none, z).worst() == 0.0);
+}

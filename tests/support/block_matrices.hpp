@@ -1,0 +1,116 @@
+#pragma once
+
+// Random symmetric positive definite matrices of 3×3 blocks on the graphs that cloth has, and their dense counterparts.
+
+#include <random>
+#include <utility>
+#include <vector>
+
+#include "clothctl/math/block_symmetric.hpp"
+
+namespace clothctl_test {
+
+/// A graph with positions: what an ordering sees.
+struct Graph {
+  /// Coupled vertices.
+  std::vector<std::pair<int, int>> pairs;
+  /// Positions, 3×n.
+  clothctl::Points<double> positions;
+
+  int size() const { return static_cast<int>(positions.cols()); }
+};
+
+/// A rows×columns sheet: structural and shear couplings, and those to the next but one where `bending`.
+inline Graph sheet_graph(int rows, int columns, bool bending) {
+  Graph graph;
+  graph.positions.resize(3, rows * columns);
+  const auto add = [&](int i, int j, int a, int b) {
+    if (a >= 0 && a < rows && b >= 0 && b < columns) graph.pairs.push_back({i * columns + j, a * columns + b});
+  };
+  for (int i = 0; i < rows; ++i) {
+    for (int j = 0; j < columns; ++j) {
+      graph.positions.col(i * columns + j) << 0.1 * j, 0.0, -0.1 * i;
+      add(i, j, i + 1, j);
+      add(i, j, i, j + 1);
+      add(i, j, i + 1, j + 1);
+      add(i, j, i + 1, j - 1);
+      if (bending) {
+        add(i, j, i + 2, j);
+        add(i, j, i, j + 2);
+      }
+    }
+  }
+  return graph;
+}
+
+/// A chain of n vertices, coupled to the next and the next but one.
+inline Graph rope_graph(int n) { return sheet_graph(1, n, true); }
+
+/// n vertices at random in a unit cube; `count` random pairs (fewer where a pair repeats).
+inline Graph random_graph(int n, int count, std::mt19937& random) {
+  Graph graph;
+  graph.positions.resize(3, n);
+  std::uniform_real_distribution<double> coordinate(0.0, 1.0);
+  std::uniform_int_distribution<int> vertex(0, n - 1);
+  for (int i = 0; i < n; ++i) {
+    for (int c = 0; c < 3; ++c) graph.positions(c, i) = coordinate(random);
+  }
+  for (int k = 0; k < count; ++k) graph.pairs.push_back({vertex(random), vertex(random)});
+  return graph;
+}
+
+/// Vertices at random in a unit cube, coupled where they are near: like the springs of a solid.
+inline Graph cloud_graph(int n, double radius, std::mt19937& random) {
+  Graph graph = random_graph(n, 0, random);
+  for (int i = 0; i < n; ++i) {
+    for (int j = 0; j < i; ++j) {
+      if ((graph.positions.col(i) - graph.positions.col(j)).norm() < radius) graph.pairs.push_back({i, j});
+    }
+  }
+  return graph;
+}
+
+/// A random matrix on a graph: for each pair a random 3×3 coupling whose norm the diagonals dominate by `margin`.
+template <class Scalar>
+clothctl::BlockSymmetric<Scalar> random_spd(const Graph& graph, std::mt19937& random, double margin = 0.1) {
+  clothctl::BlockSymmetric<Scalar> matrix(graph.size(), graph.pairs);
+  std::normal_distribution<double> normal;
+  const auto draw = [&] {
+    Eigen::Matrix3d m;
+    for (int i = 0; i < 9; ++i) m(i) = normal(random);
+    return m;
+  };
+  std::vector<Eigen::Matrix3d> diagonal(static_cast<std::size_t>(graph.size()), margin * Eigen::Matrix3d::Identity());
+  for (int i = 0; i < graph.size(); ++i) {
+    for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s) {
+      // [AAᵀ ABᵀ; BAᵀ BBᵀ] is positive semidefinite.
+      const Eigen::Matrix3d a = draw(), b = draw();
+      diagonal[static_cast<std::size_t>(i)] += a * a.transpose();
+      diagonal[static_cast<std::size_t>(matrix.column(s))] += b * b.transpose();
+      matrix.lower(s) = (a * b.transpose()).template cast<Scalar>();
+    }
+    const Eigen::Matrix3d own = draw();
+    diagonal[static_cast<std::size_t>(i)] += own * own.transpose();
+  }
+  for (int i = 0; i < graph.size(); ++i) {
+    matrix.diagonal(i) = diagonal[static_cast<std::size_t>(i)].template cast<Scalar>();
+  }
+  return matrix;
+}
+
+/// The same matrix, dense and in double.
+template <class Scalar>
+Eigen::MatrixXd dense(const clothctl::BlockSymmetric<Scalar>& matrix) {
+  Eigen::MatrixXd full = Eigen::MatrixXd::Zero(3 * matrix.rows(), 3 * matrix.rows());
+  for (Eigen::Index i = 0; i < matrix.rows(); ++i) {
+    full.block<3, 3>(3 * i, 3 * i) = matrix.diagonal(i).template cast<double>();
+    for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s) {
+      const Eigen::Index j = matrix.column(s);
+      full.block<3, 3>(3 * i, 3 * j) = matrix.lower(s).template cast<double>();
+      full.block<3, 3>(3 * j, 3 * i) = matrix.lower(s).transpose().template cast<double>();
+    }
+  }
+  return full;
+}
+
+}  // namespace clothctl_test
