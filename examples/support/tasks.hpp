@@ -117,7 +117,7 @@ inline Task make_handkerchief_task(const std::string& name, std::uint64_t seed, 
     // A breeze from the front with gusts, known to the planner.
     task.wind = [ramp](double t) {
       const double gust = 1 + 0.5 * std::sin(2.1 * t) + 0.3 * std::sin(5.3 * t + 1);
-      return Vec(0.4 * ramp(t / 2) * gust, 2.0 * ramp(t / 2) * gust, 0);
+      return Vec(0.2 * ramp(t / 2) * gust, 1.0 * ramp(t / 2) * gust, 0);
     };
   }
   task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, a)));

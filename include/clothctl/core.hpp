@@ -4,6 +4,7 @@
 
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/executor.hpp"
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/scalar.hpp"

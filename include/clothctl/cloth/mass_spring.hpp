@@ -52,8 +52,8 @@ struct MassSpringSettings {
   Scalar drag = Scalar(0);
   /// Air on the network's triangles; zero coefficients mean none.
   AirSettings<Scalar> air = {};
-  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s, or when the
-  /// residual is rounding of the spring forces; 0 means 2 ∛ε (1.2e-5 in double).
+  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s, or when its steps
+  /// are shorter than this and the residual, being rounding, shrinks no more; 0 means 2 ∛ε (1.2e-5 in double).
   Scalar velocity_tolerance = Scalar(0);
   /// Most Newton steps of a step; when they are used up the step advances with the status IterationLimit.
   int max_iterations = 100;
@@ -152,13 +152,14 @@ class MassSpring {
     prepare(state, input, dt, ws);
     StepReport<Scalar> report = solve_linear(state, dt, ws);
     if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
-      report = iterate(state, dt, settings_.max_iterations, report.iterations, ws);
+      report = iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), ws);
     }
     return finish(state, input, dt, report, ws);
   }
 
   /// Advances `state` by at most `newton_steps` Newton steps from the end velocities `guess` (3×n, m/s), whatever the settings
-  /// say: for rolling a plan out again that has hardly changed. Never allocates. On any failure the state is left as it was.
+  /// say, with the projected Hessian, whose first step is the tamest: for rolling a plan out again that has hardly changed.
+  /// Never allocates. On any failure the state is left as it was.
   [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps, State& state,
                                              const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
     const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
@@ -168,7 +169,7 @@ class MassSpring {
     for (Index i = 0; i < vertex_count(); ++i) {
       if (!held(ws, i)) ws.velocity.col(i) = guess.col(i);
     }
-    return finish(state, input, dt, iterate(state, dt, newton_steps, 0, ws), ws);
+    return finish(state, input, dt, iterate(state, dt, newton_steps, 0, Scalar(0), ws), ws);
   }
 
  private:
@@ -196,12 +197,8 @@ class MassSpring {
       : network_(std::move(network)),
         settings_(std::move(settings)),
         pattern_(network_, true, settings_.air.enabled()),
-        tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)),
-        stiffness_sum_(VectorX<Scalar>::Zero(network_.vertex_count())) {
-    for (const Spring<Scalar>& s : network_.springs) {
-      stiffness_sum_[s.a] += s.stiffness;
-      stiffness_sum_[s.b] += s.stiffness;
-    }
+        tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)) {
+    for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
   }
 
   /// Returns an empty string, or a line that names the first stencil or triangle that holds a vertex twice.
@@ -283,20 +280,25 @@ class MassSpring {
     return {StepStatus::Converged, false, Scalar(0), 1};
   }
 
-  /// The step's energy (kg m²/s²) and the sum of the sizes of its terms, which is what its rounding grows with.
+  /// The step's energy (kg m²/s²), and a bound on its rounding over ε.
   struct Energy {
     Scalar value, size;
   };
 
-  /// Newton from ws.velocity, with `solves` linear solves spent before. Leaves the best velocities there.
-  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves, Workspace& ws) const {
+  /// Newton from ws.velocity, with `solves` linear solves spent before. Leaves the best velocities there. `compression` is the
+  /// γ to start from; 0 stays with the projection.
+  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves, Scalar compression,
+                             Workspace& ws) const {
     const Scalar epsilon = scalar_traits<Scalar>::epsilon();
     StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
-    const Scalar rounding = Scalar(2) * epsilon * dt * state.positions.cwiseAbs().maxCoeff();
+    const Scalar tolerance = velocity_tolerance();
     Energy energy = objective(state, ws.velocity, dt, ws);
-    Scalar compression = Scalar(1);
+    const bool projected = !(Scalar(0) < compression);
+    bool small_step = false;  // the last step was a full one and shorter than the tolerance
     for (int iteration = 0; iteration <= max_iterations; ++iteration) {
-      const bool converged = load_residual(rounding, report.residual, ws);
+      const Scalar last = report.residual;
+      const bool converged =
+          load_residual(tolerance, report.residual, ws) || (small_step && !(report.residual < Scalar(0.5) * last));
       if (!is_finite(report.residual) || !is_finite(energy.value)) {
         return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
       }
@@ -308,9 +310,9 @@ class MassSpring {
       }
       ws.factor.template solve<1>(ws.rhs);
       ++report.iterations;
-      if (iteration % 3 == 2) compression = std::min(Scalar(1), std::max(Scalar(0.25), Scalar(2) * compression));
+      if (!projected && iteration % 3 == 2) compression = std::min(Scalar(1), std::max(Scalar(0.25), Scalar(2) * compression));
       const Scalar slope = as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
-      const Scalar noise = Scalar(16) * epsilon * energy.size;
+      const Scalar noise = Scalar(4) * epsilon * energy.size;
       const auto descends = [&](Scalar length) {
         ws.trial = ws.velocity + length * as_points(ws.rhs);
         const Energy next = objective(state, ws.trial, dt, ws);
@@ -325,17 +327,21 @@ class MassSpring {
         ++halvings;
       }
       if (halvings == kMaxHalvings) break;  // rounding hides any descent
+      small_step = halvings == 0 && as_points(ws.rhs).cwiseAbs().maxCoeff() < tolerance;
       ws.velocity.swap(ws.trial);
     }
     return report;
   }
 
-  /// ws.rhs = minus the gradient on the free vertices; its largest entry goes to `largest`. Returns true when every vertex
-  /// meets the tolerance or the rounding of its spring forces (`rounding` times its stiffness).
-  bool load_residual(Scalar rounding, Scalar& largest, Workspace& ws) const {
+  Scalar velocity_tolerance() const {
     using std::cbrt;
     const Scalar given = settings_.velocity_tolerance;
-    const Scalar tolerance = Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
+    return Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
+  }
+
+  /// ws.rhs = minus the gradient on the free vertices; its largest entry goes to `largest`. Returns true when every vertex
+  /// meets the tolerance.
+  bool load_residual(Scalar tolerance, Scalar& largest, Workspace& ws) const {
     bool converged = true;
     largest = Scalar(0);
     for (Index i = 0; i < vertex_count(); ++i) {
@@ -346,19 +352,22 @@ class MassSpring {
       point(ws.rhs, i) = -ws.gradient.col(i);
       const Scalar size = ws.gradient.col(i).cwiseAbs().maxCoeff();
       if (largest < size) largest = size;
-      if (!(size < std::max(tolerance * network_.mass[i], rounding * stiffness_sum_[i]))) converged = false;
+      if (!(size < tolerance * network_.mass[i])) converged = false;
     }
     return converged;
   }
 
   /// The step's energy at velocities `v`; leaves its gradient in ws.gradient and x0 + h v in ws.position.
   Energy objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const {
+    using std::sqrt;
     const Scalar half = Scalar(0.5);
     const Scalar drag = dt * settings_.drag;
     ws.position = state.positions + dt * v;
     ws.gradient = ws.outer;
     Scalar energy = add_spring_forces<Scalar>(network_, ws.position, ws.gradient);
-    Scalar work = Scalar(0), work_size = Scalar(0);
+    // Positions round by ε |x|, the energy of a spring by k |l - l0| ε |x|: summed, at most √(2 U Σk) ε |x|.
+    Scalar size = sqrt(Scalar(2) * energy * total_stiffness_) * ws.position.cwiseAbs().maxCoeff();
+    Scalar work = Scalar(0);
     for (Index i = 0; i < vertex_count(); ++i) {
       if (held(ws, i)) continue;
       const Vector3<Scalar> dv = v.col(i) - state.velocities.col(i);
@@ -366,7 +375,7 @@ class MassSpring {
       const Scalar gain = dt * ws.outer.col(i).dot(v.col(i));
       energy += half * m * (dv.squaredNorm() + drag * v.col(i).squaredNorm());
       work += gain;
-      work_size += gain < Scalar(0) ? -gain : gain;
+      size += gain < Scalar(0) ? -gain : gain;
       ws.gradient.col(i) = m * (dv + drag * v.col(i)) - dt * ws.gradient.col(i);
     }
     for (std::size_t e = 0; e < network_.springs.size(); ++e) {
@@ -387,7 +396,7 @@ class MassSpring {
       energy += half * dt * mean.dot(push);
       for (int vertex : t) ws.gradient.col(vertex) += push * (dt * third);
     }
-    return {energy - work, energy + work_size};
+    return {energy - work, energy + size};
   }
 
   bool held(const Workspace& ws, Index i) const { return ws.held[static_cast<std::size_t>(i)] != 0; }
@@ -400,7 +409,7 @@ class MassSpring {
   MassSpringSettings<Scalar> settings_;
   SpringPattern<Scalar> pattern_;
   EliminationTree tree_;
-  VectorX<Scalar> stiffness_sum_;  // Σ k of a vertex's springs: how rounding of positions shows in its force
+  Scalar total_stiffness_ = Scalar(0);
 };
 
 }  // namespace clothctl

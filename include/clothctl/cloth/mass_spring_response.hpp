@@ -65,6 +65,9 @@ class MassSpringResponse {
   /// Flags of the vertices that are prescribed or pinned.
   const std::vector<unsigned char>& held() const { return held_; }
 
+  /// Internal forces do not feel a translation of the whole body.
+  bool translation_free() const { return true; }
+
   /// Linearises about positions `x` (3×n, m) and velocities `v` (3×n, m/s) in air that moves at `wind` (m/s), for steps of
   /// `dt` s; `driven` vertices are prescribed. Returns false when the step matrix is not positive definite, as with a state
   /// that is not finite; nothing but `linearise` may be called then. Never allocates. Complexity: one factorisation.

@@ -14,7 +14,8 @@ namespace clothctl {
 /// A linearised step A v⁺ = M v + h (f - K q + u) with A = (1 + h α) M + R.
 ///
 /// Axioms: `solve` inverts A on the free vertices; A, K and R are symmetric; A is positive definite; held entries of
-/// right-hand sides are zero and stay zero.
+/// right-hand sides are zero and stay zero. A response whose K and dampers annihilate translations may say so by an
+/// optional `bool translation_free() const`: it makes single precision more accurate.
 template <class Response>
 concept StepResponse = RealScalar<typename Response::Scalar> &&
     requires(Response& response, const Response& constant, const Points<typename Response::Scalar>& points,
@@ -29,6 +30,20 @@ concept StepResponse = RealScalar<typename Response::Scalar> &&
   constant.multiply(lanes, lanes, lanes);
   response.solve(lanes);
   constant.add_wind_force(wind, out);
+};
+
+/// Predicts how chosen linear outputs of a sheet answer to chosen inputs over a window: `Request` says what is asked,
+/// `Response` is the answer (mpc/window.hpp: WindowRequest and WindowResponse).
+///
+/// Axioms: after `reserve` for a request, predictions of that size never allocate; `predict` answers false when it cannot
+/// predict, and then the response holds nothing; what it answers depends on state, request and the predictions since the
+/// last `reserve` or `reset` alone; an input changes no output of an earlier frame.
+template <class P, class Request, class Response>
+concept Predictor = RealScalar<typename P::Scalar> &&
+    requires(P& predictor, const PointsView<typename P::Scalar>& points, const Request& request, Response& response) {
+  predictor.reserve(request, response);
+  { predictor.predict(points, points, request, response) } -> std::convertible_to<bool>;
+  predictor.reset();
 };
 
 /// How a type acts as a map from vertices to features. The primary forwards to members of the same names.

@@ -86,7 +86,7 @@ std::string check_grips(const std::vector<Grip<Scalar>>& grips, Index vertex_cou
       }
       if (!is_finite(finger.friction) || finger.friction < Scalar(0))
         return name + " has a negative or non-finite friction coefficient";
-      if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit)) return name + " has no positive grip limit";
+      if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit)) return name + " has no positive finite grip limit";
       if (!is_finite(finger.side) || (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))))
         return name + " has a side that is neither +1 nor -1";
       if (finger.generators < 4) return name + " has " + std::to_string(finger.generators) + " generators, needs at least 4";

@@ -30,7 +30,7 @@ void diagonalise(Matrix3<Scalar>& a, Matrix3<Scalar>& axes) {
   const Scalar small = scalar_traits<Scalar>::epsilon() * scalar_traits<Scalar>::epsilon() * a.trace();
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
     bool done = true;
-    for (const auto [p, q] : {std::pair<Index, Index>(0, 1), std::pair<Index, Index>(0, 2), std::pair<Index, Index>(1, 2)}) {
+    for (const auto& [p, q] : {std::pair<Index, Index>(0, 1), std::pair<Index, Index>(0, 2), std::pair<Index, Index>(1, 2)}) {
       if (!(small < abs(a(p, q)))) continue;
       done = false;
       const Scalar half = (a(q, q) - a(p, p)) / (Scalar(2) * a(p, q));
@@ -83,7 +83,7 @@ class PatchModes {
   typename MatrixX<Scalar>::ConstRowXpr non_affine(Index i) const { return rest_.row(i); }
 
   /// Takes the reference positions (3×m, m), finds rank, map and non-affine modes. Directions thinner than 1e-3 of the widest
-  /// (2e-3 in float) count as flat. Never allocates. Complexity: O(m³).
+  /// (2e-3 in float) count as flat, and a patch that is not finite as a point. Never allocates. Complexity: O(m³).
   void update(const PointsView<Scalar>& reference) {
     using std::sqrt;
     const Index m = count();
@@ -102,6 +102,9 @@ class PatchModes {
     detail::diagonalise(spread, axes);
     const Vector3<Scalar> values = spread.diagonal();
     const Scalar widest = values.maxCoeff();
+    // Points in one place differ by the rounding of their coordinates.
+    const Scalar place = Scalar(4) * scalar_traits<Scalar>::epsilon() * reference.cwiseAbs().maxCoeff();
+    const bool shaped = all_finite(values) && number * place * place < widest;
     // Squares of relative thickness; the eigenvalues' own rounding must count as flat.
     const Scalar rounding = Scalar(32) * scalar_traits<Scalar>::epsilon();
     const Scalar thinnest = Scalar(1e-6) < rounding ? rounding : Scalar(1e-6);
@@ -111,7 +114,7 @@ class PatchModes {
     Index rows = 0;
     rest_.row(rows++).setConstant(Scalar(1) / sqrt(number));
     for (Index a = 0; a < 3; ++a) {
-      if (!(thinnest * widest < values[a]) || !(Scalar(0) < widest)) continue;
+      if (!shaped || !(thinnest * widest < values[a])) continue;
       ++rank_;
       const Vector3<Scalar> axis = axes.col(a);
       for (Index j = 0; j < m; ++j) {

@@ -127,12 +127,6 @@ class BlockCholesky {
     }
   }
 
-  /// Where a row of a front stands among the right-hand sides.
-  template <int kLanes>
-  static CLOTHCTL_FORCE_INLINE Index offset(const int* vertices, Index row, int lane) {
-    return (3 * static_cast<Index>(vertices[row / 3]) + row % 3) * kLanes + lane;
-  }
-
   /// Reads a group of lanes; those past the last right-hand side become zero.
   template <int kLanes, int kGroup>
   static CLOTHCTL_FORCE_INLINE void load_lanes(const Scalar* from, int lane, detail::Pack<Scalar, kGroup>& row) {
@@ -157,21 +151,31 @@ class BlockCholesky {
     }
   }
 
-  /// Copies the pivot rows of a front between the right-hand sides and the scratch rows.
+  /// Copies the pivot rows of a front from the right-hand sides to the scratch rows.
   template <int kLanes, int kGroup>
   CLOTHCTL_FORCE_INLINE void gather(const detail::Front& front, const int* vertices, const Scalar* x, int lane) {
-    for (Index row = 0; row < front.pivots; ++row) {
-      detail::Pack<Scalar, kGroup> values;
-      load_lanes<kLanes, kGroup>(x + offset<kLanes>(vertices, row, lane), lane, values);
-      values.store(scratch_.data() + row * kGroup);
+    Scalar* to = scratch_.data();
+    for (Index v = 0; v < front.pivots / 3; ++v) {
+      const Scalar* from = x + 3 * kLanes * static_cast<Index>(vertices[v]) + lane;
+      for (Index c = 0; c < 3; ++c, from += kLanes, to += kGroup) {
+        detail::Pack<Scalar, kGroup> values;
+        load_lanes<kLanes, kGroup>(from, lane, values);
+        values.store(to);
+      }
     }
   }
+
+  /// And back.
   template <int kLanes, int kGroup>
   CLOTHCTL_FORCE_INLINE void scatter(const detail::Front& front, const int* vertices, Scalar* x, int lane) const {
-    for (Index row = 0; row < front.pivots; ++row) {
-      detail::Pack<Scalar, kGroup> values;
-      values.load(scratch_.data() + row * kGroup);
-      store_lanes<kLanes, kGroup>(x + offset<kLanes>(vertices, row, lane), lane, values);
+    const Scalar* from = scratch_.data();
+    for (Index v = 0; v < front.pivots / 3; ++v) {
+      Scalar* to = x + 3 * kLanes * static_cast<Index>(vertices[v]) + lane;
+      for (Index c = 0; c < 3; ++c, to += kLanes, from += kGroup) {
+        detail::Pack<Scalar, kGroup> values;
+        values.load(from);
+        store_lanes<kLanes, kGroup>(to, lane, values);
+      }
     }
   }
 
@@ -180,24 +184,27 @@ class BlockCholesky {
     const int* vertices = layout_.vertices.data() + front.vertex_begin;
     const int* border = vertices + front.pivots / 3;
     gather<kLanes, kGroup>(front, vertices, x, lane);
-    detail::solve_front_forward<kGroup>(factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
-                                        [&]<int kRows>(Index first, const detail::RowBlock<Scalar, kRows, kGroup>& products)
-                                            CLOTHCTL_INLINE_LAMBDA {
-                                              if constexpr (kGroup == 1) {
-                                                Scalar values[kRows];
-                                                products.store(values);
-                                                for (int i = 0; i < kRows; ++i)
-                                                  x[offset<kLanes>(border, first + i, lane)] -= values[i];
-                                              } else {
-                                                detail::unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
-                                                  Scalar* to = x + offset<kLanes>(border, first + i, lane);
-                                                  detail::Pack<Scalar, kGroup> row;
-                                                  load_lanes<kLanes, kGroup>(to, lane, row);
-                                                  row.subtract(products.row[i]);
-                                                  store_lanes<kLanes, kGroup>(to, lane, row);
-                                                });
-                                              }
-                                            });
+    detail::solve_front_forward<kGroup>(
+        factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
+        [&]<int kRows>(Index first, const detail::RowBlock<Scalar, kRows, kGroup>& products) CLOTHCTL_INLINE_LAMBDA {
+          const int* vertex = border + first / 3;
+          if constexpr (kGroup == 1) {
+            Scalar values[kRows];
+            products.store(values);
+            for (int i = 0; i < kRows; ++i) {
+              Scalar& to = x[(3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane];
+              to = to - values[i];
+            }
+          } else {
+            detail::unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
+              Scalar* to = x + (3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane;
+              detail::Pack<Scalar, kGroup> row;
+              load_lanes<kLanes, kGroup>(to, lane, row);
+              row.subtract(products.row[i]);
+              store_lanes<kLanes, kGroup>(to, lane, row);
+            });
+          }
+        });
     scatter<kLanes, kGroup>(front, vertices, x, lane);
   }
 
@@ -209,13 +216,15 @@ class BlockCholesky {
     detail::solve_front_backward<kGroup>(
         factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
         [&]<int kRows>(Index first, detail::RowBlock<Scalar, kRows, kGroup>& rows) CLOTHCTL_INLINE_LAMBDA {
+          const int* vertex = border + first / 3;
           if constexpr (kGroup == 1) {
             Scalar values[kRows];
-            for (int i = 0; i < kRows; ++i) values[i] = x[offset<kLanes>(border, first + i, lane)];
+            for (int i = 0; i < kRows; ++i) values[i] = x[(3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane];
             rows.load(values);
           } else {
             detail::unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
-              load_lanes<kLanes, kGroup>(x + offset<kLanes>(border, first + i, lane), lane, rows.row[i]);
+              const Scalar* from = x + (3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane;
+              load_lanes<kLanes, kGroup>(from, lane, rows.row[i]);
             });
           }
         });

@@ -256,17 +256,33 @@ void pack_front(const Scalar* f, Index ld, Index pivots, Index border, Scalar* t
   }
 }
 
+/// target[i] += source[i] for the first kLanes numbers.
+template <int kLanes, class Scalar>
+CLOTHCTL_FORCE_INLINE void add_lanes(Scalar* target, const Scalar* source) {
+  Pack<Scalar, kLanes> a, b;
+  a.load(target);
+  b.load(source);
+  a.add(b);
+  a.store(target);
+}
+
 /// target[i] += source[i].
 template <class Scalar>
 CLOTHCTL_FORCE_INLINE void add_run(Scalar* target, const Scalar* source, Index count) {
   constexpr int kLanes = native_lanes<Scalar>();
   Index i = 0;
-  for (; i + kLanes <= count; i += kLanes) {
-    Pack<Scalar, kLanes> a, b;
-    a.load(target + i);
-    b.load(source + i);
-    a.add(b);
-    a.store(target + i);
+  for (; i + kLanes <= count; i += kLanes) add_lanes<kLanes>(target + i, source + i);
+  if constexpr (kLanes >= 16) {
+    if (i + 8 <= count) {
+      add_lanes<8>(target + i, source + i);
+      i += 8;
+    }
+  }
+  if constexpr (kLanes >= 8) {
+    if (i + 4 <= count) {
+      add_lanes<4>(target + i, source + i);
+      i += 4;
+    }
   }
   for (; i < count; ++i) target[i] = target[i] + source[i];
 }

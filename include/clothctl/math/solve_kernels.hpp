@@ -6,9 +6,20 @@
 // The factor is read once in each pass, from front to back and from back to front. Several right-hand sides: lanes run over
 // them and entries of the factor are broadcast. One right-hand side: lanes run over the rows of a panel.
 
+#include <cstdint>
+
 #include "clothctl/math/dense_kernels.hpp"
 
 namespace clothctl::detail {
+
+/// Asks for the memory `offset` scalars from an address, inside or outside of any object, ahead of its use.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unused]] Index offset) {
+#if defined(__GNUC__)
+  const std::intptr_t bytes = offset * static_cast<std::intptr_t>(sizeof(Scalar));
+  __builtin_prefetch(reinterpret_cast<const void*>(reinterpret_cast<std::intptr_t>(base) + bytes));
+#endif
+}
 
 /// kRows rows of right-hand sides, kLanes wide.
 template <class Scalar, int kRows, int kLanes>
@@ -16,6 +27,8 @@ struct RowBlock {
   /// One right-hand side lies in one pack, several in one pack a row.
   static constexpr bool kSingle = kLanes == 1;
   static constexpr int kPacks = kSingle ? 1 : kRows;
+  /// How far ahead of a forward pass memory is asked for; measured.
+  static constexpr Index kAhead = 2048 / Index(sizeof(Scalar));
   using Row = Pack<Scalar, kSingle ? kRows : kLanes>;
   Row row[kPacks];
 
@@ -35,6 +48,7 @@ struct RowBlock {
   /// this += block · x; column k of the block starts kRows·k after `block`, row k of x kLanes·k after `x`.
   CLOTHCTL_FORCE_INLINE void add_product(const Scalar* block, Index columns, const Scalar* x) {
     for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
+      prefetch(block, kAhead);
       Row other;
       if constexpr (kSingle) {
         other.load(block);
@@ -47,7 +61,9 @@ struct RowBlock {
   }
   /// x -= blockᵀ · this.
   CLOTHCTL_FORCE_INLINE void subtract_transposed(const Scalar* block, Index columns, Scalar* x) const {
+    const Index before = -columns * kRows;  // the panel above, next in turn
     for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
+      prefetch(block, before);
       Row other;
       if constexpr (kSingle) {
         Row product;

@@ -10,30 +10,14 @@
 
 #include <array>
 #include <cstdint>
-#include <cstdio>
 #include <string>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl {
-
-namespace detail {
-
-/// Writes a number for an error line; a scalar that has no conversion to double is written as "?".
-template <RealScalar Scalar>
-std::string number_text(const Scalar& value) {
-  if constexpr (requires { static_cast<double>(value); }) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.9g", static_cast<double>(value));
-    return text;
-  } else {
-    return "?";
-  }
-}
-
-}  // namespace detail
 
 /// A rectangular sheet of rows × cols vertices.
 template <RealScalar Scalar>

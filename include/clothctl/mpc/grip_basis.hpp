@@ -150,6 +150,14 @@ class GripBasis {
     return sum / count;
   }
 
+  /// One over the number of vertices of the grip that holds the `slot`-th held vertex.
+  Scalar vertex_share(Index slot) const {
+    const std::size_t g = static_cast<std::size_t>(grip_of_[static_cast<std::size_t>(slot)]);
+    Scalar count = Scalar(0);
+    for (std::size_t j = grip_begin_[g]; j < grip_begin_[g + 1]; ++j) count += Scalar(1);
+    return Scalar(1) / count;
+  }
+
   /// Largest distance of a held vertex of grip `g` from its centroid, m.
   Scalar radius(const PointsView<Scalar>& x, std::size_t g) const {
     using std::sqrt;
@@ -162,8 +170,8 @@ class GripBasis {
     return sqrt(largest);
   }
 
-  /// Bounds of one frame's unknowns: coefficients in [0, limit √(1+μ²)], poses within ±max_step/h (rotations so that no
-  /// held vertex moves further). Never allocates.
+  /// Bounds of one frame's unknowns: coefficients in [0, limit √(1+μ²)]; poses: the centroid moves at most `max_step` along
+  /// each axis, and turning moves no held vertex further than that along any axis (|ω×r|_i <= √2 |ω|_∞ |r|). Never allocates.
   void bounds(const PointsView<Scalar>& x, Scalar max_step, Scalar dt, Eigen::Ref<VectorX<Scalar>> lower,
               Eigen::Ref<VectorX<Scalar>> upper) const {
     using std::sqrt;
@@ -181,7 +189,7 @@ class GripBasis {
       column += 3;
       if (grip_begin_[g + 1] - grip_begin_[g] > 1) {
         const Scalar size = radius(x, g);
-        upper.segment(column, 3).setConstant(Scalar(0) < size ? max_step / (dt * size) : Scalar(0));
+        upper.segment(column, 3).setConstant(Scalar(0) < size ? max_step / (dt * size * sqrt(Scalar(2))) : Scalar(0));
         column += 3;
       }
     }

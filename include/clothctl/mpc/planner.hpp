@@ -4,6 +4,7 @@
 // at the shifted previous plan, stack the cost (planner_settings.hpp), condense it to a QP in the unknowns of grip_basis.hpp,
 // solve it warm (window_qp.hpp), and answer with the input of the first frame. Reference: paper 000, section 4.1.
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <string>
@@ -101,13 +102,18 @@ class Planner {
         x, v, t, target, [](const Scalar&) { return Vector3<Scalar>(Vector3<Scalar>::Zero()); }, result);
   }
 
-  /// Forces on vertices that the window takes as known and constant (a table's push), 3×n, N; no columns: none. Allocates on
-  /// change of size.
-  void set_outer_force(const PointsView<Scalar>& force) { request_.outer_force = force; }
+  /// Forces on vertices that the window takes as known and constant (a table's push), 3×n, N; no columns: none. Answers
+  /// false, and changes nothing, when the number of columns is another or a force is not finite. Allocates on change of size.
+  [[nodiscard]] bool set_outer_force(const PointsView<Scalar>& force) {
+    if ((force.cols() != 0 && force.cols() != vertex_count_) || !all_finite(force)) return false;
+    request_.outer_force = force;
+    return true;
+  }
 
   /// Forgets plan, active set and measurements, as after a jump of the plant.
   void reset() {
     has_last_ = false;
+    has_plan_ = false;
     start_plan();
     predictor_.reset();
     qp_.reset();
@@ -119,7 +125,8 @@ class Planner {
         settings_(std::move(settings)),
         predictor_(std::move(predictor)),
         basis_(setup_.grips, setup_.triangles, settings_.input),
-        feature_count_(setup_.features.count()) {
+        feature_count_(setup_.features.count()),
+        vertex_count_(start.cols()) {
     const Index horizon = settings_.horizon;
     const Index held_count = static_cast<Index>(basis_.held().size());
     request_.horizon = horizon;
@@ -176,8 +183,21 @@ class Planner {
     }
   }
 
+  /// No force of any finger in any frame.
+  void make_finger_plan() {
+    std::vector<FingerForce<Scalar>> none(basis_.contacts().size());
+    for (std::size_t i = 0; i < none.size(); ++i) {
+      const typename GripBasis<Scalar>::Contact& c = basis_.contacts()[i];
+      none[i].grip = c.grip;
+      none[i].finger = c.finger;
+      none[i].vertex = basis_.held()[static_cast<std::size_t>(c.slot)];
+    }
+    finger_plan_.assign(static_cast<std::size_t>(settings_.horizon), none);
+  }
+
   /// The plan before the first frame: the share of the supported force, or standing still.
   void start_plan() {
+    make_finger_plan();
     for (Index k = 0; k < settings_.horizon; ++k) {
       for (Index j = 0; j < static_cast<Index>(basis_.held().size()); ++j)
         request_.plan.template block<3, 1>(3 * j, k) = share_;
@@ -187,6 +207,7 @@ class Planner {
 
   template <class Target, class Wind>
   bool take_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target, const Wind& wind) {
+    if (x.cols() != vertex_count_ || v.cols() != vertex_count_) return false;
     if (!is_finite(t) || !all_finite(x) || !all_finite(v)) return false;
     Scalar time = t;
     for (Index k = 0; k < settings_.horizon; ++k) {
@@ -230,8 +251,10 @@ class Planner {
 
   /// Moves the plan one frame on; its last frame is repeated.
   void shift_plan() {
-    if (!has_last_) return;
+    if (!has_plan_) return;
     for (Index k = 0; k + 1 < settings_.horizon; ++k) request_.plan.col(k) = request_.plan.col(k + 1);
+    for (std::size_t k = 0; k + 1 < finger_plan_.size(); ++k) finger_plan_[k].swap(finger_plan_[k + 1]);
+    if (finger_plan_.size() > 1) finger_plan_.back() = finger_plan_[finger_plan_.size() - 2];
     qp_.shift(basis_.unknowns());
   }
 
@@ -324,50 +347,60 @@ class Planner {
     }
     request_.plan = result.plan;
     request_.applied = result.plan.col(0);
+    has_plan_ = true;
     if (settings_.input == GripInput::Force) {
-      basis_.finger_forces(qp_.frame(0, p), result.finger_forces);
-      if (settings_.command == Command::Force) {
-        for (Index j = 0; j < result.input.forces.cols(); ++j)
-          result.input.forces.col(j) = result.plan.template block<3, 1>(3 * j, 0);
-      } else {
-        for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
-          result.input.driven_positions.col(j) = window_.free.template block<3, 1>(3 * (feature_count_ + j), 0);
-        }
+      for (Index k = 0; k < horizon; ++k) basis_.finger_forces(qp_.frame(k, p), finger_plan_[static_cast<std::size_t>(k)]);
+      send_forces(result);
+      for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
+        result.input.driven_positions.col(j) = window_.free.template block<3, 1>(3 * (feature_count_ + j), 0);
       }
     } else {
-      command_poses(x, scale, result);
+      command_poses(x, result);
     }
     result.status = status;
   }
 
-  /// Moves each grip rigidly: by v h, and by the rotation exp(h ω) about its centroid.
-  void command_poses(const PointsView<Scalar>& x, Scalar scale, PlanResult<Scalar>& result) {
+  /// Sends the first frame of the finger plan; each vertex gets the sum of its fingers' forces.
+  void send_forces(PlanResult<Scalar>& result) const {
+    result.finger_forces = finger_plan_.front();
+    result.input.forces.setZero();
+    if (settings_.command != Command::Force) return;
+    for (std::size_t i = 0; i < result.finger_forces.size(); ++i) {
+      result.input.forces.col(basis_.contacts()[i].slot) += result.finger_forces[i].force;
+    }
+  }
+
+  /// Moves each grip rigidly: by h v, and by the rotation exp(h ω) about its centroid, (v, ω) fitted to the plan's first frame.
+  void command_poses(const PointsView<Scalar>& x, PlanResult<Scalar>& result) const {
     using std::cos;
     using std::sin;
     using std::sqrt;
-    Index column = 0;
     for (std::size_t g = 0; g < grip_count(); ++g) {
       const std::size_t begin = basis_.grip_begin(g), end = basis_.grip_begin(g + 1);
       const Vector3<Scalar> c = basis_.centroid(x, g);
       Vector3<Scalar> velocity = Vector3<Scalar>::Zero();
-      Scalar number = Scalar(0);
-      for (std::size_t j = begin; j < end; ++j, number += Scalar(1))
-        velocity += result.plan.template block<3, 1>(3 * static_cast<Index>(j), 0);
-      velocity /= number;
+      for (std::size_t j = begin; j < end; ++j) velocity += basis_.vertex_share(static_cast<Index>(j)) * planned(result, j);
+      Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();
+      Vector3<Scalar> momentum = Vector3<Scalar>::Zero();
+      for (std::size_t j = begin; j < end; ++j) {
+        const Vector3<Scalar> arm = x.col(basis_.held()[j]) - c;
+        inertia += arm.squaredNorm() * Matrix3<Scalar>::Identity() - arm * arm.transpose();
+        momentum += arm.cross(planned(result, j) - velocity);
+      }
       Matrix3<Scalar> turn = Matrix3<Scalar>::Identity();
-      if (end - begin > 1) {
-        const Vector3<Scalar> omega = scale * settings_.dt * qp_.frame(0, basis_.unknowns()).template segment<3>(column + 3);
+      const Scalar size = inertia.trace();
+      if (Scalar(0) < size) {
+        inertia.diagonal().array() +=
+            Scalar(16) * scalar_traits<Scalar>::epsilon() * size;  // a line of vertices does not turn about itself
+        const Vector3<Scalar> omega = settings_.dt * inertia.ldlt().solve(momentum);
         const Scalar angle = sqrt(omega.squaredNorm());
         if (Scalar(0) < angle) {
           const Vector3<Scalar> axis = omega / angle;
-          const Scalar s = sin(angle), versine = Scalar(1) - cos(angle), zero = Scalar(0);
+          const Scalar zero = Scalar(0);
           Matrix3<Scalar> cross;
           cross << zero, -axis[2], axis[1], axis[2], zero, -axis[0], -axis[1], axis[0], zero;
-          turn += s * cross + versine * (cross * cross);
+          turn += sin(angle) * cross + (Scalar(1) - cos(angle)) * (cross * cross);
         }
-        column += 6;
-      } else {
-        column += 3;
       }
       for (std::size_t j = begin; j < end; ++j) {
         const Vector3<Scalar> arm = x.col(basis_.held()[j]) - c;
@@ -376,17 +409,23 @@ class Planner {
     }
   }
 
-  /// Falls back on the previous plan, shifted by a frame.
+  /// The planned velocity of the j-th held vertex in the first frame.
+  static Vector3<Scalar> planned(const PlanResult<Scalar>& result, std::size_t j) {
+    return result.plan.template block<3, 1>(3 * static_cast<Index>(j), 0);
+  }
+
+  /// Falls back on the previous plan, shifted by a frame; without one, on no force and no motion.
   PlanStatus fail(const PointsView<Scalar>& x, PlanResult<Scalar>& result) {
     result.status = PlanStatus::Failed;
     result.plan = request_.plan;
     request_.applied = result.plan.col(0);
-    for (Index j = 0; j < result.input.forces.cols(); ++j)
-      result.input.forces.col(j) = result.plan.template block<3, 1>(3 * j, 0);
-    for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
-      result.input.driven_positions.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]);
-      if (settings_.input == GripInput::Pose)
-        result.input.driven_positions.col(j) += settings_.dt * result.plan.template block<3, 1>(3 * j, 0);
+    if (settings_.input == GripInput::Force) {
+      send_forces(result);
+      for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
+        result.input.driven_positions.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]);
+      }
+    } else {
+      command_poses(x, result);
     }
     has_last_ = false;
     qp_.reset();
@@ -398,6 +437,7 @@ class Planner {
   Predictor predictor_;
   GripBasis<Scalar> basis_;
   Index feature_count_;
+  Index vertex_count_;
   WindowRequest<Scalar> request_;
   WindowResponse<Scalar> window_;
   TermStack<Scalar> stack_;
@@ -410,7 +450,9 @@ class Planner {
   MatrixX<Scalar> targets_, anchor_targets_;
   VectorX<Scalar> column_;
   Points<Scalar> held_velocity_, last_held_velocity_, reference_, features_, last_features_, promised_;
+  std::vector<std::vector<FingerForce<Scalar>>> finger_plan_;
   bool has_last_ = false;
+  bool has_plan_ = false;
 };
 
 }  // namespace clothctl

@@ -11,8 +11,11 @@
 //
 // c, p: centroid of a grip; ċ its velocity; all sums over k = 1..K.
 
+#include <array>
 #include <string>
+#include <utility>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
 #include "clothctl/mpc/window.hpp"
 
@@ -51,7 +54,7 @@ struct PlannerWeights {
   Scalar force = Scalar(1e-4);
   /// w_d, 1/N²: picks one of the many coefficient sets that make a force.
   Scalar cone = Scalar(1e-4);
-  /// w_m for velocities, s²/m².
+  /// w_m for velocities, s²/m², on the mean over a grip's vertices.
   Scalar velocity = Scalar(1e-5);
   /// w_s, s²/m².
   Scalar smooth = Scalar(0.003);
@@ -95,8 +98,10 @@ struct PlannerSettings {
 
   /// The paper's own cost: 40 / 0.01 / 10 with displacements per frame, total force as effort, no anchor.
   /// 10 |Δ(c per frame)|² = 10 h² |Δċ|². Loses the track on sheets that are not the predictor; for comparison.
-  static PlannerSettings paper() {
+  /// `dt` is the length of a frame (s), which the smoothness weight needs.
+  static PlannerSettings paper(Scalar dt = Scalar(0.02)) {
     PlannerSettings s;
+    s.dt = dt;
     s.weights.feature = Scalar(40);
     s.weights.force = Scalar(0.01);
     s.weights.cone = Scalar(1e-6);
@@ -127,16 +132,29 @@ struct PlannerSettings {
   std::string check() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
-    if (bad(dt) || !(Scalar(0) < dt)) return "frame length dt is not positive";
-    if (bad(weights.feature) || bad(weights.force) || bad(weights.cone) || bad(weights.velocity) || bad(weights.smooth) ||
-        bad(weights.shape) || bad(weights.anchor) || bad(weights.patch) || bad(weights.jerk) || bad(weights.step)) {
-      return "a planner weight is negative or not finite";
+    const std::array<std::pair<const char*, const Scalar*>, 11> weighed{{{"feature", &weights.feature},
+                                                                         {"force", &weights.force},
+                                                                         {"cone", &weights.cone},
+                                                                         {"velocity", &weights.velocity},
+                                                                         {"smooth", &weights.smooth},
+                                                                         {"shape", &weights.shape},
+                                                                         {"anchor", &weights.anchor},
+                                                                         {"patch", &weights.patch},
+                                                                         {"jerk", &weights.jerk},
+                                                                         {"step", &weights.step},
+                                                                         {"max_change", &max_change}}};
+    for (const auto& [name, value] : weighed) {
+      if (bad(*value)) return std::string(name) + " is " + detail::number_text(*value) + ", must be finite and not negative";
     }
-    if (bad(gravity) || !(Scalar(0) < gravity)) return "gravity is not positive";
-    if (bad(max_step) || !(Scalar(0) < max_step)) return "max_step is not positive";
-    if (bad(max_change)) return "max_change is negative or not finite";
+    const std::array<std::pair<const char*, const Scalar*>, 3> positive{
+        {{"dt", &dt}, {"gravity", &gravity}, {"max_step", &max_step}}};
+    for (const auto& [name, value] : positive) {
+      if (bad(*value) || !(Scalar(0) < *value))
+        return std::string(name) + " is " + detail::number_text(*value) + ", must be positive";
+    }
     if (!all_finite(supported)) return "the supported force is not finite";
-    if (input == GripInput::Pose && command == Command::Force) return {};
+    if (input == GripInput::Pose && command != Command::Force)
+      return "command is Position with pose input; poses are always sent as positions";
     return {};
   }
 };

@@ -50,6 +50,9 @@ class RolloutPredictor {
     const Index held = static_cast<Index>(request.held.size());
     input_.driven_vertices = request.held;
     input_.driven_positions.setZero(3, held);
+    const Index count = model_.vertex_count();
+    input_.forces.setZero(3, count);
+    for (Index i = 0; i < count; ++i) input_.force_vertices.push_back(static_cast<int>(i));
     fresh_ = true;
   }
 
@@ -60,6 +63,11 @@ class RolloutPredictor {
     if (!inner_.predict(x, v, request, response)) return false;
     state_.positions = x;
     state_.velocities = v;
+    if (request.outer_force.cols() > 0) {
+      input_.forces = request.outer_force;
+    } else {
+      input_.forces.setZero();
+    }
     if (!fresh_) {
       for (std::size_t k = 0; k + 1 < velocities_.size(); ++k) velocities_[k].swap(velocities_[k + 1]);
       velocities_.back() = velocities_[velocities_.size() > 1 ? velocities_.size() - 2 : 0];

@@ -70,10 +70,10 @@ class WindowQp {
     const Index m = basis.inputs(), horizon = settings.horizon, p = basis.unknowns();
     const bool force = settings.input == GripInput::Force;
     condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
-    const Scalar effort = force ? w.force : w.velocity;
     for (Index k = 0; k < horizon; ++k) {
       for (Index i = 0; i < m; ++i) {
         const Index row = k * m + i;
+        const Scalar effort = force ? w.force : w.velocity * basis.vertex_share(i / 3);
         raw_hessian_(row, row) += effort;
         raw_gradient_[row] += effort * (request.plan(i, k) - reference[i % 3]);
       }
@@ -97,7 +97,7 @@ class WindowQp {
         }
       }
     }
-    const Scalar ridge = force ? w.cone : w.velocity;
+    const Scalar ridge = force ? w.cone : Scalar(1e-3) * w.velocity;  // a turn about a line of vertices moves nothing
     for (Index i = 0; i < unknowns_; ++i) hessian_(i, i) += ridge;
     basis.bounds(x, settings.max_step, settings.dt, lower_.head(p), upper_.head(p));
     for (Index k = 1; k < horizon; ++k) {
@@ -137,9 +137,12 @@ class WindowQp {
     row_result_status_ = solve_with(rows_, count);
     result.qp_iterations += iterations(row_result_);
     result.qp_status = row_result_status_;
-    if (row_result_status_ == QpStatus::PrimalInfeasible && modes > 0) return solve_relaxed(limits, count, result);
+    if (row_result_status_ == QpStatus::PrimalInfeasible && modes > 0)
+      return solve_relaxed(limits, count, basis, settings, result);
     const PlanStatus status = plan_status(row_result_status_);
-    if (status != PlanStatus::Failed) solution_ = qp_solver_traits<RowSolver>::solution(row_result_).head(unknowns_);
+    if (status == PlanStatus::Failed) return status;
+    solution_ = qp_solver_traits<RowSolver>::solution(row_result_).head(unknowns_);
+    keep_limits(basis, settings.horizon);
     return status;
   }
 
@@ -179,8 +182,9 @@ class WindowQp {
     return qp_solver_traits<RowSolver>::solve(solver, g, lower, upper, row_lower, row_upper, row_result_);
   }
 
-  /// Whether every finger of every frame keeps its limit.
-  bool limits_hold(const GripBasis<Scalar>& basis, Index horizon) const {
+  /// Calls `function(finger, sum)` for every finger and frame; `sum` is that of its coefficients.
+  template <class Function>
+  void for_each_finger(const GripBasis<Scalar>& basis, Index horizon, Function&& function) const {
     for (Index k = 0; k < horizon; ++k) {
       for (std::size_t g = 0; g < basis.grips().size(); ++g) {
         for (std::size_t f = 0; f < basis.grips()[g].fingers.size(); ++f) {
@@ -190,11 +194,34 @@ class WindowQp {
             if (c.grip != static_cast<int>(g) || c.finger != static_cast<int>(f)) continue;
             sum += solution_.segment(k * basis.unknowns() + c.column, finger.generators).sum();
           }
-          if (finger.limit < sum * normal_share(finger)) return false;
+          function(k, static_cast<int>(g), static_cast<int>(f), finger, sum);
         }
       }
     }
-    return true;
+  }
+
+  /// Whether every finger of every frame keeps its limit.
+  bool limits_hold(const GripBasis<Scalar>& basis, Index horizon) const {
+    bool hold = true;
+    for_each_finger(basis, horizon, [&](Index, int, int, const Finger<Scalar>& finger, const Scalar& sum) {
+      if (finger.limit < sum * normal_share(finger)) hold = false;
+    });
+    return hold;
+  }
+
+  /// Takes what a row solver leaves over the limits, or below zero, off the coefficients: the cone still holds.
+  void keep_limits(const GripBasis<Scalar>& basis, Index horizon) {
+    for (Index i = 0; i < unknowns_; ++i) {
+      if (solution_[i] < Scalar(0)) solution_[i] = Scalar(0);
+    }
+    for_each_finger(basis, horizon, [&](Index k, int grip, int finger_index, const Finger<Scalar>& finger, const Scalar& sum) {
+      const Scalar normal = sum * normal_share(finger);
+      if (!(finger.limit < normal)) return;
+      for (const typename GripBasis<Scalar>::Contact& c : basis.contacts()) {
+        if (c.grip == grip && c.finger == finger_index)
+          solution_.segment(k * basis.unknowns() + c.column, finger.generators) *= finger.limit / normal;
+      }
+    });
   }
 
   Index limit_rows(const GripBasis<Scalar>& basis, Index horizon) {
@@ -244,7 +271,8 @@ class WindowQp {
   }
 
   /// Hard rows that cannot be met: r = A u + s⁺ - s⁻ with a penalty on s above the multipliers of the rows. Allocates.
-  PlanStatus solve_relaxed(Index limits, Index count, PlanResult<Scalar>& result) {
+  PlanStatus solve_relaxed(Index limits, Index count, const GripBasis<Scalar>& basis, const PlannerSettings<Scalar>& settings,
+                           PlanResult<Scalar>& result) {
     const Index hard = count - limits, n = unknowns_ + 2 * hard;
     MatrixX<Scalar> h = MatrixX<Scalar>::Zero(n, n), a = MatrixX<Scalar>::Zero(count, n);
     VectorX<Scalar> g(n), lb(n), ub(n);
@@ -276,6 +304,7 @@ class WindowQp {
     result.qp_iterations += iterations(relaxed);
     if (plan_status(result.qp_status) == PlanStatus::Failed) return PlanStatus::Failed;
     solution_ = qp_solver_traits<RowSolver>::solution(relaxed).head(unknowns_);
+    keep_limits(basis, settings.horizon);
     return PlanStatus::Relaxed;
   }
 

@@ -1,0 +1,106 @@
+#pragma once
+
+// What any Predictor must obey. Call check_predictor_laws(make, state, held, laws) inside a TEST_CASE: `make()` gives a new
+// predictor for the sheet whose state is given.
+//
+//   finite        free and impulse are finite, and of the sizes that the request implies
+//   repeats       a new predictor gives the same bits, and so does one that has been reset
+//   plan          where `linear`: moving the plan by δ moves free by Σ T_{k-j} δ_j, and leaves T as it is
+//   causal        an input of frame j changes no output before frame j
+//   start         outputs that nothing moves yet begin at their measured place: |y_1 - y_0| is bounded by speed and force
+//   memory        predicting allocates nothing after reserve
+
+#include <cmath>
+#include <random>
+#include <vector>
+
+#include "clothctl/concepts/prediction.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/mpc/window.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+namespace clothctl_test {
+
+/// What is known of a predictor.
+template <class Scalar>
+struct PredictorLaws {
+  /// Whether `free` is an affine function of the plan with the impulse response as its slope.
+  bool linear = true;
+  /// Relative error of that.
+  Scalar tolerance = Scalar(1e-9);
+  /// Frames of the window.
+  clothctl::Index horizon = 6;
+  /// Furthest that an output travels in the first frame, m.
+  Scalar first_step = Scalar(0.2);
+};
+
+/// Checks the laws for forces on and velocities of the vertices `held`.
+template <class Make, class Scalar>
+void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& state, const std::vector<int>& held,
+                          const PredictorLaws<Scalar>& laws) {
+  using namespace clothctl;
+  using P = decltype(make());
+  static_assert(Predictor<P, WindowRequest<Scalar>, WindowResponse<Scalar>>);
+  std::mt19937 random(17);
+  std::uniform_real_distribution<double> uniform(-0.3, 0.3);
+  for (const InputKind kind : {InputKind::Force, InputKind::Velocity}) {
+    WindowRequest<Scalar> request;
+    request.horizon = laws.horizon;
+    request.dt = Scalar(0.02);
+    request.kind = kind;
+    request.held = held;
+    request.outputs.add_point(0);
+    request.outputs.add_centroid({1, 2, held.front()});
+    request.held_outputs = 2;
+    for (int v : held) request.outputs.add_point(v);
+    request.plan.setZero(request.inputs(), laws.horizon);
+    for (Index i = 0; i < request.plan.size(); ++i) request.plan(i) = Scalar(uniform(random));
+    request.applied = request.plan.col(0);
+    request.wind = Points<Scalar>::Constant(3, laws.horizon, Scalar(0.5));
+
+    WindowResponse<Scalar> first, second;
+    P predictor = make();
+    predictor.reserve(request, first);
+    REQUIRE(predictor.predict(state.positions, state.velocities, request, first));
+    const Index columns = request.inputs() * laws.horizon;
+    REQUIRE((first.free.rows() == request.output_rows() && first.free.cols() == laws.horizon));
+    REQUIRE((first.impulse.rows() == request.output_rows() && first.impulse.cols() == columns));
+    CHECK((all_finite(first.free) && all_finite(first.impulse)));
+    Points<Scalar> start(3, request.outputs.count());
+    evaluate_features<Scalar>(request.outputs, state.positions, start);
+    CHECK((first.free.col(0) - Eigen::Map<const VectorX<Scalar>>(start.data(), start.size())).cwiseAbs().maxCoeff() < laws.first_step);
+
+    P other = make();
+    other.reserve(request, second);
+    REQUIRE(other.predict(state.positions, state.velocities, request, second));
+    CHECK((first.free == second.free && first.impulse == second.impulse));
+    predictor.reset();
+    const long before = allocations();
+    const bool again = predictor.predict(state.positions, state.velocities, request, second);
+    const long made = allocations() - before;
+    REQUIRE(again);
+    if (allocation_counting_works()) CHECK(made == 0);
+    CHECK((first.free == second.free && first.impulse == second.impulse));
+
+    const Index late = laws.horizon / 2;
+    MatrixX<Scalar> expected = first.free;
+    WindowRequest<Scalar> moved = request;
+    for (Index j = late; j < laws.horizon; ++j) {
+      for (Index i = 0; i < request.inputs(); ++i) moved.plan(i, j) += Scalar(uniform(random));
+      for (Index k = j; k < laws.horizon; ++k) {
+        expected.col(k) += first.impulse.middleCols((k - j) * request.inputs(), request.inputs()) * (moved.plan.col(j) - request.plan.col(j));
+      }
+    }
+    predictor.reset();
+    REQUIRE(predictor.predict(state.positions, state.velocities, moved, second));
+    CHECK(second.free.leftCols(late) == first.free.leftCols(late));
+    CHECK((second.free.col(late) - first.free.col(late)).norm() > Scalar(0));
+    if (laws.linear) {
+      CHECK((second.free - expected).norm() <= laws.tolerance * (expected.colwise() - expected.col(0)).norm());
+      CHECK(second.impulse == first.impulse);
+    }
+  }
+}
+
+}  // namespace clothctl_test

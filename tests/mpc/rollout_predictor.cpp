@@ -1,0 +1,161 @@
+// The rolled-out free response against the steps that it stands for, and what it gains in the loop.
+
+#include "clothctl/mpc/rollout_predictor.hpp"
+
+#include "laws/predictor_laws.hpp"
+#include "mpc/planner_loops.hpp"
+#include "support/catch.hpp"
+#include "support/tier.hpp"
+
+using namespace clothctl;
+using clothctl_test::AsyncTarget;
+using clothctl_test::HangingSheet;
+using clothctl_test::LoopStats;
+
+namespace {
+
+constexpr double kDt = clothctl_test::kFrame;
+using Exact = ExactPredictor<MassSpringResponse<double>, double>;
+using Rolling = RolloutPredictor<MassSpring<double>, Exact>;
+
+WindowRequest<double> request_for(const HangingSheet& sheet, InputKind kind, Index horizon) {
+  WindowRequest<double> request;
+  request.horizon = horizon;
+  request.dt = kDt;
+  request.kind = kind;
+  request.held = {sheet.upper_left(), sheet.upper_right()};
+  request.outputs.add_point(sheet.lower_left());
+  request.outputs.add_centroid({sheet.lower_right(), sheet.grid.vertex(1, 1)});
+  request.held_outputs = 2;
+  for (int v : request.held) request.outputs.add_point(v);
+  request.plan.setZero(request.inputs(), horizon);
+  for (Index k = 0; k < horizon; ++k) {
+    for (Index i = 0; i < request.inputs(); ++i) request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
+    if (kind == InputKind::Force) {
+      request.plan(2, k) += 0.5 * sheet.supported()[2];
+      request.plan(5, k) += 0.5 * sheet.supported()[2];
+    }
+  }
+  request.applied = request.plan.col(0);
+  request.wind.setZero(3, horizon);
+  request.wind.row(1).setLinSpaced(0.0, 2.0);
+  return request;
+}
+
+Rolling rolling(const MassSpring<double>& model, int newton_steps) {
+  return Rolling(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{newton_steps});
+}
+
+// The model's own steps along a path of the hands.
+MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& start, const WindowRequest<double>& request) {
+  ClothState<double> state = start;
+  auto workspace = model.make_workspace();
+  MatrixX<double> out(request.output_rows(), request.horizon);
+  ClothInput<double> input;
+  input.driven_vertices = request.held;
+  input.driven_positions.resize(3, 2);
+  Points<double> y(3, request.outputs.count());
+  for (Index k = 0; k < request.horizon; ++k) {
+    input.wind = request.wind.col(k);
+    for (Index j = 0; j < 2; ++j) input.driven_positions.col(j) = state.positions.col(request.held[static_cast<std::size_t>(j)]) + kDt * request.plan.block<3, 1>(3 * j, k);
+    REQUIRE(model.step(state, input, kDt, workspace).advanced);
+    evaluate_features<double>(request.outputs, state.positions, y);
+    out.col(k) = Eigen::Map<const VectorX<double>>(y.data(), y.size());
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("one frame ahead a rollout of linear steps is the exact prediction", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
+  const MassSpring<double> model = sheet.model(Integration::OneSolve, true);
+  for (const InputKind kind : {InputKind::Force, InputKind::Velocity}) {
+    const ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
+    const WindowRequest<double> request = request_for(sheet, kind, 8);
+    WindowResponse<double> rolled, exact;
+    Rolling predictor = rolling(model, 0);
+    Exact frozen{MassSpringResponse<double>(model)};
+    predictor.reserve(request, rolled);
+    frozen.reserve(request, exact);
+    for (int repeat = 0; repeat < 2; ++repeat) {
+      REQUIRE(predictor.predict(state.positions, state.velocities, request, rolled));
+      REQUIRE(frozen.predict(state.positions, state.velocities, request, exact));
+      CHECK(rolled.impulse == exact.impulse);
+      CHECK((rolled.free.col(0) - exact.free.col(0)).norm() < 1e-12);
+      CHECK((rolled.free.col(7) - exact.free.col(7)).norm() > 1e-6);  // later frames know that the sheet is not linear
+    }
+  }
+}
+
+TEST_CASE("a rollout with many Newton steps is the converged plant's own", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
+  const MassSpring<double> newton = sheet.model(Integration::Newton, true), one = sheet.model(Integration::OneSolve, true);
+  WindowRequest<double> request = request_for(sheet, InputKind::Velocity, 8);
+  const MatrixX<double> expected = roll(newton, sheet.state, request);
+  WindowResponse<double> response;
+  // A model that is set to one linear solve: the first prediction takes it, later ones take Newton steps from it.
+  Rolling predictor = rolling(one, 60);
+  predictor.reserve(request, response);
+  REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
+  CHECK((response.free - roll(one, sheet.state, request)).norm() < 1e-12);
+  REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
+  CHECK((response.free - expected).cwiseAbs().maxCoeff() < 2e-6);
+  // Forgetting brings the linear one back.
+  predictor.reset();
+  REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
+  CHECK((response.free - roll(one, sheet.state, request)).norm() < 1e-12);
+}
+
+TEST_CASE("known outer forces act in a rollout too", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::OneSolve);
+  WindowRequest<double> request = request_for(sheet, InputKind::Velocity, 6);
+  request.wind.setZero();
+  WindowResponse<double> rolled, exact, without;
+  Rolling predictor = rolling(model, 0);
+  Exact frozen{MassSpringResponse<double>(model)};
+  predictor.reserve(request, rolled);
+  frozen.reserve(request, exact);
+  REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, rolled));
+  without = rolled;
+  request.outer_force = Points<double>::Zero(3, model.vertex_count());
+  request.outer_force.row(1).setConstant(0.002);
+  REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, rolled));
+  REQUIRE(frozen.predict(sheet.state.positions, sheet.state.velocities, request, exact));
+  CHECK((rolled.free.col(0) - exact.free.col(0)).norm() < 1e-12);
+  CHECK((rolled.free - without.free).norm() > 1e-4);
+}
+
+TEST_CASE("rolled predictions obey the laws of predictors", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::OneSolve, true);
+  clothctl_test::PredictorLaws<double> laws;
+  laws.linear = false;
+  clothctl_test::check_predictor_laws(
+      [&] { return RolloutPredictor<MassSpring<double>, Exact>(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{2}); }, sheet.state,
+      std::vector<int>{sheet.upper_left(), sheet.upper_right()}, laws);
+}
+
+TEST_CASE("on a converged plant the rolled prediction tracks better than the frozen one", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(13);
+  const int frames = clothctl_test::trials(60, 200);
+  const AsyncTarget target(sheet, 1.5);
+  PlannerSettings<double> frozen_settings = clothctl_test::corner_settings(sheet, GripInput::Pose);
+  auto frozen = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), frozen_settings);
+  auto plant = clothctl_test::sheet_plant(sheet, Integration::Newton);
+  const LoopStats plain = clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target, clothctl_test::NoWind(), clothctl_test::NoWatch());
+
+  const PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout());
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  auto made = clothctl_test::RollingPlanner::create(
+      clothctl_test::corner_setup(sheet), settings,
+      clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)), RolloutSettings{3}), sheet.state.positions);
+  REQUIRE(made.has_value());
+  auto planner = std::move(made).value();
+  auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
+  const LoopStats rolled = clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target, clothctl_test::NoWind(), clothctl_test::NoWatch());
+  CAPTURE(plain.mean_error, rolled.mean_error);
+  CHECK(rolled.failures == 0);
+  CHECK(rolled.mean_error < plain.mean_error);
+}
