@@ -43,7 +43,8 @@ struct Scene {
     ClothInput<double> input;
     input.driven_vertices = hands;
     input.driven_positions.resize(3, 2);
-    for (Index j = 0; j < 2; ++j) input.driven_positions.col(j) = 0.9 * scene.state.positions.col(hands[static_cast<std::size_t>(j)]);
+    for (Index j = 0; j < 2; ++j)
+      input.driven_positions.col(j) = 0.9 * scene.state.positions.col(hands[static_cast<std::size_t>(j)]);
     auto workspace = scene.model.make_workspace();
     for (int k = 0; k < 60; ++k) (void)scene.model.step(scene.state, input, kDt, workspace);
     for (int i : {0, n - 1}) scene.setup.features.add_point(grid.vertex(0, i));
@@ -71,8 +72,8 @@ using Frozen = ExactPredictor<MassSpringResponse<Inner>, double>;
 
 template <class Inner>
 Planner<Frozen<Inner>> make_planner(const Scene& scene, GripInput input) {
-  return Planner<Frozen<Inner>>::create(scene.setup, scene.settings(input), Frozen<Inner>(MassSpringResponse<Inner>(scene.model)),
-                                        scene.state.positions)
+  return Planner<Frozen<Inner>>::create(scene.setup, scene.settings(input),
+                                        Frozen<Inner>(MassSpringResponse<Inner>(scene.model)), scene.state.positions)
       .value();
 }
 
@@ -85,7 +86,8 @@ void frame(benchmark::State& bench, GripInput input) {
   const auto target = [&](Index i, double t) { return scene.target(i, t); };
   double t = 0.0;
   for (auto _ : bench) {
-    if (planner.plan(state.positions, state.velocities, t, target, result) != PlanStatus::Planned) return bench.SkipWithError("not planned");
+    if (planner.plan(state.positions, state.velocities, t, target, result) != PlanStatus::Planned)
+      return bench.SkipWithError("not planned");
     bench.PauseTiming();
     if (!scene.model.step(state, result.input, kDt, workspace).advanced) return bench.SkipWithError("plant failed");
     t += kDt;
@@ -97,7 +99,10 @@ void frame(benchmark::State& bench, GripInput input) {
 class PaperBaseline {
  public:
   explicit PaperBaseline(const Scene& scene)
-      : scene_(scene), settings_(scene.settings(GripInput::Force)), response_(scene.model), basis_(scene.setup.grips, scene.setup.triangles, GripInput::Force) {}
+      : scene_(scene),
+        settings_(scene.settings(GripInput::Force)),
+        response_(scene.model),
+        basis_(scene.setup.grips, scene.setup.triangles, GripInput::Force) {}
 
   VectorX<double> first_input() {
     const Index horizon = settings_.horizon, n3 = scene_.state.positions.size(), p = basis_.unknowns();
@@ -108,7 +113,8 @@ class PaperBaseline {
     const Eigen::Map<const VectorX<double>> f(response_.force().data(), n3);
     std::vector<MatrixX<double>> map(static_cast<std::size_t>(horizon), MatrixX<double>::Zero(n3, p * horizon));
     MatrixX<double> free(n3, horizon);
-    integrate(v0, f, 0, [&](Index k, const VectorX<double>& q) { free.col(k) = x0 + q; }, true);
+    integrate(
+        v0, f, 0, [&](Index k, const VectorX<double>& q) { free.col(k) = x0 + q; }, true);
     VectorX<double> push(n3);
     for (Index j = 0; j < horizon; ++j) {
       for (Index c = 0; c < p; ++c) {
@@ -116,7 +122,9 @@ class PaperBaseline {
         for (std::size_t s = 0; s < basis_.held().size(); ++s) {
           push.segment<3>(3 * basis_.held()[s]) = basis_.matrix().block<3, 1>(3 * static_cast<Index>(s), c);
         }
-        integrate(VectorX<double>::Zero(n3), push, j, [&](Index k, const VectorX<double>& q) { map[static_cast<std::size_t>(k)].col(j * p + c) = q; }, false);
+        integrate(
+            VectorX<double>::Zero(n3), push, j,
+            [&](Index k, const VectorX<double>& q) { map[static_cast<std::size_t>(k)].col(j * p + c) = q; }, false);
       }
     }
     return solve(map, free);
@@ -161,7 +169,8 @@ class PaperBaseline {
     for (Index k = 0; k < horizon; ++k) {
       const double t = static_cast<double>(k + 1) * kDt;
       for (Index i = 0; i < 2; ++i) {
-        const int feature = scene_.grid.vertex(0, i == 0 ? 0 : scene_.grid.cols - 1), hand = basis_.held()[static_cast<std::size_t>(i)];
+        const int feature = scene_.grid.vertex(0, i == 0 ? 0 : scene_.grid.cols - 1),
+                  hand = basis_.held()[static_cast<std::size_t>(i)];
         position(k, feature, z0, c0);
         add(rows, rest, row, std::sqrt(w.feature), z0, c0 - scene_.target(i, t));
         position(k, hand, z0, c0);
@@ -169,7 +178,8 @@ class PaperBaseline {
         anchor.feature_weights = {i == 0 ? 1.0 : 0.0, i == 0 ? 0.0 : 1.0};
         anchor.offset = scene_.state.positions.col(hand) - scene_.state.positions.col(feature);
         anchor.drop = anchor.offset[2];
-        add(rows, rest, row, std::sqrt(w.anchor), z0, c0 - anchor_position(anchor, settings_.swing, settings_.gravity, target, t));
+        add(rows, rest, row, std::sqrt(w.anchor), z0,
+            c0 - anchor_position(anchor, settings_.swing, settings_.gravity, target, t));
         position(k - 1, hand, z1, c1);
         position(k - 2, hand, z2, c2);
         add(rows, rest, row, std::sqrt(w.smooth) / kDt, z0 - 2.0 * z1 + z2, c0 - 2.0 * c1 + c2);
@@ -182,7 +192,8 @@ class PaperBaseline {
     H.diagonal().array() += w.cone;
     const VectorX<double> g = rows.transpose() * rest;
     VectorX<double> lower(n), upper(n);
-    for (Index k = 0; k < horizon; ++k) basis_.bounds(scene_.state.positions, settings_.max_step, kDt, lower.segment(k * p, p), upper.segment(k * p, p));
+    for (Index k = 0; k < horizon; ++k)
+      basis_.bounds(scene_.state.positions, settings_.max_step, kDt, lower.segment(k * p, p), upper.segment(k * p, p));
     BoxActiveSet<double> solver;
     QpResult<double> answer;
     solver.reserve(n);
@@ -190,7 +201,8 @@ class PaperBaseline {
     return basis_.matrix() * answer.x.head(p);
   }
 
-  static void add(MatrixX<double>& rows, VectorX<double>& rest, Index& row, double scale, const MatrixX<double>& of_d, const V& now) {
+  static void add(MatrixX<double>& rows, VectorX<double>& rest, Index& row, double scale, const MatrixX<double>& of_d,
+                  const V& now) {
     rows.middleRows(row, 3) = scale * of_d;
     rest.segment<3>(row) = scale * now;
     row += 3;
@@ -207,7 +219,8 @@ void paper_baseline(benchmark::State& bench) {
   auto planner = make_planner<double>(scene, GripInput::Force);
   auto result = planner.make_result();
   const auto target = [&](Index i, double t) { return scene.target(i, t); };
-  if (planner.plan(scene.state.positions, scene.state.velocities, 0.0, target, result) != PlanStatus::Planned) return bench.SkipWithError("not planned");
+  if (planner.plan(scene.state.positions, scene.state.velocities, 0.0, target, result) != PlanStatus::Planned)
+    return bench.SkipWithError("not planned");
   PaperBaseline baseline(scene);
   double difference = 0.0;
   for (auto _ : bench) {

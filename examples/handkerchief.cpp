@@ -14,7 +14,8 @@ using namespace program;
 
 /// A preset's name, or a JSON file with the quantities of clothctl::Material.
 clothctl::Material<double> read_material(const std::string& name) {
-  if (name.find('.') == std::string::npos && name.find('/') == std::string::npos) return must(clothctl::material_preset<double>(name));
+  if (name.find('.') == std::string::npos && name.find('/') == std::string::npos)
+    return must(clothctl::material_preset<double>(name));
   const std::string text = must(clothctl::read_file(name));
   nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
   if (json.is_discarded() || !json.is_object()) refuse(name + ": not a JSON object");
@@ -49,7 +50,8 @@ std::vector<int> read_vertices(const std::string& list) {
   for (std::string cell; std::getline(stream, cell, ',');) {
     char* end = nullptr;
     const long value = std::strtol(cell.c_str(), &end, 10);
-    if (cell.empty() || *end != '\0' || value < -1000000000 || value > 1000000000) refuse("--features: \"" + cell + "\" is not a vertex index");
+    if (cell.empty() || *end != '\0' || value < -1000000000 || value > 1000000000)
+      refuse("--features: \"" + cell + "\" is not a vertex index");
     out.push_back(static_cast<int>(value));
   }
   return out;
@@ -62,22 +64,30 @@ int main(int argc, char** argv) {
   std::string features;
   CLI::App app{"A handkerchief, held at its upper corners, is moved so that its lower corners follow a drawn motion."};
   add_common(app, o);
-  app.add_option("--task", o.task, "Built-in motion: async, circle or wind")->check(CLI::IsMember({"async", "circle", "wind"}))->capture_default_str();
+  app.add_option("--task", o.task, "Built-in motion: async, circle or wind")
+      ->check(CLI::IsMember({"async", "circle", "wind"}))
+      ->capture_default_str();
   app.add_option("--cloth", o.cloth, "Vertices along a side; 65 is the paper's sheet")->capture_default_str();
   app.add_option("--size", o.size, "Side of the sheet, m")->capture_default_str();
   app.add_option("--material", o.material, "Preset name or JSON file")->capture_default_str();
-  app.add_option("--patch", o.patch, "Patch motion: soft or hard")->check(CLI::IsMember({"soft", "hard"}))->capture_default_str();
-  app.add_option("--patch-size", o.patch_size, "Vertices along a side of the patch that each hand holds")->capture_default_str();
+  app.add_option("--patch", o.patch, "Patch motion: soft or hard")
+      ->check(CLI::IsMember({"soft", "hard"}))
+      ->capture_default_str();
+  app.add_option("--patch-size", o.patch_size, "Vertices along a side of the patch that each hand holds")
+      ->capture_default_str();
   app.add_option("--spread", o.spread, "Distance of the hands at the start, share of the size")->capture_default_str();
-  app.add_option("--features", features, "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: lower corners)");
+  app.add_option("--features", features,
+                 "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: lower corners)");
   parse(app, o, argc, argv);
 
   const clothctl::Material<double> material = read_material(o.material);
   const double friction = o.friction_given ? o.friction : material.friction;
   const bool windy = o.targets.empty() && o.task == "wind";
   if (o.cloth < 3 || o.cloth > 129) refuse("--cloth is " + std::to_string(o.cloth) + ", must be 3 to 129");
-  if (o.patch_size < 1 || 2 * o.patch_size > o.cloth) refuse("--patch-size is " + std::to_string(o.patch_size) + ", must be 1 to half of --cloth");
-  if (!(o.spread > 0.1 && o.spread <= 1)) refuse("--spread is " + std::to_string(o.spread) + ", must be over 0.1 and at most 1");
+  if (o.patch_size < 1 || 2 * o.patch_size > o.cloth)
+    refuse("--patch-size is " + std::to_string(o.patch_size) + ", must be 1 to half of --cloth");
+  if (!(o.spread > 0.1 && o.spread <= 1))
+    refuse("--spread is " + std::to_string(o.spread) + ", must be over 0.1 and at most 1");
   const clothctl::GridMesh<double> grid = must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size));
 
   Scene scene;
@@ -94,13 +104,15 @@ int main(int argc, char** argv) {
       patches[1].push_back(grid.vertex(row, last - col));
     }
   }
-  for (const std::vector<int>& patch : patches) scene.setup.grips.push_back(clothctl::make_pinch<double>(patch, friction, o.limit, o.generators));
+  for (const std::vector<int>& patch : patches)
+    scene.setup.grips.push_back(clothctl::make_pinch<double>(patch, friction, o.limit, o.generators));
   std::vector<int> corners{grid.vertex(0, 0), grid.vertex(0, last)};
   if (!features.empty()) corners = read_vertices(features);
   for (int v : corners) scene.setup.features.add_point(v);
   scene.setup.triangles = scene.body.network.triangles;
   scene.settings = planner_settings(o, 9.81 * scene.body.network.mass.sum());
-  if (std::string problem = clothctl::check_features<double>(scene.setup.features, grid.positions.cols()); !problem.empty()) refuse("--features: " + problem);
+  if (std::string problem = clothctl::check_features<double>(scene.setup.features, grid.positions.cols()); !problem.empty())
+    refuse("--features: " + problem);
   if (std::string problem = clothctl::check_grips(scene.setup.grips, grid.positions.cols()); !problem.empty()) refuse(problem);
   if (std::string problem = scene.settings.check(); !problem.empty()) refuse(problem);
 
@@ -109,7 +121,8 @@ int main(int argc, char** argv) {
   if (!o.targets.empty()) {
     scene.task = read_task(o);
     if (scene.task.curves.size() != corners.size()) {
-      refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) + " curves for " + std::to_string(corners.size()) + " features");
+      refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) + " curves for " + std::to_string(corners.size()) +
+             " features");
     }
     const Vec left = scene.task.curves.front().position(0), right = scene.task.curves.back().position(0);
     middle = (left + right) / 2;
@@ -128,7 +141,8 @@ int main(int argc, char** argv) {
   state = settle(o, scene.body, std::move(state), held, is_implicit(o.plant) ? 2.4 : 4.8);
 
   if (o.targets.empty()) {
-    scene.task = make_handkerchief_task(o.task, o.seed, o.size, state.positions.col(corners.front()), state.positions.col(corners.back()));
+    scene.task = make_handkerchief_task(o.task, o.seed, o.size, state.positions.col(corners.front()),
+                                        state.positions.col(corners.back()));
     scene.title = "Handkerchief: " + o.task;
     if (corners.size() != 2) refuse("--features: the built-in tasks move 2 features, not " + std::to_string(corners.size()));
   } else {

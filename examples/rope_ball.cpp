@@ -21,7 +21,8 @@ Task make_task(const std::string& name, double size, const Vec& start) {
   for (Index i = 0; i < rows; ++i) {
     const double t = times[i] = 0.02 * static_cast<double>(i), u = std::min(t, 1.0);
     const double open = size * u * u * u * (10 - 15 * u + 6 * u * u), angle = 2 * pi * t / 2.5;
-    const Vec eight(0.4 * std::sin(angle), 0.12 * std::sin(0.5 * angle), 0.16 * std::sin(2 * angle) + 0.08 * (1 - std::cos(angle)));
+    const Vec eight(0.4 * std::sin(angle), 0.12 * std::sin(0.5 * angle),
+                    0.16 * std::sin(2 * angle) + 0.08 * (1 - std::cos(angle)));
     const Vec circle(0.25 * std::cos(angle), 0.25 * std::sin(angle), 0.1);
     points.col(i) = start + open * (name == "circle" ? circle : eight);
   }
@@ -40,11 +41,17 @@ int main(int argc, char** argv) {
   CLI::App app{"A ball on a rope, moved from the rope's top so that the ball follows a drawn curve."};
   add_common(app, o);
   o.task = "draw";
-  app.add_option("--task", o.task, "Built-in curve: draw (a figure of eight) or circle")->check(CLI::IsMember({"draw", "circle"}))->capture_default_str();
+  app.add_option("--task", o.task, "Built-in curve: draw (a figure of eight) or circle")
+      ->check(CLI::IsMember({"draw", "circle"}))
+      ->capture_default_str();
   app.add_option("--cloth", o.cloth, "Vertices along the rope")->capture_default_str();
   app.add_option("--size", o.size, "Length of the rope, m")->capture_default_str();
-  app.add_option("--material", o.material, "rope: 0.04 kg/m, 500 N, a foam ball of 300 kg/m³")->check(CLI::IsMember({"rope"}))->capture_default_str();
-  app.add_option("--patch", o.patch, "Patch motion: soft or hard")->check(CLI::IsMember({"soft", "hard"}))->capture_default_str();
+  app.add_option("--material", o.material, "rope: 0.04 kg/m, 500 N, a foam ball of 300 kg/m³")
+      ->check(CLI::IsMember({"rope"}))
+      ->capture_default_str();
+  app.add_option("--patch", o.patch, "Patch motion: soft or hard")
+      ->check(CLI::IsMember({"soft", "hard"}))
+      ->capture_default_str();
   app.add_option("--radius", radius, "Radius of the ball, m")->capture_default_str();
   app.add_option("--resolution", resolution, "Cells from the ball's centre to its surface")->capture_default_str();
   parse(app, o, argc, argv);
@@ -53,7 +60,8 @@ int main(int argc, char** argv) {
   clothctl::RopeSettings<double> rope;
   rope.length = o.size;
   rope.segments = o.cloth - 1;
-  clothctl::RopeBall<double> body = must(clothctl::rope_ball_network<double>(rope, radius, resolution, clothctl::SolidSettings<double>{}));
+  clothctl::RopeBall<double> body =
+      must(clothctl::rope_ball_network<double>(rope, radius, resolution, clothctl::SolidSettings<double>{}));
 
   Scene scene;
   scene.title = "Rope with a ball";
@@ -61,11 +69,13 @@ int main(int argc, char** argv) {
   scene.body.network = body.network;
   scene.body.drag = 0.5;
   for (int i = 0; i + 1 < o.cloth; ++i) scene.segments.push_back({i, i + 1});
-  scene.setup.grips.push_back(clothctl::make_pinch<double>({body.grip}, o.friction_given ? o.friction : 0.5, o.limit, o.generators));
+  scene.setup.grips.push_back(
+      clothctl::make_pinch<double>({body.grip}, o.friction_given ? o.friction : 0.5, o.limit, o.generators));
   scene.setup.features.add_centroid(body.ball);
   scene.settings = planner_settings(o, 9.81 * body.network.mass.sum());
   scene.settings.swing = clothctl::Swing::Pendulum;
-  if (std::string problem = clothctl::check_grips(scene.setup.grips, body.network.vertex_count()); !problem.empty()) refuse(problem);
+  if (std::string problem = clothctl::check_grips(scene.setup.grips, body.network.vertex_count()); !problem.empty())
+    refuse(problem);
   if (std::string problem = scene.settings.check(); !problem.empty()) refuse(problem);
 
   clothctl::ClothState<double> state{body.network.rest_positions, Points::Zero(3, body.network.vertex_count())};
@@ -76,7 +86,8 @@ int main(int argc, char** argv) {
     scene.task = make_task(o.task, o.size, centre.col(0));
   } else {
     scene.task = read_task(o);
-    if (scene.task.curves.size() != 1) refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) + " curves for 1 feature");
+    if (scene.task.curves.size() != 1)
+      refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) + " curves for 1 feature");
     scene.task.curves[0].translate(centre.col(0) - scene.task.curves[0].position(0));
   }
   AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);

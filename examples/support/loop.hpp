@@ -87,8 +87,9 @@ inline nlohmann::ordered_json to_json(const Summary& s, const Scene& scene, cons
   j["qp_iterations_median"] = s.qp_iterations_median;
   j["cone_violation_max"] = s.cone_violation_max;
   j["hand_speed_max"] = s.hand_speed_max;
-  j["setup"] = {{"material", scene.material}, {"plant", o.plant},         {"grip", o.grip},   {"patch", o.patch},
-                {"horizon", o.horizon},       {"vertices", scene.body.network.vertex_count()}, {"limit_N", o.limit}, {"seed", o.seed}};
+  j["setup"] = {{"material", scene.material}, {"plant", o.plant},     {"grip", o.grip},
+                {"patch", o.patch},           {"horizon", o.horizon}, {"vertices", scene.body.network.vertex_count()},
+                {"limit_N", o.limit},         {"seed", o.seed}};
   return j;
 }
 
@@ -105,7 +106,8 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
 
   clothctl::PlayerScene page;
   page.title = scene.title;
-  page.subtitle = scene.material + ", " + std::to_string(plant.vertex_count()) + " vertices, " + o.plant + " plant, " + o.grip + " grips";
+  page.subtitle =
+      scene.material + ", " + std::to_string(plant.vertex_count()) + " vertices, " + o.plant + " plant, " + o.grip + " grips";
   page.dt = dt;
   page.triangles = scene.body.network.triangles;
   page.segments = scene.segments;
@@ -120,12 +122,14 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
     for (const char* part : {"_target_x", "_target_y", "_target_z", "_x", "_y", "_z", "_error"}) columns.push_back(name + part);
   }
   for (std::size_t g = 0; g < hands; ++g) {
-    for (const char* part : {"_x", "_y", "_z", "_force_x", "_force_y", "_force_z"}) columns.push_back("hand" + std::to_string(g) + part);
+    for (const char* part : {"_x", "_y", "_z", "_force_x", "_force_y", "_force_z"})
+      columns.push_back("hand" + std::to_string(g) + part);
   }
   clothctl::CsvWriter csv(columns);
 
   std::vector<double> errors, frame_ms, plant_ms, agreement, prediction, iterations;
-  Points actual(3, features), wanted(3, features), hand(3, static_cast<Index>(hands)), arrow(3, static_cast<Index>(hands)), last_hand;
+  Points actual(3, features), wanted(3, features), hand(3, static_cast<Index>(hands)), arrow(3, static_cast<Index>(hands)),
+      last_hand;
   Summary summary;
   const auto hand_positions = [&](Points& out) {
     std::size_t slot = 0;
@@ -150,7 +154,8 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
     hand_positions(hand);
     for (Index g = 0; g < hand.cols(); ++g) {
       row.insert(row.end(), {hand(0, g), hand(1, g), hand(2, g), arrow(0, g), arrow(1, g), arrow(2, g)});
-      if (last_hand.cols() > 0) summary.hand_speed_max = std::max(summary.hand_speed_max, (hand.col(g) - last_hand.col(g)).norm() / dt);
+      if (last_hand.cols() > 0)
+        summary.hand_speed_max = std::max(summary.hand_speed_max, (hand.col(g) - last_hand.col(g)).norm() / dt);
     }
     last_hand = hand;
     csv.add_row(row);
@@ -168,7 +173,8 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
     const clothctl::PlanStatus status = planner.plan(plant.positions(), plant.velocities(), t, target, scene.task.wind, result);
     frame_ms.push_back(milliseconds(before));
     if (status == clothctl::PlanStatus::InvalidInput || status == clothctl::PlanStatus::Failed) {
-      summary.status = "planner " + std::string(to_string(status)) + " in frame " + std::to_string(frame) + ", qp " + std::string(to_string(result.qp_status));
+      summary.status = "planner " + std::string(to_string(status)) + " in frame " + std::to_string(frame) + ", qp " +
+                       std::string(to_string(result.qp_status));
       break;
     }
     agreement.push_back(result.agreement);
@@ -181,13 +187,16 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
       for (std::size_t g = 0; g < hands; ++g) {
         const std::size_t count = planner.grips()[g].vertices().size();
         for (std::size_t j = 0; j < count; ++j, ++slot) {
-          arrow.col(static_cast<Index>(g)) += result.plan.block<3, 1>(3 * static_cast<Index>(slot), 0) / static_cast<double>(count);
+          arrow.col(static_cast<Index>(g)) +=
+              result.plan.block<3, 1>(3 * static_cast<Index>(slot), 0) / static_cast<double>(count);
         }
       }
     }
     for (const clothctl::FingerForce<double>& f : result.finger_forces) {
-      const clothctl::Finger<double>& finger = planner.grips()[static_cast<std::size_t>(f.grip)].fingers[static_cast<std::size_t>(f.finger)];
-      summary.cone_violation_max = std::max(summary.cone_violation_max, clothctl::cone_violation<double>(f.force, f.normal, finger.friction, finger.limit));
+      const clothctl::Finger<double>& finger =
+          planner.grips()[static_cast<std::size_t>(f.grip)].fingers[static_cast<std::size_t>(f.finger)];
+      summary.cone_violation_max = std::max(summary.cone_violation_max,
+                                            clothctl::cone_violation<double>(f.force, f.normal, finger.friction, finger.limit));
       arrow.col(f.grip) += f.force;
     }
     input = result.input;
@@ -240,10 +249,11 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
     must(clothctl::write_file(o.out + "/summary.json", json.dump(2) + "\n"));
   }
   if (!o.json) {
-    std::printf("%s: %ld frames, mean error %.2f mm, 95 %% below %.2f mm, max %.2f mm\n", summary.status.c_str(), static_cast<long>(summary.frames),
-                1000 * summary.mean_error_m, 1000 * summary.p95_error_m, 1000 * summary.max_error_m);
-    std::printf("planning %.2f ms a frame (p99 %.2f), plant %.2f ms, agreement %.3f\n", summary.frame_ms_median, summary.frame_ms_p99,
-                summary.plant_ms_median, summary.agreement);
+    std::printf("%s: %ld frames, mean error %.2f mm, 95 %% below %.2f mm, max %.2f mm\n", summary.status.c_str(),
+                static_cast<long>(summary.frames), 1000 * summary.mean_error_m, 1000 * summary.p95_error_m,
+                1000 * summary.max_error_m);
+    std::printf("planning %.2f ms a frame (p99 %.2f), plant %.2f ms, agreement %.3f\n", summary.frame_ms_median,
+                summary.frame_ms_p99, summary.plant_ms_median, summary.agreement);
     if (!o.out.empty()) std::printf("open %s/player.html\n", o.out.c_str());
   } else {
     std::printf("%s\n", json.dump().c_str());
@@ -253,7 +263,8 @@ inline int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredicto
 
 /// Planner settings from the options that every program has.
 inline clothctl::PlannerSettings<double> planner_settings(const Options& o, double weight) {
-  clothctl::PlannerSettings<double> s = o.profile == "paper" ? clothctl::PlannerSettings<double>::paper() : clothctl::PlannerSettings<double>();
+  clothctl::PlannerSettings<double> s =
+      o.profile == "paper" ? clothctl::PlannerSettings<double>::paper() : clothctl::PlannerSettings<double>();
   s.horizon = o.horizon;
   s.input = o.grip == "position" ? clothctl::GripInput::Pose : clothctl::GripInput::Force;
   s.command = o.grip == "planned-position" ? clothctl::Command::Position : clothctl::Command::Force;
@@ -264,7 +275,8 @@ inline clothctl::PlannerSettings<double> planner_settings(const Options& o, doub
 }
 
 /// Lets a body hang from `held` (fixed where they are) for `seconds` with firm drag; answers it at rest.
-inline clothctl::ClothState<double> settle(const Options& o, const Body& body, clothctl::ClothState<double> state, const std::vector<int>& held, double seconds) {
+inline clothctl::ClothState<double> settle(const Options& o, const Body& body, clothctl::ClothState<double> state,
+                                           const std::vector<int>& held, double seconds) {
   // One-solve and Newton steps have the same equilibria; the converged step finds them from any start.
   AnyPlant plant = make_plant(is_implicit(o.plant) ? "newton" : o.plant, body, 3.0);
   plant.set_state(state);
@@ -272,7 +284,8 @@ inline clothctl::ClothState<double> settle(const Options& o, const Body& body, c
   input.driven_vertices = held;
   input.driven_positions.resize(3, static_cast<Index>(held.size()));
   input.forces.resize(3, 0);
-  for (std::size_t i = 0; i < held.size(); ++i) input.driven_positions.col(static_cast<Index>(i)) = state.positions.col(held[i]);
+  for (std::size_t i = 0; i < held.size(); ++i)
+    input.driven_positions.col(static_cast<Index>(i)) = state.positions.col(held[i]);
   plant.apply(input);
   const Index frames = static_cast<Index>(std::lround(seconds / 0.02));
   for (Index i = 0; i < frames; ++i) {

@@ -45,16 +45,19 @@ struct Options {
 
 /// Adds the keys that every program has.
 inline void add_common(CLI::App& app, Options& o) {
-  app.add_option("--targets", o.targets, "CSV file with a header t,Lx,Ly,Lz,... ; or LEFT.csv,RIGHT.csv without headers, with --dt");
+  app.add_option("--targets", o.targets,
+                 "CSV file with a header t,Lx,Ly,Lz,... ; or LEFT.csv,RIGHT.csv without headers, with --dt");
   app.add_option("--dt", o.dt, "Time between rows of header-less target files, s")->capture_default_str();
   app.add_option("--horizon", o.horizon, "Frames in the planning window")->capture_default_str();
   app.add_option("--plant", o.plant, "Simulated plant: one-solve, newton, pbd or xpbd")
       ->check(CLI::IsMember({"one-solve", "newton", "pbd", "xpbd"}))
       ->capture_default_str();
-  app.add_option("--grip", o.grip, "What is planned and sent: force; position; or planned-position (forces planned, positions sent)")
+  app.add_option("--grip", o.grip,
+                 "What is planned and sent: force; position; or planned-position (forces planned, positions sent)")
       ->check(CLI::IsMember({"force", "position", "planned-position"}))
       ->capture_default_str();
-  app.add_option("--predictor", o.predictor, "frozen: linearised once a frame; rollout: nonlinear free response; auto: whichever tracks better")
+  app.add_option("--predictor", o.predictor,
+                 "frozen: linearised once a frame; rollout: nonlinear free response; auto: whichever tracks better")
       ->check(CLI::IsMember({"auto", "frozen", "rollout"}))
       ->capture_default_str();
   app.add_option("--profile", o.profile, "Weights: standard, or paper (40 / 0.01 / 10, no hand anchor)")
@@ -63,7 +66,8 @@ inline void add_common(CLI::App& app, Options& o) {
   app.add_option("--friction", o.friction, "Friction coefficient between fingers and cloth (default: the material's)");
   app.add_option("--limit", o.limit, "Largest normal force of a finger, N")->capture_default_str();
   app.add_option("--generators", o.generators, "Generators of a friction cone, at least 4")->capture_default_str();
-  app.add_option("--max-step", o.max_step_mm, "Furthest a commanded grip moves in a frame along each axis, mm")->capture_default_str();
+  app.add_option("--max-step", o.max_step_mm, "Furthest a commanded grip moves in a frame along each axis, mm")
+      ->capture_default_str();
   app.add_option("--seed", o.seed, "Seed of the random tasks")->capture_default_str();
   app.add_flag("--json", o.json, "Print the summary as one JSON object on the last line");
   app.add_option("--out", o.out, "Folder for player.html, trajectory.csv and summary.json (made if missing)");

@@ -59,8 +59,8 @@ class AnyPredictor {
   using Request = clothctl::WindowRequest<double>;
   using Response = clothctl::WindowResponse<double>;
   template <class Predictor>
-    requires(!std::same_as<Predictor, AnyPredictor>)
-  explicit AnyPredictor(Predictor predictor) : predictor_(std::make_unique<Holder<Predictor>>(std::move(predictor))) {}
+  requires(!std::same_as<Predictor, AnyPredictor>) explicit AnyPredictor(Predictor predictor)
+      : predictor_(std::make_unique<Holder<Predictor>>(std::move(predictor))) {}
   void reserve(const Request& request, Response& response) { predictor_->reserve(request, response); }
   bool predict(const View& x, const View& v, const Request& request, Response& response) {
     return predictor_->predict(x, v, request, response);
@@ -139,8 +139,9 @@ inline AnyPredictor make_predictor(const Options& o, const Body& body, clothctl:
   }
   clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
   clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
-  // Rolling the converged step out under planned forces is unstable (docs/planner.md): there the frozen predictor is better.
-  const bool better = o.plant == "one-solve" || (o.plant == "newton" && o.grip == "position");
+  // Rolling the converged step out under planned forces, or a sheet out in the wind, is unstable (docs/planner.md): there the
+  // frozen predictor is better.
+  const bool better = !body.air.enabled() && (o.plant == "one-solve" || (o.plant == "newton" && o.grip == "position"));
   if (o.predictor == "frozen" || (o.predictor == "auto" && !better)) return AnyPredictor(std::move(frozen));
   const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
   settings.weights.jerk = calm.weights.jerk;

@@ -42,13 +42,15 @@ inline Task read_task(const Options& o) {
   const std::size_t comma = o.targets.find(',');
   const bool pair = comma != std::string::npos;
   if (o.dt_given && !pair) refuse("--dt goes with --targets LEFT.csv,RIGHT.csv; " + o.targets + " carries its own times");
-  const clothctl::TargetCurves read = pair ? must(clothctl::read_target_pair(o.targets.substr(0, comma), o.targets.substr(comma + 1), o.dt))
-                                           : must(clothctl::read_targets(o.targets));
+  const clothctl::TargetCurves read =
+      pair ? must(clothctl::read_target_pair(o.targets.substr(0, comma), o.targets.substr(comma + 1), o.dt))
+           : must(clothctl::read_targets(o.targets));
   Task task;
   task.names = read.names;
   if (read.times.size() < 2) refuse(o.targets + ": needs at least 2 rows, has " + std::to_string(read.times.size()));
   const clothctl::VectorX<double> times = read.times.array() - read.times[0];
-  for (const Points& points : read.features) task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, points)));
+  for (const Points& points : read.features)
+    task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, points)));
   task.duration = times[times.size() - 1];
   return task;
 }
@@ -67,7 +69,8 @@ inline void keep_close(Points& a, Points& b, double from, double most) {
 }
 
 /// The two lower corners start at `left` and `right` (m) and move as `name` says; lengths scale with the sheet's `size`.
-inline Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size, const Vec& left, const Vec& right) {
+inline Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size, const Vec& left,
+                                   const Vec& right) {
   Task task;
   task.names = {"L", "R"};
   task.duration = name == "wind" ? 6 : 5;

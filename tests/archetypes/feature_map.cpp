@@ -11,7 +11,8 @@ using namespace clothctl;
 using clothctl_test::FeatureMapArchetype;
 
 static_assert(FeatureMap<FeatureMapArchetype<float>, float> && FeatureMap<FeatureMapArchetype<double>, double>);
-static_assert(!std::is_copy_constructible_v<FeatureMapArchetype<double>> && !std::is_default_constructible_v<FeatureMapArchetype<double>>);
+static_assert(!std::is_copy_constructible_v<FeatureMapArchetype<double>> &&
+              !std::is_default_constructible_v<FeatureMapArchetype<double>>);
 static_assert(!FeatureMap<int> && !FeatureMap<void (*)()>);
 
 TEMPLATE_TEST_CASE("the least feature map is checked and evaluated", "[archetypes]", float, double) {

@@ -19,10 +19,12 @@ template <class P, class S = double>
 inline constexpr bool kPredicts = Predictor<P, WindowRequest<S>, WindowResponse<S>>;
 
 static_assert(kPredicts<PredictorArchetype<float>, float> && kPredicts<PredictorArchetype<double>>);
-static_assert(kPredicts<ExactPredictor<MassSpringResponse<float>, double>> && kPredicts<ExactPredictor<MassSpringResponse<float>, float>, float>);
+static_assert(kPredicts<ExactPredictor<MassSpringResponse<float>, double>> &&
+              kPredicts<ExactPredictor<MassSpringResponse<float>, float>, float>);
 static_assert(kPredicts<RolloutPredictor<MassSpring<double>, ExactPredictor<MassSpringResponse<float>, double>>>);
 static_assert(!kPredicts<int> && !kPredicts<MassSpring<double>> && !kPredicts<PredictorArchetype<float>, double>);
-static_assert(!std::is_copy_constructible_v<PredictorArchetype<double>> && !std::is_default_constructible_v<PredictorArchetype<double>>);
+static_assert(!std::is_copy_constructible_v<PredictorArchetype<double>> &&
+              !std::is_default_constructible_v<PredictorArchetype<double>>);
 
 namespace {
 

@@ -32,7 +32,8 @@ class PredictorArchetype {
     response.free.setZero();
     for (clothctl::Index i = 0; i < request.outputs.count(); ++i) {
       for (clothctl::Index k = 0; k < request.horizon; ++k) {
-        request.outputs.for_each_term(i, [&](int vertex, const S& weight) { response.free.template block<3, 1>(3 * i, k) += weight * x.col(vertex); });
+        request.outputs.for_each_term(
+            i, [&](int vertex, const S& weight) { response.free.template block<3, 1>(3 * i, k) += weight * x.col(vertex); });
         for (clothctl::Index j = 0; 3 * j < request.inputs(); ++j) {
           response.impulse.template block<3, 3>(3 * i, k * request.inputs() + 3 * j).diagonal().setConstant(S(0.001));
         }

@@ -37,8 +37,8 @@ TEST_CASE("the exact predictor runs on the archetype and foretells its steps", "
     request.dt = 0.05;
     request.kind = kind;
     request.held = {1};
-    request.outputs.add({{0, 1.0}});
-    request.outputs.add({{1, 1.0}});
+    request.outputs.add_point(0);
+    request.outputs.add_point(1);
     request.held_outputs = 1;
     std::mt19937 random(4);
     std::normal_distribution<double> normal;

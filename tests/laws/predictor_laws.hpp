@@ -69,7 +69,8 @@ void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& 
     CHECK((all_finite(first.free) && all_finite(first.impulse)));
     Points<Scalar> start(3, request.outputs.count());
     evaluate_features<Scalar>(request.outputs, state.positions, start);
-    CHECK((first.free.col(0) - Eigen::Map<const VectorX<Scalar>>(start.data(), start.size())).cwiseAbs().maxCoeff() < laws.first_step);
+    CHECK((first.free.col(0) - Eigen::Map<const VectorX<Scalar>>(start.data(), start.size())).cwiseAbs().maxCoeff() <
+          laws.first_step);
 
     P other = make();
     other.reserve(request, second);
@@ -89,7 +90,8 @@ void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& 
     for (Index j = late; j < laws.horizon; ++j) {
       for (Index i = 0; i < request.inputs(); ++i) moved.plan(i, j) += Scalar(uniform(random));
       for (Index k = j; k < laws.horizon; ++k) {
-        expected.col(k) += first.impulse.middleCols((k - j) * request.inputs(), request.inputs()) * (moved.plan.col(j) - request.plan.col(j));
+        expected.col(k) +=
+            first.impulse.middleCols((k - j) * request.inputs(), request.inputs()) * (moved.plan.col(j) - request.plan.col(j));
       }
     }
     predictor.reset();

@@ -31,7 +31,8 @@ TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window",
       const MatrixX<TestType> residual = random_matrix<TestType>(rows, horizon, random);
       MatrixX<TestType> big = MatrixX<TestType>::Zero(rows * horizon, inputs * horizon);
       for (Index k = 0; k < horizon; ++k) {
-        for (Index j = 0; j <= k; ++j) big.block(k * rows, j * inputs, rows, inputs) = blocks.middleCols((k - j) * inputs, inputs);
+        for (Index j = 0; j <= k; ++j)
+          big.block(k * rows, j * inputs, rows, inputs) = blocks.middleCols((k - j) * inputs, inputs);
       }
       const VectorX<TestType> e = Eigen::Map<const VectorX<TestType>>(residual.data(), residual.size());
       MatrixX<TestType> hessian = MatrixX<TestType>::Constant(inputs * horizon, inputs * horizon, TestType(7));

@@ -55,7 +55,8 @@ void randomise(WindowRequest<double>& request, unsigned seed, double size, bool 
 MatrixX<double> outputs_of(const WindowRequest<double>& request, const MatrixX<double>& positions) {
   MatrixX<double> y = MatrixX<double>::Zero(request.output_rows(), positions.cols());
   for (Index i = 0; i < request.outputs.count(); ++i) {
-    request.outputs.for_each_term(i, [&](int vertex, double weight) { y.middleRows<3>(3 * i) += weight * positions.middleRows<3>(3 * vertex); });
+    request.outputs.for_each_term(
+        i, [&](int vertex, double weight) { y.middleRows<3>(3 * i) += weight * positions.middleRows<3>(3 * vertex); });
   }
   return y;
 }
@@ -71,12 +72,14 @@ struct FloatingResponse : MassSpringResponse<Scalar> {
 double relative_error(const WindowRequest<double>& request, const ClothState<double>& state, const MatrixX<double>& predicted,
                       const MatrixX<double>& positions) {
   const MatrixX<double> y = outputs_of(request, positions);
-  const MatrixX<double> start = outputs_of(request, Eigen::Map<const MatrixX<double>>(state.positions.data(), state.positions.size(), 1));
+  const MatrixX<double> start =
+      outputs_of(request, Eigen::Map<const MatrixX<double>>(state.positions.data(), state.positions.size(), 1));
   return (predicted - y).cwiseAbs().maxCoeff() / (y.colwise() - start.col(0)).cwiseAbs().maxCoeff();
 }
 
 // One step of the plant itself under the first column of the plan.
-MatrixX<double> plant_step(const MassSpring<double>& model, const ClothState<double>& start, const WindowRequest<double>& request) {
+MatrixX<double> plant_step(const MassSpring<double>& model, const ClothState<double>& start,
+                           const WindowRequest<double>& request) {
   auto workspace = model.make_workspace();
   ClothState<double> state = start;
   ClothInput<double> input;
@@ -88,7 +91,8 @@ MatrixX<double> plant_step(const MassSpring<double>& model, const ClothState<dou
   } else {
     input.driven_vertices = request.held;
     input.driven_positions.resize(3, u.cols());
-    for (Index j = 0; j < u.cols(); ++j) input.driven_positions.col(j) = start.positions.col(request.held[static_cast<std::size_t>(j)]) + kDt * u.col(j);
+    for (Index j = 0; j < u.cols(); ++j)
+      input.driven_positions.col(j) = start.positions.col(request.held[static_cast<std::size_t>(j)]) + kDt * u.col(j);
   }
   REQUIRE(model.step(state, input, kDt, workspace).advanced);
   return Eigen::Map<const MatrixX<double>>(state.positions.data(), state.positions.size(), 1);
@@ -101,7 +105,8 @@ void compare(const HangingSheet& sheet, Index horizon, int trials, double tolera
     const bool air = trial % 2 == 1, gusty = trial % 4 == 3, pinned = trial % 3 == 2;
     const InputKind kind = (trial / 2) % 2 == 0 ? InputKind::Force : InputKind::Velocity;
     CAPTURE(trial, air, gusty, pinned, kind == InputKind::Force);
-    const std::vector<int> pins = pinned ? std::vector<int>{sheet.grid.vertex(4, 4), sheet.grid.vertex(3, 1)} : std::vector<int>{};
+    const std::vector<int> pins =
+        pinned ? std::vector<int>{sheet.grid.vertex(4, 4), sheet.grid.vertex(3, 1)} : std::vector<int>{};
     const MassSpring<double> model = sheet.model(Integration::OneSolve, air, pins);
     ClothState<double> state = clothctl_test::shaken(sheet.state, 100 + seed);
     for (int v : pins) state.velocities.col(v).setZero();
@@ -125,10 +130,12 @@ void compare(const HangingSheet& sheet, Index horizon, int trials, double tolera
     MatrixX<double> moved = response.free;
     for (Index k = 0; k < horizon; ++k) {
       for (Index j = 0; j <= k; ++j) {
-        moved.col(k) += response.impulse.middleCols((k - j) * request.inputs(), request.inputs()) * (other.plan.col(j) - request.plan.col(j));
+        moved.col(k) += response.impulse.middleCols((k - j) * request.inputs(), request.inputs()) *
+                        (other.plan.col(j) - request.plan.col(j));
       }
     }
-    const MatrixX<double> rolled_other = dense.rollout(state.positions, state.velocities, request.held, other.plan, request.wind);
+    const MatrixX<double> rolled_other =
+        dense.rollout(state.positions, state.velocities, request.held, other.plan, request.wind);
     CHECK(relative_error(request, state, moved, rolled_other) < tolerance);
   }
 }
@@ -152,7 +159,8 @@ TEST_CASE("the dense step's forces and stiffness are the slopes of the spring en
     const double slope = (spring_energy<double>(sheet.network, up) - spring_energy<double>(sheet.network, down)) / (2 * e);
     CHECK(dense.f[i] - gravity == Approx(-slope).epsilon(1e-6).margin(1e-7));
     const Eigen::VectorXd change = (DenseStep(model, up, v, Vector3<double>::Zero(), kDt, {}).f -
-                                    DenseStep(model, down, v, Vector3<double>::Zero(), kDt, {}).f) / (2 * e);
+                                    DenseStep(model, down, v, Vector3<double>::Zero(), kDt, {}).f) /
+                                   (2 * e);
     CHECK((change + dense.K.col(i)).norm() < 1e-6 * dense.K.col(i).norm());
   }
 }
@@ -274,10 +282,12 @@ TEST_CASE("predictions allocate nothing and repeat bit by bit", "[mpc]") {
 TEST_CASE("exact predictions obey the laws of predictors", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::OneSolve, true);
-  clothctl_test::check_predictor_laws([&] { return ExactPredictor<MassSpringResponse<double>, double>{MassSpringResponse<double>(model)}; },
-                                      sheet.state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, clothctl_test::PredictorLaws<double>());
+  clothctl_test::check_predictor_laws(
+      [&] { return ExactPredictor<MassSpringResponse<double>, double>{MassSpringResponse<double>(model)}; }, sheet.state,
+      std::vector<int>{sheet.upper_left(), sheet.upper_right()}, clothctl_test::PredictorLaws<double>());
   clothctl_test::PredictorLaws<double> loose;
   loose.tolerance = 1e-3;
-  clothctl_test::check_predictor_laws([&] { return ExactPredictor<MassSpringResponse<float>, double>{MassSpringResponse<float>(model)}; },
-                                      sheet.state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, loose);
+  clothctl_test::check_predictor_laws(
+      [&] { return ExactPredictor<MassSpringResponse<float>, double>{MassSpringResponse<float>(model)}; }, sheet.state,
+      std::vector<int>{sheet.upper_left(), sheet.upper_right()}, loose);
 }

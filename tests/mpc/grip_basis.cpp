@@ -58,7 +58,8 @@ TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[
     CHECK(f.normal.norm() == Approx(1.0));
     CHECK(cone_violation<double>(f.force, f.normal, finger.friction, 1e9) < 1e-14);
     // d = 1 on one generator gives the normal part 1/√(1+μ²).
-    const double share = d.segment(basis.contacts()[i].column, finger.generators).sum() / std::sqrt(1.0 + finger.friction * finger.friction);
+    const double share =
+        d.segment(basis.contacts()[i].column, finger.generators).sum() / std::sqrt(1.0 + finger.friction * finger.friction);
     CHECK(f.force.dot(f.normal) == Approx(share));
   }
   CHECK((basis.matrix() * d - sum).norm() < 1e-13);

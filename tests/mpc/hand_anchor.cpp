@@ -60,7 +60,8 @@ TEST_CASE("a sinusoid is attenuated by the Bessel function of its frequency", "[
   const double tau = 2.0 * std::sqrt(0.5 / 9.81);
   for (const double omega : {1.0, 4.0, 9.0, 20.0}) {
     for (const double t : {0.0, 0.4}) {
-      const V p = anchor_position(anchor, Swing::Sheet, 9.81, line([&](double s) { return V(0.0, std::cos(omega * s), 0.0); }), t);
+      const V p =
+          anchor_position(anchor, Swing::Sheet, 9.81, line([&](double s) { return V(0.0, std::cos(omega * s), 0.0); }), t);
       double j0 = 0.0, term = 1.0;  // power series of J0
       for (int m = 1; m < 60; ++m) {
         j0 += term;

@@ -24,7 +24,8 @@ TEST_CASE("fingers on the same vertices share a patch, in whatever order they li
 
 TEST_CASE("a non-affine mode is blind to affine motion and sees everything else", "[mpc]") {
   const clothctl_test::HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 5);
-  const GripBasis<double> basis({make_pinch<double>(sheet.corner_patch(0, 3), 0.5, 1.0)}, sheet.network.triangles, GripInput::Force);
+  const GripBasis<double> basis({make_pinch<double>(sheet.corner_patch(0, 3), 0.5, 1.0)}, sheet.network.triangles,
+                                GripInput::Force);
   auto patches = find_patches(basis);
   Points<double> x(3, 9);
   for (Index j = 0; j < 9; ++j) x.col(j) = sheet.network.rest_positions.col(basis.held()[static_cast<std::size_t>(j)]);

@@ -47,7 +47,8 @@ PlannerSettings<double> settings(GripInput input = GripInput::Force) {
   return out;
 }
 
-Result<Planning> try_planner(const PlannerSetup<double>& s, const PlannerSettings<double>& p, const Points<double>& start = sheet().state.positions) {
+Result<Planning> try_planner(const PlannerSetup<double>& s, const PlannerSettings<double>& p,
+                             const Points<double>& start = sheet().state.positions) {
   return Planning::create(s, p, Predicting(MassSpringResponse<float>(sheet().model(Integration::OneSolve))), start);
 }
 Planning planner_for(const PlannerSetup<double>& s, const PlannerSettings<double>& p) { return try_planner(s, p).value(); }
@@ -56,13 +57,14 @@ V calm(double) { return V::Zero(); }
 
 bool same(const PlanResult<double>& a, const PlanResult<double>& b) {
   if (!(a.status == b.status && a.plan == b.plan && a.predicted == b.predicted && a.input.forces == b.input.forces &&
-        a.input.driven_positions == b.input.driven_positions && a.prediction_error == b.prediction_error && a.agreement == b.agreement &&
-        a.patch_residual == b.patch_residual && a.qp_iterations == b.qp_iterations && a.qp_status == b.qp_status &&
-        a.used_rows == b.used_rows && a.finger_forces.size() == b.finger_forces.size())) {
+        a.input.driven_positions == b.input.driven_positions && a.prediction_error == b.prediction_error &&
+        a.agreement == b.agreement && a.patch_residual == b.patch_residual && a.qp_iterations == b.qp_iterations &&
+        a.qp_status == b.qp_status && a.used_rows == b.used_rows && a.finger_forces.size() == b.finger_forces.size())) {
     return false;
   }
   for (std::size_t i = 0; i < a.finger_forces.size(); ++i) {
-    if (!(a.finger_forces[i].force == b.finger_forces[i].force && a.finger_forces[i].normal == b.finger_forces[i].normal)) return false;
+    if (!(a.finger_forces[i].force == b.finger_forces[i].force && a.finger_forces[i].normal == b.finger_forces[i].normal))
+      return false;
   }
   return true;
 }
@@ -250,7 +252,9 @@ TEST_CASE("a known outer force enters the plan", "[mpc]") {
   Points<double> broken = push;
   broken(0, 3) = std::numeric_limits<double>::quiet_NaN();
   CHECK_FALSE(lifted.set_outer_force(broken));
-  const auto stay = [](Index i, double) { return V(sheet().state.positions.col(i == 0 ? sheet().lower_left() : sheet().lower_right())); };
+  const auto stay = [](Index i, double) {
+    return V(sheet().state.positions.col(i == 0 ? sheet().lower_left() : sheet().lower_right()));
+  };
   Plant plant = started();
   REQUIRE(planner.plan(plant.positions(), plant.velocities(), 0.0, stay, calm, a) == PlanStatus::Planned);
   REQUIRE(lifted.plan(plant.positions(), plant.velocities(), 0.0, stay, calm, b) == PlanStatus::Planned);
@@ -270,7 +274,8 @@ TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
   q.horizon = p.horizon;
   q.input = GripInput::Pose;
   auto made = Planner<ExactPredictor<SingleResponse, float>>::create(
-      s, q, ExactPredictor<SingleResponse, float>(SingleResponse(sheet().model(Integration::OneSolve))), sheet().state.positions.cast<float>());
+      s, q, ExactPredictor<SingleResponse, float>(SingleResponse(sheet().model(Integration::OneSolve))),
+      sheet().state.positions.cast<float>());
   REQUIRE(made.has_value());
   auto single = std::move(made).value();
   Planning twice = planner_for(setup(), p);

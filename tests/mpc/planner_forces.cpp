@@ -24,30 +24,32 @@ ForceLoop run(const HangingSheet& sheet, int patch, double friction, double limi
   auto planner = clothctl_test::frozen_planner(sheet, setup, settings);
   auto plant = clothctl_test::sheet_plant(sheet, integration);
   ForceLoop out;
-  const auto stats = clothctl_test::run_loop(
-      planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet), clothctl_test::NoWind(),
-      [&](int, const PlanResult<double>& result) {
-        out.row_frames += result.used_rows ? 1 : 0;
-        Points<double> sum = Points<double>::Zero(3, result.input.forces.cols());
-        std::vector<std::vector<double>> normal(2, std::vector<double>(2, 0.0));
-        for (const FingerForce<double>& f : result.finger_forces) {
-          const double f_n = f.force.dot(f.normal), f_t = (f.force - f_n * f.normal).norm();
-          out.worst_cone = std::max(out.worst_cone, f_t - friction * f_n);
-          out.worst_low = std::max(out.worst_low, -f_n);
-          normal[static_cast<std::size_t>(f.grip)][static_cast<std::size_t>(f.finger)] += f_n;
-          if (f_n > 1e-3 && f_t > 0.7 * friction * f_n) ++out.at_cone;  // the pyramid of four generators
-          for (Index j = 0; j < sum.cols(); ++j) {
-            if (result.input.force_vertices[static_cast<std::size_t>(j)] == f.vertex) sum.col(j) += f.force;
-          }
-        }
-        for (const auto& grip : normal) {
-          for (const double f_n : grip) {
-            out.worst_high = std::max(out.worst_high, f_n - limit);
-            if (f_n > limit - 1e-6) ++out.at_limit;
-          }
-        }
-        out.worst_sum = std::max(out.worst_sum, (sum - result.input.forces).cwiseAbs().maxCoeff());
-      });
+  const auto stats =
+      clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet),
+                              clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
+                                out.row_frames += result.used_rows ? 1 : 0;
+                                Points<double> sum = Points<double>::Zero(3, result.input.forces.cols());
+                                std::vector<std::vector<double>> normal(2, std::vector<double>(2, 0.0));
+                                for (const FingerForce<double>& f : result.finger_forces) {
+                                  const double f_n = f.force.dot(f.normal), f_t = (f.force - f_n * f.normal).norm();
+                                  out.worst_cone = std::max(out.worst_cone, f_t - friction * f_n);
+                                  out.worst_low = std::max(out.worst_low, -f_n);
+                                  normal[static_cast<std::size_t>(f.grip)][static_cast<std::size_t>(f.finger)] += f_n;
+                                  if (f_n > 1e-3 && f_t > 0.7 * friction * f_n)
+                                    ++out.at_cone;  // the pyramid of four generators
+                                  for (Index j = 0; j < sum.cols(); ++j) {
+                                    if (result.input.force_vertices[static_cast<std::size_t>(j)] == f.vertex)
+                                      sum.col(j) += f.force;
+                                  }
+                                }
+                                for (const auto& grip : normal) {
+                                  for (const double f_n : grip) {
+                                    out.worst_high = std::max(out.worst_high, f_n - limit);
+                                    if (f_n > limit - 1e-6) ++out.at_limit;
+                                  }
+                                }
+                                out.worst_sum = std::max(out.worst_sum, (sum - result.input.forces).cwiseAbs().maxCoeff());
+                              });
   CHECK(stats.failures == 0);
   return out;
 }

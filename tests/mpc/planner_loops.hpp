@@ -22,7 +22,8 @@ using RollingPlanner = clothctl::Planner<RollingPredictor>;
 using SheetPlant = clothctl::ModelPlant<clothctl::MassSpring<double>>;
 
 /// Lower corners as features, one pinch of patch×patch vertices at each upper corner.
-inline clothctl::PlannerSetup<double> corner_setup(const HangingSheet& sheet, int patch = 1, double friction = 0.5, double limit = 20.0) {
+inline clothctl::PlannerSetup<double> corner_setup(const HangingSheet& sheet, int patch = 1, double friction = 0.5,
+                                                   double limit = 20.0) {
   clothctl::PlannerSetup<double> out;
   out.features.add_point(sheet.lower_left());
   out.features.add_point(sheet.lower_right());
@@ -31,7 +32,8 @@ inline clothctl::PlannerSetup<double> corner_setup(const HangingSheet& sheet, in
   return out;
 }
 
-inline clothctl::PlannerSettings<double> corner_settings(const HangingSheet& sheet, clothctl::GripInput input, clothctl::Index horizon = 20,
+inline clothctl::PlannerSettings<double> corner_settings(const HangingSheet& sheet, clothctl::GripInput input,
+                                                         clothctl::Index horizon = 20,
                                                          clothctl::PlannerSettings<double> base = {}) {
   base.input = input;
   base.horizon = horizon;
@@ -41,9 +43,10 @@ inline clothctl::PlannerSettings<double> corner_settings(const HangingSheet& she
 
 inline FrozenPlanner frozen_planner(const HangingSheet& sheet, const clothctl::PlannerSetup<double>& setup,
                                     const clothctl::PlannerSettings<double>& settings, bool air = false) {
-  return FrozenPlanner::create(setup, settings,
-                               FrozenPredictor(clothctl::MassSpringResponse<float>(sheet.model(clothctl::Integration::OneSolve, air))),
-                               sheet.state.positions)
+  return FrozenPlanner::create(
+             setup, settings,
+             FrozenPredictor(clothctl::MassSpringResponse<float>(sheet.model(clothctl::Integration::OneSolve, air))),
+             sheet.state.positions)
       .value();
 }
 

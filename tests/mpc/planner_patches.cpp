@@ -19,8 +19,8 @@ double largest_residual(const HangingSheet& sheet, int patch, const PlannerSetti
   auto plant = clothctl_test::sheet_plant(sheet, Integration::OneSolve);
   double residual = 0.0;
   rows = 0;
-  const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet), clothctl_test::NoWind(),
-                                             [&](int, const PlanResult<double>& result) {
+  const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet),
+                                             clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
                                                residual = std::max(residual, result.patch_residual);
                                                rows += result.used_rows ? 1 : 0;
                                              });
@@ -130,7 +130,8 @@ TEST_CASE("a capped change of plan keeps the pose rigid and the cap", "[mpc]") {
                               promise = std::max(promise, (to - from - kDt * result.plan.block<3, 1>(3 * c, 0)).norm());
                               if (i % 4 == 0) continue;
                               const V neighbour = before.col(held[i - 1]);
-                              rigid = std::max(rigid, std::abs((to - V(result.input.driven_positions.col(c - 1))).norm() - (from - neighbour).norm()));
+                              rigid = std::max(rigid, std::abs((to - V(result.input.driven_positions.col(c - 1))).norm() -
+                                                               (from - neighbour).norm()));
                             }
                             before = plant.positions();
                           });
@@ -146,7 +147,8 @@ TEST_CASE("planned forces can be sent as the positions that they lead to", "[mpc
   // One frame: what the plant does under the planned forces is what the command says.
   using Exact = ExactPredictor<MassSpringResponse<double>, double>;
   const MassSpring<double> model = sheet.model(Integration::OneSolve);
-  auto made = Planner<Exact>::create(clothctl_test::corner_setup(sheet), settings, Exact(MassSpringResponse<double>(model)), sheet.state.positions);
+  auto made = Planner<Exact>::create(clothctl_test::corner_setup(sheet), settings, Exact(MassSpringResponse<double>(model)),
+                                     sheet.state.positions);
   REQUIRE(made.has_value());
   auto exact = std::move(made).value();
   auto result = exact.make_result();
@@ -161,13 +163,15 @@ TEST_CASE("planned forces can be sent as the positions that they lead to", "[mpc
   CHECK(result.input.force_vertices.empty());
   REQUIRE(result.input.driven_vertices == exact.held());
   for (Index j = 0; j < 2; ++j) {
-    CHECK((result.input.driven_positions.col(j) - state.positions.col(exact.held()[static_cast<std::size_t>(j)])).norm() < 1e-11);
+    CHECK((result.input.driven_positions.col(j) - state.positions.col(exact.held()[static_cast<std::size_t>(j)])).norm() <
+          1e-11);
   }
   // A loop of them tracks, on either plant.
   for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
     auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
     auto plant = clothctl_test::sheet_plant(sheet, integration);
-    const auto stats = clothctl_test::run_loop(planner, plant, 80, clothctl_test::corners(sheet), AsyncTarget(sheet), clothctl_test::NoWind(), clothctl_test::NoWatch());
+    const auto stats = clothctl_test::run_loop(planner, plant, 80, clothctl_test::corners(sheet), AsyncTarget(sheet),
+                                               clothctl_test::NoWind(), clothctl_test::NoWatch());
     CHECK(stats.failures == 0);
     CHECK(stats.mean_error < 0.01);
   }

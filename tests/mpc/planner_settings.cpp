@@ -10,7 +10,8 @@ using namespace clothctl;
 
 TEMPLATE_TEST_CASE("default settings and profiles are valid", "[mpc]", float, double) {
   using Settings = PlannerSettings<TestType>;
-  for (const Settings& s : {Settings(), Settings::paper(), Settings::loose_plant(), Settings::rollout()}) CHECK(s.check() == "");
+  for (const Settings& s : {Settings(), Settings::paper(), Settings::loose_plant(), Settings::rollout()})
+    CHECK(s.check() == "");
   const Settings paper = Settings::paper();
   CHECK(paper.weights.feature == TestType(40));
   CHECK(paper.weights.force == TestType(0.01));
@@ -35,9 +36,10 @@ TEST_CASE("every broken setting is refused", "[mpc]") {
     CHECK(refused([&](Settings& s) { s.max_step = bad; }));
     CHECK(refused([&](Settings& s) { s.max_change = bad; }));
     for (double PlannerWeights<double>::*weight :
-         {&PlannerWeights<double>::feature, &PlannerWeights<double>::force, &PlannerWeights<double>::cone, &PlannerWeights<double>::velocity,
-          &PlannerWeights<double>::smooth, &PlannerWeights<double>::shape, &PlannerWeights<double>::anchor, &PlannerWeights<double>::patch,
-          &PlannerWeights<double>::jerk, &PlannerWeights<double>::step}) {
+         {&PlannerWeights<double>::feature, &PlannerWeights<double>::force, &PlannerWeights<double>::cone,
+          &PlannerWeights<double>::velocity, &PlannerWeights<double>::smooth, &PlannerWeights<double>::shape,
+          &PlannerWeights<double>::anchor, &PlannerWeights<double>::patch, &PlannerWeights<double>::jerk,
+          &PlannerWeights<double>::step}) {
       CHECK(refused([&](Settings& s) { s.weights.*weight = bad; }));
     }
   }
@@ -45,5 +47,12 @@ TEST_CASE("every broken setting is refused", "[mpc]") {
   CHECK(refused([](Settings& s) { s.dt = 0.0; }));
   CHECK(refused([](Settings& s) { s.gravity = 0.0; }));
   CHECK(refused([](Settings& s) { s.max_step = 0.0; }));
+  CHECK(refused([](Settings& s) {
+    s.input = GripInput::Pose;
+    s.command = Command::Position;
+  }));
+  Settings named;
+  named.weights.shape = -2.5;
+  CHECK(named.check().find("shape is -2.5") != std::string::npos);
   CHECK(Settings().check().empty());
 }

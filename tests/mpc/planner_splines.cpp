@@ -57,7 +57,8 @@ double mean_error(const HangingSheet& sheet, const std::string& path, GripInput 
   auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
   auto plant = clothctl_test::sheet_plant(sheet, integration);
   const auto target = [&](Index i, double t) { return V(i == 0 ? curves.left.position(t) : curves.right.position(t)); };
-  const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), target, clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), target,
+                                             clothctl_test::NoWind(), clothctl_test::NoWatch());
   CHECK(stats.failures == 0);
   return stats.mean_error;
 }
@@ -90,7 +91,9 @@ TEST_CASE("the recorded splines are tracked to the paper's accuracy", "[mpc]") {
         const double bound = kind == "random" ? 0.016 : (integration == Integration::OneSolve ? 0.010 : 0.015);
         CAPTURE(kind, integration == Integration::Newton, input == GripInput::Pose, mean);
         CHECK(mean < bound);
-        if (full) WARN(kind << (integration == Integration::Newton ? " newton" : " one-solve") << (input == GripInput::Pose ? " pose " : " force ") << 1e3 * mean << " mm");
+        if (full)
+          WARN(kind << (integration == Integration::Newton ? " newton" : " one-solve")
+                    << (input == GripInput::Pose ? " pose " : " force ") << 1e3 * mean << " mm");
       }
     }
   }

@@ -30,7 +30,8 @@ WindowRequest<double> request_for(const HangingSheet& sheet, InputKind kind, Ind
   for (int v : request.held) request.outputs.add_point(v);
   request.plan.setZero(request.inputs(), horizon);
   for (Index k = 0; k < horizon; ++k) {
-    for (Index i = 0; i < request.inputs(); ++i) request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
+    for (Index i = 0; i < request.inputs(); ++i)
+      request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
     if (kind == InputKind::Force) {
       request.plan(2, k) += 0.5 * sheet.supported()[2];
       request.plan(5, k) += 0.5 * sheet.supported()[2];
@@ -57,7 +58,9 @@ MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& 
   Points<double> y(3, request.outputs.count());
   for (Index k = 0; k < request.horizon; ++k) {
     input.wind = request.wind.col(k);
-    for (Index j = 0; j < 2; ++j) input.driven_positions.col(j) = state.positions.col(request.held[static_cast<std::size_t>(j)]) + kDt * request.plan.block<3, 1>(3 * j, k);
+    for (Index j = 0; j < 2; ++j)
+      input.driven_positions.col(j) =
+          state.positions.col(request.held[static_cast<std::size_t>(j)]) + kDt * request.plan.block<3, 1>(3 * j, k);
     REQUIRE(model.step(state, input, kDt, workspace).advanced);
     evaluate_features<double>(request.outputs, state.positions, y);
     out.col(k) = Eigen::Map<const VectorX<double>>(y.data(), y.size());
@@ -133,8 +136,10 @@ TEST_CASE("rolled predictions obey the laws of predictors", "[mpc]") {
   clothctl_test::PredictorLaws<double> laws;
   laws.linear = false;
   clothctl_test::check_predictor_laws(
-      [&] { return RolloutPredictor<MassSpring<double>, Exact>(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{2}); }, sheet.state,
-      std::vector<int>{sheet.upper_left(), sheet.upper_right()}, laws);
+      [&] {
+        return RolloutPredictor<MassSpring<double>, Exact>(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{2});
+      },
+      sheet.state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, laws);
 }
 
 TEST_CASE("on a converged plant the rolled prediction tracks better than the frozen one", "[mpc]") {
@@ -144,17 +149,22 @@ TEST_CASE("on a converged plant the rolled prediction tracks better than the fro
   PlannerSettings<double> frozen_settings = clothctl_test::corner_settings(sheet, GripInput::Pose);
   auto frozen = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), frozen_settings);
   auto plant = clothctl_test::sheet_plant(sheet, Integration::Newton);
-  const LoopStats plain = clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target, clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const LoopStats plain = clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target,
+                                                  clothctl_test::NoWind(), clothctl_test::NoWatch());
 
-  const PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout());
+  const PlannerSettings<double> settings =
+      clothctl_test::corner_settings(sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout());
   const MassSpring<double> model = sheet.model(Integration::Newton);
   auto made = clothctl_test::RollingPlanner::create(
       clothctl_test::corner_setup(sheet), settings,
-      clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)), RolloutSettings{3}), sheet.state.positions);
+      clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)),
+                                      RolloutSettings{3}),
+      sheet.state.positions);
   REQUIRE(made.has_value());
   auto planner = std::move(made).value();
   auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
-  const LoopStats rolled = clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target, clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const LoopStats rolled = clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target,
+                                                   clothctl_test::NoWind(), clothctl_test::NoWatch());
   CAPTURE(plain.mean_error, rolled.mean_error);
   CHECK(rolled.failures == 0);
   CHECK(rolled.mean_error < plain.mean_error);

@@ -29,7 +29,8 @@ MatrixX<double> differences(MatrixX<double> series, int order) {
 TEST_CASE("stacked rows are the differences of the point, at the plan and beside it", "[mpc]") {
   const WindowResponse<double> window = random_window();
   const std::vector<OutputTerm<double>> point{{1, 0.7}, {3, -1.2}};
-  const std::array<Vector3<double>, 3> past{Vector3<double>(0.1, 0.2, 0.3), Vector3<double>(-0.4, 0.0, 0.9), Vector3<double>(1.5, -0.5, 0.2)};
+  const std::array<Vector3<double>, 3> past{Vector3<double>(0.1, 0.2, 0.3), Vector3<double>(-0.4, 0.0, 0.9),
+                                            Vector3<double>(1.5, -0.5, 0.2)};
   const MatrixX<double> target = MatrixX<double>::Random(3, kHorizon);
   const double scale = 2.5;
   TermStack<double> stack;
@@ -50,7 +51,8 @@ TEST_CASE("stacked rows are the differences of the point, at the plan and beside
       Vector3<double> z = Vector3<double>::Zero();
       for (const OutputTerm<double>& t : point) {
         z += t.weight * window.free.block<3, 1>(3 * t.output, k);
-        for (Index j = 0; j <= k; ++j) z += t.weight * window.impulse.block(3 * t.output, (k - j) * kInputs, 3, kInputs) * u.col(j);
+        for (Index j = 0; j <= k; ++j)
+          z += t.weight * window.impulse.block(3 * t.output, (k - j) * kInputs, 3, kInputs) * u.col(j);
       }
       series.col(3 + k) = z;
     }

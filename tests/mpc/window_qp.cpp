@@ -80,8 +80,8 @@ struct Frame {
   PlannerSettings<double> settings;
   clothctl_test::AsyncTarget target;
   ClothState<double> state;
-  Points<double> before;       // velocities of all vertices a frame ago
-  MatrixX<double> shifted;     // the plan that the frame started from
+  Points<double> before;    // velocities of all vertices a frame ago
+  MatrixX<double> shifted;  // the plan that the frame started from
   double t = 0;
   PlanResult<double> result = {};
 
@@ -113,8 +113,9 @@ struct Frame {
       before = k == 0 ? plant.velocities() : state.velocities;
       state = plant.state();
       t = k * kDt;
-      const PlanStatus status = planner.plan(state.positions, state.velocities, t, [&](Index i, double s) { return wanted(i, s); },
-                                             [&](double s) { return wind(s); }, result);
+      const PlanStatus status = planner.plan(
+          state.positions, state.velocities, t, [&](Index i, double s) { return wanted(i, s); },
+          [&](double s) { return wind(s); }, result);
       INFO(to_string(status) << ", qp " << to_string(result.qp_status));
       REQUIRE(status == PlanStatus::Planned);
       shifted = last;
@@ -241,7 +242,8 @@ struct Frame {
         for (int v : grips[g]) home += sheet.state.positions.col(v) / static_cast<double>(grips[g].size());
         anchor.offset = home - start.col(static_cast<Index>(g));
         anchor.drop = anchor.offset[2];
-        const V wanted_hand = anchor_position(anchor, settings.swing, settings.gravity, [&](Index i, double time) { return wanted(i, time); }, s);
+        const V wanted_hand = anchor_position(
+            anchor, settings.swing, settings.gravity, [&](Index i, double time) { return wanted(i, time); }, s);
         J += w.anchor * (centroid(k) - wanted_hand).squaredNorm();
         J += w.smooth * (velocity(k) - velocity(k - 1)).squaredNorm();
         J += w.jerk * (velocity(k) - 2.0 * velocity(k - 1) + velocity(k - 2)).squaredNorm();

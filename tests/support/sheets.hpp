@@ -118,7 +118,8 @@ struct AsyncTarget {
     if (t < 0) t = 0;
     const double ramp = scale * (1.0 - std::exp(-t * t / 0.3));
     const double a = feature == 0 ? 3.0 : 2.2;
-    return start[feature] + ramp * clothctl::Vector3<double>(0.02 * std::sin(a * t), 0.07 * std::sin(a * t + 0.3), 0.05 * (1.0 - std::cos(a * t)));
+    return start[feature] + ramp * clothctl::Vector3<double>(0.02 * std::sin(a * t), 0.07 * std::sin(a * t + 0.3),
+                                                             0.05 * (1.0 - std::cos(a * t)));
   }
 };
 
@@ -142,12 +143,14 @@ LoopStats run_loop(PlannerType& planner, Plant& plant, int frames, const std::ve
   auto result = planner.make_result();
   for (int k = 0; k < frames; ++k) {
     const Scalar t = Scalar(kFrame) * Scalar(k);
-    const clothctl::PlanStatus status = planner.plan(traits::positions(plant), traits::velocities(plant), t, target, wind, result);
+    const clothctl::PlanStatus status =
+        planner.plan(traits::positions(plant), traits::velocities(plant), t, target, wind, result);
     stats.statuses.push_back(status);
     result.input.wind = wind(t);
     traits::apply(plant, result.input);
     const auto report = traits::advance(plant, Scalar(kFrame));
-    if (status == clothctl::PlanStatus::Failed || status == clothctl::PlanStatus::InvalidInput || !report.advanced) ++stats.failures;
+    if (status == clothctl::PlanStatus::Failed || status == clothctl::PlanStatus::InvalidInput || !report.advanced)
+      ++stats.failures;
     stats.mean_agreement += static_cast<double>(result.agreement) / frames;
     for (std::size_t i = 0; i < features.size(); ++i) {
       const clothctl::Vector3<Scalar> y = traits::positions(plant).col(features[i]);

@@ -13,7 +13,8 @@
 //   velocity:  T_m = -(R z_m) - h² Σ_{i<m} K z_i at the held vertices    (held rows of z are zero)
 //
 // Solving for the change of w keeps single precision accurate, and so does taking the mean of w out of the products where the
-// response says that internal forces do not feel it (a sheet on forces moves almost as one): R w̄ = h C w̄. Cost: one factorisation and K solves of 3·outputs lanes.
+// response says that internal forces do not feel it (a sheet on forces moves almost as one): R w̄ = h C w̄. Cost: one
+// factorisation and K solves of 3·outputs lanes.
 
 #include <algorithm>
 #include <array>
