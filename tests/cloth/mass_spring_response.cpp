@@ -184,6 +184,19 @@ TEST_CASE("factors and the bending switch act on the matrices and leave the forc
   CHECK((stiffness(settings, soft) - 0.5 * plain).cwiseAbs().maxCoeff() <= 1e-12 * plain.cwiseAbs().maxCoeff());
 }
 
+TEST_CASE("a response says whether translations cost nothing", "[cloth]") {
+  Scene<double> scene;
+  MassSpringResponse<double> free(scene.model());
+  CHECK(free.translation_free());
+  CHECK(MassSpringResponse<float>(scene.model()).translation_free());
+  REQUIRE(free.linearise(scene.x, scene.v, scene.wind, scene.dt, {}));
+  Lanes<double, 1> w = Lanes<double, 1>::Ones(1, 108);
+  CHECK(multiply<1>(free, w).first.cwiseAbs().maxCoeff() <= 1e-10);
+  scene.network.bends[5].weight[1] = -1.9;
+  MassSpringResponse<double> tied(scene.model());
+  CHECK_FALSE(tied.translation_free());
+}
+
 TEST_CASE("a change of wind pushes by the frozen air matrices", "[cloth]") {
   const Scene<double> scene;
   MassSpringResponse<double> response(scene.model());
@@ -228,6 +241,10 @@ TEMPLATE_TEST_CASE("a state that is not finite is refused and the next good one 
     Points<S> x = scene.x;
     x(1, 14) = bad;
     CHECK_FALSE(response.linearise(x, scene.v, scene.wind, scene.dt, scene.driven));
+  }
+  for (const S bad : {S(0), S(-0.01), std::numeric_limits<S>::quiet_NaN()}) {
+    CHECK_FALSE(response.linearise(scene.x, scene.v, scene.wind, bad, scene.driven));
+    CHECK_FALSE(response.linearise(scene.x, scene.v, {S(0), std::numeric_limits<S>::infinity(), S(0)}, scene.dt, {}));
   }
   Points<S> crushed = scene.x;
   crushed.setConstant(S(0.3));  // every spring without a direction

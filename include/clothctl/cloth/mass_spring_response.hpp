@@ -45,6 +45,15 @@ class MassSpringResponse {
     air_settings_.tangent_coefficient = static_cast<Scalar>(model.settings().air.tangent_coefficient);
     pattern_ = SpringPattern<Scalar>(network_, settings_.bending_in_matrix, air_settings_.enabled());
     factor_ = BlockCholesky<Scalar>(pattern_.matrix(), nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions));
+    for (const BendStencil<Scalar>& b : network_.bends) {
+      Scalar sum = Scalar(0), size = Scalar(0);
+      for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
+        sum += b.weight[i];
+        size += b.weight[i] < Scalar(0) ? -b.weight[i] : b.weight[i];
+      }
+      const Scalar rounding = Scalar(8) * scalar_traits<Scalar>::epsilon() * size;
+      translation_free_ = translation_free_ && !(rounding < sum) && !(sum < -rounding);
+    }
     stiffness_ = pattern_.matrix();
     coupling_ = pattern_.matrix();
     held_.assign(static_cast<std::size_t>(vertex_count()), 0);
@@ -65,14 +74,16 @@ class MassSpringResponse {
   /// Flags of the vertices that are prescribed or pinned.
   const std::vector<unsigned char>& held() const { return held_; }
 
-  /// Internal forces do not feel a translation of the whole body.
-  bool translation_free() const { return true; }
+  /// Tells whether internal forces do not feel a translation of the whole body: the weights of every bending stencil sum to
+  /// zero.
+  bool translation_free() const { return translation_free_; }
 
   /// Linearises about positions `x` (3×n, m) and velocities `v` (3×n, m/s) in air that moves at `wind` (m/s), for steps of
-  /// `dt` s; `driven` vertices are prescribed. Returns false when the step matrix is not positive definite, as with a state
-  /// that is not finite; nothing but `linearise` may be called then. Never allocates. Complexity: one factorisation.
+  /// `dt` s; `driven` vertices are prescribed. Returns false when an argument is not finite or the step matrix is not
+  /// positive definite; nothing but `linearise` may be called then. Never allocates. Complexity: one factorisation.
   [[nodiscard]] bool linearise(const PointsView<Scalar>& x, const PointsView<Scalar>& v, const Vector3<Scalar>& wind, Scalar dt,
                                const std::vector<int>& driven) {
+    if (!all_finite(x) || !all_finite(v) || !all_finite(wind) || !is_finite(dt) || !(Scalar(0) < dt)) return false;
     std::fill(held_.begin(), held_.end(), static_cast<unsigned char>(0));
     for (int i : pinned_) held_[static_cast<std::size_t>(i)] = 1;
     for (int i : driven) {
@@ -135,6 +146,7 @@ class MassSpringResponse {
   std::vector<Matrix3<Scalar>> diagonal_, air_;
   std::vector<unsigned char> held_;
   Points<Scalar> direction_, force_;
+  bool translation_free_ = true;
 };
 
 }  // namespace clothctl
