@@ -18,7 +18,8 @@ inline std::string shared_path(const std::string& relative) {
     root = set;
   } else {
 #ifdef CLOTHCTL_SOURCE_DIR
-    root = std::string(CLOTHCTL_SOURCE_DIR) + "/../shared";
+    root = CLOTHCTL_SOURCE_DIR;  // appended in place: g++ 12 misreads operator+ here (-Wrestrict)
+    root.append("/../shared");
 #else
     return {};
 #endif
