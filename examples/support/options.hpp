@@ -57,7 +57,8 @@ inline void add_common(CLI::App& app, Options& o) {
       ->check(CLI::IsMember({"force", "position", "planned-position"}))
       ->capture_default_str();
   app.add_option("--predictor", o.predictor,
-                 "frozen: linearised once a frame; rollout: nonlinear free response; auto: whichever tracks better")
+                 "frozen: linearised once a frame; rollout: nonlinear free response; auto: rollout for position grips in still "
+                 "air, else frozen")
       ->check(CLI::IsMember({"auto", "frozen", "rollout"}))
       ->capture_default_str();
   app.add_option("--profile", o.profile, "Weights: standard, or paper (40 / 0.01 / 10, no hand anchor)")

@@ -139,18 +139,15 @@ inline AnyPredictor make_predictor(const Options& o, const Body& body, clothctl:
   }
   clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
   clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
-  // Rolling the converged step out under planned forces, or a sheet out in the wind, is unstable (docs/planner.md): there the
-  // frozen predictor is better.
-  const bool better = !body.air.enabled() && (o.plant == "one-solve" || (o.plant == "newton" && o.grip == "position"));
+  // Rolling out under planned forces, or in the wind, can go unstable (docs/performance.md): there the frozen predictor serves.
+  const bool better = !body.air.enabled() && implicit && o.grip == "position";
   if (o.predictor == "frozen" || (o.predictor == "auto" && !better)) return AnyPredictor(std::move(frozen));
   const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
   settings.weights.jerk = calm.weights.jerk;
-  if (o.grip == "position") {
-    settings.weights.step = calm.weights.step;
-    settings.max_change = calm.max_change;
-  }
+  settings.weights.step = calm.weights.step;
+  if (o.grip == "position") settings.max_change = calm.max_change;
   clothctl::RolloutSettings rollout;
-  rollout.newton_steps = o.plant == "newton" && o.grip == "position" ? 1 : 0;
+  rollout.newton_steps = o.plant == "newton" ? 1 : 0;
   return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>, clothctl::ExactPredictor<Response, double>>(
       std::move(model), std::move(frozen), rollout));
 }
