@@ -129,7 +129,7 @@ class BlockCholesky {
 
   /// Reads a group of lanes; those past the last right-hand side become zero.
   template <int kLanes, int kGroup>
-  static CLOTHCTL_FORCE_INLINE void load_lanes(const Scalar* from, int lane, detail::Pack<Scalar, kGroup>& row) {
+  static CLOTHCTL_KERNEL void load_lanes(const Scalar* from, int lane, detail::Pack<Scalar, kGroup>& row) {
     if constexpr (kLanes % kGroup == 0) {
       row.load(from);
     } else {
@@ -141,7 +141,7 @@ class BlockCholesky {
 
   /// Writes the lanes of a group that exist.
   template <int kLanes, int kGroup>
-  static CLOTHCTL_FORCE_INLINE void store_lanes(Scalar* to, int lane, const detail::Pack<Scalar, kGroup>& row) {
+  static CLOTHCTL_KERNEL void store_lanes(Scalar* to, int lane, const detail::Pack<Scalar, kGroup>& row) {
     if constexpr (kLanes % kGroup == 0) {
       row.store(to);
     } else {
@@ -153,7 +153,7 @@ class BlockCholesky {
 
   /// Copies the pivot rows of a front from the right-hand sides to the scratch rows.
   template <int kLanes, int kGroup>
-  CLOTHCTL_FORCE_INLINE void gather(const detail::Front& front, const int* vertices, const Scalar* x, int lane) {
+  CLOTHCTL_KERNEL void gather(const detail::Front& front, const int* vertices, const Scalar* x, int lane) {
     Scalar* to = scratch_.data();
     for (Index v = 0; v < front.pivots / 3; ++v) {
       const Scalar* from = x + 3 * kLanes * static_cast<Index>(vertices[v]) + lane;
@@ -167,7 +167,7 @@ class BlockCholesky {
 
   /// And back.
   template <int kLanes, int kGroup>
-  CLOTHCTL_FORCE_INLINE void scatter(const detail::Front& front, const int* vertices, Scalar* x, int lane) const {
+  CLOTHCTL_KERNEL void scatter(const detail::Front& front, const int* vertices, Scalar* x, int lane) const {
     const Scalar* from = scratch_.data();
     for (Index v = 0; v < front.pivots / 3; ++v) {
       Scalar* to = x + 3 * kLanes * static_cast<Index>(vertices[v]) + lane;
@@ -186,7 +186,7 @@ class BlockCholesky {
     gather<kLanes, kGroup>(front, vertices, x, lane);
     detail::solve_front_forward<kGroup>(
         factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
-        [&]<int kRows>(Index first, const detail::RowBlock<Scalar, kRows, kGroup>& products) CLOTHCTL_INLINE_LAMBDA {
+        [&]<int kRows>(Index first, const detail::RowBlock<Scalar, kRows, kGroup>& products) CLOTHCTL_KERNEL_LAMBDA {
           const int* vertex = border + first / 3;
           if constexpr (kGroup == 1) {
             Scalar values[kRows];
@@ -196,7 +196,7 @@ class BlockCholesky {
               to = to - values[i];
             }
           } else {
-            detail::unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
+            detail::unroll<kRows>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
               Scalar* to = x + (3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane;
               detail::Pack<Scalar, kGroup> row;
               load_lanes<kLanes, kGroup>(to, lane, row);
@@ -215,14 +215,14 @@ class BlockCholesky {
     gather<kLanes, kGroup>(front, vertices, x, lane);
     detail::solve_front_backward<kGroup>(
         factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
-        [&]<int kRows>(Index first, detail::RowBlock<Scalar, kRows, kGroup>& rows) CLOTHCTL_INLINE_LAMBDA {
+        [&]<int kRows>(Index first, detail::RowBlock<Scalar, kRows, kGroup>& rows) CLOTHCTL_KERNEL_LAMBDA {
           const int* vertex = border + first / 3;
           if constexpr (kGroup == 1) {
             Scalar values[kRows];
             for (int i = 0; i < kRows; ++i) values[i] = x[(3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane];
             rows.load(values);
           } else {
-            detail::unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
+            detail::unroll<kRows>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
               const Scalar* from = x + (3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane;
               load_lanes<kLanes, kGroup>(from, lane, rows.row[i]);
             });

@@ -32,7 +32,7 @@ struct Panels {
 
 /// Calls `function(integral_constant<int, width>)` for a width of 3, 6, 9 or 12.
 template <class Function>
-CLOTHCTL_FORCE_INLINE void dispatch_width(int width, Function&& function) {
+CLOTHCTL_KERNEL void dispatch_width(int width, Function&& function) {
   switch (width) {
     case 12: function(std::integral_constant<int, 12>{}); break;
     case 9: function(std::integral_constant<int, 9>{}); break;
@@ -99,40 +99,40 @@ struct Tile {
   using Rows = Pack<Scalar, kLanes>;
   Rows entry[kColumns][kVectors];
 
-  CLOTHCTL_FORCE_INLINE void set_zero() {
-    unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
-      unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].set_zero(); });
+  CLOTHCTL_KERNEL void set_zero() {
+    unroll<kColumns>([&](auto j) CLOTHCTL_KERNEL_LAMBDA {
+      unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { entry[j][v].set_zero(); });
     });
   }
-  CLOTHCTL_FORCE_INLINE void load(const Scalar* from, Index ld) {
-    unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
-      unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].load(from + j * ld + v * kLanes); });
+  CLOTHCTL_KERNEL void load(const Scalar* from, Index ld) {
+    unroll<kColumns>([&](auto j) CLOTHCTL_KERNEL_LAMBDA {
+      unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { entry[j][v].load(from + j * ld + v * kLanes); });
     });
   }
-  CLOTHCTL_FORCE_INLINE void store(Scalar* to, Index ld) const {
-    unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
-      unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].store(to + j * ld + v * kLanes); });
+  CLOTHCTL_KERNEL void store(Scalar* to, Index ld) const {
+    unroll<kColumns>([&](auto j) CLOTHCTL_KERNEL_LAMBDA {
+      unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { entry[j][v].store(to + j * ld + v * kLanes); });
     });
   }
   /// this -= A Bᵀ; column k of A and B starts k·ld after `a` and `b`.
-  CLOTHCTL_FORCE_INLINE void subtract_outer(const Scalar* a, const Scalar* b, Index ld, Index depth) {
+  CLOTHCTL_KERNEL void subtract_outer(const Scalar* a, const Scalar* b, Index ld, Index depth) {
     for (Index k = 0; k < depth; ++k, a += ld, b += ld) {
       Rows rows[kVectors];
-      unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { rows[v].load(a + v * kLanes); });
-      unroll<kColumns>([&](auto j) CLOTHCTL_INLINE_LAMBDA {
+      unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { rows[v].load(a + v * kLanes); });
+      unroll<kColumns>([&](auto j) CLOTHCTL_KERNEL_LAMBDA {
         const Scalar factor = b[j];
-        unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].subtract_product(rows[v], factor); });
+        unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { entry[j][v].subtract_product(rows[v], factor); });
       });
     }
   }
   /// this <- this · L⁻ᵀ for a triangular inverse stored by columns.
-  CLOTHCTL_FORCE_INLINE void multiply_inverse_transposed(const Scalar* inverse, int stride) {
-    unroll<kColumns>([&](auto reversed) CLOTHCTL_INLINE_LAMBDA {
+  CLOTHCTL_KERNEL void multiply_inverse_transposed(const Scalar* inverse, int stride) {
+    unroll<kColumns>([&](auto reversed) CLOTHCTL_KERNEL_LAMBDA {
       constexpr int j = kColumns - 1 - decltype(reversed)::value;
-      unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].scale(inverse[stride * j + j]); });
-      unroll<j>([&](auto k) CLOTHCTL_INLINE_LAMBDA {
+      unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { entry[j][v].scale(inverse[stride * j + j]); });
+      unroll<j>([&](auto k) CLOTHCTL_KERNEL_LAMBDA {
         const Scalar factor = inverse[stride * k + j];
-        unroll<kVectors>([&](auto v) CLOTHCTL_INLINE_LAMBDA { entry[j][v].add_product(entry[k][v], factor); });
+        unroll<kVectors>([&](auto v) CLOTHCTL_KERNEL_LAMBDA { entry[j][v].add_product(entry[k][v], factor); });
       });
     });
   }
@@ -140,7 +140,7 @@ struct Tile {
 
 /// Calls `function(integral_constant<int, vectors>, row)` for tiles of one or more registers over rows [first, last).
 template <class Scalar, class Function>
-CLOTHCTL_FORCE_INLINE void for_each_row_tile(Index first, Index last, Function&& function) {
+CLOTHCTL_KERNEL void for_each_row_tile(Index first, Index last, Function&& function) {
   constexpr int kLanes = native_lanes<Scalar>();
   Index row = first;
   if constexpr (kManyRegisters) {
@@ -157,7 +157,7 @@ bool eliminate_panel(Scalar* f, Index ld, Index first) {
   Scalar* panel = f + first * ld;
   const Index begin = first / kLanes * kLanes;
   const Index middle = (first + kWidth + kLanes - 1) / kLanes * kLanes;
-  for_each_row_tile<Scalar>(begin, middle, [&](auto vectors, Index row) CLOTHCTL_INLINE_LAMBDA {
+  for_each_row_tile<Scalar>(begin, middle, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
     Tile<Scalar, decltype(vectors)::value, kWidth> tile;
     tile.load(panel + row, ld);
     tile.subtract_outer(f + row, f + first, ld, first);
@@ -167,7 +167,7 @@ bool eliminate_panel(Scalar* f, Index ld, Index first) {
   if (!block.factorize(panel + first, ld, kWidth)) return false;
   constexpr int kStride = DiagonalBlock<Scalar>::kStride;
   if (first + kWidth < middle) {
-    for_each_row_tile<Scalar>(begin, middle, [&](auto vectors, Index row) CLOTHCTL_INLINE_LAMBDA {
+    for_each_row_tile<Scalar>(begin, middle, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
       Tile<Scalar, decltype(vectors)::value, kWidth> tile;
       tile.load(panel + row, ld);
       tile.multiply_inverse_transposed(block.inverse, kStride);
@@ -177,7 +177,7 @@ bool eliminate_panel(Scalar* f, Index ld, Index first) {
   for (int j = 0; j < kWidth; ++j) {
     std::copy_n(block.inverse + kStride * j, kWidth, panel + j * ld + first);
   }
-  for_each_row_tile<Scalar>(middle, ld, [&](auto vectors, Index row) CLOTHCTL_INLINE_LAMBDA {
+  for_each_row_tile<Scalar>(middle, ld, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
     Tile<Scalar, decltype(vectors)::value, kWidth> tile;
     tile.load(panel + row, ld);
     tile.subtract_outer(f + row, f + first, ld, first);
@@ -207,7 +207,7 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
     dispatch_width(border_panels.begin(panel + 1) - border_panels.begin(panel), [&](auto w) {
       constexpr int kWidth = decltype(w)::value;
       constexpr Index kLanes = native_lanes<Scalar>();
-      for_each_row_tile<Scalar>(first / kLanes * kLanes, ldu, [&](auto vectors, Index row) CLOTHCTL_INLINE_LAMBDA {
+      for_each_row_tile<Scalar>(first / kLanes * kLanes, ldu, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
         Tile<Scalar, decltype(vectors)::value, kWidth> tile;
         if (fresh) {
           tile.set_zero();
@@ -258,7 +258,7 @@ void pack_front(const Scalar* f, Index ld, Index pivots, Index border, Scalar* t
 
 /// target[i] += source[i] for the first kLanes numbers.
 template <int kLanes, class Scalar>
-CLOTHCTL_FORCE_INLINE void add_lanes(Scalar* target, const Scalar* source) {
+CLOTHCTL_KERNEL void add_lanes(Scalar* target, const Scalar* source) {
   Pack<Scalar, kLanes> a, b;
   a.load(target);
   b.load(source);
@@ -268,7 +268,7 @@ CLOTHCTL_FORCE_INLINE void add_lanes(Scalar* target, const Scalar* source) {
 
 /// target[i] += source[i].
 template <class Scalar>
-CLOTHCTL_FORCE_INLINE void add_run(Scalar* target, const Scalar* source, Index count) {
+CLOTHCTL_KERNEL void add_run(Scalar* target, const Scalar* source, Index count) {
   constexpr int kLanes = native_lanes<Scalar>();
   Index i = 0;
   for (; i + kLanes <= count; i += kLanes) add_lanes<kLanes>(target + i, source + i);

@@ -11,11 +11,14 @@
 #include "clothctl/config.hpp"
 #include "clothctl/core/types.hpp"
 
-/// Forces a lambda to be inlined where the compiler offers it; stands after its parameter list.
+// Forced inlining of kernels, which are made of many small functions; the second stands after a lambda's parameters. Kernels
+// compute no indices from data, and checks of undefined behaviour multiply their code, so that sanitizer is left out.
 #if defined(__GNUC__)
-#define CLOTHCTL_INLINE_LAMBDA __attribute__((always_inline))
+#define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE __attribute__((no_sanitize("undefined")))
+#define CLOTHCTL_KERNEL_LAMBDA __attribute__((always_inline, no_sanitize("undefined")))
 #else
-#define CLOTHCTL_INLINE_LAMBDA
+#define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE
+#define CLOTHCTL_KERNEL_LAMBDA
 #endif
 
 namespace clothctl::detail {
@@ -68,8 +71,8 @@ struct Register<Scalar, 1> {
 
 /// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, written out by the compiler.
 template <int kCount, class Function>
-CLOTHCTL_FORCE_INLINE void unroll(Function&& function) {
-  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_INLINE_LAMBDA { (function(std::integral_constant<int, i>{}), ...); }
+CLOTHCTL_KERNEL void unroll(Function&& function) {
+  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_KERNEL_LAMBDA { (function(std::integral_constant<int, i>{}), ...); }
   (std::make_integer_sequence<int, kCount>{});
 }
 
@@ -83,24 +86,24 @@ struct Pack {
   Chunk chunk[kChunks];
 
   /// Reads kLanes numbers from any address.
-  CLOTHCTL_FORCE_INLINE void load(const Scalar* from) {
+  CLOTHCTL_KERNEL void load(const Scalar* from) {
     if constexpr (kChunk > 1) {
-      unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { std::memcpy(&chunk[i], from + i * kChunk, sizeof(Chunk)); });
+      unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { std::memcpy(&chunk[i], from + i * kChunk, sizeof(Chunk)); });
     } else {
       for (int i = 0; i < kLanes; ++i) chunk[i] = from[i];
     }
   }
   /// Writes kLanes numbers to any address.
-  CLOTHCTL_FORCE_INLINE void store(Scalar* to) const {
+  CLOTHCTL_KERNEL void store(Scalar* to) const {
     if constexpr (kChunk > 1) {
-      unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { std::memcpy(to + i * kChunk, &chunk[i], sizeof(Chunk)); });
+      unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { std::memcpy(to + i * kChunk, &chunk[i], sizeof(Chunk)); });
     } else {
       for (int i = 0; i < kLanes; ++i) to[i] = chunk[i];
     }
   }
   /// Sets every lane to zero.
-  CLOTHCTL_FORCE_INLINE void set_zero() {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA {
+  CLOTHCTL_KERNEL void set_zero() {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
       if constexpr (kChunk > 1) {
         chunk[i] = Chunk{};
       } else {
@@ -109,33 +112,33 @@ struct Pack {
     });
   }
   /// this += other.
-  CLOTHCTL_FORCE_INLINE void add(const Pack& other) {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + other.chunk[i]; });
+  CLOTHCTL_KERNEL void add(const Pack& other) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + other.chunk[i]; });
   }
   /// this -= other.
-  CLOTHCTL_FORCE_INLINE void subtract(const Pack& other) {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] - other.chunk[i]; });
+  CLOTHCTL_KERNEL void subtract(const Pack& other) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] - other.chunk[i]; });
   }
   /// this *= factor.
-  CLOTHCTL_FORCE_INLINE void scale(const Scalar& factor) {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] * factor; });
+  CLOTHCTL_KERNEL void scale(const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] * factor; });
   }
   /// this += a · factor.
-  CLOTHCTL_FORCE_INLINE void add_product(const Pack& a, const Scalar& factor) {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * factor; });
+  CLOTHCTL_KERNEL void add_product(const Pack& a, const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * factor; });
   }
   /// this -= a · factor.
-  CLOTHCTL_FORCE_INLINE void subtract_product(const Pack& a, const Scalar& factor) {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] - a.chunk[i] * factor; });
+  CLOTHCTL_KERNEL void subtract_product(const Pack& a, const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] - a.chunk[i] * factor; });
   }
   /// this += a · b, lane by lane.
-  CLOTHCTL_FORCE_INLINE void add_product(const Pack& a, const Pack& b) {
-    unroll<kChunks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
+  CLOTHCTL_KERNEL void add_product(const Pack& a, const Pack& b) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
   }
   /// Sum of the lanes: of the chunks first, then pairwise within one.
-  CLOTHCTL_FORCE_INLINE Scalar sum() const {
+  CLOTHCTL_KERNEL Scalar sum() const {
     Chunk total = chunk[0];
-    unroll<kChunks - 1>([&](auto i) CLOTHCTL_INLINE_LAMBDA { total = total + chunk[i + 1]; });
+    unroll<kChunks - 1>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { total = total + chunk[i + 1]; });
     if constexpr (kChunk > 1) {
       return sum_of<0, kChunk>(total);
     } else {
@@ -145,7 +148,7 @@ struct Pack {
 
  private:
   template <int kFirst, int kCount>
-  static CLOTHCTL_FORCE_INLINE Scalar sum_of(const Chunk& values) {
+  static CLOTHCTL_KERNEL Scalar sum_of(const Chunk& values) {
     if constexpr (kCount == 1) {
       return values[kFirst];
     } else {

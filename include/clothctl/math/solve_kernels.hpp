@@ -14,7 +14,7 @@ namespace clothctl::detail {
 
 /// Asks for the memory `offset` scalars from an address, inside or outside of any object, ahead of its use.
 template <class Scalar>
-CLOTHCTL_FORCE_INLINE void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unused]] Index offset) {
+CLOTHCTL_KERNEL void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unused]] Index offset) {
 #if defined(__GNUC__)
   const std::intptr_t bytes = offset * static_cast<std::intptr_t>(sizeof(Scalar));
   __builtin_prefetch(reinterpret_cast<const void*>(reinterpret_cast<std::intptr_t>(base) + bytes));
@@ -32,21 +32,21 @@ struct RowBlock {
   using Row = Pack<Scalar, kSingle ? kRows : kLanes>;
   Row row[kPacks];
 
-  CLOTHCTL_FORCE_INLINE void set_zero() {
-    unroll<kPacks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { row[i].set_zero(); });
+  CLOTHCTL_KERNEL void set_zero() {
+    unroll<kPacks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].set_zero(); });
   }
   /// Rows that lie one after the other.
-  CLOTHCTL_FORCE_INLINE void load(const Scalar* x) {
-    unroll<kPacks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { row[i].load(x + i * kLanes); });
+  CLOTHCTL_KERNEL void load(const Scalar* x) {
+    unroll<kPacks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].load(x + i * kLanes); });
   }
-  CLOTHCTL_FORCE_INLINE void store(Scalar* x) const {
-    unroll<kPacks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { row[i].store(x + i * kLanes); });
+  CLOTHCTL_KERNEL void store(Scalar* x) const {
+    unroll<kPacks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].store(x + i * kLanes); });
   }
-  CLOTHCTL_FORCE_INLINE void subtract(const RowBlock& other) {
-    unroll<kPacks>([&](auto i) CLOTHCTL_INLINE_LAMBDA { row[i].subtract(other.row[i]); });
+  CLOTHCTL_KERNEL void subtract(const RowBlock& other) {
+    unroll<kPacks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].subtract(other.row[i]); });
   }
   /// this += block · x; column k of the block starts kRows·k after `block`, row k of x kLanes·k after `x`.
-  CLOTHCTL_FORCE_INLINE void add_product(const Scalar* block, Index columns, const Scalar* x) {
+  CLOTHCTL_KERNEL void add_product(const Scalar* block, Index columns, const Scalar* x) {
     for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
       prefetch(block, kAhead);
       Row other;
@@ -55,12 +55,12 @@ struct RowBlock {
         row[0].add_product(other, *x);
       } else {
         other.load(x);
-        unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA { row[i].add_product(other, block[i]); });
+        unroll<kRows>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].add_product(other, block[i]); });
       }
     }
   }
   /// x -= blockᵀ · this.
-  CLOTHCTL_FORCE_INLINE void subtract_transposed(const Scalar* block, Index columns, Scalar* x) const {
+  CLOTHCTL_KERNEL void subtract_transposed(const Scalar* block, Index columns, Scalar* x) const {
     const Index before = -columns * kRows;  // the panel above, next in turn
     for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
       prefetch(block, before);
@@ -73,28 +73,28 @@ struct RowBlock {
         *x = *x - product.sum();
       } else {
         other.load(x);
-        unroll<kRows>([&](auto i) CLOTHCTL_INLINE_LAMBDA { other.subtract_product(row[i], block[i]); });
+        unroll<kRows>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { other.subtract_product(row[i], block[i]); });
         other.store(x);
       }
     }
   }
   /// this <- T · this for a lower triangular T of kRows columns of kRows.
-  CLOTHCTL_FORCE_INLINE void multiply_triangular(const Scalar* t) {
+  CLOTHCTL_KERNEL void multiply_triangular(const Scalar* t) {
     if constexpr (kSingle) {
       Scalar x[kRows];
       store(x);
       set_zero();
       add_product(t, kRows, x);
     } else {
-      unroll<kRows>([&](auto reversed) CLOTHCTL_INLINE_LAMBDA {
+      unroll<kRows>([&](auto reversed) CLOTHCTL_KERNEL_LAMBDA {
         constexpr int i = kRows - 1 - decltype(reversed)::value;
         row[i].scale(t[kRows * i + i]);
-        unroll<i>([&](auto k) CLOTHCTL_INLINE_LAMBDA { row[i].add_product(row[k], t[kRows * k + i]); });
+        unroll<i>([&](auto k) CLOTHCTL_KERNEL_LAMBDA { row[i].add_product(row[k], t[kRows * k + i]); });
       });
     }
   }
   /// this <- Tᵀ · this.
-  CLOTHCTL_FORCE_INLINE void multiply_triangular_transposed(const Scalar* t) {
+  CLOTHCTL_KERNEL void multiply_triangular_transposed(const Scalar* t) {
     if constexpr (kSingle) {
       Scalar x[kRows];
       for (int k = 0; k < kRows; ++k) x[k] = Scalar(0);
@@ -102,9 +102,9 @@ struct RowBlock {
       load(x);
       row[0].scale(Scalar(-1));
     } else {
-      unroll<kRows>([&](auto k) CLOTHCTL_INLINE_LAMBDA {
+      unroll<kRows>([&](auto k) CLOTHCTL_KERNEL_LAMBDA {
         row[k].scale(t[kRows * k + k]);
-        unroll<kRows - 1 - decltype(k)::value>([&](auto offset) CLOTHCTL_INLINE_LAMBDA {
+        unroll<kRows - 1 - decltype(k)::value>([&](auto offset) CLOTHCTL_KERNEL_LAMBDA {
           constexpr int i = decltype(k)::value + 1 + decltype(offset)::value;
           row[k].add_product(row[i], t[kRows * k + i]);
         });
