@@ -6,6 +6,8 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/io/file.hpp"
 #include "support/loop.hpp"
 
 namespace {

@@ -3,6 +3,8 @@
 //
 //   rope_ball --out out          then open out/player.html
 
+#include "clothctl/cloth/rope.hpp"
+#include "clothctl/cloth/solid.hpp"
 #include "support/loop.hpp"
 
 namespace {
@@ -13,7 +15,7 @@ using namespace program;
 Task make_task(const std::string& name, double size, const Vec& start) {
   Task task;
   task.names = {"Ball"};
-  task.duration = name == "wind" ? 6 : 5;
+  task.duration = 5;
   const Index rows = static_cast<Index>(std::lround(task.duration / 0.02)) + 1;
   clothctl::VectorX<double> times(rows);
   Points points(3, rows);

@@ -7,7 +7,10 @@
 #include <string>
 #include <utility>
 
-#include "clothctl/clothctl.hpp"
+#include "clothctl/cloth/air.hpp"
+#include "clothctl/cloth/model_plant.hpp"
+#include "clothctl/cloth/spring_network.hpp"
+#include "clothctl/mpc/planner_settings.hpp"
 #include "support/options.hpp"
 
 namespace program {
@@ -100,56 +103,13 @@ T must(clothctl::Result<T> result) {
   return std::move(result).value();
 }
 
-inline clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integration integration) {
-  clothctl::MassSpringSettings<double> settings;
-  settings.integration = integration;
-  settings.drag = body.drag;
-  settings.air = body.air;
-  return must(clothctl::MassSpring<double>::create(body.network, settings));
-}
-
 inline bool is_implicit(const std::string& plant) { return plant == "one-solve" || plant == "newton"; }
 
 /// The plant that `name` asks for; `drag` replaces the body's (settling).
-inline AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
-  Body changed = body;
-  changed.drag = drag;
-  if (name == "one-solve") return AnyPlant(make_mass_spring(changed, clothctl::Integration::OneSolve));
-  if (name == "newton") return AnyPlant(make_mass_spring(changed, clothctl::Integration::Newton));
-  clothctl::PositionBasedSettings<double> settings =
-      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet() : clothctl::PositionBasedSettings<double>();
-  settings.drag = drag;
-  settings.air = body.air;
-  return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
-}
+AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
 /// Weights and predictor for a plant. Position-based sheets carry their weight by unconverged elongation, not by tension:
 /// their predictor scales the tension term and takes the measured net force.
-inline AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
-  using Response = clothctl::MassSpringResponse<float>;
-  const bool implicit = is_implicit(o.plant);
-  clothctl::ResponseSettings<float> response;
-  clothctl::ExactPredictorSettings<double> exact;
-  if (!implicit) {
-    response.scale.axial = 0.2f;
-    response.scale.geometric = o.plant == "xpbd" ? 0.04f : 0.003f;
-    exact.measured_force = 1;
-    settings.weights.smooth = 10;
-    settings.weights.anchor = o.plant == "xpbd" ? 10 : 100;
-  }
-  clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
-  clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
-  // Rolling out under planned forces, or in the wind, can go unstable (docs/performance.md): there the frozen predictor serves.
-  const bool better = !body.air.enabled() && implicit && o.grip == "position";
-  if (o.predictor == "frozen" || (o.predictor == "auto" && !better)) return AnyPredictor(std::move(frozen));
-  const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
-  settings.weights.jerk = calm.weights.jerk;
-  settings.weights.step = calm.weights.step;
-  if (o.grip == "position") settings.max_change = calm.max_change;
-  clothctl::RolloutSettings rollout;
-  rollout.newton_steps = o.plant == "newton" ? 1 : 0;
-  return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>, clothctl::ExactPredictor<Response, double>>(
-      std::move(model), std::move(frozen), rollout));
-}
+AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings);
 
 }  // namespace program

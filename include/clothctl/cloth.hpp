@@ -5,6 +5,7 @@
 #include "clothctl/cloth/air.hpp"
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/cloth/materials.hpp"
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/cloth/position_based.hpp"

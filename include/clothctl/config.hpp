@@ -1,6 +1,10 @@
 #pragma once
 
 // Version and the few macros there are. Nothing here includes anything.
+//
+// Macros of the library, besides those below: math/pack.hpp defines CLOTHCTL_KERNEL and CLOTHCTL_KERNEL_LAMBDA, which make
+// numeric kernels inline, and CLOTHCTL_ISA, the name of the instruction set that a unit is compiled for. They stay defined,
+// since several headers use them; they are not for use outside of the library.
 
 #define CLOTHCTL_VERSION_MAJOR 0
 #define CLOTHCTL_VERSION_MINOR 1

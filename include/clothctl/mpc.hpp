@@ -11,6 +11,7 @@
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/mpc/rigid_command.hpp"
 #include "clothctl/mpc/rollout_predictor.hpp"
 #include "clothctl/mpc/term_stack.hpp"
 #include "clothctl/mpc/window.hpp"

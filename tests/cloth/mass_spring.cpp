@@ -735,3 +735,66 @@ TEST_CASE("the recorded sheet rests where its record starts, and follows its han
   CHECK(sum / 500 <= 5e-5);
   CHECK(solves <= 8 * 250);  // what the exact Hessian is for: the projected one takes 21 solves a step here
 }
+
+TEST_CASE("holding forces, applied instead of driving, make the same step", "[cloth]") {
+  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+    MassSpringSettings<double> settings;
+    settings.integration = integration;
+    settings.drag = 0.5;
+    settings.velocity_tolerance = 1e-11;
+    settings.air = {1.2, 1.0, 0.2};
+    const MassSpring<double> model = make(sheet<double>(7), settings);
+    auto ws = model.make_workspace();
+    ClothState<double> start = model.rest_state();
+    ClothInput<double> driven;
+    driven.driven_vertices = {42, 48};
+    driven.driven_positions.resize(3, 2);
+    for (Index j = 0; j < 2; ++j)
+      driven.driven_positions.col(j) = start.positions.col(driven.driven_vertices[static_cast<std::size_t>(j)]);
+    driven.forces.resize(3, 0);
+    driven.wind = Vector3<double>(0.5, 1.0, 0.0);
+    // Hanging, it has one shape to go to; a slack sheet may buckle into either of two.
+    for (int k = 0; k < 100; ++k) REQUIRE(model.step(start, driven, 0.02, ws).advanced);
+    driven.driven_positions.row(0) *= 1.001;
+    driven.driven_positions += noise(3, 2, 0.001);
+    ClothState<double> told = start;
+    REQUIRE(model.step(told, driven, 0.02, ws).status == StepStatus::Converged);
+    ClothInput<double> pushed;
+    pushed.force_vertices = driven.driven_vertices;
+    pushed.forces.setZero(3, 2);
+    pushed.wind = driven.wind;
+    const long before = clothctl_test::allocations();
+    model.holding_forces(driven.driven_vertices, ws, pushed.forces);
+    const long made = clothctl_test::allocations() - before;
+    if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+    pushed.driven_positions.resize(3, 0);
+    CHECK(pushed.forces.norm() > 0.01);
+    ClothState<double> free = start;
+    REQUIRE(model.step(free, pushed, 0.02, ws).status == StepStatus::Converged);
+    CAPTURE(integration == Integration::Newton);
+    CHECK((free.positions - told.positions).cwiseAbs().maxCoeff() < 1e-9);
+    CHECK((free.velocities - told.velocities).cwiseAbs().maxCoeff() < 1e-7);
+  }
+}
+
+TEST_CASE("pins of a sheet at rest hold its weight", "[cloth]") {
+  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+    MassSpringSettings<double> settings;
+    settings.integration = integration;
+    settings.drag = 5.0;
+    const std::vector<int> pins{30, 35};
+    settings.pinned = pins;
+    const MassSpring<double> model = make(sheet<double>(6), settings);
+    auto ws = model.make_workspace();
+    ClothState<double> state = model.rest_state();
+    ClothInput<double> none;
+    none.forces.resize(3, 0);
+    none.driven_positions.resize(3, 0);
+    for (int i = 0; i < 600; ++i) REQUIRE(model.step(state, none, 0.02, ws).advanced);
+    Points<double> forces(3, 2);
+    model.holding_forces(pins, ws, forces);
+    const Vector3<double> sum = forces.rowwise().sum();
+    const double weight = 9.81 * model.network().mass.sum();
+    CHECK((sum - Vector3<double>(0.0, 0.0, weight)).norm() < 1e-4 * weight);
+  }
+}

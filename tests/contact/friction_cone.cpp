@@ -139,5 +139,7 @@ TEMPLATE_TEST_CASE("the violation of the cone is measured in newtons", "[contact
   for (const S bad : {nan, infinity, -infinity}) {
     CHECK(cone_violation<S>({bad, S(0), S(1)}, n, S(0.5), S(10)) > S(1e30));
     CHECK(cone_violation<S>({S(0), S(0), bad}, n, S(0.5), S(10)) > S(1e30));
+    CHECK(cone_violation<S>({S(0), S(0), S(1)}, n, S(0.5), bad) > S(1e30));
+    CHECK(cone_violation<S>({S(0), S(0), S(1)}, n, bad, S(10)) > S(1e30));
   }
 }

@@ -1,9 +1,102 @@
 #include "clothctl/core/number_text.hpp"
 
+#include <bit>
+#include <charconv>
+#include <clocale>
+#include <cstdint>
+#include <limits>
+#include <random>
+#include <string>
+
 #include "support/catch.hpp"
 
-TEST_CASE("numbers in error lines keep nine digits") {
-  CHECK(clothctl::detail::number_text(0.25) == "0.25");
-  CHECK(clothctl::detail::number_text(-1.0f) == "-1");
-  CHECK(clothctl::detail::number_text(1.0 / 3.0) == "0.333333333");
+using clothctl::number_text;
+
+namespace {
+
+/// A scalar that cannot become a double.
+struct Sealed {
+  Sealed() = default;
+  explicit Sealed(double) {}
+  Sealed operator+(Sealed) const { return {}; }
+  Sealed operator-(Sealed) const { return {}; }
+  Sealed operator*(Sealed) const { return {}; }
+  Sealed operator/(Sealed) const { return {}; }
+  bool operator<(Sealed) const { return false; }
+  Sealed& operator+=(Sealed) { return *this; }
+};
+
+/// One that can.
+struct Open : Sealed {
+  using Sealed::Sealed;
+  Open() = default;
+  Open(Sealed) {}
+  Open& operator+=(Open) { return *this; }
+  explicit operator double() const { return 2.5; }
+};
+
+}  // namespace
+
+namespace clothctl {
+
+template <>
+struct scalar_traits<Sealed> {
+  static Sealed epsilon() { return {}; }
+  static Sealed infinity() { return {}; }
+  static bool is_finite(const Sealed&) { return true; }
+  static bool is_unbounded(const Sealed&) { return false; }
+};
+template <>
+struct scalar_traits<Open> : scalar_traits<Sealed> {};
+
+}  // namespace clothctl
+
+TEST_CASE("numbers are written with the fewest digits that tell them apart") {
+  CHECK(number_text(0.25) == "0.25");
+  CHECK(number_text(-1.0f) == "-1");
+  CHECK(number_text(0.0) == "0");
+  CHECK(number_text(-0.0) == "-0");
+  CHECK(number_text(0.1f) == "0.1");
+  CHECK(number_text(0.1) == "0.1");
+  CHECK(number_text(0.1 + 0.2) == "0.30000000000000004");
+  CHECK(number_text(1.0 / 3.0) == "0.3333333333333333");
+  CHECK(number_text(1e300) == "1e+300");
+  CHECK(number_text(100.0L) == "100");
+  CHECK(clothctl::detail::number_text(0.5) == "0.5");
+}
+
+TEST_CASE("what is not finite has a name, under -ffast-math too") {
+  const double infinity = std::numeric_limits<double>::infinity();
+  CHECK(number_text(infinity) == "inf");
+  CHECK(number_text(-infinity) == "-inf");
+  CHECK(number_text(std::numeric_limits<float>::infinity()) == "inf");
+  CHECK(number_text(std::numeric_limits<double>::quiet_NaN()).find("nan") != std::string::npos);
+}
+
+TEST_CASE("scalars other than the built-in ones are written as doubles, or as ? where they cannot become one") {
+  CHECK(number_text(Open()) == "2.5");
+  CHECK(number_text(Sealed()) == "?");
+}
+
+TEST_CASE("texts read back as the same number") {
+  std::mt19937_64 engine(3);
+  for (int i = 0; i < 2000; ++i) {
+    const double value = std::bit_cast<double>(engine());
+    if (!clothctl::is_finite(value) || (value < 1e-300 && value > -1e-300)) continue;
+    const std::string text = number_text(value);
+    double read = 0;
+    std::from_chars(text.data(), text.data() + text.size(), read);
+    if (read != value) FAIL(text);
+  }
+  SUCCEED();
+}
+
+TEST_CASE("the locale has no say") {
+  const std::string before = std::setlocale(LC_NUMERIC, nullptr);
+  bool found = false;
+  for (const char* name : {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE", "fr_FR"}) found = found || std::setlocale(LC_NUMERIC, name);
+  if (!found) WARN("no locale with a decimal comma is installed");
+  CHECK(number_text(0.5) == "0.5");
+  CHECK(number_text(1234567.25) == "1234567.25");
+  std::setlocale(LC_NUMERIC, before.c_str());
 }

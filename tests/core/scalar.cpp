@@ -5,33 +5,55 @@
 
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <limits>
 #include <string>
+#include <type_traits>
 
 #include "support/catch.hpp"
 
 using namespace clothctl;
 
+namespace clothctl_test {
+
+// Values that stand in memory, where no compiler can know them beforehand. Never passed or returned by value: under -ffast-math
+// a compiler may take for granted that an argument is neither NaN nor infinite.
+template <class Scalar>
+struct Extremes {
+  static Scalar infinity[2];
+  static Scalar nan[2];
+  static Scalar largest;
+  static Scalar subnormal;
+};
+template <class Scalar>
+Scalar Extremes<Scalar>::infinity[2] = {std::numeric_limits<Scalar>::infinity(), -std::numeric_limits<Scalar>::infinity()};
+template <class Scalar>
+Scalar Extremes<Scalar>::nan[2] = {std::numeric_limits<Scalar>::quiet_NaN(), -std::numeric_limits<Scalar>::quiet_NaN()};
+template <class Scalar>
+Scalar Extremes<Scalar>::largest = (std::numeric_limits<Scalar>::max)();
+template <class Scalar>
+Scalar Extremes<Scalar>::subnormal = std::numeric_limits<Scalar>::denorm_min();
+
+}  // namespace clothctl_test
+
+using clothctl_test::Extremes;
+
 namespace {
 
-// Values come from memory, so that no compiler can know them beforehand.
 template <class Scalar>
 Scalar from_memory(Scalar value) {
   volatile Scalar kept = value;
   return kept;
 }
 
-template <class Scalar>
-struct Extremes {
-  static Scalar infinity() { return from_memory(std::numeric_limits<Scalar>::infinity()); }
-  static Scalar nan() { return from_memory(std::numeric_limits<Scalar>::quiet_NaN()); }
-  static Scalar largest() { return from_memory(std::numeric_limits<Scalar>::max()); }
-  static Scalar subnormal() { return from_memory(std::numeric_limits<Scalar>::denorm_min()); }
-};
-
 struct Opaque {};
 
 }  // namespace
+
+// Classified where they stand: by-value parameters may be assumed to be ordinary.
+static_assert(std::is_same_v<decltype(&scalar_traits<float>::is_finite), bool (*)(const float&)>);
+static_assert(std::is_same_v<decltype(&scalar_traits<double>::is_unbounded), bool (*)(const double&)>);
+static_assert(std::is_same_v<decltype(&scalar_traits<long double>::is_nan), bool (*)(const long double&)>);
 
 static_assert(RealScalar<float> && RealScalar<double> && RealScalar<long double>);
 static_assert(!RealScalar<int> && !RealScalar<bool> && !RealScalar<std::string> && !RealScalar<Opaque> && !RealScalar<double*>);
@@ -44,13 +66,13 @@ TEMPLATE_TEST_CASE("ordinary numbers are finite and bounded", "[scalar]", float,
     CHECK_FALSE(is_unbounded(x));
     CHECK_FALSE(scalar_traits<TestType>::is_nan(x));
   }
-  CHECK(is_finite(Extremes<TestType>::largest()));
-  CHECK(is_finite(Extremes<TestType>::subnormal()));
-  CHECK_FALSE(is_unbounded(Extremes<TestType>::subnormal()));
+  CHECK(is_finite(Extremes<TestType>::largest));
+  CHECK(is_finite(Extremes<TestType>::subnormal));
+  CHECK_FALSE(is_unbounded(Extremes<TestType>::subnormal));
 }
 
 TEMPLATE_TEST_CASE("infinities are unbounded and not finite", "[scalar]", float, double, long double) {
-  for (const TestType x : {Extremes<TestType>::infinity(), from_memory(-Extremes<TestType>::infinity())}) {
+  for (const TestType& x : Extremes<TestType>::infinity) {
     CHECK_FALSE(is_finite(x));
     CHECK(is_unbounded(x));
     CHECK_FALSE(scalar_traits<TestType>::is_nan(x));
@@ -60,7 +82,7 @@ TEMPLATE_TEST_CASE("infinities are unbounded and not finite", "[scalar]", float,
 }
 
 TEMPLATE_TEST_CASE("NaN is neither finite nor unbounded", "[scalar]", float, double, long double) {
-  for (const TestType x : {Extremes<TestType>::nan(), from_memory(-Extremes<TestType>::nan())}) {
+  for (const TestType& x : Extremes<TestType>::nan) {
     CHECK_FALSE(is_finite(x));
     CHECK_FALSE(is_unbounded(x));
     CHECK(scalar_traits<TestType>::is_nan(x));
@@ -73,6 +95,23 @@ TEMPLATE_TEST_CASE("huge stand-ins for infinity count as unbounded", "[scalar]",
     CAPTURE(value);
     CHECK(is_finite(x));
     CHECK(is_unbounded(x));
+  }
+}
+
+TEST_CASE("a NaN is one by any bit of its fraction", "[scalar]") {
+  for (int bit = 0; bit < 52; ++bit) {
+    const std::uint64_t bits = 0x7ff0000000000000u | std::uint64_t{1} << bit;
+    double x = 0;
+    std::memcpy(&x, &bits, sizeof x);
+    CAPTURE(bit);
+    CHECK(scalar_traits<double>::is_nan(x));
+  }
+  for (int bit = 0; bit < 23; ++bit) {
+    const std::uint32_t bits = 0x7f800000u | std::uint32_t{1} << bit;
+    float x = 0;
+    std::memcpy(&x, &bits, sizeof x);
+    CAPTURE(bit);
+    CHECK(scalar_traits<float>::is_nan(x));
   }
 }
 

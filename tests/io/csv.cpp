@@ -124,11 +124,64 @@ TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
   }
 }
 
+TEST_CASE("what would not be read back is not written", "[csv]") {
+  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_csv_refused.csv").string();
+  std::filesystem::remove(path);
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
+                           -std::numeric_limits<double>::infinity()}) {
+    CsvWriter writer({"t", "x"});
+    writer.add_row({0, 1});
+    writer.add_row({1, bad});
+    writer.add_row({bad, 2});
+    CHECK(writer.write(path).error() == path + ": row 2, column 'x': " + clothctl::number_text(bad) + " is not finite");
+    CHECK(parse_csv(writer.text(), "f", CsvHeader::Names).error().rfind("f:3: column 'x': ", 0) == 0);
+  }
+  CHECK(CsvWriter({"t"}).write(path).error() == path + ": no row after the header");
+  for (const std::string name : {"b,c", "d\"e", "f\ng", "\"", " a", "a\t", "a\r"}) {
+    CsvWriter writer({"t", name});
+    writer.add_row({0, 1});
+    INFO(name);
+    CHECK(writer.write(path).error().rfind(path + ": column 2: the name '", 0) == 0);
+  }
+  CHECK_FALSE(std::filesystem::exists(path));
+}
+
+TEST_CASE("every table that is written is read back", "[csv]") {
+  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_csv_names.csv").string();
+  const std::string pieces[] = {"a", "é", "x y", ",", "\"", "\n", "\r", " ", "\t", "1", "nan", "", "'", ";", "\xef\xbb\xbf"};
+  std::mt19937 engine(6);
+  int written = 0, refused = 0;
+  for (int trial = 0; trial < 600; ++trial) {
+    std::vector<std::string> names(1 + engine() % 3);
+    for (std::string& name : names) {
+      for (int i = 0; i < 1 + trial % 2; ++i) name += pieces[engine() % std::size(pieces)];
+    }
+    CsvWriter writer(names);
+    const std::vector<double> row(names.size(), 0.1);
+    writer.add_row(row);
+    if (!writer.write(path)) {
+      ++refused;
+      continue;
+    }
+    ++written;
+    const Result<CsvTable> table = clothctl::read_csv(path, CsvHeader::Names);
+    REQUIRE(table.has_value());
+    CHECK(table->header == names);
+    CHECK(table->values.cols() == static_cast<clothctl::Index>(names.size()));
+    CHECK(table->values(0, 0) == 0.1);
+  }
+  std::filesystem::remove(path);
+  CHECK(written > 100);
+  CHECK(refused > 100);
+}
+
 TEST_CASE("names of columns that need it are quoted", "[csv]") {
   CHECK(CsvWriter({"a", "b,c", "d\"e"}).text() == "a,\"b,c\",\"d\"\"e\"\n");
 }
 
 TEST_CASE("a table that cannot be written says why", "[csv]") {
   const std::string path = (std::filesystem::temp_directory_path() / "clothctl_no_such_folder" / "a.csv").string();
-  CHECK(CsvWriter({"a"}).write(path).error().rfind(path + ": cannot be written", 0) == 0);
+  CsvWriter writer({"a"});
+  writer.add_row({1});
+  CHECK(writer.write(path).error().rfind(path + ": cannot be written", 0) == 0);
 }

@@ -199,6 +199,32 @@ TEST_CASE("vertices that are not finite are held", "[html_player]") {
   CHECK(triple(element(*recorder.page(), "scene"), "size") == Eigen::Vector3d(1, 1, 1));
 }
 
+TEST_CASE("one bad coordinate holds the whole vertex", "[html_player]") {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), -std::numeric_limits<double>::infinity(), 2e6}) {
+    for (Index broken = 0; broken < 3; ++broken) {
+      PlayerRecorder recorder(PlayerScene{}, 2, 0, 0);
+      Points<double> x(3, 2);
+      x << 0, 8, 0, 8, 0, 8;
+      recorder.add_frame(x, none(), none(), none(), none());
+      x.col(0) << 1, 5, 2;
+      x(broken, 0) = bad;
+      recorder.add_frame(x, none(), none(), none(), none());
+      x.col(0) << 1, 5, 2;
+      recorder.add_frame(x, none(), none(), none(), none());
+      const std::vector<std::uint8_t> bytes = data(*recorder.page(), "positions");
+      REQUIRE(bytes.size() == 36);
+      for (std::size_t i = 0; i < 12; ++i) CHECK(bytes[12 + i] == bytes[i]);
+      CHECK(bytes[25] == 32);  // and it moves on as soon as it is whole again: 1/8 of the way is 8192 = 32·256
+      // In the first frame there is nothing to hold.
+      PlayerRecorder first(PlayerScene{}, 2, 0, 0);
+      x(broken, 0) = bad;
+      first.add_frame(x, none(), none(), none(), none());
+      const std::vector<std::uint8_t> origin = data(*first.page(), "positions");
+      for (std::size_t i = 0; i < 6; ++i) CHECK(origin[i] == 0);
+    }
+  }
+}
+
 TEST_CASE("a flat or empty scene is written too", "[html_player]") {
   PlayerRecorder flat(PlayerScene{}, 1, 0, 0);
   flat.add_frame(Eigen::Vector3d(1, 2, 3), none(), none(), none(), none());

@@ -78,6 +78,40 @@ TEST_CASE("bad headers are refused", "[targets]") {
   CHECK(refusal("t,,,\n0,1,2,3\n1,1,2,3\n") == "f:1: header has ''" + expected);
 }
 
+TEST_CASE("tables made by hand whose parts do not fit together are refused", "[targets]") {
+  using clothctl::CsvTable;
+  using clothctl::targets_from_table;
+  CsvTable good;
+  good.name = "f";
+  good.header = {"t", "Lx", "Ly", "Lz"};
+  good.values = (Eigen::Matrix<double, 2, 4>() << 0, 1, 2, 3, 1, 4, 5, 6).finished();
+  good.lines = {2, 3};
+  REQUIRE(targets_from_table(good).has_value());
+
+  const std::string expected = ", expected t,Lx,Ly,Lz,Rx,Ry,Rz or the like";
+  CsvTable table = good;
+  table.header.clear();
+  CHECK(targets_from_table(table).error() == "f:1: no header" + expected);
+  CHECK(targets_from_table(CsvTable()).error() == ":1: no header" + expected);
+  const Result<CsvTable> bare = clothctl::parse_csv("0,1,2,3\n1,4,5,6\n", "f", clothctl::CsvHeader::None);
+  CHECK(targets_from_table(*bare).error() == "f:1: no header" + expected);
+  table = good;
+  table.values.conservativeResize(2, 3);
+  CHECK(targets_from_table(table).error() == "f:1: header has 4 columns, but the rows have 3");
+  table = good;
+  table.header.insert(table.header.end(), {"Rx", "Ry", "Rz"});
+  CHECK(targets_from_table(table).error() == "f:1: header has 7 columns, but the rows have 4");
+  table = good;
+  table.values.resize(0, 4);
+  table.lines.clear();
+  CHECK(targets_from_table(table).error() == "f:1: no row after the header");
+  for (const std::size_t lines : {std::size_t(0), std::size_t(1), std::size_t(3)}) {
+    table = good;
+    table.lines.resize(lines, 9);
+    CHECK(targets_from_table(table).error() == "f:1: 2 rows, but the lines of " + std::to_string(lines));
+  }
+}
+
 TEST_CASE("bad rows are refused with file, line and value", "[targets]") {
   CHECK(refusal("") == "f:1: the file is empty");
   CHECK(refusal(kHeader) == "f:1: no row after the header");

@@ -270,3 +270,19 @@ TEMPLATE_TEST_CASE("bad data is refused with its index and value", "[b_spline]",
   times[3] = infinite;
   CHECK(contains(Curve::interpolate(times, points).error(), "sample 3: time is inf"));
 }
+
+TEST_CASE("knots that coincide in the scalar are refused by name", "[b_spline]") {
+  // Near 1e7 neighbouring floats are 1 apart, and 37 spans do not fit into 4 s.
+  const auto curve = CubicBSpline<float>::from_control_points(random_points<float>(40, 17), 1e7f, 1e7f + 4.0f);
+  REQUIRE_FALSE(curve.has_value());
+  CHECK(curve.error() == "knot 4: time 1e+07 does not come after 1e+07, too many control points for the interval");
+  CHECK(CubicBSpline<double>::from_control_points(random_points<double>(40, 17), 1e7, 1e7 + 4.0).has_value());
+  // As many knots as there are floats in between.
+  const auto full = CubicBSpline<float>::from_control_points(random_points<float>(7, 18), 1e7f, 1e7f + 4.0f);
+  REQUIRE(full.has_value());
+  for (const float t : {1e7f, 1e7f + 1, 1e7f + 2, 1e7f + 3, 1e7f + 4}) {
+    CHECK(clothctl::all_finite(full->position(t)));
+    CHECK(clothctl::all_finite(full->velocity(t)));
+    CHECK(clothctl::all_finite(full->acceleration(t)));
+  }
+}

@@ -188,6 +188,26 @@ TEST_CASE("Matrices that are not positive definite or not finite are refused, an
       CHECK_FALSE(factor.factorize(matrix));
     }
   }
+  // A number that is not finite is noticed wherever it stands, in diagonal blocks above the diagonal too.
+  for (const float value : {bad[1], bad[2], bad[3]}) {
+    for (Index r = 0; r < 3; ++r) {
+      for (Index c = 0; c < 3; ++c) {
+        CAPTURE(r, c);
+        BlockSymmetric<float> matrix = good;
+        matrix.diagonal(17)(r, c) = value;
+        CHECK_FALSE(factor.factorize(matrix));
+        std::vector<unsigned char> held(40, 0);
+        held[17] = 1;
+        CHECK(factor.factorize(matrix, held));
+        for (const int slot : {matrix.row_begin(17), matrix.row_begin(18) - 1}) {
+          matrix = good;
+          matrix.lower(slot)(r, c) = value;
+          CHECK_FALSE(factor.factorize(matrix));
+          CHECK(factor.factorize(matrix, held));
+        }
+      }
+    }
+  }
   // Semidefinite: a row and column of zeros.
   BlockSymmetric<float> singular(2, {{0, 1}});
   singular.diagonal(0).setIdentity();

@@ -1,5 +1,6 @@
 #include "clothctl/math/block_symmetric.hpp"
 
+#include "math/assertion.hpp"
 #include "support/allocations.hpp"
 #include "support/block_matrices.hpp"
 #include "support/catch.hpp"
@@ -49,7 +50,8 @@ void check_product(const Graph& graph, std::mt19937& random, double tolerance) {
   matrix.multiply(x, y);
   const long after = allocations();
   if (allocation_counting_works()) CHECK(after == before);
-  const Eigen::MatrixXd expected = x.template cast<double>() * dense(matrix);
+  const Eigen::MatrixXd given = x.template cast<double>();
+  const Eigen::MatrixXd expected = given * dense(matrix);
   CHECK((y.template cast<double>() - expected).norm() <= tolerance * (1.0 + expected.norm()));
 }
 
@@ -81,4 +83,23 @@ TEST_CASE("Zero, and sums of matrices of one pattern") {
   CHECK((dense(a) - expected).norm() < 1e-13 * expected.norm());
   a.set_zero();
   CHECK(dense(a).norm() == 0.0);
+}
+
+TEST_CASE("A pair off the rows, an index off the rows and vectors of another size are a caller's bug") {
+  const BlockSymmetric<double> matrix(3, {{0, 1}, {2, 1}});
+  CHECK(is_let_through([] { BlockSymmetric<double>(3, {{2, 0}}); }));
+  CHECK(is_stopped([] { BlockSymmetric<double>(3, {{3, 0}}); }));
+  CHECK(is_stopped([] { BlockSymmetric<double>(3, {{0, 3}}); }));
+  CHECK(is_stopped([] { BlockSymmetric<double>(3, {{-1, 2}}); }));
+  CHECK(is_stopped([] { BlockSymmetric<double>(-1, {}); }));
+  CHECK(matrix.find(1, 1) == -1);
+  CHECK(is_stopped([&] { matrix.find(0, 3); }));
+  CHECK(is_stopped([&] { matrix.find(-1, 0); }));
+  Lanes<double, 4> x = Lanes<double, 4>::Zero(4, 9), y = x, shorter = Lanes<double, 4>::Zero(4, 6);
+  CHECK(is_let_through([&] { matrix.multiply(x, y); }));
+  CHECK(is_stopped([&] { matrix.multiply(shorter, y); }));
+  CHECK(is_stopped([&] { matrix.multiply(x, shorter); }));
+  CHECK(is_stopped([&] { matrix.multiply(x, x); }));
+  BlockSymmetric<double> sum = matrix;
+  CHECK(is_stopped([&] { sum.add_scaled(BlockSymmetric<double>(3, {{0, 1}}), 1.0); }));
 }

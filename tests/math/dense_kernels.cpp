@@ -35,8 +35,11 @@ void check_front(Index pivots, Index border, bool fresh, std::mt19937& random, d
   REQUIRE(eliminate_front(f.data(), ld, pivots, border, u.data(), ldu, fresh));
 
   const Eigen::MatrixXd l = a.topLeftCorner(pivots, pivots).llt().matrixL();
-  const Eigen::MatrixXd v =
-      l.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(a.bottomLeftCorner(border, pivots).transpose())).transpose();
+  Eigen::MatrixXd v(border, pivots);
+  // Eigen's triangular solve of no right-hand sides binds a reference to a null pointer.
+  if (border > 0) {
+    v = l.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(a.bottomLeftCorner(border, pivots).transpose())).transpose();
+  }
   const Eigen::MatrixXd schur = a.bottomRightCorner(border, border) - v * v.transpose();
   const double scale = tolerance * a.norm();
   CHECK((f.block(pivots, 0, border, pivots).template cast<double>() - v).norm() <= scale);

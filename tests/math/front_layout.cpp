@@ -108,6 +108,37 @@ TEST_CASE("A run ends where the parent's border begins") {
   CHECK(layout.runs[static_cast<std::size_t>(child.run_begin) + 1].target == 3);
 }
 
+TEST_CASE("Each front lists its children in ascending order, however many nodes there are") {
+  // Combs: vertex 2i hangs on vertex 2i+1, and those follow one another; every seventh tooth is loose.
+  const int teeth = 20000, n = 2 * teeth;
+  std::vector<std::pair<int, int>> pairs;
+  EliminationTree tree;
+  tree.node_begin.push_back(0);
+  for (int i = 0; i < n; ++i) {
+    const bool tooth = i % 2 == 0, loose = tooth && i % 7 == 0;
+    const int parent = tooth ? i + 1 : i + 2;
+    if (!loose && parent < n) pairs.push_back({i, parent});
+    tree.permutation.push_back(i);
+    tree.node_begin.push_back(i + 1);
+    tree.parent.push_back(parent < n ? parent : -1);
+  }
+  const FrontLayout layout(BlockSymmetric<double>(n, pairs), tree, 8);
+  REQUIRE(layout.fronts.size() == static_cast<std::size_t>(n));
+  bool right = true;
+  for (int k = 0; k < n; ++k) {
+    const Front& front = layout.fronts[static_cast<std::size_t>(k)];
+    std::vector<int> found, expected;
+    for (int c = front.child_begin; c < front.child_end; ++c)
+      found.push_back(layout.children[static_cast<std::size_t>(c)].front);
+    if (k % 2 == 1) {
+      if (k > 1) expected.push_back(k - 2);
+      if ((k - 1) % 7 != 0) expected.push_back(k - 1);
+    }
+    right = right && found == expected;
+  }
+  CHECK(right);
+}
+
 TEST_CASE("Update matrices that live at the same time do not overlap, and memory is used again") {
   // Six leaves of one vertex round a hub of four: all wait for the hub.
   std::vector<std::pair<int, int>> pairs;

@@ -53,6 +53,20 @@ TEST_CASE("Packs of any width do lane arithmetic") {
   check_packs<long double>();
 }
 
+TEST_CASE("Memory that packs walk over is laid out alike for every instruction set") {
+  STATIC_REQUIRE(padded_lanes<float>() == 16);
+  STATIC_REQUIRE(padded_lanes<double>() == 8);
+  STATIC_REQUIRE(padded_lanes<long double>() == 1);
+  STATIC_REQUIRE(padded_lanes<float>() % native_lanes<float>() == 0);
+  STATIC_REQUIRE(padded_lanes<double>() % native_lanes<double>() == 0);
+}
+
+TEST_CASE("What depends on the instruction set carries its name") {
+  // The same name spelled in full: it exists only where the inline namespace does.
+  STATIC_REQUIRE(std::is_same_v<Pack<float, 8>, clothctl::detail::CLOTHCTL_ISA::Pack<float, 8>>);
+  STATIC_REQUIRE(&kVectorBytes == &clothctl::detail::CLOTHCTL_ISA::kVectorBytes);
+}
+
 TEST_CASE("Unrolled loops count up") {
   int sum = 0, calls = 0;
   unroll<5>([&](auto i) {

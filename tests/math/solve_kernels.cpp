@@ -32,7 +32,11 @@ struct Sample {
     packed.resize(packed_size(pivots, border));
     pack_front(f.data(), ld, pivots, border, packed.data());
     l = a.topLeftCorner(pivots, pivots).llt().matrixL();
-    v = l.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(a.bottomLeftCorner(border, pivots).transpose())).transpose();
+    v.resize(border, pivots);
+    // Eigen's triangular solve of no right-hand sides binds a reference to a null pointer.
+    if (border > 0) {
+      v = l.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd(a.bottomLeftCorner(border, pivots).transpose())).transpose();
+    }
   }
 };
 

@@ -1,8 +1,10 @@
 #include "clothctl/mesh/ordering.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <random>
 
+#include "math/assertion.hpp"
 #include "support/block_matrices.hpp"
 #include "support/catch.hpp"
 
@@ -102,4 +104,19 @@ TEST_CASE("The same input gives the same order") {
   CHECK(a.permutation == b.permutation);
   CHECK(a.node_begin == b.node_begin);
   CHECK(a.parent == b.parent);
+}
+
+TEST_CASE("Positions that are not finite are a caller's bug, but never an order that is none") {
+  std::mt19937 random(43);
+  Graph graph = cloud_graph(200, 0.3, random);
+  const double bad[] = {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
+                        -std::numeric_limits<double>::infinity()};
+  for (int v = 0; v < 200; v += 3) graph.positions(v % 2, v) = bad[(v / 3) % 3];
+  CHECK(is_stopped([&] { nested_dissection(pattern_of(graph), graph.positions); }));
+  const BlockSymmetric<double> pattern = pattern_of(graph);
+  const PointsView<double> positions(graph.positions);
+  check_tree(detail::Dissection<double>(pattern, positions, 4).take(), graph);
+  // All of them: the order is then that of the indices.
+  graph.positions.setConstant(bad[0]);
+  check_tree(detail::Dissection<double>(pattern, positions, 4).take(), graph);
 }

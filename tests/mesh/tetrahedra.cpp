@@ -131,6 +131,11 @@ TEMPLATE_TEST_CASE("bad tetrahedral meshes and sizes are refused by name", "[mes
   CHECK(make_box<S>(1, 0, 1, one).error() == "box needs at least 1 cell along y, got 0");
   CHECK(make_box<S>(1, 1, 1, Vector3<S>(S(1), S(1), S(0))).error() == "box size along z must be positive, got 0");
   CHECK(make_box<S>(100000, 100000, 100000, one).error().find("too large") != std::string::npos);
+  const S tiny = std::is_same_v<S, float> ? S(1e-20) : S(1e-150), huge = std::is_same_v<S, float> ? S(1e20) : S(1e150);
+  CHECK(make_box<S>(1, 1, 1, Vector3<S>::Constant(tiny)).error() == "box: tetrahedron 0 has no positive volume, got 0 m^3");
+  CHECK(make_box<S>(2, 1, 1, Vector3<S>::Constant(huge)).error().find("box: tetrahedron 0 has no positive volume") == 0);
+  CHECK(make_ball<S>(tiny, 1, zero).error().find("ball: tetrahedron 0 has no positive volume") == 0);
+  CHECK(make_ball<S>(huge, 1, zero).error().find("ball: tetrahedron 0 has no positive volume") == 0);
 
   auto made = make_box<S>(1, 1, 1, one);
   REQUIRE(made);

@@ -110,3 +110,11 @@ TEST_CASE("bad triangles are refused by name", "[mesh]") {
   CHECK(make_topology(5, {{0, 1, 2}, {2, 3, 1}, {2, 1, 4}}).error().find("edge 1-2 is shared by 3") == 0);
   CHECK(make_topology(3, {{0, 1, 2}, {2, 1, 0}}).error() == "triangle 1 repeats triangle 0");
 }
+
+TEST_CASE("counts that ints cannot number are refused by value", "[mesh]") {
+  CHECK(make_topology(-1, {}).error() == "vertex count must not be negative, got -1");
+  CHECK(make_topology(-7, {{0, 1, 2}}).error() == "vertex count must not be negative, got -7");
+  CHECK(make_topology(2147483648, {}).error() == "vertex count must be at most 2147483647, got 2147483648");
+  CHECK(detail::bad_mesh_counts(2147483647, 357913941).empty());
+  CHECK(detail::bad_mesh_counts(3, 357913942) == "triangle count must be at most 357913941, got 357913942");
+}

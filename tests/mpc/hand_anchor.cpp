@@ -119,3 +119,22 @@ TEST_CASE("an anchor allocates nothing", "[mpc]") {
   CHECK(all_finite(p));
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
 }
+
+TEST_CASE("made anchors keep the hands where they start", "[mpc]") {
+  Points<double> features(3, 2), hands(3, 2);
+  features << -0.2, 0.2, 0.0, 0.01, 0.1, 0.12;
+  hands << -0.25, 0.24, 0.02, 0.0, 0.6, 0.05;
+  const auto still = [](const Points<double>& y) { return [y](Index i, double) { return V(y.col(i)); }; };
+  for (const Index hand_count : {1, 2}) {
+    const Points<double> held = hands.leftCols(hand_count);
+    const std::vector<HandAnchor<double>> anchors = make_anchors(features, held);
+    REQUIRE(anchors.size() == static_cast<std::size_t>(hand_count));
+    for (Index g = 0; g < hand_count; ++g) {
+      const HandAnchor<double>& anchor = anchors[static_cast<std::size_t>(g)];
+      CHECK((anchor_position(anchor, Swing::Sheet, 9.81, still(features), 0.0) - held.col(g)).norm() < 1e-14);
+      CHECK(anchor.drop == std::max(0.0, anchor.offset[2]));  // a hand below its feature has nothing hanging from it
+    }
+  }
+  CHECK(make_anchors(features, hands)[1].feature_weights == std::vector<double>{0.0, 1.0});
+  CHECK(make_anchors(features, Points<double>(hands.leftCols(1)))[0].feature_weights == std::vector<double>{0.5, 0.5});
+}

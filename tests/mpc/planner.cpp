@@ -9,6 +9,7 @@
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/mpc/exact_predictor.hpp"
 #include "clothctl/mpc/plan_types.hpp"
+#include "mpc/instances.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/sheets.hpp"
@@ -119,7 +120,18 @@ TEST_CASE("what cannot be planned for is refused with a line that names it", "[m
   s.anchors.resize(1);
   names(refusal(s, settings(), start), "1 anchors for 2 grips");
   s.anchors.resize(2);
-  names(refusal(s, settings(), start), "one weight a feature");
+  names(refusal(s, settings(), start), "anchor 0 has 0 weights for 2 features");
+  for (HandAnchor<double>& a : s.anchors) a.feature_weights = {0.5, 0.5};
+  CHECK(refusal(s, settings(), start).empty());
+  s.anchors[1].offset[2] = nan;
+  names(refusal(s, settings(), start), "anchor 1 has an offset");
+  s.anchors[1].offset[2] = 0.5;
+  s.anchors[1].drop = -1.0;
+  names(refusal(s, settings(), start), "drop -1");
+  s = setup();
+  s.triangles.push_back({0, 1, 49});
+  names(refusal(s, settings(), start), "vertex 49 off the mesh");
+  names(refusal(setup(), settings(), start.leftCols(48)), "48");
   PlannerSettings<double> p = settings();
   p.horizon = 0;
   names(refusal(setup(), p, start), "horizon is 0");
@@ -176,6 +188,10 @@ TEST_CASE("positions or velocities of another sheet are refused", "[mpc]") {
   CHECK(planner.plan(few, few, 0.0, target, result) == PlanStatus::InvalidInput);
   CHECK(planner.plan(x, few, 0.0, target, result) == PlanStatus::InvalidInput);
   CHECK(planner.plan(none, none, 0.0, target, result) == PlanStatus::InvalidInput);
+  PlanResult<double> not_made;
+  CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, not_made) == PlanStatus::InvalidInput);
+  PlanResult<double> of_poses = planner_for(setup(), settings(GripInput::Pose)).make_result();
+  CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, of_poses) == PlanStatus::InvalidInput);
   CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, result) == PlanStatus::Planned);
 }
 
@@ -200,9 +216,7 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
     for (int k = 0; k < 30; ++k) {
       const long before = clothctl_test::allocations();
       const PlanStatus status = planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
-      // Results of the QP solvers take their size in their first solve.
-      const bool first = k == 0 || (result.used_rows && rows == 0);
-      if (!first) made += clothctl_test::allocations() - before;
+      made += clothctl_test::allocations() - before;
       rows += result.used_rows ? 1 : 0;
       REQUIRE(status == PlanStatus::Planned);
       plant.apply(result.input);
@@ -212,6 +226,212 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
     CHECK(made == 0);
     if (c.limit < 1.0) CHECK(rows > 5);
   }
+}
+
+TEST_CASE("planning with hard patches allocates nothing, not even where their rows cannot be met", "[mpc]") {
+  if (!clothctl_test::allocation_counting_works()) return;
+  for (const double limit : {20.0, 0.3}) {
+    PlannerSetup<double> s = setup();
+    for (int side : {0, 1})
+      s.grips[static_cast<std::size_t>(side)] = make_pinch<double>(sheet().corner_patch(side, 3), 0.5, limit);
+    PlannerSettings<double> p = settings();
+    p.horizon = 3;
+    p.patch = PatchMode::Hard;
+    Planning planner = planner_for(s, p);
+    PlanResult<double> result = planner.make_result();
+    const AsyncTarget target(sheet());
+    Plant plant = started();
+    long made = 0;
+    int rows = 0;
+    for (int k = 0; k < 8; ++k) {
+      const long before = clothctl_test::allocations();
+      const PlanStatus status = planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
+      made += clothctl_test::allocations() - before;
+      rows += result.used_rows ? 1 : 0;
+      REQUIRE(status != PlanStatus::Failed);
+      plant.apply(result.input);
+      REQUIRE(plant.advance(kDt).advanced);
+    }
+    CHECK(rows == 8);
+    CHECK(made == 0);
+  }
+}
+
+namespace {
+
+// A predictor that can be told to fail.
+struct Moody {
+  using Scalar = double;
+  Predicting inner;
+  bool* fails;
+  void reserve(const WindowRequest<double>& request, WindowResponse<double>& response) { inner.reserve(request, response); }
+  bool predict(const PointsView<double>& x, const PointsView<double>& v, const WindowRequest<double>& request,
+               WindowResponse<double>& response) {
+    return !*fails && inner.predict(x, v, request, response);
+  }
+  void reset() { inner.reset(); }
+};
+
+}  // namespace
+
+TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
+  bool fails = false;
+  for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
+    for (const Command command : {Command::Force, Command::Position}) {
+      if (input == GripInput::Pose && command == Command::Position) continue;
+      PlannerSettings<double> p = settings(input);
+      p.command = command;
+      auto planner = Planner<Moody>::create(
+                         setup(), p, Moody{Predicting(MassSpringResponse<float>(sheet().model(Integration::OneSolve))), &fails},
+                         sheet().state.positions)
+                         .value();
+      PlanResult<double> result = planner.make_result();
+      const AsyncTarget target(sheet());
+      Plant plant = started();
+      const auto plan = [&](int k) { return planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result); };
+      // Before there is a plan: no force and no motion.
+      fails = true;
+      CHECK(plan(0) == PlanStatus::Failed);
+      CHECK(result.plan.isZero());
+      CHECK(result.input.forces.isZero());
+      for (Index j = 0; j < result.input.driven_positions.cols(); ++j)
+        CHECK(result.input.driven_positions.col(j) == plant.positions().col(planner.held()[static_cast<std::size_t>(j)]));
+      fails = false;
+      for (int k = 0; k < 4; ++k) {
+        REQUIRE(plan(k) == PlanStatus::Planned);
+        plant.apply(result.input);
+        REQUIRE(plant.advance(kDt).advanced);
+      }
+      const PlanResult<double> last = result;
+      fails = true;
+      for (int k = 4; k < 6; ++k) {
+        CHECK(plan(k) == PlanStatus::Failed);
+        CHECK(result.plan.col(0) == last.plan.col(k - 3));
+        if (command == Command::Force && input == GripInput::Force) {
+          const Eigen::Map<const Points<double>> promised(last.plan.col(k - 3).data(), 3, 2);
+          CHECK((result.input.forces - promised).norm() < 1e-12);
+        } else {
+          // The hands go on as planned.
+          for (Index j = 0; j < 2; ++j) {
+            const V step =
+                result.input.driven_positions.col(j) - plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
+            CHECK(step.norm() > 1e-7);
+            CHECK(step.norm() < 0.01);
+          }
+        }
+        CHECK(result.predicted.allFinite());
+        CHECK(result.used_rows == false);
+        plant.apply(result.input);
+        REQUIRE(plant.advance(kDt).advanced);
+      }
+      fails = false;
+      CHECK(plan(6) == PlanStatus::Planned);
+      CHECK(result.agreement == 1.0);
+    }
+  }
+}
+
+TEST_CASE("positions sent for planned forces keep the largest step", "[mpc]") {
+  for (const double most : {0.05, 2e-4}) {
+    PlannerSettings<double> p = settings();
+    p.command = Command::Position;
+    p.max_step = most;
+    Planning planner = planner_for(setup(), p);
+    PlanResult<double> result = planner.make_result();
+    const AsyncTarget target(sheet(), 2.0);
+    Plant plant = started();
+    double largest = 0.0;
+    for (int k = 0; k < 30; ++k) {
+      REQUIRE(planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result) == PlanStatus::Planned);
+      for (Index j = 0; j < 2; ++j) {
+        const V step =
+            result.input.driven_positions.col(j) - plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
+        largest = std::max(largest, step.cwiseAbs().maxCoeff());
+      }
+      plant.apply(result.input);
+      REQUIRE(plant.advance(kDt).advanced);
+    }
+    CHECK(largest <= most * (1 + 1e-12));
+    CHECK(largest > 0.9 * std::min(most, 1e-3));
+  }
+}
+
+TEST_CASE("a change of forces that throws the hands about is damped", "[mpc]") {
+  // After the first frame the target jumps by 5 cm; without a limit the plan follows at once.
+  double shift = 0.0;
+  const auto jump = [&](Index i, double) {
+    const V place = sheet().state.positions.col(i == 0 ? sheet().lower_left() : sheet().lower_right());
+    return V(place + V(shift, 0.0, 0.0));
+  };
+  double speed[2];
+  for (const bool limited : {false, true}) {
+    PlannerSettings<double> p = settings();
+    p.max_change = limited ? 0.02 : 0.0;
+    p.weights.step = limited ? 0.01 : 0.0;
+    Planning planner = planner_for(setup(), p);
+    PlanResult<double> result = planner.make_result();
+    Plant plant = started();
+    for (int k = 0; k < 2; ++k) {
+      shift = k == 0 ? 0.0 : 0.05;
+      REQUIRE(planner.plan(plant.positions(), plant.velocities(), k * kDt, jump, result) == PlanStatus::Planned);
+      plant.apply(result.input);
+      REQUIRE(plant.advance(kDt).advanced);
+    }
+    speed[limited ? 1 : 0] = plant.velocities().col(sheet().upper_left()).norm();
+  }
+  CAPTURE(speed[0], speed[1]);
+  CHECK(speed[1] < 0.5 * speed[0]);
+}
+
+namespace other_engine {
+
+// A solver by projected coordinate descent that knows nothing of warm starts; what it answers can be spoilt.
+struct Descent {
+  using result_type = QpResult<double>;
+  MatrixX<double> h;
+  static inline bool spoilt = false;
+  void reserve(Index) {}
+  QpStatus set_hessian(const MatrixX<double>& hessian) {
+    h = hessian;
+    return QpStatus::Solved;
+  }
+  QpStatus solve(const Eigen::Ref<const VectorX<double>>& g, const Eigen::Ref<const VectorX<double>>& lb,
+                 const Eigen::Ref<const VectorX<double>>& ub, result_type& result) {
+    result.x = VectorX<double>::Zero(g.size()).cwiseMax(lb).cwiseMin(ub);
+    result.bound_multipliers.setZero(g.size());
+    for (int sweep = 0; sweep < 4000; ++sweep) {
+      for (Index i = 0; i < g.size(); ++i) {
+        const double free = result.x[i] - (g[i] + h.col(i).dot(result.x)) / h(i, i);
+        result.x[i] = std::min(ub[i], std::max(lb[i], free));
+      }
+    }
+    if (spoilt) result.x[3] = std::numeric_limits<double>::quiet_NaN();
+    return QpStatus::IterationLimit;
+  }
+};
+static_assert(BoxQpSolver<Descent>);
+
+}  // namespace other_engine
+
+TEST_CASE("a box solver from another engine plans too, and what it spoils is not sent", "[mpc]") {
+  using Foreign = Planner<Predicting, other_engine::Descent>;
+  PlannerSettings<double> p = settings(GripInput::Pose);
+  p.horizon = 3;
+  Foreign foreign = Foreign::create(setup(), p, Predicting(MassSpringResponse<float>(sheet().model(Integration::OneSolve))),
+                                    sheet().state.positions)
+                        .value();
+  Planning ours = planner_for(setup(), p);
+  PlanResult<double> a = foreign.make_result(), b = ours.make_result();
+  const AsyncTarget target(sheet());
+  const Points<double> x = sheet().state.positions, v = sheet().state.velocities;
+  CHECK(foreign.plan(x, v, 0.2, target, a) == PlanStatus::Suboptimal);
+  CHECK(ours.plan(x, v, 0.2, target, b) == PlanStatus::Planned);
+  CHECK((a.plan - b.plan).norm() < 1e-3 * b.plan.norm());
+  other_engine::Descent::spoilt = true;
+  CHECK(foreign.plan(x, v, 0.2, target, a) == PlanStatus::Failed);
+  other_engine::Descent::spoilt = false;
+  CHECK(a.plan.allFinite());
+  CHECK(a.input.driven_positions.allFinite());
 }
 
 TEST_CASE("equal planners give equal bits, and a reset planner is a new one", "[mpc]") {
@@ -264,7 +484,8 @@ TEST_CASE("a known outer force enters the plan", "[mpc]") {
 
 TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
   using SingleResponse = MassSpringResponse<float>;
-  const PlannerSettings<double> p = settings(GripInput::Pose);
+  const GripInput input = GENERATE(GripInput::Force, GripInput::Pose);
+  const PlannerSettings<double> p = settings(input);
   PlannerSetup<float> s;
   s.features.add_point(sheet().lower_left());
   s.features.add_point(sheet().lower_right());
@@ -272,7 +493,8 @@ TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
   for (int side : {0, 1}) s.grips.push_back(make_pinch<float>(sheet().corner_patch(side, 1), 0.5f, 20.0f));
   PlannerSettings<float> q;
   q.horizon = p.horizon;
-  q.input = GripInput::Pose;
+  q.input = input;
+  q.supported = p.supported.cast<float>();
   auto made = Planner<ExactPredictor<SingleResponse, float>>::create(
       s, q, ExactPredictor<SingleResponse, float>(SingleResponse(sheet().model(Integration::OneSolve))),
       sheet().state.positions.cast<float>());
@@ -286,5 +508,7 @@ TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
   const Points<double> x = sheet().state.positions, v = sheet().state.velocities;
   REQUIRE(single.plan(x.cast<float>(), v.cast<float>(), 0.2f, target_f, a) == PlanStatus::Planned);
   REQUIRE(twice.plan(x, v, 0.2, target, b) == PlanStatus::Planned);
+  CAPTURE(input == GripInput::Force);
   CHECK((a.plan.cast<double>() - b.plan).norm() < 5e-3 * b.plan.norm());
+  CHECK((a.predicted.cast<double>() - b.predicted).cwiseAbs().maxCoeff() < 1e-4);
 }

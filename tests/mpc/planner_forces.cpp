@@ -90,6 +90,15 @@ TEST_CASE("forces stay inside cones and limits where both are tight", "[mpc]") {
   CHECK(falling.at_limit > 10);
 }
 
+TEST_CASE("hard patches keep cones and limits too", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2);
+  for (const double limit : {20.0, 0.3}) {
+    const ForceLoop loop = run(sheet, 2, 0.8, limit, Integration::OneSolve, 10, PatchMode::Hard, 4);
+    check(loop);
+    CHECK(loop.row_frames == 10);
+  }
+}
+
 TEST_CASE("patches share the limit of their finger", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2);
   for (const double limit : {20.0, 0.3}) {

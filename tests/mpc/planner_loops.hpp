@@ -6,19 +6,12 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/mpc/exact_predictor.hpp"
-#include "clothctl/mpc/planner.hpp"
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "mpc/instances.hpp"
 #include "support/sheets.hpp"
 
 namespace clothctl_test {
 
-using FrozenPredictor = clothctl::ExactPredictor<clothctl::MassSpringResponse<float>, double>;
-using FrozenPlanner = clothctl::Planner<FrozenPredictor>;
-using RollingPredictor = clothctl::RolloutPredictor<clothctl::MassSpring<double>, FrozenPredictor>;
-using RollingPlanner = clothctl::Planner<RollingPredictor>;
 using SheetPlant = clothctl::ModelPlant<clothctl::MassSpring<double>>;
 
 /// Lower corners as features, one pinch of patch×patch vertices at each upper corner.

@@ -52,9 +52,17 @@ Curves read_curves(const std::string& path) {
 // Mean error over `frames` frames, or up to the last K rows where frames is 0.
 double mean_error(const HangingSheet& sheet, const std::string& path, GripInput input, Integration integration, int frames) {
   const Curves curves = read_curves(path);
-  const PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, input);
+  const PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, input, 20, PlannerSettings<double>::rollout());
   if (frames == 0) frames = static_cast<int>(curves.rows - 1 - settings.horizon);
-  auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
+  const MassSpring<double> model = sheet.model(Integration::OneSolve);
+  RolloutSettings rollout;
+  if (integration == Integration::OneSolve) rollout.newton_steps = 0;
+  auto planner =
+      clothctl_test::RollingPlanner::create(
+          clothctl_test::corner_setup(sheet), settings,
+          clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)), rollout),
+          sheet.state.positions)
+          .value();
   auto plant = clothctl_test::sheet_plant(sheet, integration);
   const auto target = [&](Index i, double t) { return V(i == 0 ? curves.left.position(t) : curves.right.position(t)); };
   const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), target,
@@ -86,9 +94,11 @@ TEST_CASE("the recorded splines are tracked to the paper's accuracy", "[mpc]") {
         for (int i = 1; i <= curves; ++i) {
           const std::string path = clothctl_test::shared_path(folder + kind + "_" + std::to_string(i) + ".csv");
           REQUIRE_FALSE(path.empty());
-          mean += mean_error(sheet, path, input, integration, full ? 0 : 50) / curves;
+          mean += mean_error(sheet, path, input, integration, full ? 0 : 80) / curves;
         }
-        const double bound = kind == "random" ? 0.016 : (integration == Integration::OneSolve ? 0.010 : 0.015);
+        // The quick tier sees the first 1.6 s, in which the targets hardly leave the start: hands that stand still are 24 mm
+        // off.
+        const double bound = !full ? 0.008 : kind == "random" ? 0.016 : integration == Integration::OneSolve ? 0.010 : 0.015;
         CAPTURE(kind, integration == Integration::Newton, input == GripInput::Pose, mean);
         CHECK(mean < bound);
         if (full)

@@ -44,7 +44,7 @@ WindowRequest<double> request_for(const HangingSheet& sheet, InputKind kind, Ind
 }
 
 Rolling rolling(const MassSpring<double>& model, int newton_steps) {
-  return Rolling(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{newton_steps});
+  return Rolling(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{newton_steps, 0.0});
 }
 
 // The model's own steps along a path of the hands.
@@ -137,7 +137,8 @@ TEST_CASE("rolled predictions obey the laws of predictors", "[mpc]") {
   laws.linear = false;
   clothctl_test::check_predictor_laws(
       [&] {
-        return RolloutPredictor<MassSpring<double>, Exact>(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{2});
+        return RolloutPredictor<MassSpring<double>, Exact>(model, Exact(MassSpringResponse<double>(model)),
+                                                           RolloutSettings{2, 0.05});
       },
       sheet.state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, laws);
 }
@@ -158,7 +159,7 @@ TEST_CASE("on a converged plant the rolled prediction tracks better than the fro
   auto made = clothctl_test::RollingPlanner::create(
       clothctl_test::corner_setup(sheet), settings,
       clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)),
-                                      RolloutSettings{3}),
+                                      RolloutSettings{}),
       sheet.state.positions);
   REQUIRE(made.has_value());
   auto planner = std::move(made).value();
@@ -168,4 +169,78 @@ TEST_CASE("on a converged plant the rolled prediction tracks better than the fro
   CAPTURE(plain.mean_error, rolled.mean_error);
   CHECK(rolled.failures == 0);
   CHECK(rolled.mean_error < plain.mean_error);
+}
+
+TEST_CASE("the forces of a rollout move the model along the path that they were made for", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
+  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+    const MassSpring<double> model = sheet.model(integration, true);
+    WindowRequest<double> request = request_for(sheet, InputKind::Force, 6);
+    request.path.setZero(request.inputs(), request.horizon);
+    for (Index k = 0; k < request.horizon; ++k) {
+      for (Index i = 0; i < request.inputs(); ++i) request.path(i, k) = 0.1 * std::cos(0.4 * static_cast<double>(k + i));
+    }
+    request.has_path = true;
+    WindowResponse<double> response;
+    Rolling predictor(model, Exact(MassSpringResponse<double>(model)),
+                      RolloutSettings{integration == Integration::Newton ? 60 : 0, 0.0, 60});
+    predictor.reserve(request, response);
+    for (int repeat = 0; repeat < 2; ++repeat)
+      REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
+    // The model under those forces.
+    ClothState<double> state = sheet.state;
+    auto workspace = model.make_workspace();
+    ClothInput<double> input;
+    input.force_vertices = request.held;
+    input.driven_positions.resize(3, 0);
+    Points<double> y(3, request.outputs.count());
+    Points<double> path = state.positions(Eigen::all, request.held);
+    double worst = 0.0, off_path = 0.0;
+    for (Index k = 0; k < request.horizon; ++k) {
+      input.forces = Eigen::Map<const Points<double>>(response.plan.col(k).data(), 3, 2);
+      input.wind = request.wind.col(k);
+      REQUIRE(model.step(state, input, kDt, workspace).advanced);
+      evaluate_features<double>(request.outputs, state.positions, y);
+      worst = std::max(worst, (response.free.col(k) - Eigen::Map<const VectorX<double>>(y.data(), y.size())).norm());
+      path += kDt * Eigen::Map<const Points<double>>(request.path.col(k).data(), 3, 2);
+      off_path = std::max(off_path, (state.positions(Eigen::all, request.held) - path).norm());
+    }
+    CAPTURE(integration == Integration::Newton, worst, off_path);
+    CHECK(worst < (integration == Integration::Newton ? 1e-5 : 1e-9));
+    CHECK(off_path < (integration == Integration::Newton ? 1e-5 : 1e-9));
+    CHECK((response.plan - request.plan).norm() > 0.1);  // other forces than the request's
+  }
+}
+
+TEST_CASE("planned forces track a converged plant better with rollouts, inside their cones", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(13);
+  const int frames = clothctl_test::trials(80, 250);
+  const AsyncTarget target(sheet, 1.5);
+  auto frozen = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet),
+                                              clothctl_test::corner_settings(sheet, GripInput::Force));
+  auto plant = clothctl_test::sheet_plant(sheet, Integration::Newton);
+  const LoopStats plain = clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target,
+                                                  clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const PlannerSettings<double> settings =
+      clothctl_test::corner_settings(sheet, GripInput::Force, 20, PlannerSettings<double>::rollout());
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  auto planner = clothctl_test::RollingPlanner::create(
+                     clothctl_test::corner_setup(sheet), settings,
+                     clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model))),
+                     sheet.state.positions)
+                     .value();
+  auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
+  double cone = 0.0, error = 0.0;
+  const LoopStats rolled = clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target,
+                                                   clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
+                                                     for (const FingerForce<double>& f : result.finger_forces)
+                                                       cone =
+                                                           std::max(cone, cone_violation<double>(f.force, f.normal, 0.5, 20.0));
+                                                     error = std::max(error, result.prediction_error);
+                                                   });
+  CAPTURE(plain.mean_error, rolled.mean_error, error);
+  CHECK(rolled.failures == 0);
+  CHECK(rolled.mean_error < 0.85 * plain.mean_error);
+  CHECK(cone <= 1e-9);
+  CHECK(error < 1e-3);
 }

@@ -19,10 +19,12 @@
 #include <cassert>
 #include <cmath>
 #include <cstddef>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/cloth/spring_forces.hpp"
 #include "clothctl/cloth/step_input.hpp"
 #include "clothctl/core/cloth_state.hpp"
@@ -32,43 +34,6 @@
 #include "clothctl/mesh/ordering.hpp"
 
 namespace clothctl {
-
-/// How the implicit Euler equations of a step are solved.
-enum class Integration {
-  /// One linear solve about the start of the step: fast, damps more, does not buckle within a step.
-  OneSolve,
-  /// Newton's method with line search until the residual meets the tolerance.
-  Newton
-};
-
-/// Settings of a MassSpring model. Defaults: gravity, no drag, one linear solve.
-template <RealScalar Scalar>
-struct MassSpringSettings {
-  /// Which equations a step solves.
-  Integration integration = Integration::OneSolve;
-  /// Gravity, m/s².
-  Vector3<Scalar> gravity = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
-  /// Mass-proportional drag α, 1/s.
-  Scalar drag = Scalar(0);
-  /// Air on the network's triangles; zero coefficients mean none.
-  AirSettings<Scalar> air = {};
-  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s, or when its steps
-  /// are shorter than this and the residual, being rounding, shrinks no more; 0 means 2 ∛ε (1.2e-5 in double).
-  Scalar velocity_tolerance = Scalar(0);
-  /// Most Newton steps of a step; when they are used up the step advances with the status IterationLimit.
-  int max_iterations = 100;
-  /// Vertices that never move unless they are driven.
-  std::vector<int> pinned = {};
-
-  /// Returns an empty string, or a line that names the first bad setting.
-  std::string check() const {
-    if (!all_finite(gravity)) return "gravity is not finite";
-    if (!is_finite(drag) || drag < Scalar(0)) return "drag is negative or not finite";
-    if (!is_finite(velocity_tolerance) || velocity_tolerance < Scalar(0)) return "velocity_tolerance is negative or not finite";
-    if (max_iterations < 1) return "max_iterations is " + std::to_string(max_iterations) + ", must be at least 1";
-    return air.check();
-  }
-};
 
 /// A network of masses and springs under implicit Euler; models ClothModel. Const in use: one model serves many threads.
 template <RealScalar S>
@@ -95,13 +60,16 @@ class MassSpring {
     std::vector<Matrix3<Scalar>> air;
     /// A right-hand side and a product.
     Lanes<Scalar, 1> rhs, product;
+    /// Length of the last step, s.
+    Scalar dt = Scalar(0);
+    /// Whether one linear solve was all of it.
+    bool linear = false;
   };
 
   /// Checks and keeps network and settings, and analyses the step matrix once. Allocates. Fails when: network or settings do
-  /// not pass their check, a pin is off the mesh, or a stencil or triangle holds a vertex twice.
+  /// not pass their check, or a pin is off the mesh.
   static Result<MassSpring> create(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings = {}) {
     std::string problem = network.check();
-    if (problem.empty()) problem = check_distinct(network);
     if (problem.empty()) problem = settings.check();
     for (int v : settings.pinned) {
       if (problem.empty() && (v < 0 || v >= network.vertex_count()))
@@ -152,16 +120,35 @@ class MassSpring {
     prepare(state, input, dt, ws);
     StepReport<Scalar> report = solve_linear(state, dt, ws);
     if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
-      report = iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), ws);
+      report = iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), Scalar(0), ws);
     }
     return finish(state, input, dt, report, ws);
   }
 
+  /// Writes the forces that moved `vertices` (driven or pinned in the last step that ended with this workspace) as they were
+  /// told to move, 3×vertices.size(), N: what a hand that holds them feels, with the sign of what it gives. Forces of the input
+  /// on those vertices count as given already. As exact as the step's residual. Never allocates.
+  void holding_forces(std::span<const int> vertices, Workspace& ws, Eigen::Ref<Points<Scalar>> forces) const {
+    assert(static_cast<Index>(vertices.size()) == forces.cols());
+    if (ws.linear) {
+      as_points(ws.rhs) = ws.velocity;
+      ws.matrix.multiply(ws.rhs, ws.product);
+    }
+    for (std::size_t j = 0; j < vertices.size(); ++j) {
+      const Index i = vertices[j];
+      Vector3<Scalar> force = ws.gradient.col(i) / ws.dt;
+      if (ws.linear) force = (point(ws.product, i) - network_.mass[i] * ws.trial.col(i)) / ws.dt - ws.gradient.col(i);
+      forces.col(static_cast<Index>(j)) = force;
+    }
+  }
+
   /// Advances `state` by at most `newton_steps` Newton steps from the end velocities `guess` (3×n, m/s), whatever the settings
   /// say, with the projected Hessian, whose first step is the tamest: for rolling a plan out again that has hardly changed.
-  /// Never allocates. On any failure the state is left as it was.
+  /// Ends sooner when a Newton step changes no coordinate of a velocity by more than `step_tolerance`, m/s. Never allocates. On
+  /// any failure the state is left as it was.
   [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps, State& state,
-                                             const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+                                             const ClothInput<Scalar>& input, Scalar dt, Workspace& ws,
+                                             Scalar step_tolerance = Scalar(0)) const {
     const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
     if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
     if (guess.cols() != vertex_count() || !all_finite(guess)) return {StepStatus::InvalidInput, false, Scalar(0), 0};
@@ -169,7 +156,7 @@ class MassSpring {
     for (Index i = 0; i < vertex_count(); ++i) {
       if (!held(ws, i)) ws.velocity.col(i) = guess.col(i);
     }
-    return finish(state, input, dt, iterate(state, dt, newton_steps, 0, Scalar(0), ws), ws);
+    return finish(state, input, dt, iterate(state, dt, newton_steps, 0, Scalar(0), step_tolerance, ws), ws);
   }
 
  private:
@@ -201,28 +188,6 @@ class MassSpring {
     for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
   }
 
-  /// Returns an empty string, or a line that names the first stencil or triangle that holds a vertex twice.
-  static std::string check_distinct(const SpringNetwork<Scalar>& network) {
-    const auto repeated = [](const auto& list, std::size_t count) {
-      for (std::size_t i = 1; i < count; ++i) {
-        if (std::find(list.begin(), list.begin() + static_cast<std::ptrdiff_t>(i), list[i]) - list.begin() <
-            static_cast<std::ptrdiff_t>(i)) {
-          return list[i];
-        }
-      }
-      return -1;
-    };
-    for (std::size_t e = 0; e < network.bends.size(); ++e) {
-      const int v = repeated(network.bends[e].vertex, static_cast<std::size_t>(network.bends[e].count));
-      if (v >= 0) return "bending stencil " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
-    }
-    for (std::size_t e = 0; e < network.triangles.size(); ++e) {
-      const int v = repeated(network.triangles[e], 3);
-      if (v >= 0) return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
-    }
-    return {};
-  }
-
   bool air() const { return settings_.air.enabled(); }
 
   /// Freezes what a step keeps fixed: directions of the dampers, air matrices, outer forces, ws.frozen; ws.velocity = v with
@@ -236,13 +201,13 @@ class MassSpring {
       ws.outer.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
     }
     freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air, ws.outer);
+    ws.dt = dt;
     ws.frozen.set_zero();
     pattern_.add_bending(network_, dt * dt, ws.frozen);
     pattern_.add_frozen(network_, ws.direction, ws.air, dt, ws.frozen);
     const Scalar inertia = Scalar(1) + dt * settings_.drag;
     for (Index i = 0; i < vertex_count(); ++i) {
       ws.frozen.diagonal(i).diagonal().array() += inertia * network_.mass[i];
-      if (held(ws, i)) ws.outer.col(i).setZero();  // what acts on a held vertex moves nothing
     }
     ws.velocity = state.velocities;
     for (int v : settings_.pinned) ws.velocity.col(v).setZero();
@@ -277,6 +242,8 @@ class MassSpring {
     }
     ws.factor.template solve<1>(ws.rhs);
     ws.velocity += as_points(ws.rhs);
+    ws.trial = state.velocities;  // for holding_forces
+    ws.linear = true;
     return {StepStatus::Converged, false, Scalar(0), 1};
   }
 
@@ -286,15 +253,17 @@ class MassSpring {
   };
 
   /// Newton from ws.velocity, with `solves` linear solves spent before. Leaves the best velocities there. `compression` is the
-  /// γ to start from; 0 stays with the projection.
+  /// γ to start from; 0 stays with the projection. A shorter step than `step_tolerance` is the last.
   StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves, Scalar compression,
-                             Workspace& ws) const {
+                             Scalar step_tolerance, Workspace& ws) const {
     const Scalar epsilon = scalar_traits<Scalar>::epsilon();
     StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
+    ws.linear = false;
     const Scalar tolerance = velocity_tolerance();
     Energy energy = objective(state, ws.velocity, dt, ws);
     const bool projected = !(Scalar(0) < compression);
     bool small_step = false;  // the last step was a full one and shorter than the tolerance
+    bool enough = false;      // it was shorter than step_tolerance
     for (int iteration = 0; iteration <= max_iterations; ++iteration) {
       const Scalar last = report.residual;
       const bool converged =
@@ -303,7 +272,7 @@ class MassSpring {
         return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
       }
       if (converged) report.status = StepStatus::Converged;
-      if (converged || iteration == max_iterations) break;
+      if (converged || enough || iteration == max_iterations) break;
       while (!factorize(ws.position, dt, compression, ws)) {
         if (!(Scalar(0) < compression)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
         compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);
@@ -327,7 +296,9 @@ class MassSpring {
         ++halvings;
       }
       if (halvings == kMaxHalvings) break;  // rounding hides any descent
-      small_step = halvings == 0 && as_points(ws.rhs).cwiseAbs().maxCoeff() < tolerance;
+      const Scalar change = as_points(ws.rhs).cwiseAbs().maxCoeff();
+      small_step = halvings == 0 && change < tolerance;
+      enough = length * change < step_tolerance;
       ws.velocity.swap(ws.trial);
     }
     return report;
@@ -357,7 +328,8 @@ class MassSpring {
     return converged;
   }
 
-  /// The step's energy at velocities `v`; leaves its gradient in ws.gradient and x0 + h v in ws.position.
+  /// The step's energy at velocities `v`; leaves its gradient in ws.gradient and x0 + h v in ws.position. On a held vertex the
+  /// gradient is the impulse that holds it.
   Energy objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const {
     using std::sqrt;
     const Scalar half = Scalar(0.5);
@@ -369,14 +341,14 @@ class MassSpring {
     Scalar size = sqrt(Scalar(2) * energy * total_stiffness_) * ws.position.cwiseAbs().maxCoeff();
     Scalar work = Scalar(0);
     for (Index i = 0; i < vertex_count(); ++i) {
-      if (held(ws, i)) continue;
       const Vector3<Scalar> dv = v.col(i) - state.velocities.col(i);
       const Scalar m = network_.mass[i];
+      ws.gradient.col(i) = m * (dv + drag * v.col(i)) - dt * ws.gradient.col(i);
+      if (held(ws, i)) continue;  // a constant part of the energy
       const Scalar gain = dt * ws.outer.col(i).dot(v.col(i));
       energy += half * m * (dv.squaredNorm() + drag * v.col(i).squaredNorm());
       work += gain;
       size += gain < Scalar(0) ? -gain : gain;
-      ws.gradient.col(i) = m * (dv + drag * v.col(i)) - dt * ws.gradient.col(i);
     }
     for (std::size_t e = 0; e < network_.springs.size(); ++e) {
       const Spring<Scalar>& s = network_.springs[e];

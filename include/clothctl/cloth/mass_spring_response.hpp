@@ -8,7 +8,6 @@
 // plants whose elongation is not tension (unconverged position-based sheets): see StiffnessScale.
 
 #include <algorithm>
-#include <cassert>
 #include <cstddef>
 #include <vector>
 
@@ -79,17 +78,19 @@ class MassSpringResponse {
   bool translation_free() const { return translation_free_; }
 
   /// Linearises about positions `x` (3×n, m) and velocities `v` (3×n, m/s) in air that moves at `wind` (m/s), for steps of
-  /// `dt` s; `driven` vertices are prescribed. Returns false when an argument is not finite or the step matrix is not
-  /// positive definite; nothing but `linearise` may be called then. Never allocates. Complexity: one factorisation.
+  /// `dt` s; `driven` vertices are prescribed. Returns false when an argument is not finite or of another size, a
+  /// driven vertex is off the mesh, or the step matrix is not positive definite; nothing but `linearise` may be called then.
+  /// Never allocates. Complexity: one factorisation.
   [[nodiscard]] bool linearise(const PointsView<Scalar>& x, const PointsView<Scalar>& v, const Vector3<Scalar>& wind, Scalar dt,
                                const std::vector<int>& driven) {
+    if (x.cols() != vertex_count() || v.cols() != vertex_count()) return false;
+    for (int i : driven) {
+      if (i < 0 || i >= vertex_count()) return false;
+    }
     if (!all_finite(x) || !all_finite(v) || !all_finite(wind) || !is_finite(dt) || !(Scalar(0) < dt)) return false;
     std::fill(held_.begin(), held_.end(), static_cast<unsigned char>(0));
     for (int i : pinned_) held_[static_cast<std::size_t>(i)] = 1;
-    for (int i : driven) {
-      assert(i >= 0 && i < vertex_count());
-      held_[static_cast<std::size_t>(i)] = 1;
-    }
+    for (int i : driven) held_[static_cast<std::size_t>(i)] = 1;
     force_.noalias() = gravity_ * network_.mass.transpose();
     add_spring_forces<Scalar>(network_, x, force_);
     spring_directions<Scalar>(network_, x, direction_);

@@ -4,9 +4,13 @@
 // substeps h; in each, with a = g + f/m constant over the step and w = 1/m,
 //
 //   air      acts on v (air.hpp)
-//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v;   driven vertices (w = 0) go a straight line to where they are told,
-//   pinned ones stay correct  `iterations` sweeps over the constraints of position_based_constraints.hpp: springs, then bending
-//   stencils update   v = (p - x)/h,  x = p
+//
+//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v;  driven vertices (w = 0) go a straight line to where they are told,
+//            pinned ones stay
+//
+//   correct  `iterations` sweeps over the constraints of position_based_constraints.hpp: springs, then bending stencils
+//
+//   update   v = (p - x)/h,  x = p
 //
 // Verlet (paper 004, eq. 1-4): θ = 1 - d, so p = x + (1 - d)(x - x_old) + a h² with x_old = x - h v; distances are rigid.
 // XPBD: θ = 1; springs have the compliance 1/k and their damper, stencils the compliance 1/kb; drag slows their impulses
@@ -70,19 +74,10 @@ class PositionBased {
   using Workspace = PositionBasedWorkspace<Scalar>;
 
   /// Makes a model of a network. Allocates.
-  /// Fails when: the network or the settings do not pass their check, or a stencil holds a vertex twice.
+  /// Fails when: the network or the settings do not pass their check.
   static Result<PositionBased> create(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings = {}) {
     if (std::string problem = network.check(); !problem.empty()) return Error{std::move(problem)};
     if (std::string problem = settings.check(network); !problem.empty()) return Error{std::move(problem)};
-    for (std::size_t e = 0; e < network.bends.size(); ++e) {
-      const BendStencil<Scalar>& s = network.bends[e];
-      for (int i = 1; i < s.count; ++i) {
-        const auto end = s.vertex.begin() + i;
-        if (std::find(s.vertex.begin(), end, *end) != end) {
-          return Error{"bending stencil " + std::to_string(e) + " holds vertex " + std::to_string(*end) + " twice"};
-        }
-      }
-    }
     return PositionBased(std::move(network), std::move(settings));
   }
 

@@ -84,7 +84,8 @@ struct SpringNetwork {
     return out;
   }
 
-  /// Checks indices, masses and constants. Returns an empty string, or a line that names the first bad item.
+  /// Checks indices, masses and constants; stencils and triangles hold each vertex once. Returns an empty string, or a line
+  /// that names the first bad item.
   std::string check() const {
     const Index n = vertex_count();
     const auto bad = [n](int v) { return v < 0 || v >= n; };
@@ -117,13 +118,29 @@ struct SpringNetwork {
         if (!is_finite(s.weight[static_cast<std::size_t>(i)])) return name + " has a non-finite weight";
       }
       if (!is_finite(s.stiffness) || s.stiffness < zero) return name + " has a negative or non-finite stiffness";
+      if (const int v = repeated(s.vertex, static_cast<std::size_t>(s.count)); v >= 0)
+        return name + " holds vertex " + std::to_string(v) + " twice";
     }
     for (std::size_t e = 0; e < triangles.size(); ++e) {
       for (int v : triangles[e]) {
         if (bad(v)) return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " off the mesh";
       }
+      if (const int v = repeated(triangles[e], 3); v >= 0)
+        return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
     }
     return {};
+  }
+
+ private:
+  /// The first vertex that stands twice among the first `count` of a list, or -1.
+  template <class List>
+  static int repeated(const List& list, std::size_t count) {
+    for (std::size_t i = 1; i < count; ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        if (list[i] == list[j]) return list[i];
+      }
+    }
+    return -1;
   }
 };
 

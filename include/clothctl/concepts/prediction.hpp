@@ -11,6 +11,10 @@
 
 namespace clothctl {
 
+/// Right-hand sides that predictors put side by side, by scalar.
+template <class Scalar>
+inline constexpr int kResponseLanes = sizeof(Scalar) <= 4 ? 16 : 8;
+
 /// A linearised step A v⁺ = M v + h (f - K q + u) with A = (1 + h α) M + R.
 ///
 /// Axioms: `solve` inverts A on the free vertices; A, K and R are symmetric; A is positive definite; held entries of
@@ -20,7 +24,8 @@ template <class Response>
 concept StepResponse = RealScalar<typename Response::Scalar> &&
     requires(Response& response, const Response& constant, const Points<typename Response::Scalar>& points,
              Vector3<typename Response::Scalar> wind, typename Response::Scalar dt, const std::vector<int>& driven,
-             Lanes<typename Response::Scalar, 8>& lanes, Points<typename Response::Scalar>& out) {
+             Lanes<typename Response::Scalar, kResponseLanes<typename Response::Scalar>>& lanes,
+             Points<typename Response::Scalar>& out) {
   { response.linearise(points, points, wind, dt, driven) } -> std::convertible_to<bool>;
   { constant.vertex_count() } -> std::convertible_to<Index>;
   { constant.mass() } -> std::convertible_to<const VectorX<typename Response::Scalar>&>;

@@ -52,7 +52,8 @@ void friction_generators(const Vector3<Scalar>& normal, const std::type_identity
 }
 
 /// Returns how far `force` leaves the true cone about `normal` (unit) with friction coefficient `friction` and the `limit` on
-/// its normal part, N: the largest of |f_t| - μ f_n, -f_n and f_n - limit; 0 when inside, infinity when not finite.
+/// its normal part, N: the largest of |f_t| - μ f_n, -f_n and f_n - limit; 0 when inside, infinity when an argument is not
+/// finite.
 template <RealScalar Scalar>
 Scalar cone_violation(const Vector3<Scalar>& force, const Vector3<Scalar>& normal, const std::type_identity_t<Scalar>& friction,
                       const std::type_identity_t<Scalar>& limit) {
@@ -62,7 +63,8 @@ Scalar cone_violation(const Vector3<Scalar>& force, const Vector3<Scalar>& norma
   Scalar worst = sqrt(f_t.squaredNorm()) - friction * f_n;
   if (worst < -f_n) worst = -f_n;
   if (worst < f_n - limit) worst = f_n - limit;
-  if (!is_finite(worst)) return scalar_traits<Scalar>::infinity();  // fails every bound
+  if (!is_finite(worst) || !is_finite(f_n) || !is_finite(limit) || !is_finite(friction))
+    return scalar_traits<Scalar>::infinity();  // fails every bound
   return Scalar(0) < worst ? worst : Scalar(0);
 }
 

@@ -11,6 +11,7 @@
 
 #include <Eigen/Geometry>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl {
@@ -84,11 +85,14 @@ std::string check_grips(const std::vector<Grip<Scalar>>& grips, Index vertex_cou
           return name + " holds vertex " + std::to_string(v) + ", which grip " + std::to_string(other) + " holds already";
         other = static_cast<int>(g);
       }
-      if (!is_finite(finger.friction) || finger.friction < Scalar(0))
-        return name + " has a negative or non-finite friction coefficient";
-      if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit)) return name + " has no positive finite grip limit";
+      if (!is_finite(finger.friction) || finger.friction < Scalar(0)) {
+        return name + " has the friction coefficient " + detail::number_text(finger.friction) +
+               ", must be finite and not negative";
+      }
+      if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit))
+        return name + " has the grip limit " + detail::number_text(finger.limit) + ", must be finite and positive";
       if (!is_finite(finger.side) || (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))))
-        return name + " has a side that is neither +1 nor -1";
+        return name + " has the side " + detail::number_text(finger.side) + ", must be +1 or -1";
       if (finger.generators < 4) return name + " has " + std::to_string(finger.generators) + " generators, needs at least 4";
     }
   }

@@ -16,7 +16,7 @@ struct ClothState {
   /// Vertex velocities, 3×n, m/s.
   Points<Scalar> velocities;
 
-  /// Bitwise-equal coordinates.
+  /// Tells whether all coordinates are equal as numbers (-0 equals 0, NaN equals nothing).
   bool operator==(const ClothState& other) const {
     return positions.cols() == other.positions.cols() && velocities.cols() == other.velocities.cols() &&
            positions == other.positions && velocities == other.velocities;

@@ -1,27 +1,34 @@
 #pragma once
 
-// Numbers as text, for error lines.
+// Numbers as text, for files and error lines: the same in every locale.
 
-#include <cstdio>
+#include <array>
+#include <charconv>
+#include <concepts>
 #include <string>
 
 #include "clothctl/core/scalar.hpp"
 
 namespace clothctl {
 
-namespace detail {
-
-/// Writes a number for an error line; a scalar that has no conversion to double is written as "?".
+/// Writes `value` with the fewest digits that read back as the same number of its type ("nan", "inf" where not finite); a
+/// scalar that has no conversion to double is written as "?". Allocates where the text is long.
 template <RealScalar Scalar>
 std::string number_text(const Scalar& value) {
-  if constexpr (requires { static_cast<double>(value); }) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.9g", static_cast<double>(value));
-    return text;
+  if constexpr (std::floating_point<Scalar>) {
+    std::array<char, 64> text{};
+    const std::to_chars_result end = std::to_chars(text.data(), text.data() + text.size(), value);
+    return std::string(text.data(), end.ptr);
+  } else if constexpr (requires { static_cast<double>(value); }) {
+    return number_text(static_cast<double>(value));
   } else {
     return "?";
   }
 }
+
+namespace detail {
+
+using clothctl::number_text;
 
 }  // namespace detail
 

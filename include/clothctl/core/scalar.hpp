@@ -14,20 +14,44 @@ namespace clothctl {
 
 namespace detail {
 
+// Values are taken by reference: under -ffast-math newer clang may assume that a floating-point argument is neither NaN nor
+// infinite, but nothing about what a reference refers to.
+
 /// True where the exponent bits of `value` are not all ones, i.e. it is neither infinite nor NaN.
-inline bool exponent_is_finite(float value) { return (std::bit_cast<std::uint32_t>(value) & 0x7f800000u) != 0x7f800000u; }
-inline bool exponent_is_finite(double value) {
+inline bool exponent_is_finite(const float& value) {
+  return (std::bit_cast<std::uint32_t>(value) & 0x7f800000u) != 0x7f800000u;
+}
+inline bool exponent_is_finite(const double& value) {
   return (std::bit_cast<std::uint64_t>(value) & 0x7ff0000000000000u) != 0x7ff0000000000000u;
 }
-inline bool exponent_is_finite(long double value) {
+inline bool exponent_is_finite(const long double& value) {
   if constexpr (std::numeric_limits<long double>::digits == std::numeric_limits<double>::digits) {
-    return exponent_is_finite(static_cast<double>(value));
+    std::uint64_t bits = 0;
+    std::memcpy(&bits, &value, sizeof bits);
+    return (bits & 0x7ff0000000000000u) != 0x7ff0000000000000u;
   } else {
     // x87 extended keeps sign and exponent in bytes 8-9, IEEE quad in bytes 14-15 (little endian).
     constexpr int offset = std::numeric_limits<long double>::digits == 64 ? 8 : 14;
     std::uint16_t head = 0;
     std::memcpy(&head, reinterpret_cast<const unsigned char*>(&value) + offset, sizeof head);
     return (head & 0x7fffu) != 0x7fffu;
+  }
+}
+
+/// True where a bit of the fraction of `value` is set: what tells NaN from infinity.
+inline bool has_fraction(const float& value) { return (std::bit_cast<std::uint32_t>(value) & 0x007fffffu) != 0u; }
+inline bool has_fraction(const double& value) { return (std::bit_cast<std::uint64_t>(value) & 0x000fffffffffffffu) != 0u; }
+inline bool has_fraction(const long double& value) {
+  std::uint64_t low = 0;
+  std::memcpy(&low, &value, sizeof low);
+  if constexpr (std::numeric_limits<long double>::digits == std::numeric_limits<double>::digits) {
+    return (low & 0x000fffffffffffffu) != 0u;
+  } else if constexpr (std::numeric_limits<long double>::digits == 64) {
+    return (low & 0x7fffffffffffffffu) != 0u;  // x87 extended writes the leading one
+  } else {
+    std::uint64_t high = 0;
+    std::memcpy(&high, reinterpret_cast<const unsigned char*>(&value) + 8, sizeof high);
+    return low != 0u || (high & 0x0000ffffffffffffu) != 0u;
   }
 }
 
@@ -48,21 +72,14 @@ struct scalar_traits<Scalar> {
   /// The value that stands for "no bound".
   static constexpr Scalar infinity() { return std::numeric_limits<Scalar>::infinity(); }
   /// Tells whether `value` is neither NaN nor infinite.
-  static bool is_finite(Scalar value) { return detail::exponent_is_finite(value); }
+  static bool is_finite(const Scalar& value) { return detail::exponent_is_finite(value); }
   /// Tells whether `value` means "no bound": infinite, or beyond 1e20 (1e30 and the like are common stand-ins).
-  static bool is_unbounded(Scalar value) {
+  static bool is_unbounded(const Scalar& value) {
     if (!is_finite(value)) return !is_nan(value);
     return value > Scalar(1e20) || value < Scalar(-1e20);
   }
   /// Tells whether `value` is not a number.
-  static bool is_nan(Scalar value) {
-    if (is_finite(value)) return false;
-    if constexpr (sizeof(Scalar) == sizeof(float)) {
-      return (std::bit_cast<std::uint32_t>(static_cast<float>(value)) & 0x007fffffu) != 0u;
-    } else {
-      return (std::bit_cast<std::uint64_t>(static_cast<double>(value)) & 0x000fffffffffffffu) != 0u;
-    }
-  }
+  static bool is_nan(const Scalar& value) { return !is_finite(value) && detail::has_fraction(value); }
 };
 
 /// A real number type: float, double, long double, or any type with `scalar_traits` and ordinary arithmetic.

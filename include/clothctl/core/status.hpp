@@ -27,17 +27,19 @@ enum class QpStatus {
   Solved,
   /// Optimality holds only to a loosened tolerance; the residuals say how far. Use x with care.
   SolvedInaccurate,
-  /// The iteration budget ran out; x is the best iterate. Use it or raise the budget.
+  /// The budget ran out, or rounding stopped progress; x is the best iterate. It keeps its bounds, but rows may be violated, as
+  /// far as the residuals say. Look at them before using x, or raise the budget.
   IterationLimit,
-  /// The caller's clock ran out; x is the best iterate. Use it or raise the budget.
+  /// The caller's clock ran out; x is as with IterationLimit.
   TimeLimit,
   /// No x satisfies the constraints; a verified certificate is in the result. Relax the constraints.
   PrimalInfeasible,
-  /// The objective falls without bound along the ray in the result. Add bounds or curvature.
+  /// There are feasible points, and the objective falls without bound along the ray in the result. Add bounds or curvature.
   DualInfeasible,
   /// The Hessian has a negative direction. Convexify it.
   NonConvex,
-  /// Non-finite entries, asymmetric Hessian or a lower bound above its upper one; nothing was changed. Mend the data.
+  /// Non-finite entries, asymmetric Hessian, a lower bound above its upper one, or bad settings; nothing was changed. Mend the
+  /// data.
   InvalidData
 };
 
@@ -45,11 +47,13 @@ enum class QpStatus {
 enum class PlanStatus {
   /// The plan is optimal for its model. Apply it.
   Planned,
-  /// The QP stopped early; the plan is feasible but not optimal. Apply it.
+  /// The QP stopped early: the plan is not optimal. Bounds, friction cones and grip limits hold; hard patch rows may not quite.
+  /// Apply it.
   Suboptimal,
   /// The hard patch rows could not be met; the plan minimises their violation, which the result reports. Apply it with care.
   Relaxed,
-  /// Measured state or target hold NaN or an infinity; the planner was left as it was. Mend the input.
+  /// Measured state or target hold NaN or an infinity, or state or result are of another size; planner and result were left as
+  /// they were. Mend the input.
   InvalidInput,
   /// Linearisation or QP failed; the previous plan, shifted by a frame, is in the result. Apply it or stop.
   Failed

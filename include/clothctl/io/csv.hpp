@@ -4,7 +4,6 @@
 // CRLF, spaces around cells and blank lines at the end are tolerated, anything else is refused with one line
 // `file:line: what is wrong`. Written: the shortest digits that read back as the same double.
 
-#include <array>
 #include <cassert>
 #include <charconv>
 #include <cstddef>
@@ -16,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/io/file.hpp"
@@ -41,13 +41,6 @@ enum class CsvHeader {
   /// The first line names the columns.
   Names
 };
-
-/// Writes `value` with the fewest digits that read back exactly ("nan", "inf" where not finite). Locale independent.
-inline std::string number_text(double value) {
-  std::array<char, 32> text{};
-  const std::to_chars_result end = std::to_chars(text.data(), text.data() + text.size(), value);
-  return std::string(text.data(), end.ptr);
-}
 
 namespace io_detail {
 
@@ -156,36 +149,58 @@ inline Result<CsvTable> read_csv(const std::string& path, CsvHeader header, std:
   return parse_csv(*text, path, header, columns);
 }
 
-/// Gathers rows of numbers and writes them as a table with a header.
+/// Gathers rows of numbers and writes them as a table with a header, which read_csv reads back as it was.
 class CsvWriter {
  public:
   /// Starts a table with the given names of columns; names with a comma, a quote or a line break are quoted. Allocates.
-  explicit CsvWriter(const std::vector<std::string>& columns) : columns_(columns.size()) {
+  explicit CsvWriter(const std::vector<std::string>& columns) : columns_(columns) {
     for (std::size_t c = 0; c < columns.size(); ++c) {
       if (c > 0) text_ += ',';
       append_name(columns[c]);
+      check_name(c);
     }
     text_ += '\n';
   }
 
   /// Appends a row. Fails when: it has not as many values as there are columns (assert). Allocates.
   void add_row(std::span<const double> values) {
-    assert(values.size() == columns_);
+    assert(values.size() == columns_.size());
+    ++rows_;
     for (std::size_t c = 0; c < values.size(); ++c) {
       if (c > 0) text_ += ',';
       text_ += number_text(values[c]);
+      if (!is_finite(values[c]) && problem_.empty()) {
+        problem_ = "row " + std::to_string(rows_) + ", column " + io_detail::in_quotes(columns_[c]) + ": " +
+                   number_text(values[c]) + " is not finite";
+      }
     }
     text_ += '\n';
   }
   /// Appends a row. Fails when: it has not as many values as there are columns (assert). Allocates.
   void add_row(std::initializer_list<double> values) { add_row(std::span<const double>(values.begin(), values.size())); }
 
-  /// The table so far as text.
+  /// The table so far as text, whatever it holds.
   const std::string& text() const { return text_; }
-  /// Writes the table so far to a file; answers with the number of bytes. Fails when: the file cannot be written.
-  Result<std::size_t> write(const std::string& path) const { return write_file(path, text_); }
+  /// Writes the table so far to a file; answers with the number of bytes. Fails when: read_csv would not read the same table
+  /// back, for there is no row, a value is not finite, or a name needs quotes, begins or ends with a space or is missing; or
+  /// the file cannot be written.
+  Result<std::size_t> write(const std::string& path) const {
+    if (!problem_.empty()) return Error{path + ": " + problem_};
+    if (rows_ == 0) return Error{path + ": no row after the header"};
+    return write_file(path, text_);
+  }
 
  private:
+  /// Notes a name that a reader would take for something else.
+  void check_name(std::size_t c) {
+    const std::string& name = columns_[c];
+    const bool read_back = name.find_first_of(",\"\r\n") == std::string::npos && io_detail::trimmed(name) == name &&
+                           !(columns_.size() == 1 && name.empty()) && !(c == 0 && name.substr(0, 3) == "\xef\xbb\xbf");
+    if (!read_back && problem_.empty()) {
+      problem_ = "column " + std::to_string(c + 1) + ": the name " + io_detail::in_quotes(name) + " would not be read back";
+    }
+  }
+
   void append_name(const std::string& name) {
     if (name.find_first_of(",\"\r\n") == std::string::npos) {
       text_ += name;
@@ -199,8 +214,10 @@ class CsvWriter {
     text_ += '"';
   }
 
-  std::size_t columns_;
+  std::vector<std::string> columns_;
+  std::size_t rows_ = 0;
   std::string text_;
+  std::string problem_;  // the first thing that a reader would refuse
 };
 
 }  // namespace clothctl

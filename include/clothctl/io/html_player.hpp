@@ -18,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/io/base64.hpp"
@@ -55,8 +56,8 @@ class PlayerRecorder {
 
   /// Appends a frame: `positions` of the vertices (3×vertex_count, m), of the features and their targets (3×feature_count, m),
   /// tails and vectors of the arrows (3×arrow_count; m and the scene's arrow unit). Allocates.
-  /// A vertex that is not finite, or farther than 1e6 m away, is held where it was last; features and arrows that are not
-  /// finite are left out of the picture. A wrong number of columns is reported by `page` and `write`.
+  /// A vertex with a coordinate that is not finite or beyond ±1e6 m is held where it was last (at first: the origin); features
+  /// and arrows that are not finite are left out of the picture. A wrong number of columns is reported by `page` and `write`.
   void add_frame(const PointsView<double>& positions, const PointsView<double>& actual_features,
                  const PointsView<double>& target_features, const PointsView<double>& arrow_origins,
                  const PointsView<double>& arrow_vectors) {
@@ -68,10 +69,11 @@ class PlayerRecorder {
     if (!mistake_.empty()) return;
     const std::size_t row = static_cast<std::size_t>(vertices_) * 3;
     for (Index j = 0; j < vertices_; ++j) {
+      bool held = false;
+      for (Index c = 0; c < 3; ++c) held = held || !is_finite(positions(c, j)) || std::abs(positions(c, j)) > 1e6;
       for (Index c = 0; c < 3; ++c) {
-        const double x = positions(c, j);
-        const bool held = !is_finite(x) || std::abs(x) > 1e6;
-        positions_.push_back(!held ? static_cast<float>(x) : frames_ > 0 ? positions_[positions_.size() - row] : 0.0f);
+        const float last = held && frames_ > 0 ? positions_[positions_.size() - row] : 0.0f;
+        positions_.push_back(held ? last : static_cast<float>(positions(c, j)));
       }
     }
     append(actual_features, actual_);
@@ -153,8 +155,8 @@ class PlayerRecorder {
     for (std::size_t c = 0; c < 3 && !positions_.empty(); ++c) {
       float least = positions_[c], most = positions_[c];
       for (std::size_t i = c; i < positions_.size(); i += 3) {
-        least = std::min(least, positions_[i]);
-        most = std::max(most, positions_[i]);
+        least = (std::min)(least, positions_[i]);
+        most = (std::max)(most, positions_[i]);
       }
       low[c] = least;
       size[c] = most - least;

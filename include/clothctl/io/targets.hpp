@@ -8,8 +8,10 @@
 
 #include <cstddef>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/io/csv.hpp"
@@ -31,6 +33,7 @@ namespace io_detail {
 /// Takes the names of features from a header; answers with what is wrong with it, "" where nothing is.
 inline std::string parse_target_header(const std::vector<std::string>& header, std::vector<std::string>& names) {
   const std::string expected = ", expected t,Lx,Ly,Lz,Rx,Ry,Rz or the like";
+  if (header.empty()) return "no header" + expected;
   if (header[0] != "t") return "header starts with " + in_quotes(header[0]) + expected;
   if (header.size() < 4 || header.size() % 3 != 1) {
     return "header has " + std::to_string(header.size()) + " columns" + expected;
@@ -53,16 +56,31 @@ inline std::string parse_target_header(const std::vector<std::string>& header, s
   return {};
 }
 
+/// Tells whether the parts of a table fit together, which those of a table that was read do; "" where they do.
+inline std::string check_parts(const CsvTable& table) {
+  const std::string at_header = at_line(table.name, 1);
+  if (table.values.rows() == 0) return at_header + "no row after the header";
+  if (static_cast<Index>(table.header.size()) != table.values.cols()) {
+    return at_header + "header has " + std::to_string(table.header.size()) + " columns, but the rows have " +
+           std::to_string(table.values.cols());
+  }
+  if (static_cast<Index>(table.lines.size()) != table.values.rows()) {
+    return at_header + std::to_string(table.values.rows()) + " rows, but the lines of " + std::to_string(table.lines.size());
+  }
+  return {};
+}
+
 }  // namespace io_detail
 
 /// Takes target curves from a table with a header. Allocates.
-/// Fails when: the header is not of the form above, a time does not come after the one before, or there are fewer than two
-/// rows.
+/// Fails when: the header is missing or not of the form above, rows, header and line numbers differ in their count, a time
+/// does not come after the one before, or there are fewer than two rows.
 inline Result<TargetCurves> targets_from_table(const CsvTable& table) {
   TargetCurves curves;
   if (const std::string wrong = io_detail::parse_target_header(table.header, curves.names); !wrong.empty()) {
     return Error{io_detail::at_line(table.name, 1) + wrong};
   }
+  if (std::string wrong = io_detail::check_parts(table); !wrong.empty()) return Error{std::move(wrong)};
   curves.times = table.values.col(0);
   for (Index i = 1; i < curves.times.size(); ++i) {
     if (curves.times[i] > curves.times[i - 1]) continue;

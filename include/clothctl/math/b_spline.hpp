@@ -22,12 +22,11 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <string>
-#include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
@@ -35,26 +34,13 @@ namespace clothctl {
 
 namespace detail {
 
-/// Writes a scalar for an error message, independent of the locale; "a value" for types that cannot become a double.
-template <class Scalar>
-std::string scalar_text(const Scalar& value) {
-  if constexpr (std::is_constructible_v<double, const Scalar&>) {
-    std::array<char, 40> text{};
-    const auto end =
-        std::to_chars(text.data(), text.data() + text.size(), static_cast<double>(value), std::chars_format::general, 9);
-    return std::string(text.data(), end.ptr);
-  } else {
-    return "a value";
-  }
-}
-
 /// The first column of `points` that is not finite as an error that starts with `name` and the index; "" where there is none.
 template <class Scalar>
 std::string non_finite_point(const PointsView<Scalar>& points, const char* name) {
   for (Index j = 0; j < points.cols(); ++j) {
     for (Index i = 0; i < 3; ++i) {
       if (is_finite(points(i, j))) continue;
-      return std::string(name) + " " + std::to_string(j) + ": " + "xyz"[i] + " is " + scalar_text(points(i, j)) +
+      return std::string(name) + " " + std::to_string(j) + ": " + "xyz"[i] + " is " + number_text(points(i, j)) +
              ", expected a finite number";
     }
   }
@@ -71,17 +57,16 @@ class CubicBSpline {
  public:
   /// Builds the curve of the given control points (3×n, n ≥ 4, m) on uniform clamped knots over [start_time, end_time] (s).
   /// It starts at the first control point and ends at the last. Allocates. Complexity: O(n).
-  /// Fails when: n < 4, a value is not finite, or end_time ≤ start_time.
+  /// Fails when: n < 4, a value is not finite, end_time ≤ start_time, or two knots coincide in Scalar.
   static Result<CubicBSpline> from_control_points(const PointsView<Scalar>& control, Scalar start_time, Scalar end_time) {
     const Index n = control.cols();
     if (n < 4) return Error{"control points: expected at least 4, found " + std::to_string(n)};
     if (std::string bad = detail::non_finite_point<Scalar>(control, "control point"); !bad.empty()) return Error{bad};
-    if (!is_finite(start_time)) return Error{"start time is " + detail::scalar_text(start_time) + ", expected a finite number"};
-    if (!is_finite(end_time)) return Error{"end time is " + detail::scalar_text(end_time) + ", expected a finite number"};
+    if (!is_finite(start_time)) return Error{"start time is " + number_text(start_time) + ", expected a finite number"};
+    if (!is_finite(end_time)) return Error{"end time is " + number_text(end_time) + ", expected a finite number"};
     const Scalar length = end_time - start_time;
     if (!(start_time < end_time) || !is_finite(length)) {
-      return Error{"end time " + detail::scalar_text(end_time) + " does not come after start time " +
-                   detail::scalar_text(start_time)};
+      return Error{"end time " + number_text(end_time) + " does not come after start time " + number_text(start_time)};
     }
     CubicBSpline curve;
     curve.control_ = control;
@@ -89,6 +74,11 @@ class CubicBSpline {
     const Scalar spans = Scalar(static_cast<double>(n - 3));
     for (Index k = 4; k < n; ++k) curve.knot(k) = start_time + length * (Scalar(static_cast<double>(k - 3)) / spans);
     for (Index k = n; k < n + 4; ++k) curve.knot(k) = end_time;
+    for (Index k = 4; k <= n; ++k) {
+      if (curve.knot(k - 1) < curve.knot(k)) continue;
+      return Error{"knot " + std::to_string(k) + ": time " + number_text(curve.knot(k)) + " does not come after " +
+                   number_text(curve.knot(k - 1)) + ", too many control points for the interval"};
+    }
     return curve;
   }
 
@@ -103,9 +93,9 @@ class CubicBSpline {
     if (n < 2) return Error{"samples: expected at least 2, found " + std::to_string(n)};
     for (Index i = 0; i < n; ++i) {
       const std::string where = "sample " + std::to_string(i) + ": time ";
-      if (!is_finite(times[i])) return Error{where + "is " + detail::scalar_text(times[i]) + ", expected a finite number"};
+      if (!is_finite(times[i])) return Error{where + "is " + number_text(times[i]) + ", expected a finite number"};
       if (i > 0 && !(times[i - 1] < times[i])) {
-        return Error{where + detail::scalar_text(times[i]) + " does not come after " + detail::scalar_text(times[i - 1])};
+        return Error{where + number_text(times[i]) + " does not come after " + number_text(times[i - 1])};
       }
     }
     if (std::string bad = detail::non_finite_point<Scalar>(points, "sample"); !bad.empty()) return Error{bad};

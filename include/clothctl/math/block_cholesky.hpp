@@ -17,6 +17,8 @@
 
 namespace clothctl {
 
+inline namespace CLOTHCTL_ISA {
+
 /// Factor of a BlockSymmetric with all memory taken at construction. One object a thread.
 template <RealScalar Scalar>
 class BlockCholesky {
@@ -34,8 +36,8 @@ class BlockCholesky {
   }
 
   /// Factorises a matrix of the analysed pattern. Vertices with held[i] ≠ 0 get the rows and columns of the identity; `held`
-  /// is empty or has an entry a vertex and may change from call to call. Returns false when a pivot is not positive or not
-  /// finite; the factor must not be used then. No allocation.
+  /// is empty or has an entry a vertex and may change from call to call. Returns false when a number of the free part is not
+  /// finite or a pivot not positive; the factor must not be used then. No allocation.
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix, std::span<const unsigned char> held = {}) {
     assert(matrix.rows() == layout_.rows && matrix.lower_count() == layout_.lower_count);
     assert(held.empty() || static_cast<Index>(held.size()) == layout_.rows);
@@ -44,7 +46,7 @@ class BlockCholesky {
       Scalar* u = updates_.data() + front.update;
       const bool leaf = front.child_begin == front.child_end;
       std::fill_n(f, front.ld * front.pivots, Scalar(0));
-      assemble(front, matrix, held);
+      if (!assemble(front, matrix, held)) return false;
       if (!leaf) {
         for (Index j = 0; j < front.border; ++j) std::fill(u + j * front.ldu + j, u + (j + 1) * front.ldu, Scalar(0));
       }
@@ -79,18 +81,20 @@ class BlockCholesky {
   }
 
  private:
-  static constexpr int kAlign = detail::native_lanes<Scalar>();
+  static constexpr int kAlign = detail::padded_lanes<Scalar>();
   static constexpr int kMaxGroup = 16;
 
   /// Right-hand sides that go through a front together: as many as leave room for a dozen rows in registers.
   static constexpr int lane_group(int lanes) {
-    const int most = std::min(kMaxGroup, kAlign * (detail::kManyRegisters ? 2 : 1));
+    const int most = (std::min)(kMaxGroup, detail::native_lanes<Scalar>() * (detail::kManyRegisters ? 2 : 1));
     int group = 1;
     while (group < lanes && group < most) group *= 2;
     return group;
   }
 
-  void assemble(const detail::Front& front, const BlockSymmetric<Scalar>& matrix, std::span<const unsigned char> held) {
+  /// Copies a front's blocks. Fails when: a number above the diagonal is not finite, for elimination never looks there (any
+  /// other reaches a pivot).
+  bool assemble(const detail::Front& front, const BlockSymmetric<Scalar>& matrix, std::span<const unsigned char> held) {
     const Index ld = front.ld;
     for (int e = front.entry_begin; e < front.entry_end; ++e) {
       const detail::FrontEntry& entry = layout_.entries[static_cast<std::size_t>(e)];
@@ -101,10 +105,12 @@ class BlockCholesky {
         continue;
       }
       const Matrix3<Scalar>& block = entry.slot < 0 ? matrix.diagonal(entry.row) : matrix.lower(entry.slot);
+      if (entry.slot < 0 && !(is_finite(block(0, 1)) && is_finite(block(0, 2)) && is_finite(block(1, 2)))) return false;
       for (Index c = 0; c < 3; ++c) {
         for (Index r = 0; r < 3; ++r) f[c * ld + r] = entry.transposed ? block(c, r) : block(r, c);
       }
     }
+    return true;
   }
 
   /// Adds a child's update matrix to the front, lower triangle by columns.
@@ -237,5 +243,7 @@ class BlockCholesky {
   VectorX<Scalar> updates_;  // update matrices that wait for their parents
   VectorX<Scalar> scratch_;  // right-hand sides of the pivots at hand
 };
+
+}  // namespace CLOTHCTL_ISA
 
 }  // namespace clothctl

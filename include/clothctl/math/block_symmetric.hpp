@@ -21,8 +21,11 @@ class BlockSymmetric {
   BlockSymmetric() = default;
 
   /// Fixes the pattern: `pairs` lists coupled vertices in any order, with repeats. Allocates. Complexity: O(p log p).
+  /// Fails when: rows is negative or a pair is off the rows (assert).
   BlockSymmetric(Index rows, std::vector<std::pair<int, int>> pairs) {
+    assert(rows >= 0);
     for (auto& [i, j] : pairs) {
+      assert(i >= 0 && i < rows && j >= 0 && j < rows);
       if (i < j) std::swap(i, j);
     }
     pairs.erase(std::remove_if(pairs.begin(), pairs.end(), [](const auto& p) { return p.first == p.second; }), pairs.end());
@@ -47,8 +50,10 @@ class BlockSymmetric {
   int row_begin(Index i) const { return row_begin_[static_cast<std::size_t>(i)]; }
   /// Block column of a slot; always less than the slot's block row.
   int column(Index slot) const { return column_[static_cast<std::size_t>(slot)]; }
-  /// The slot of the pair (i, j), i ≠ j in either order, or -1 where the pattern has none. Complexity: O(log row).
+  /// The slot of the pair (i, j) in either order, or -1 where the pattern has none, as for i = j. Complexity: O(log row).
+  /// Fails when: i or j is off the rows (assert).
   int find(int i, int j) const {
+    assert(i >= 0 && i < rows() && j >= 0 && j < rows());
     if (i < j) std::swap(i, j);
     const auto first = column_.begin() + row_begin_[static_cast<std::size_t>(i)];
     const auto last = column_.begin() + row_begin_[static_cast<std::size_t>(i) + 1];
@@ -70,7 +75,7 @@ class BlockSymmetric {
     for (auto& block : lower_) block.setZero();
   }
 
-  /// Adds `factor` times `other`, a matrix of the same pattern. Never allocates.
+  /// Adds `factor` times `other`, a matrix of the same pattern. Never allocates. Fails when: the sizes differ (assert).
   void add_scaled(const BlockSymmetric& other, Scalar factor) {
     assert(other.lower_.size() == lower_.size() && other.diagonal_.size() == diagonal_.size());
     for (std::size_t i = 0; i < diagonal_.size(); ++i) diagonal_[i] += factor * other.diagonal_[i];
@@ -78,8 +83,10 @@ class BlockSymmetric {
   }
 
   /// y = A x for kLanes vectors at once: x and y are kLanes×3n, column 3i+c is coordinate c of vertex i. No allocation.
+  /// Fails when: x or y is of another size, or both are the same object (assert).
   template <int kLanes>
   void multiply(const Lanes<Scalar, kLanes>& x, Lanes<Scalar, kLanes>& y) const {
+    assert(x.cols() == 3 * rows() && y.cols() == 3 * rows() && &x != &y);
     for (Index i = 0; i < rows(); ++i) {
       const Matrix3<Scalar>& d = diagonal_[static_cast<std::size_t>(i)];
       Eigen::Matrix<Scalar, kLanes, 3> sum = x.template middleCols<3>(3 * i) * d;

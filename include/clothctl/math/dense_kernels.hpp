@@ -30,6 +30,16 @@ struct Panels {
   int begin(int i) const { return count == 0 ? 0 : i * vertices / count * 3; }
 };
 
+/// Scalars that pack_front writes.
+inline Index packed_size(Index pivots, Index border) {
+  Index size = pivots * border;
+  const Panels panels(pivots);
+  for (int p = 0; p < panels.count; ++p) size += Index(panels.begin(p + 1)) * (panels.begin(p + 1) - panels.begin(p));
+  return size;
+}
+
+inline namespace CLOTHCTL_ISA {
+
 /// Calls `function(integral_constant<int, width>)` for a width of 3, 6, 9 or 12.
 template <class Function>
 CLOTHCTL_KERNEL void dispatch_width(int width, Function&& function) {
@@ -138,10 +148,12 @@ struct Tile {
   }
 };
 
-/// Calls `function(integral_constant<int, vectors>, row)` for tiles of one or more registers over rows [first, last).
+/// Calls `function(integral_constant<int, vectors>, row)` for tiles of one or more whole registers that cover rows
+/// [first, last).
 template <class Scalar, class Function>
 CLOTHCTL_KERNEL void for_each_row_tile(Index first, Index last, Function&& function) {
   constexpr int kLanes = native_lanes<Scalar>();
+  last = (last + kLanes - 1) / kLanes * kLanes;
   Index row = first;
   if constexpr (kManyRegisters) {
     for (; row + 2 * kLanes <= last; row += 2 * kLanes) function(std::integral_constant<int, 2>{}, row);
@@ -150,9 +162,10 @@ CLOTHCTL_KERNEL void for_each_row_tile(Index first, Index last, Function&& funct
 }
 
 /// Finishes kWidth pivot columns from `first` on: updates them by all columns before, replaces the diagonal block by L⁻¹
-/// and what lies below by rows of L. Rows up to ld are written. Fails when: the block is not positive definite.
+/// and what lies below by rows of L. Rows up to `rows` rounded up to whole registers are written. Fails when: the block is
+/// not positive definite.
 template <int kWidth, class Scalar>
-bool eliminate_panel(Scalar* f, Index ld, Index first) {
+bool eliminate_panel(Scalar* f, Index ld, Index rows, Index first) {
   constexpr Index kLanes = native_lanes<Scalar>();
   Scalar* panel = f + first * ld;
   const Index begin = first / kLanes * kLanes;
@@ -177,7 +190,7 @@ bool eliminate_panel(Scalar* f, Index ld, Index first) {
   for (int j = 0; j < kWidth; ++j) {
     std::copy_n(block.inverse + kStride * j, kWidth, panel + j * ld + first);
   }
-  for_each_row_tile<Scalar>(middle, ld, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
+  for_each_row_tile<Scalar>(middle, rows, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
     Tile<Scalar, decltype(vectors)::value, kWidth> tile;
     tile.load(panel + row, ld);
     tile.subtract_outer(f + row, f + first, ld, first);
@@ -197,7 +210,7 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
     const int first = pivot_panels.begin(panel);
     bool positive = true;
     dispatch_width(pivot_panels.begin(panel + 1) - first,
-                   [&](auto w) { positive = eliminate_panel<decltype(w)::value>(f, ld, first); });
+                   [&](auto w) { positive = eliminate_panel<decltype(w)::value>(f, ld, pivots + border, first); });
     if (!positive) return false;
   }
   const Scalar* v = f + pivots;
@@ -207,7 +220,7 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
     dispatch_width(border_panels.begin(panel + 1) - border_panels.begin(panel), [&](auto w) {
       constexpr int kWidth = decltype(w)::value;
       constexpr Index kLanes = native_lanes<Scalar>();
-      for_each_row_tile<Scalar>(first / kLanes * kLanes, ldu, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
+      for_each_row_tile<Scalar>(first / kLanes * kLanes, border, [&](auto vectors, Index row) CLOTHCTL_KERNEL_LAMBDA {
         Tile<Scalar, decltype(vectors)::value, kWidth> tile;
         if (fresh) {
           tile.set_zero();
@@ -220,14 +233,6 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
     });
   }
   return true;
-}
-
-/// Scalars that pack_front writes.
-inline Index packed_size(Index pivots, Index border) {
-  Index size = pivots * border;
-  const Panels panels(pivots);
-  for (int p = 0; p < panels.count; ++p) size += Index(panels.begin(p + 1)) * (panels.begin(p + 1) - panels.begin(p));
-  return size;
 }
 
 /// Copies the pivot columns of an eliminated front in the order in which solves read them: panel by panel of rows (pivots,
@@ -286,5 +291,7 @@ CLOTHCTL_KERNEL void add_run(Scalar* target, const Scalar* source, Index count) 
   }
   for (; i < count; ++i) target[i] = target[i] + source[i];
 }
+
+}  // namespace CLOTHCTL_ISA
 
 }  // namespace clothctl::detail

@@ -73,7 +73,7 @@ struct FrontLayout {
   FrontLayout(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree, int align)
       : rows(pattern.rows()), lower_count(pattern.lower_count()), align_(align), fronts_border_(tree.parent.size()) {
     lay_out_fronts(pattern, tree);
-    for (std::size_t k = 0; k < fronts.size(); ++k) lay_out_children(tree, k);
+    lay_out_children(tree);
     lay_out_updates();
     fronts_border_ = {};
   }
@@ -108,8 +108,8 @@ struct FrontLayout {
       for (int slot = pattern.row_begin(i); slot < pattern.row_begin(i + 1); ++slot) {
         const int j = pattern.column(slot);
         const int pj = position[at(j)];
-        const int early = std::min(pi, pj);
-        blocks[at(node_of[at(early)])].push_back({std::max(pi, pj), early, {slot, i, j, pi < pj, 0}});
+        const int early = (std::min)(pi, pj);
+        blocks[at(node_of[at(early)])].push_back({(std::max)(pi, pj), early, {slot, i, j, pi < pj, 0}});
       }
     }
     return blocks;
@@ -142,8 +142,8 @@ struct FrontLayout {
       front.ldu = padded(front.border);
       front.factor = factor_size;
       factor_size += packed_size(front.pivots, front.border);
-      largest_front = std::max(largest_front, front.ld * front.pivots);
-      most_pivots = std::max(most_pivots, front.pivots);
+      largest_front = (std::max)(largest_front, front.ld * front.pivots);
+      most_pivots = (std::max)(most_pivots, front.pivots);
       front.vertex_begin = static_cast<int>(vertices.size());
       const auto add_row = [&](int p) {
         local[at(p)] = static_cast<int>(vertices.size()) - front.vertex_begin;
@@ -161,33 +161,45 @@ struct FrontLayout {
     }
   }
 
-  /// Where the rows of the update matrices of node k's children go. A run ends where the parent's border begins.
-  void lay_out_children(const EliminationTree& tree, std::size_t k) {
-    Front& front = fronts[k];
-    front.child_begin = static_cast<int>(children.size());
-    for (std::size_t c = 0; c < k; ++c) {
-      if (tree.parent[c] != static_cast<int>(k) || fronts[c].border == 0) continue;
-      FrontChild child{static_cast<int>(c), static_cast<int>(runs.size()), 0};
-      Index source = 0;
-      for (int p : fronts_border_[c]) {
-        Index target = 3 * (p - tree.node_begin[k]);
-        if (p >= tree.node_begin[k + 1]) {
-          const auto it = std::lower_bound(fronts_border_[k].begin(), fronts_border_[k].end(), p);
-          target = front.pivots + 3 * (it - fronts_border_[k].begin());
-        }
-        const bool joins = static_cast<int>(runs.size()) > child.run_begin && target != front.pivots &&
-                           runs.back().target + runs.back().length == target;
-        if (joins) {
-          runs.back().length += 3;
-        } else {
-          runs.push_back({source, target, 3});
-        }
-        source += 3;
-      }
-      child.run_end = static_cast<int>(runs.size());
-      children.push_back(child);
+  /// The children of each front, in ascending order, and where the rows of their update matrices go.
+  void lay_out_children(const EliminationTree& tree) {
+    // Lists of children with something to pass on, linked through their numbers.
+    std::vector<int> first(fronts.size(), -1), next(fronts.size(), -1);
+    for (std::size_t c = fronts.size(); c-- > 0;) {
+      if (fronts[c].border == 0) continue;
+      const std::size_t parent = at(tree.parent[c]);
+      next[c] = first[parent];
+      first[parent] = static_cast<int>(c);
     }
-    front.child_end = static_cast<int>(children.size());
+    for (std::size_t k = 0; k < fronts.size(); ++k) {
+      fronts[k].child_begin = static_cast<int>(children.size());
+      for (int c = first[k]; c >= 0; c = next[at(c)]) lay_out_child(tree, k, at(c));
+      fronts[k].child_end = static_cast<int>(children.size());
+    }
+  }
+
+  /// Where the rows of the update matrix of node k's child c go. A run ends where the parent's border begins.
+  void lay_out_child(const EliminationTree& tree, std::size_t k, std::size_t c) {
+    const Front& front = fronts[k];
+    FrontChild child{static_cast<int>(c), static_cast<int>(runs.size()), 0};
+    Index source = 0;
+    for (int p : fronts_border_[c]) {
+      Index target = 3 * (p - tree.node_begin[k]);
+      if (p >= tree.node_begin[k + 1]) {
+        const auto it = std::lower_bound(fronts_border_[k].begin(), fronts_border_[k].end(), p);
+        target = front.pivots + 3 * (it - fronts_border_[k].begin());
+      }
+      const bool joins = static_cast<int>(runs.size()) > child.run_begin && target != front.pivots &&
+                         runs.back().target + runs.back().length == target;
+      if (joins) {
+        runs.back().length += 3;
+      } else {
+        runs.push_back({source, target, 3});
+      }
+      source += 3;
+    }
+    child.run_end = static_cast<int>(runs.size());
+    children.push_back(child);
   }
 
   /// Gives each update matrix the first gap that is free from its own elimination to its parent's assembly.
@@ -205,7 +217,7 @@ struct FrontLayout {
         for (; place < live.size() && live[place].begin < front.update + wanted; ++place) front.update = live[place].end;
         live.insert(live.begin() + static_cast<std::ptrdiff_t>(place),
                     {front.update, front.update + wanted, static_cast<int>(k)});
-        update_size = std::max(update_size, front.update + wanted);
+        update_size = (std::max)(update_size, front.update + wanted);
       }
       for (int c = front.child_begin; c < front.child_end; ++c) {
         const int child = children[at(c)].front;

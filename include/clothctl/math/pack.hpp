@@ -21,8 +21,30 @@
 #define CLOTHCTL_KERNEL_LAMBDA
 #endif
 
+// Units of one program may be compiled for different instruction sets. What a template becomes then differs under one name,
+// and a linker keeps either; so everything that depends on the set stands in an inline namespace named after it.
+#if defined(__AVX512F__)
+#define CLOTHCTL_ISA isa_avx512
+#elif defined(__AVX2__)
+#define CLOTHCTL_ISA isa_avx2
+#elif defined(__AVX__)
+#define CLOTHCTL_ISA isa_avx
+#else
+#define CLOTHCTL_ISA isa_128
+#endif
+
 namespace clothctl::detail {
 
+/// Leading dimensions of memory that packs walk over are multiples of this: the widest register of any machine, so that the
+/// memory looks the same whatever unit of a program laid it out.
+template <class Scalar>
+constexpr int padded_lanes() {
+  return std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double> ? 64 / int(sizeof(Scalar)) : 1;
+}
+
+inline namespace CLOTHCTL_ISA {
+
+/// Bytes of the widest register.
 #if defined(__AVX512F__)
 inline constexpr int kVectorBytes = 64;
 #elif defined(__AVX__)
@@ -156,5 +178,7 @@ struct Pack {
     }
   }
 };
+
+}  // namespace CLOTHCTL_ISA
 
 }  // namespace clothctl::detail

@@ -12,6 +12,8 @@
 
 namespace clothctl::detail {
 
+inline namespace CLOTHCTL_ISA {
+
 /// Asks for the memory `offset` scalars from an address, inside or outside of any object, ahead of its use.
 template <class Scalar>
 CLOTHCTL_KERNEL void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unused]] Index offset) {
@@ -174,5 +176,7 @@ void solve_front_backward(const Scalar* packed, Index pivots, Index border, Scal
     });
   }
 }
+
+}  // namespace CLOTHCTL_ISA
 
 }  // namespace clothctl::detail

@@ -52,9 +52,8 @@ Result<GridMesh<Scalar>> make_grid(int rows, int cols, Scalar width, Scalar heig
   if (cols < 2) return Error{"grid needs at least 2 columns, got " + std::to_string(cols)};
   if (static_cast<std::int64_t>(rows) * cols > 100000000)
     return Error{"grid of " + std::to_string(rows) + " rows and " + std::to_string(cols) + " columns is too large"};
-  if (!is_finite(width) || !(Scalar(0) < width)) return Error{"grid width must be positive, got " + detail::number_text(width)};
-  if (!is_finite(height) || !(Scalar(0) < height))
-    return Error{"grid height must be positive, got " + detail::number_text(height)};
+  if (!is_finite(width) || !(Scalar(0) < width)) return Error{"grid width must be positive, got " + number_text(width)};
+  if (!is_finite(height) || !(Scalar(0) < height)) return Error{"grid height must be positive, got " + number_text(height)};
 
   GridMesh<Scalar> mesh;
   mesh.rows = rows;

@@ -10,8 +10,10 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <numeric>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "clothctl/math/block_cholesky.hpp"
@@ -25,7 +27,7 @@ template <RealScalar Scalar>
 class Dissection {
  public:
   Dissection(const BlockSymmetric<Scalar>& pattern, const PointsView<Scalar>& positions, int leaf_size)
-      : positions_(positions), leaf_size_(std::max(leaf_size, 1)) {
+      : positions_(positions), leaf_size_((std::max)(leaf_size, 1)) {
     const int n = static_cast<int>(pattern.rows());
     neighbour_begin_.assign(size(n) + 1, 0);
     for (int i = 0; i < n; ++i) {
@@ -62,11 +64,14 @@ class Dissection {
 
   static std::size_t size(int i) { return static_cast<std::size_t>(i); }
 
-  /// Orders order_[begin, end) by a coordinate, ties by index.
+  /// Orders order_[begin, end) by a coordinate, ties by index; what is not finite comes last.
   void sort_along(int axis, int begin, int end) {
     std::sort(order_.begin() + begin, order_.begin() + end, [&](int a, int b) {
       const Scalar xa = positions_(axis, a), xb = positions_(axis, b);
-      return xa < xb || (!(xb < xa) && a < b);
+      const bool a_counts = is_finite(xa), b_counts = is_finite(xb);
+      if (a_counts != b_counts) return a_counts;
+      if (a_counts && (xa < xb || xb < xa)) return xa < xb;
+      return a < b;
     });
   }
 
@@ -76,8 +81,8 @@ class Dissection {
     for (int s = neighbour_begin_[size(v)]; s < neighbour_begin_[size(v) + 1]; ++s) {
       const int r = rank_[size(neighbours_[size(s)])];
       if (r < 0) continue;
-      range[0] = std::min(range[0], r);
-      range[1] = std::max(range[1], r);
+      range[0] = (std::min)(range[0], r);
+      range[1] = (std::max)(range[1], r);
     }
     return range;
   }
@@ -97,7 +102,7 @@ class Dissection {
     }
     std::partial_sum(lower.begin(), lower.end(), lower.begin());
     std::partial_sum(upper.begin(), upper.end(), upper.begin());
-    for (int m = std::max(1, n / 4); m <= n - std::max(1, n / 4); ++m) {
+    for (int m = (std::max)(1, n / 4); m <= n - (std::max)(1, n / 4); ++m) {
       for (const bool use_lower : {true, false}) {
         const int separator = use_lower ? lower[size(m)] : upper[size(m)];
         const int below = m - (use_lower ? separator : 0), above = n - m - (use_lower ? 0 : separator);
@@ -180,11 +185,12 @@ class Dissection {
 
 /// Orders a pattern for BlockCholesky by recursive bisection of the positions (3×n, m, rest shape) with vertex separators.
 /// Any pattern will do: sheets with bending couplings, garments, ropes, solids, several bodies. Sets of at most `leaf_size`
-/// vertices are not cut further. Deterministic. Allocates. Complexity: O((n log n + p) log n), p pairs.
+/// vertices are not cut further. Deterministic. Allocates. Complexity: O((n log n + p) log n), p pairs. Fails when: the
+/// positions are not as many as the rows, or one is not finite (assert).
 template <RealScalar Scalar>
 EliminationTree nested_dissection(const BlockSymmetric<Scalar>& pattern,
                                   const std::type_identity_t<PointsView<Scalar>>& positions, int leaf_size = 16) {
-  assert(positions.cols() == pattern.rows());
+  assert(positions.cols() == pattern.rows() && all_finite(positions));
   return detail::Dissection<Scalar>(pattern, positions, leaf_size).take();
 }
 

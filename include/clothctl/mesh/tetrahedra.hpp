@@ -56,7 +56,8 @@ struct TetMesh {
           return name + " holds vertex " + std::to_string(v) + " off the mesh of " + std::to_string(n) + " vertices";
         used[static_cast<std::size_t>(v)] = true;
       }
-      if (!(Scalar(0) < volume(t))) return name + " has no positive volume, got " + detail::number_text(volume(t)) + " m^3";
+      const Scalar v = volume(t);
+      if (!is_finite(v) || !(Scalar(0) < v)) return name + " has no positive volume, got " + number_text(v) + " m^3";
     }
     for (Index v = 0; v < n; ++v) {
       if (!used[static_cast<std::size_t>(v)]) return "vertex " + std::to_string(v) + " belongs to no tetrahedron";
@@ -84,7 +85,8 @@ void for_each_kuhn_tetrahedron(Function&& emit) {
 
 /// Makes a box of nx × ny × nz cells, centred at the origin; `size` are its edges in m. Vertex (i, j, k) has index
 /// i + (nx+1) (j + (ny+1) k). Allocates. Complexity: O(nx ny nz).
-/// Fails when: a count is below 1, the cells exceed 10^7, or a size is not positive.
+/// Fails when: a count is below 1, the cells exceed 10^7, a size is not positive, or a volume is too small or large for
+/// Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& size) {
   const std::array<int, 3> count{nx, ny, nz};
@@ -94,10 +96,10 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
     const Scalar extent = size[static_cast<Index>(i)];
     if (count[i] < 1) return Error{"box needs at least 1 cell along " + axis + ", got " + std::to_string(count[i])};
     if (!is_finite(extent) || !(Scalar(0) < extent))
-      return Error{"box size along " + axis + " must be positive, got " + detail::number_text(extent)};
+      return Error{"box size along " + axis + " must be positive, got " + number_text(extent)};
     cells *= static_cast<double>(count[i]);
   }
-  if (cells > 1e7) return Error{"box of " + detail::number_text(cells) + " cells is too large"};
+  if (cells > 1e7) return Error{"box of " + number_text(cells) + " cells is too large"};
 
   TetMesh<Scalar> mesh;
   mesh.positions.resize(3, static_cast<Index>(nx + 1) * (ny + 1) * (nz + 1));
@@ -126,19 +128,20 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
       }
     }
   }
+  if (std::string problem = mesh.check(); !problem.empty()) return Error{"box: " + problem};
   return mesh;
 }
 
 /// Makes a ball; radius and centre in m. `resolution` is the number of layers from centre to surface; there are
 /// 8 resolution³ tetrahedra. The first vertex is the south pole, the last the north pole (0, 0, radius), the middle one
 /// the centre. Allocates. Complexity: O(resolution³).
-/// Fails when: resolution is below 1 or above 100, the radius is not positive, or the centre is not finite.
+/// Fails when: resolution is below 1 or above 100, the radius is not positive, the centre is not finite, or a volume is too
+/// small or large for Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<Scalar>& centre) {
   using std::sqrt;
   if (resolution < 1 || resolution > 100) return Error{"ball resolution must be 1 to 100, got " + std::to_string(resolution)};
-  if (!is_finite(radius) || !(Scalar(0) < radius))
-    return Error{"ball radius must be positive, got " + detail::number_text(radius)};
+  if (!is_finite(radius) || !(Scalar(0) < radius)) return Error{"ball radius must be positive, got " + number_text(radius)};
   if (!all_finite(centre)) return Error{"ball centre is not finite"};
   const int n = resolution, side = 2 * n + 1;
 
@@ -210,7 +213,7 @@ std::vector<std::array<int, 2>> tetrahedron_edges(const TetMesh<Scalar>& mesh) {
   edges.reserve(6 * mesh.tetrahedra.size());
   for (const std::array<int, 4>& t : mesh.tetrahedra) {
     for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = i + 1; j < 4; ++j) edges.push_back({std::min(t[i], t[j]), std::max(t[i], t[j])});
+      for (std::size_t j = i + 1; j < 4; ++j) edges.push_back({(std::min)(t[i], t[j]), (std::max)(t[i], t[j])});
     }
   }
   std::sort(edges.begin(), edges.end());

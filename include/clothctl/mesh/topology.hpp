@@ -5,8 +5,11 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
+#include <limits>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "clothctl/core/result.hpp"
@@ -60,10 +63,26 @@ struct Topology {
   }
 };
 
+namespace detail {
+
+/// What is wrong with the counts of a mesh, "" where nothing is: vertices, edges and ends of edges are numbered with ints.
+inline std::string bad_mesh_counts(std::int64_t vertices, std::size_t triangles) {
+  constexpr std::int64_t most = (std::numeric_limits<int>::max)();
+  if (vertices < 0) return "vertex count must not be negative, got " + std::to_string(vertices);
+  if (vertices > most) return "vertex count must be at most " + std::to_string(most) + ", got " + std::to_string(vertices);
+  if (triangles > static_cast<std::size_t>(most / 6))
+    return "triangle count must be at most " + std::to_string(most / 6) + ", got " + std::to_string(triangles);
+  return {};
+}
+
+}  // namespace detail
+
 /// Finds edges, border, neighbours and hinges of a mesh. Allocates. Complexity: O(n log n).
-/// Fails when: an index is off the mesh, a triangle names a vertex twice or repeats another one, or three
-/// triangles share an edge. Vertices that no triangle touches are allowed; they have no neighbours.
-inline Result<Topology> make_topology(int vertex_count, const std::vector<std::array<int, 3>>& triangles) {
+/// Fails when: the vertex count is negative or beyond int, there are more than 357 million triangles, an index is off the
+/// mesh, a triangle names a vertex twice or repeats another one, or three triangles share an edge. Vertices that no triangle
+/// touches are allowed; they have no neighbours.
+inline Result<Topology> make_topology(std::int64_t vertex_count, const std::vector<std::array<int, 3>>& triangles) {
+  if (std::string bad = detail::bad_mesh_counts(vertex_count, triangles.size()); !bad.empty()) return Error{std::move(bad)};
   struct Side {
     int a, b, triangle, opposite;
     bool forward;
@@ -79,7 +98,7 @@ inline Result<Topology> make_topology(int vertex_count, const std::vector<std::a
                      " vertices"};
       if (corner[i] == corner[(i + 1) % 3]) return Error{name + " holds vertex " + std::to_string(corner[i]) + " twice"};
       const int from = corner[i], to = corner[(i + 1) % 3];
-      sides.push_back({std::min(from, to), std::max(from, to), static_cast<int>(t), corner[(i + 2) % 3], from < to});
+      sides.push_back({(std::min)(from, to), (std::max)(from, to), static_cast<int>(t), corner[(i + 2) % 3], from < to});
     }
   }
   std::sort(sides.begin(), sides.end(), [](const Side& p, const Side& q) {

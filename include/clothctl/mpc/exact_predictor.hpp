@@ -18,10 +18,13 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "clothctl/concepts/prediction.hpp"
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/window.hpp"
 
 namespace clothctl {
@@ -29,9 +32,17 @@ namespace clothctl {
 /// Settings of an ExactPredictor.
 template <RealScalar Scalar>
 struct ExactPredictorSettings {
-  /// Share of the measured net force in the prediction, 0 … 1: 0 trusts the model's force at the measured state, 1 replaces
-  /// it by M ((v - v₋)/h + α v) - (the input that was applied). For plants whose elongation is not tension.
+  /// Share of the measured net force in the prediction, 0 … 1: 0 trusts the model's force at the measured state, 1 replaces it
+  /// by M ((v - v₋)/h + α v) + (D + C) v + C (w - w₋) - (the input that was applied), which counts dampers and air once, since
+  /// A holds them. For plants whose elongation is not tension. Held vertices whose input is not known keep the model's force.
   Scalar measured_force = Scalar(0);
+
+  /// Returns an empty string, or a line that names the bad setting and its value.
+  std::string check() const {
+    if (!is_finite(measured_force) || measured_force < Scalar(0) || Scalar(1) < measured_force)
+      return "measured_force is " + detail::number_text(measured_force) + ", must be 0 to 1";
+    return {};
+  }
 };
 
 /// Predicts with a StepResponse about the measured state. S is the planner's scalar; the response may be single precision.
@@ -43,14 +54,15 @@ class ExactPredictor {
   /// The scalar of the recursion.
   using Inner = typename Response::Scalar;
   /// Outputs that run side by side.
-  static constexpr int kLanes = sizeof(Inner) <= 4 ? 16 : 8;
+  static constexpr int kLanes = kResponseLanes<Inner>;
 
-  /// Takes over a response. Allocates.
+  /// Takes over a response. Allocates. Fails when: the settings do not pass their check (assert).
   explicit ExactPredictor(Response response, ExactPredictorSettings<S> settings = {})
       : response_(std::move(response)), settings_(settings) {
+    assert(settings.check().empty());
     const Index n = response_.vertex_count();
     for (Lanes<Inner, kLanes>* lanes : {&a_, &w_, &change_, &stiff_, &coupled_}) lanes->setZero(kLanes, 3 * n);
-    for (Points<Inner>* p : {&x_, &v_, &force_, &gust_[0], &gust_[1], &gust_[2]}) p->setZero(3, n);
+    for (Points<Inner>* p : {&x_, &v_, &force_, &measured_, &gust_[0], &gust_[1], &gust_[2]}) p->setZero(3, n);
     last_velocity_.setZero(3, n);
     Inner count = Inner(0);
     for (Index i = 0; i < n; ++i) count += Inner(1);
@@ -61,6 +73,7 @@ class ExactPredictor {
   void reserve(const WindowRequest<S>& request, WindowResponse<S>& response) {
     response.impulse.setZero(request.output_rows(), request.inputs() * request.horizon);
     response.free.setZero(request.output_rows(), request.horizon);
+    response.plan.setZero(request.inputs(), request.horizon);
     held_sum_.setZero(kLanes, request.inputs());
     gust_response_.setZero(3 * kLanes, request.horizon);
     has_last_ = false;
@@ -69,46 +82,89 @@ class ExactPredictor {
   /// Predicts the window from positions `x` (3×n, m) and velocities `v` (3×n, m/s). Returns false when the step matrix is not
   /// positive definite. Never allocates after `reserve`. Complexity: one factorisation, K·⌈outputs/lanes⌉ solves.
   bool predict(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request, WindowResponse<S>& response) {
-    x_ = x.template cast<Inner>();
+    const Index n = response_.vertex_count();
+    if (x.cols() != n || v.cols() != n) return false;
+    // Where nothing depends on the place, single precision is spent on the shape alone.
+    Vector3<S> place = Vector3<S>::Zero();
+    if (translation_free()) {
+      for (Index i = 0; i < n; ++i) place += x.col(i);
+      place *= static_cast<S>(share_);
+    }
+    for (Index i = 0; i < n; ++i) {
+      const Vector3<S> local = x.col(i) - place;
+      x_.col(i) = local.template cast<Inner>();
+    }
     v_ = v.template cast<Inner>();
     const bool velocity_input = request.kind == InputKind::Velocity;
     const Vector3<S> wind = request.wind.col(0);
     const Inner dt = static_cast<Inner>(request.dt);
+    const bool measured = S(0) < settings_.measured_force && has_last_;
+    if (measured) measure_force(dt);
     if (!response_.linearise(x_, v_, wind.template cast<Inner>(), dt, velocity_input ? request.held : none_)) {
       has_last_ = false;
       return false;
     }
     gather_force(request);
+    if (measured) blend_measured(request);
     for (Index first = 0; first < request.output_rows(); first += kLanes) run_lanes(first, x, request, response);
     add_plan(request.plan, response);
+    response.plan = request.plan;
     last_velocity_ = v_;
+    last_wind_ = wind.template cast<Inner>();
     has_last_ = true;
     return true;
   }
 
+  /// Number of vertices of the sheet.
+  Index vertex_count() const { return response_.vertex_count(); }
   /// Forgets the last frame's velocity (after a jump of the plant).
   void reset() { has_last_ = false; }
   /// The response operator at the last linearisation.
   Response& response() { return response_; }
 
  private:
+  bool translation_free() const {
+    if constexpr (requires(const Response& r) { r.translation_free() ? 0 : 1; }) return response_.translation_free();
+    return false;
+  }
+
+  /// What the last step's linearisation, which the response still holds, says of the force that the plant felt at its end:
+  /// M ((v - v₋)/h + α v) + (D + C) v - C w₋.
+  void measure_force(Inner dt) {
+    const Index n = response_.vertex_count();
+    w_.setZero();
+    for (Index i = 0; i < n; ++i) {
+      for (Index c = 0; c < 3; ++c) w_(0, 3 * i + c) = v_(c, i);
+    }
+    response_.multiply(w_, stiff_, coupled_);  // K v, R v
+    measured_.setZero();
+    response_.add_wind_force(-last_wind_, measured_);
+    for (Index i = 0; i < n; ++i) {
+      const Vector3<Inner> rate = (v_.col(i) - last_velocity_.col(i)) / dt + response_.drag() * v_.col(i);
+      measured_.col(i) += response_.mass()[i] * rate;
+      for (Index c = 0; c < 3; ++c) measured_(c, i) += coupled_(0, 3 * i + c) / dt - dt * stiff_(0, 3 * i + c);
+    }
+  }
+
+  /// force = (1 - share) force + share (measured net force, without the input and in the wind of now).
+  void blend_measured(const WindowRequest<S>& request) {
+    const Vector3<S> wind = request.wind.col(0);
+    response_.add_wind_force(wind.template cast<Inner>(), measured_);
+    for (std::size_t j = 0; j < request.held.size(); ++j) {
+      const int vertex = request.held[j];
+      if (request.kind == InputKind::Force && request.has_applied) {
+        const Vector3<S> applied = request.applied.template segment<3>(3 * static_cast<Index>(j));
+        measured_.col(vertex) -= applied.template cast<Inner>();
+      } else {
+        measured_.col(vertex) = force_.col(vertex);
+      }
+    }
+    force_ += static_cast<Inner>(settings_.measured_force) * (measured_ - force_);
+  }
+
   void gather_force(const WindowRequest<S>& request) {
     force_ = response_.force();
     if (request.outer_force.cols() > 0) force_ += request.outer_force.template cast<Inner>();
-    if (Scalar(0) < settings_.measured_force && has_last_) {
-      const Inner share = static_cast<Inner>(settings_.measured_force);
-      const Inner dt = static_cast<Inner>(request.dt);
-      for (Index i = 0; i < force_.cols(); ++i) {
-        const Vector3<Inner> rate = (v_.col(i) - last_velocity_.col(i)) / dt + response_.drag() * v_.col(i);
-        force_.col(i) += share * (response_.mass()[i] * rate - force_.col(i));
-      }
-      if (request.kind == InputKind::Force) {
-        for (std::size_t j = 0; j < request.held.size(); ++j) {
-          const Vector3<S> applied = request.applied.template segment<3>(3 * static_cast<Index>(j));
-          force_.col(request.held[j]) -= share * applied.template cast<Inner>();
-        }
-      }
-    }
     gusty_ = false;
     for (Index k = 1; k < request.horizon; ++k) gusty_ = gusty_ || !(request.wind.col(k) == request.wind.col(0));
     airy_ = false;
@@ -192,25 +248,23 @@ class ExactPredictor {
 
   /// stiff = K w, coupled = R w.
   void multiply(Inner dt) {
-    if constexpr (requires(const Response& r) { r.translation_free() ? 0 : 1; }) {
-      if (response_.translation_free()) {
-        const Index n = response_.vertex_count();
-        Eigen::Matrix<Inner, kLanes, 3> mean = Eigen::Matrix<Inner, kLanes, 3>::Zero();
-        for (Index i = 0; i < n; ++i) mean += w_.template middleCols<3>(3 * i);
-        mean *= share_;
-        for (Index i = 0; i < n; ++i) change_.template middleCols<3>(3 * i) = w_.template middleCols<3>(3 * i) - mean;
-        response_.multiply(change_, stiff_, coupled_);
-        if (!airy_) return;
-        for (Index c = 0; c < 3; ++c) {
-          const Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
-          for (Index i = 0; i < n; ++i) {
-            for (Index d = 0; d < 3; ++d) coupled_.col(3 * i + d) += mean.col(c) * (dt * gust(d, i));
-          }
-        }
-        return;
+    if (!translation_free()) {
+      response_.multiply(w_, stiff_, coupled_);
+      return;
+    }
+    const Index n = response_.vertex_count();
+    Eigen::Matrix<Inner, kLanes, 3> mean = Eigen::Matrix<Inner, kLanes, 3>::Zero();
+    for (Index i = 0; i < n; ++i) mean += w_.template middleCols<3>(3 * i);
+    mean *= share_;
+    for (Index i = 0; i < n; ++i) change_.template middleCols<3>(3 * i) = w_.template middleCols<3>(3 * i) - mean;
+    response_.multiply(change_, stiff_, coupled_);
+    if (!airy_) return;
+    for (Index c = 0; c < 3; ++c) {
+      const Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
+      for (Index i = 0; i < n; ++i) {
+        for (Index d = 0; d < 3; ++d) coupled_.col(3 * i + d) += mean.col(c) * (dt * gust(d, i));
       }
     }
-    response_.multiply(w_, stiff_, coupled_);
   }
 
   /// Outputs that hold a prescribed vertex move with it at once: T_m += h weight for every m.
@@ -258,7 +312,8 @@ class ExactPredictor {
   Response response_;
   ExactPredictorSettings<S> settings_;
   Lanes<Inner, kLanes> a_, w_, change_, stiff_, coupled_, held_sum_;
-  Points<Inner> x_, v_, force_, last_velocity_;
+  Points<Inner> x_, v_, force_, measured_, last_velocity_;
+  Vector3<Inner> last_wind_ = Vector3<Inner>::Zero();
   std::array<Points<Inner>, 3> gust_;
   MatrixX<Inner> gust_response_;
   std::vector<int> none_;

@@ -3,8 +3,8 @@
 // How the unknowns of the QP move the held vertices: raw inputs r = B u, the same B in every frame of the window.
 //
 //   Force:  u = d >= 0, one coefficient for each (finger, vertex, generator);  r_j = Σ d_i s_i       (paper 000, eq. 1-2)
-//   Pose:   u = (v, ω) of each grip;  r_j = v + ω × (x_j - c)                                         (ω only if the patch has
-//   extent)
+//
+//   Pose:   u = (v, ω) of each grip;  r_j = v + ω × (x_j - c);  ω only where the grip holds several vertices
 //
 // Held vertices are ordered grip by grip, so a column of B touches a contiguous run of rows.
 

@@ -14,6 +14,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <utility>
 #include <vector>
 
 #include "clothctl/core/types.hpp"
@@ -40,6 +41,29 @@ struct HandAnchor {
   /// Length L that hangs below the hand, m; 0 switches the average off.
   Scalar drop = Scalar(0);
 };
+
+/// Anchors that keep the offsets of a start pose: features at the columns of `features` (m), hands at those of `hands`. Hand i
+/// follows feature i if there are as many, else the mean of all. Allocates.
+template <RealScalar Scalar>
+std::vector<HandAnchor<Scalar>> make_anchors(const Points<Scalar>& features, const Points<Scalar>& hands) {
+  std::vector<HandAnchor<Scalar>> anchors;
+  Scalar number = Scalar(0);
+  for (Index i = 0; i < features.cols(); ++i) number += Scalar(1);
+  for (Index g = 0; g < hands.cols(); ++g) {
+    HandAnchor<Scalar> anchor;
+    Vector3<Scalar> followed = Vector3<Scalar>::Zero();
+    for (Index i = 0; i < features.cols(); ++i) {
+      const Scalar paired = Scalar(i == g ? 1.0 : 0.0);
+      const Scalar weight = features.cols() == hands.cols() ? paired : Scalar(1) / number;
+      anchor.feature_weights.push_back(weight);
+      followed += weight * features.col(i);
+    }
+    anchor.offset = hands.col(g) - followed;
+    anchor.drop = Scalar(0) < anchor.offset[2] ? anchor.offset[2] : Scalar(0);
+    anchors.push_back(std::move(anchor));
+  }
+  return anchors;
+}
 
 /// Where the hand of `anchor` belongs at time `t` (s): `target(feature, time)` gives ȳ in m. `gravity`: its size, m/s².
 /// Never allocates. Complexity: 33 evaluations of each feature.

@@ -30,7 +30,7 @@ struct PlanResult {
   /// Distance between the features measured now and what the last frame predicted for now, root mean square, m.
   Scalar prediction_error = Scalar(0);
   /// 1 - prediction_error / (how far the features moved in the last frame, at least 1 mm), within [0, 1]. 1: the plant does
-  /// what was predicted. 1 in the first frame.
+  /// what was predicted. 1 in the first frame and after a Failed one.
   Scalar agreement = Scalar(1);
   /// Largest predicted non-affine displacement of a held vertex over the window, m.
   Scalar patch_residual = Scalar(0);

@@ -4,15 +4,16 @@
 // at the shifted previous plan, stack the cost (planner_settings.hpp), condense it to a QP in the unknowns of grip_basis.hpp,
 // solve it warm (window_qp.hpp), and answer with the input of the first frame. Reference: paper 000, section 4.1.
 
-#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/mpc/plan_types.hpp"
+#include "clothctl/mpc/rigid_command.hpp"
 #include "clothctl/mpc/window_qp.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/qp/box_active_set.hpp"
@@ -20,27 +21,29 @@
 namespace clothctl {
 
 /// Plans contact forces or grip poses over a receding horizon. Reference: paper 000, section 4.1.
-template <class Predictor, class BoxSolver = BoxActiveSet<typename Predictor::Scalar>,
-          class RowSolver = ActiveSet<typename Predictor::Scalar>>
+///
+/// `P` models Predictor; the solvers model BoxQpSolver and QpSolver and can be made without arguments.
+template <class P, class BoxSolver = BoxActiveSet<typename P::Scalar>, class RowSolver = ActiveSet<typename P::Scalar>>
+requires Predictor<P, WindowRequest<typename P::Scalar>, WindowResponse<typename P::Scalar>>
 class Planner {
  public:
   /// The scalar type.
-  using Scalar = typename Predictor::Scalar;
+  using Scalar = typename P::Scalar;
 
   /// Checks everything and makes a planner for a sheet that stands at `start` (3×n, m). Allocates.
-  static Result<Planner> create(PlannerSetup<Scalar> setup, PlannerSettings<Scalar> settings, Predictor predictor,
+  static Result<Planner> create(PlannerSetup<Scalar> setup, PlannerSettings<Scalar> settings, P predictor,
                                 const PointsView<Scalar>& start) {
     std::string problem = settings.check();
     if (problem.empty()) problem = check_features<Scalar>(setup.features, start.cols());
     if (problem.empty()) problem = check_grips(setup.grips, start.cols());
     if (problem.empty() && !all_finite(start)) problem = "the start positions are not finite";
-    if (problem.empty() && !setup.anchors.empty() && setup.anchors.size() != setup.grips.size()) {
-      problem =
-          "there are " + std::to_string(setup.anchors.size()) + " anchors for " + std::to_string(setup.grips.size()) + " grips";
-    }
-    for (const HandAnchor<Scalar>& anchor : setup.anchors) {
-      if (problem.empty() && static_cast<Index>(anchor.feature_weights.size()) != setup.features.count())
-        problem = "an anchor has not one weight a feature";
+    if (problem.empty()) problem = check_triangles(setup.triangles, start.cols());
+    if (problem.empty()) problem = check_anchors(setup);
+    if constexpr (requires { predictor.vertex_count(); }) {
+      if (problem.empty() && predictor.vertex_count() != start.cols()) {
+        problem = "the predictor is made for " + std::to_string(predictor.vertex_count()) +
+                  " vertices, the start positions have " + std::to_string(start.cols());
+      }
     }
     if (!problem.empty()) return Error{problem};
     return Planner(std::move(setup), std::move(settings), std::move(predictor), start);
@@ -53,7 +56,7 @@ class Planner {
   /// The grips.
   const std::vector<Grip<Scalar>>& grips() const { return basis_.grips(); }
   /// The predictor.
-  Predictor& predictor() { return predictor_; }
+  P& predictor() { return predictor_; }
 
   /// Makes a result with room for every frame. Allocates.
   PlanResult<Scalar> make_result() const {
@@ -75,23 +78,13 @@ class Planner {
   }
 
   /// Plans from measured positions `x` and velocities `v` (3×n) at time `t` (s). `target(feature, time)` gives a feature's
-  /// wanted position; `wind(time)` the air velocity. Never allocates. On InvalidInput planner and result stay as they were.
+  /// wanted position; `wind(time)` the air velocity. `result` comes from `make_result`. Never allocates. On InvalidInput
+  /// planner and result stay as they were.
   template <class Target, class Wind>
   PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target, const Wind& wind,
                   PlanResult<Scalar>& result) {
-    if (!take_input(x, v, t, target, wind)) return PlanStatus::InvalidInput;
-    measure_agreement(x, result);
-    shift_plan();
-    basis_.update(x);
-    if (!predictor_.predict(x, v, request_, window_)) return fail(x, result);
-    stack_terms(x, v);
-    qp_.assemble(stack_, request_, basis_, settings_, share_, x);
-    const PlanStatus status = qp_.solve(request_, window_, basis_, patches_, settings_, result);
-    if (status == PlanStatus::Failed) return fail(x, result);
-    extract(x, status, result);
-    last_held_velocity_ = held_velocity_;
-    has_last_ = true;
-    return status;
+    if (!fits(result) || !take_input(x, v, t, target, wind)) return PlanStatus::InvalidInput;
+    return plan_frame(x, v, result);
   }
 
   /// Plans in still air.
@@ -114,13 +107,18 @@ class Planner {
   void reset() {
     has_last_ = false;
     has_plan_ = false;
+    request_.has_path = false;
+    request_.has_applied = false;
+    step_weight_ = Scalar(0);
     start_plan();
     predictor_.reset();
     qp_.reset();
   }
 
  private:
-  Planner(PlannerSetup<Scalar> setup, PlannerSettings<Scalar> settings, Predictor predictor, const PointsView<Scalar>& start)
+  static constexpr int kMostAttempts = 4;
+
+  Planner(PlannerSetup<Scalar> setup, PlannerSettings<Scalar> settings, P predictor, const PointsView<Scalar>& start)
       : setup_(std::move(setup)),
         settings_(std::move(settings)),
         predictor_(std::move(predictor)),
@@ -137,50 +135,72 @@ class Planner {
     request_.held_outputs = feature_count_;
     for (int vertex : basis_.held()) request_.outputs.add_point(vertex);
     request_.plan.setZero(request_.inputs(), horizon);
+    request_.path.setZero(request_.inputs(), horizon);
     request_.applied.setZero(request_.inputs());
     request_.wind.setZero(3, horizon);
     predictor_.reserve(request_, window_);
     patches_ = find_patches(basis_);
-    make_anchors(start);
+    anchors_ = anchors_for(start);
     Index rows = 3 * feature_count_ + 12 * static_cast<Index>(grip_count());
     for (const HeldPatch<Scalar>& p : patches_) rows += 9 + 3 * p.modes.count();
     stack_.reserve(rows, request_.inputs(), horizon);
     qp_.reserve(settings_, basis_, patches_);
     point_.reserve(basis_.held().size());
     column_.setZero(request_.inputs());
+    change_.setZero(request_.output_rows(), horizon);
     targets_.setZero(3 * feature_count_, horizon);
     anchor_targets_.setZero(3 * static_cast<Index>(grip_count()), horizon);
-    for (Points<Scalar>* p : {&held_velocity_, &last_held_velocity_, &reference_}) p->setZero(3, held_count);
+    for (Points<Scalar>* p : {&held_velocity_, &last_held_velocity_, &reference_, &grip_velocity_}) p->setZero(3, held_count);
     features_.setZero(3, feature_count_);
     last_features_ = features_;
     promised_ = features_;
-    Scalar number = Scalar(0);
-    for (Index i = 0; i < held_count; ++i) number += Scalar(1);
-    if (settings_.input == GripInput::Force) share_ = settings_.supported / number;
+    if (settings_.input == GripInput::Force) share_ = settings_.supported / count_of(held_count);
     start_plan();
   }
 
+  /// s²/m²: where damping starts if none is asked for.
+  static Scalar least_step_weight() { return Scalar(1e-4); }
+  static Scalar count_of(Index n) { return Scalar(static_cast<double>(n)); }
   std::size_t grip_count() const { return basis_.grips().size(); }
-  void make_anchors(const PointsView<Scalar>& start) {
-    anchors_ = setup_.anchors;
-    if (!anchors_.empty()) return;
-    Points<Scalar> y(3, feature_count_);
-    evaluate_features<Scalar>(setup_.features, start, y);
-    const bool paired = static_cast<std::size_t>(feature_count_) == grip_count();
-    for (std::size_t g = 0; g < grip_count(); ++g) {
-      HandAnchor<Scalar> anchor;
-      Scalar number = Scalar(0);
-      for (Index i = 0; i < feature_count_; ++i) number += Scalar(1);
-      Vector3<Scalar> followed = Vector3<Scalar>::Zero();
-      for (Index i = 0; i < feature_count_; ++i) {
-        const Scalar weight = paired ? Scalar(static_cast<std::size_t>(i) == g ? 1.0 : 0.0) : Scalar(1) / number;
-        anchor.feature_weights.push_back(weight);
-        followed += weight * y.col(i);
+
+  static std::string check_triangles(const std::vector<std::array<int, 3>>& triangles, Index vertices) {
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      for (int v : triangles[t]) {
+        if (v < 0 || v >= vertices)
+          return "triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) + " off the mesh";
       }
-      anchor.offset = basis_.centroid(start, g) - followed;
-      anchor.drop = Scalar(0) < anchor.offset[2] ? anchor.offset[2] : Scalar(0);
-      anchors_.push_back(std::move(anchor));
     }
+    return {};
+  }
+
+  static std::string check_anchors(const PlannerSetup<Scalar>& setup) {
+    if (!setup.anchors.empty() && setup.anchors.size() != setup.grips.size()) {
+      return "there are " + std::to_string(setup.anchors.size()) + " anchors for " + std::to_string(setup.grips.size()) +
+             " grips";
+    }
+    for (std::size_t i = 0; i < setup.anchors.size(); ++i) {
+      const HandAnchor<Scalar>& anchor = setup.anchors[i];
+      const std::string name = "anchor " + std::to_string(i);
+      if (static_cast<Index>(anchor.feature_weights.size()) != setup.features.count()) {
+        return name + " has " + std::to_string(anchor.feature_weights.size()) + " weights for " +
+               std::to_string(setup.features.count()) + " features";
+      }
+      for (const Scalar& weight : anchor.feature_weights) {
+        if (!is_finite(weight)) return name + " has a weight that is not finite";
+      }
+      if (!all_finite(anchor.offset)) return name + " has an offset that is not finite";
+      if (!is_finite(anchor.drop) || anchor.drop < Scalar(0))
+        return name + " has the drop " + detail::number_text(anchor.drop) + ", must be finite and not negative";
+    }
+    return {};
+  }
+
+  std::vector<HandAnchor<Scalar>> anchors_for(const PointsView<Scalar>& start) const {
+    if (!setup_.anchors.empty()) return setup_.anchors;
+    Points<Scalar> features(3, feature_count_), hands(3, static_cast<Index>(grip_count()));
+    evaluate_features<Scalar>(setup_.features, start, features);
+    for (std::size_t g = 0; g < grip_count(); ++g) hands.col(static_cast<Index>(g)) = basis_.centroid(start, g);
+    return make_anchors(features, hands);
   }
 
   /// No force of any finger in any frame.
@@ -203,6 +223,46 @@ class Planner {
         request_.plan.template block<3, 1>(3 * j, k) = share_;
     }
     request_.applied = request_.plan.col(0);
+  }
+
+  /// The frame, once its targets are known.
+  PlanStatus plan_frame(const PointsView<Scalar>& x, const PointsView<Scalar>& v, PlanResult<Scalar>& result) {
+    measure_agreement(x, result);
+    result.qp_iterations = 0;
+    result.qp_status = QpStatus::Solved;
+    result.used_rows = false;
+    shift_plan();
+    basis_.update(x);
+    window_.plan = request_.plan;
+    if (!predictor_.predict(x, v, request_, window_)) return fail(x, result);
+    PlanStatus status = PlanStatus::Failed;
+    step_weight_ *= Scalar(0.5);
+    if (step_weight_ < least_step_weight() || step_weight_ < settings_.weights.step) step_weight_ = settings_.weights.step;
+    if (!has_plan_) step_weight_ = Scalar(0);  // nothing to keep to
+    for (int attempt = 0;; ++attempt) {
+      stack_terms(x, v);
+      qp_.assemble(stack_, window_, basis_, settings_, share_, x);
+      status = qp_.solve(request_, window_, basis_, patches_, settings_, result);
+      if (status == PlanStatus::Failed) return fail(x, result);
+      take_change(result);
+      if (attempt == kMostAttempts || !changes_too_much()) break;
+      step_weight_ *= Scalar(4);
+      if (step_weight_ < least_step_weight()) step_weight_ = least_step_weight();
+    }
+    extract(x, status, result);
+    last_held_velocity_ = held_velocity_;
+    has_last_ = true;
+    return status;
+  }
+
+  /// Whether a result was made by this planner, or one of the same size.
+  bool fits(const PlanResult<Scalar>& result) const {
+    const Index held_count = static_cast<Index>(basis_.held().size());
+    const bool forces = settings_.input == GripInput::Force && settings_.command == Command::Force;
+    return result.finger_forces.size() == basis_.contacts().size() && result.plan.rows() == basis_.inputs() &&
+           result.plan.cols() == settings_.horizon && result.predicted.rows() == 3 * feature_count_ &&
+           result.predicted.cols() == settings_.horizon &&
+           (forces ? result.input.forces.cols() : result.input.driven_positions.cols()) == held_count;
   }
 
   template <class Target, class Wind>
@@ -240,8 +300,7 @@ class Planner {
     result.prediction_error = Scalar(0);
     result.agreement = Scalar(1);
     if (!has_last_) return;
-    Scalar number = Scalar(0);
-    for (Index i = 0; i < feature_count_; ++i) number += Scalar(1);
+    const Scalar number = count_of(feature_count_);
     result.prediction_error = sqrt((features_ - promised_).squaredNorm() / number);
     Scalar moved = sqrt((features_ - last_features_).squaredNorm() / number);
     if (moved < Scalar(1e-3)) moved = Scalar(1e-3);
@@ -252,7 +311,10 @@ class Planner {
   /// Moves the plan one frame on; its last frame is repeated.
   void shift_plan() {
     if (!has_plan_) return;
-    for (Index k = 0; k + 1 < settings_.horizon; ++k) request_.plan.col(k) = request_.plan.col(k + 1);
+    for (Index k = 0; k + 1 < settings_.horizon; ++k) {
+      request_.plan.col(k) = request_.plan.col(k + 1);
+      request_.path.col(k) = request_.path.col(k + 1);
+    }
     for (std::size_t k = 0; k + 1 < finger_plan_.size(); ++k) finger_plan_[k].swap(finger_plan_[k + 1]);
     if (finger_plan_.size() > 1) finger_plan_.back() = finger_plan_[finger_plan_.size() - 2];
     qp_.shift(basis_.unknowns());
@@ -270,12 +332,10 @@ class Planner {
     }
     for (std::size_t g = 0; g < grip_count(); ++g) {
       const std::size_t begin = basis_.grip_begin(g), end = basis_.grip_begin(g + 1);
-      Scalar number = Scalar(0);
-      for (std::size_t j = begin; j < end; ++j) number += Scalar(1);
+      const Scalar share = Scalar(1) / count_of(static_cast<Index>(end - begin));
       point_.clear();
       Vector3<Scalar> velocity = Vector3<Scalar>::Zero(), before = Vector3<Scalar>::Zero();
       for (std::size_t j = begin; j < end; ++j) {
-        const Scalar share = Scalar(1) / number;
         point_.push_back({feature_count_ + static_cast<Index>(j), share});
         velocity += share * v.col(basis_.held()[j]);
         before += share * last_held_velocity_.col(static_cast<Index>(j));
@@ -286,7 +346,7 @@ class Planner {
       stack_.add(window_, point_, past_, 0, sqrt(w.anchor),
                  [&](Index k) { return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k)); });
       stack_.add(window_, point_, past_, 2, sqrt(w.smooth) / settings_.dt, none);
-      stack_.add_change(window_, point_, 1, sqrt(w.step) / settings_.dt);
+      stack_.add_change(window_, point_, 1, sqrt(step_weight_) / settings_.dt);
       stack_.add(window_, point_, past_, 3, sqrt(w.jerk) / settings_.dt, none);
     }
     for (HeldPatch<Scalar>& patch : patches_) {
@@ -294,8 +354,7 @@ class Planner {
       for (Index j = 0; j < count; ++j)
         reference_.col(j) = x.col(basis_.held()[static_cast<std::size_t>(patch.slots[static_cast<std::size_t>(j)])]);
       patch.modes.update(reference_.leftCols(count));
-      if (patch.modes.rank() == 0) continue;
-      for (Index a = 0; a < 3; ++a) {
+      for (Index a = 0; a < 3 && patch.modes.rank() > 0; ++a) {
         point_.clear();
         past_[0].setZero();
         for (Index j = 0; j < count; ++j) {
@@ -312,25 +371,47 @@ class Planner {
     }
   }
 
-  void extract(const PointsView<Scalar>& x, PlanStatus status, PlanResult<Scalar>& result) {
+  /// Raw inputs of the solution, and what they change in the outputs. Velocities are scaled back to max_change.
+  void take_change(PlanResult<Scalar>& result) {
     using std::abs;
     const Index p = basis_.unknowns(), m = request_.inputs(), horizon = settings_.horizon;
     Scalar scale = Scalar(1);
     for (Index k = 0; k < horizon; ++k) {
       result.plan.col(k).noalias() = basis_.matrix() * qp_.frame(k, p);
-      if (!(Scalar(0) < settings_.max_change) || settings_.input == GripInput::Force) continue;
+      if (!(Scalar(0) < settings_.max_change) || settings_.input == GripInput::Force || !has_plan_) continue;
       for (Index i = 0; i < m; ++i) {
-        const Scalar change = abs(result.plan(i, k) - request_.plan(i, k));
+        const Scalar change = abs(result.plan(i, k) - window_.plan(i, k));
         if (settings_.max_change < scale * change) scale = settings_.max_change / change;
       }
     }
-    if (scale < Scalar(1)) result.plan = request_.plan + scale * (result.plan - request_.plan);
+    if (scale < Scalar(1)) result.plan = window_.plan + scale * (result.plan - window_.plan);
+    change_.setZero();
     for (Index k = 0; k < horizon; ++k) {
       for (Index j = 0; j <= k; ++j) {
-        column_ = result.plan.col(j) - request_.plan.col(j);
-        window_.free.col(k).noalias() += window_.impulse.middleCols((k - j) * m, m) * column_;
+        column_ = result.plan.col(j) - window_.plan.col(j);
+        change_.col(k).noalias() += window_.impulse.middleCols((k - j) * m, m) * column_;
       }
     }
+  }
+
+  /// Whether planned forces change the velocity of a held vertex by more than max_change anywhere. They cannot be scaled back,
+  /// since the plan before need not lie in this frame's cones.
+  bool changes_too_much() const {
+    using std::abs;
+    if (settings_.input != GripInput::Force || !(Scalar(0) < settings_.max_change) || !has_plan_) return false;
+    const Scalar most = settings_.max_change * settings_.dt;
+    for (Index i = 3 * feature_count_; i < change_.rows(); ++i) {
+      if (most < abs(change_(i, 0))) return true;
+      for (Index k = 1; k < settings_.horizon; ++k) {
+        if (most < abs(change_(i, k) - change_(i, k - 1))) return true;
+      }
+    }
+    return false;
+  }
+
+  void extract(const PointsView<Scalar>& x, PlanStatus status, PlanResult<Scalar>& result) {
+    const Index p = basis_.unknowns(), horizon = settings_.horizon;
+    window_.free += change_;
     result.predicted = window_.free.topRows(3 * feature_count_);
     for (Index i = 0; i < feature_count_; ++i) promised_.col(i) = result.predicted.template block<3, 1>(3 * i, 0);
     result.patch_residual = Scalar(0);
@@ -347,17 +428,31 @@ class Planner {
     }
     request_.plan = result.plan;
     request_.applied = result.plan.col(0);
+    request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
     has_plan_ = true;
+    take_path(x);
     if (settings_.input == GripInput::Force) {
       for (Index k = 0; k < horizon; ++k) basis_.finger_forces(qp_.frame(k, p), finger_plan_[static_cast<std::size_t>(k)]);
       send_forces(result);
-      for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
-        result.input.driven_positions.col(j) = window_.free.template block<3, 1>(3 * (feature_count_ + j), 0);
-      }
+      send_path(x, result);
     } else {
       command_poses(x, result);
     }
     result.status = status;
+  }
+
+  /// The velocities of the held vertices that the plan promises.
+  void take_path(const PointsView<Scalar>& x) {
+    for (std::size_t j = 0; j < basis_.held().size(); ++j) {
+      const Index row = 3 * (feature_count_ + static_cast<Index>(j));
+      Vector3<Scalar> before = x.col(basis_.held()[j]);
+      for (Index k = 0; k < settings_.horizon; ++k) {
+        const Vector3<Scalar> after = window_.free.template block<3, 1>(row, k);
+        request_.path.template block<3, 1>(3 * static_cast<Index>(j), k) = (after - before) / settings_.dt;
+        before = after;
+      }
+    }
+    request_.has_path = true;
   }
 
   /// Sends the first frame of the finger plan; each vertex gets the sum of its fingers' forces.
@@ -370,60 +465,49 @@ class Planner {
     }
   }
 
-  /// Moves each grip rigidly: by h v, and by the rotation exp(h ω) about its centroid, (v, ω) fitted to the plan's first frame.
-  void command_poses(const PointsView<Scalar>& x, PlanResult<Scalar>& result) const {
-    using std::cos;
-    using std::sin;
-    using std::sqrt;
-    for (std::size_t g = 0; g < grip_count(); ++g) {
-      const std::size_t begin = basis_.grip_begin(g), end = basis_.grip_begin(g + 1);
-      const Vector3<Scalar> c = basis_.centroid(x, g);
-      Vector3<Scalar> velocity = Vector3<Scalar>::Zero();
-      for (std::size_t j = begin; j < end; ++j) velocity += basis_.vertex_share(static_cast<Index>(j)) * planned(result, j);
-      Matrix3<Scalar> inertia = Matrix3<Scalar>::Zero();
-      Vector3<Scalar> momentum = Vector3<Scalar>::Zero();
-      for (std::size_t j = begin; j < end; ++j) {
-        const Vector3<Scalar> arm = x.col(basis_.held()[j]) - c;
-        inertia += arm.squaredNorm() * Matrix3<Scalar>::Identity() - arm * arm.transpose();
-        momentum += arm.cross(planned(result, j) - velocity);
+  /// Sends where the held vertices shall be after the first frame, at most max_step from here along each axis.
+  void send_path(const PointsView<Scalar>& x, PlanResult<Scalar>& result) const {
+    for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
+      Vector3<Scalar> step = Vector3<Scalar>::Zero();
+      if (request_.has_path) step = settings_.dt * request_.path.template block<3, 1>(3 * j, 0);
+      for (Index c = 0; c < 3; ++c) {
+        if (settings_.max_step < step[c]) step[c] = settings_.max_step;
+        if (step[c] < -settings_.max_step) step[c] = -settings_.max_step;
       }
-      Matrix3<Scalar> turn = Matrix3<Scalar>::Identity();
-      const Scalar size = inertia.trace();
-      if (Scalar(0) < size) {
-        inertia.diagonal().array() +=
-            Scalar(16) * scalar_traits<Scalar>::epsilon() * size;  // a line of vertices does not turn about itself
-        const Vector3<Scalar> omega = settings_.dt * inertia.ldlt().solve(momentum);
-        const Scalar angle = sqrt(omega.squaredNorm());
-        if (Scalar(0) < angle) {
-          const Vector3<Scalar> axis = omega / angle;
-          const Scalar zero = Scalar(0);
-          Matrix3<Scalar> cross;
-          cross << zero, -axis[2], axis[1], axis[2], zero, -axis[0], -axis[1], axis[0], zero;
-          turn += sin(angle) * cross + (Scalar(1) - cos(angle)) * (cross * cross);
-        }
-      }
-      for (std::size_t j = begin; j < end; ++j) {
-        const Vector3<Scalar> arm = x.col(basis_.held()[j]) - c;
-        result.input.driven_positions.col(static_cast<Index>(j)) = c + settings_.dt * velocity + turn * arm;
-      }
+      result.input.driven_positions.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]) + step;
     }
   }
 
-  /// The planned velocity of the j-th held vertex in the first frame.
-  static Vector3<Scalar> planned(const PlanResult<Scalar>& result, std::size_t j) {
-    return result.plan.template block<3, 1>(3 * static_cast<Index>(j), 0);
+  /// Moves each grip rigidly as the plan's first frame asks.
+  void command_poses(const PointsView<Scalar>& x, PlanResult<Scalar>& result) {
+    for (std::size_t g = 0; g < grip_count(); ++g) {
+      const Index begin = static_cast<Index>(basis_.grip_begin(g)), end = static_cast<Index>(basis_.grip_begin(g + 1));
+      for (Index j = begin; j < end; ++j) {
+        reference_.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]);
+        grip_velocity_.col(j) = result.plan.template block<3, 1>(3 * j, 0);
+      }
+      move_rigidly<Scalar>(reference_.middleCols(begin, end - begin), grip_velocity_.middleCols(begin, end - begin),
+                           settings_.dt, result.input.driven_positions.middleCols(begin, end - begin));
+    }
   }
 
   /// Falls back on the previous plan, shifted by a frame; without one, on no force and no motion.
   PlanStatus fail(const PointsView<Scalar>& x, PlanResult<Scalar>& result) {
     result.status = PlanStatus::Failed;
-    result.plan = request_.plan;
+    if (has_plan_) {
+      result.plan = request_.plan;
+    } else {
+      result.plan.setZero();
+    }
+    for (Index k = 0; k < settings_.horizon; ++k) {
+      for (Index i = 0; i < feature_count_; ++i) result.predicted.template block<3, 1>(3 * i, k) = features_.col(i);
+    }
+    result.patch_residual = Scalar(0);
     request_.applied = result.plan.col(0);
+    request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
     if (settings_.input == GripInput::Force) {
       send_forces(result);
-      for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
-        result.input.driven_positions.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]);
-      }
+      send_path(x, result);
     } else {
       command_poses(x, result);
     }
@@ -434,7 +518,7 @@ class Planner {
 
   PlannerSetup<Scalar> setup_;
   PlannerSettings<Scalar> settings_;
-  Predictor predictor_;
+  P predictor_;
   GripBasis<Scalar> basis_;
   Index feature_count_;
   Index vertex_count_;
@@ -447,10 +531,11 @@ class Planner {
   std::vector<OutputTerm<Scalar>> point_;
   std::array<Vector3<Scalar>, 3> past_{Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero()};
   Vector3<Scalar> share_ = Vector3<Scalar>::Zero();
-  MatrixX<Scalar> targets_, anchor_targets_;
+  MatrixX<Scalar> targets_, anchor_targets_, change_;
   VectorX<Scalar> column_;
-  Points<Scalar> held_velocity_, last_held_velocity_, reference_, features_, last_features_, promised_;
+  Points<Scalar> held_velocity_, last_held_velocity_, reference_, grip_velocity_, features_, last_features_, promised_;
   std::vector<std::vector<FingerForce<Scalar>>> finger_plan_;
+  Scalar step_weight_ = Scalar(0);  // grows where forces would change the hands' path too much
   bool has_last_ = false;
   bool has_plan_ = false;
 };

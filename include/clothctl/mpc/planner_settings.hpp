@@ -89,9 +89,10 @@ struct PlannerSettings {
   Swing swing = Swing::Sheet;
   /// Size of gravity, m/s² (hand anchor).
   Scalar gravity = Scalar(9.81);
-  /// Furthest that a commanded grip moves in a frame along each axis, m.
+  /// Furthest that a commanded grip moves in a frame along each axis, m (pose input; Command::Position cuts the planned step).
   Scalar max_step = Scalar(0.05);
-  /// Furthest that a plan of velocities changes between frames, m/s; 0 means any.
+  /// Furthest that the planned velocities of the held vertices change between frames, m/s; 0 means any. Plans of poses are
+  /// scaled back to it; plans of forces are made again with up to 4⁴ times the `step` weight (at least 1e-4 s²/m²).
   Scalar max_change = Scalar(0);
   /// The force that the grips share at rest, N: minus the sheet's weight. u_ref of each held vertex is its share.
   Vector3<Scalar> supported = Vector3<Scalar>::Zero();

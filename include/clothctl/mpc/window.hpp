@@ -39,8 +39,14 @@ struct WindowRequest {
   Index held_outputs = 0;
   /// The plan ū, 3·held × K: forces (N) or velocities (m/s).
   MatrixX<Scalar> plan;
-  /// Input that was applied during the frame that led to the measured state, 3·held.
+  /// Velocities of the held vertices that the last plan promised for these frames, 3·held × K, m/s; valid where `has_path`.
+  MatrixX<Scalar> path;
+  /// False in the first frame and after a failure.
+  bool has_path = false;
+  /// Input that was applied during the frame that led to the measured state, 3·held; valid where `has_applied`.
   VectorX<Scalar> applied;
+  /// False in the first frame, and where something else was sent than what is planned (positions for forces).
+  bool has_applied = false;
   /// Velocity of the air in each frame, 3×K, m/s.
   Points<Scalar> wind;
   /// Other known forces on the vertices, constant over the window, 3×n, N; no columns means none.
@@ -57,7 +63,10 @@ template <RealScalar Scalar>
 struct WindowResponse {
   /// The blocks T_0 … T_{K-1} side by side, 3·outputs × inputs·K; T_m answers an input of m frames ago.
   MatrixX<Scalar> impulse;
-  /// The outputs at the plan, 3·outputs × K, m.
+  /// The plan ū that `free` belongs to, inputs × K. Holds the request's when `predict` is called; a predictor whose model needs
+  /// other inputs for the same path of the hands puts those here.
+  MatrixX<Scalar> plan;
+  /// The outputs at that plan, 3·outputs × K, m.
   MatrixX<Scalar> free;
 };
 

@@ -1,0 +1,67 @@
+#include "support/plants.hpp"
+
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/mpc/exact_predictor.hpp"
+#include "clothctl/mpc/rollout_predictor.hpp"
+
+namespace program {
+
+namespace {
+
+clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integration integration) {
+  clothctl::MassSpringSettings<double> settings;
+  settings.integration = integration;
+  settings.drag = body.drag;
+  settings.air = body.air;
+  return must(clothctl::MassSpring<double>::create(body.network, settings));
+}
+
+}  // namespace
+
+AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
+  Body changed = body;
+  changed.drag = drag;
+  if (name == "one-solve") return AnyPlant(make_mass_spring(changed, clothctl::Integration::OneSolve));
+  if (name == "newton") return AnyPlant(make_mass_spring(changed, clothctl::Integration::Newton));
+  clothctl::PositionBasedSettings<double> settings =
+      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet() : clothctl::PositionBasedSettings<double>();
+  settings.drag = drag;
+  settings.air = body.air;
+  return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
+}
+
+AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
+  using Response = clothctl::MassSpringResponse<float>;
+  const bool implicit = is_implicit(o.plant);
+  clothctl::ResponseSettings<float> response;
+  clothctl::ExactPredictorSettings<double> exact;
+  if (!implicit) {
+    response.scale.axial = 0.2f;
+    response.scale.geometric = o.plant == "xpbd" ? 0.04f : 0.003f;
+    exact.measured_force = 1;
+    if (o.profile != "paper") {
+      settings.weights.smooth = 10;
+      settings.weights.anchor = o.plant == "xpbd" ? 10 : 100;
+    }
+  }
+  clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
+  clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
+  // Rolling out in the wind or under hard patch rows can go unstable (docs/performance.md): there the frozen predictor serves.
+  const bool better = implicit && !body.air.enabled() && o.patch == "soft";
+  if (o.predictor == "frozen" || (o.predictor == "auto" && (!better || o.profile == "paper")))
+    return AnyPredictor(std::move(frozen));
+  if (o.profile != "paper") {
+    const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
+    settings.weights.jerk = calm.weights.jerk;
+    settings.weights.step = calm.weights.step;
+    settings.max_change = calm.max_change;
+  }
+  clothctl::RolloutSettings rollout;
+  if (o.plant != "newton") rollout.newton_steps = 0;
+  return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>, clothctl::ExactPredictor<Response, double>>(
+      std::move(model), std::move(frozen), rollout));
+}
+
+}  // namespace program
