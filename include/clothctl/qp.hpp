@@ -8,6 +8,7 @@
 #include "clothctl/qp/free_set_factor.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/proof_search.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
 #include "clothctl/qp/row_factor.hpp"
 #include "clothctl/qp/scaling.hpp"

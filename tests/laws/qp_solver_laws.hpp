@@ -5,7 +5,9 @@
 //   solved       Solved means that the independent check of the unscaled optimality conditions passes, and the objective is
 //                the one the problem was built around
 //   repeats      the same problem twice: the second time 0 iterations; two solvers with the same history: the same bits
-//   refusals     NaN, crossed bounds, asymmetric Hessian: InvalidData, and the next solve is as good as if it had not happened
+//   refusals     NaN, crossed bounds, asymmetric or concave Hessian, broken rows, broken warm start: refused, and the next
+//   solve
+//                is as if it had not happened (0 iterations)
 //   recovery     an infeasible or unbounded problem leaves the next solve as good as a cold one
 //   memory       repeated solves of one size allocate nothing
 //
@@ -227,18 +229,50 @@ std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   }
   bad = q;
   bad.H(0, 0) = std::numeric_limits<Scalar>::infinity();
-  if (second.set(bad) != QpStatus::InvalidData) return "refusals: infinity in H";
-  if (second.solve(q) != QpStatus::InvalidData) return "refusals: solved with a refused Hessian";
+  if (Traits::set_hessian(second.solver, bad.H) != QpStatus::InvalidData) return "refusals: infinity in H";
   if (q.H.rows() > 1) {
     bad = q;
     bad.H(0, 1) += Scalar(1);
-    if (second.set(bad) != QpStatus::InvalidData) return "refusals: asymmetric H";
+    if (Traits::set_hessian(second.solver, bad.H) != QpStatus::InvalidData) return "refusals: asymmetric H";
+    bad = q;
+    bad.H(0, 1) = bad.H(1, 0) = Scalar(2) * (q.H(0, 0) + q.H(1, 1) + Scalar(1));
+    if (Traits::set_hessian(second.solver, bad.H) != QpStatus::NonConvex) return "refusals: a negative minor of H";
   }
-  if (second.set(q) != QpStatus::Solved) return "refusals: a good Hessian after a bad one";
-  return qp_law_solved(second, q, tolerance);
+  bad = q;
+  bad.H(0, 0) = Scalar(-1);
+  if (Traits::set_hessian(second.solver, bad.H) != QpStatus::NonConvex) return "refusals: a negative diagonal entry";
+  const MatrixX<Scalar> odd = MatrixX<Scalar>::Zero(q.H.rows(), q.H.rows() + 1);
+  if (Traits::set_hessian(second.solver, odd) != QpStatus::InvalidData) return "refusals: H is not square";
+  if constexpr (clothctl::QpSolver<Solver, Scalar>) {
+    bad.A.setOnes(q.A.rows() + 1, q.A.cols());
+    bad.A(0, 0) = std::numeric_limits<Scalar>::quiet_NaN();
+    if (Traits::set_rows(second.solver, bad.A) != QpStatus::InvalidData) return "refusals: NaN in A";
+    if (Traits::set_rows(second.solver, odd) != QpStatus::InvalidData) return "refusals: rows of another length";
+  }
+  if constexpr (clothctl::WarmStartable<Solver, Scalar>) {
+    const VectorX<Scalar> wrong = VectorX<Scalar>::Constant(q.x.size() + 1, Scalar(0));
+    VectorX<Scalar> nan = q.x;
+    nan[0] = std::numeric_limits<Scalar>::quiet_NaN();
+    if (Traits::warm_start(second.solver, wrong)) return "refusals: a warm start of another size";
+    if (Traits::warm_start(second.solver, nan)) return "refusals: NaN in a warm start";
+  }
+  broken = qp_law_solved(second, q, tolerance);
+  if (!broken.empty()) return "refusals: after refused matrices " + broken;
+  if constexpr (requires { second.result.iterations; }) {
+    if (second.result.iterations != 0) return "refusals: refused matrices lost the active set";
+  }
+  if constexpr (clothctl::WarmStartable<Solver, Scalar>) {
+    if (!Traits::warm_start(second.solver, x)) return "warm start: refused";
+    broken = qp_law_solved(second, q, tolerance);
+    if (!broken.empty()) return "warm start: " + broken;
+    Traits::reset(second.solver);
+    broken = qp_law_solved(second, q, tolerance);
+    if (!broken.empty()) return "reset: " + broken;
+  }
+  return {};
 }
 
-/// Law "recovery": a row solver meets q, then q with contradicting rows, then q with a gradient along which nothing bounds it.
+/// Law "recovery": a row solver meets q, then q with contradicting rows, then q without bounds or curvature.
 template <class Scalar, class Solver>
 std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
   QpSession<Scalar, Solver> session;
@@ -252,7 +286,20 @@ std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
   bad.rl[0] = bad.ru[0] = q.A.row(0).dot(q.x) + Scalar(2) * reach;
   if (session.solve(bad) != QpStatus::PrimalInfeasible) return "recovery: infeasibility was not seen";
   broken = qp_law_solved(session, q, tolerance);
-  return broken.empty() ? broken : "recovery: afterwards " + broken;
+  if (!broken.empty()) return "recovery: after an infeasible problem " + broken;
+  using Traits = clothctl::qp_solver_traits<Solver>;
+  bad = q;
+  bad.H.setConstant(Scalar(0));
+  bad.g.setConstant(Scalar(1));
+  bad.ub.setConstant(std::numeric_limits<Scalar>::infinity());
+  bad.ru.setConstant(std::numeric_limits<Scalar>::infinity());
+  bad.lb = -bad.ub;
+  bad.rl = -bad.ru;
+  if (Traits::set_hessian(session.solver, bad.H) != QpStatus::Solved) return "recovery: H = 0 was refused";
+  if (session.solve(bad) != QpStatus::DualInfeasible) return "recovery: unboundedness was not seen";
+  if (Traits::set_hessian(session.solver, q.H) != QpStatus::Solved) return "recovery: H was refused";
+  broken = qp_law_solved(session, q, tolerance);
+  return broken.empty() ? broken : "recovery: after an unbounded problem " + broken;
 }
 
 }  // namespace clothctl_test

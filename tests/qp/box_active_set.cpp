@@ -1,6 +1,7 @@
 #include "clothctl/qp/box_active_set.hpp"
 
 #include <limits>
+#include <vector>
 
 #include "laws/qp_solver_laws.hpp"
 #include "support/catch.hpp"
@@ -124,8 +125,80 @@ TEST_CASE("indefinite Hessians are named", "[qp]") {
   CHECK(solver.solve(vec(0, 0), vec(-1, -1), vec(1, 1), r) == QpStatus::NonConvex);
   CHECK(r.invalid_index == 3);
   H << 1.0, 2.0, 2.0, 1.0;
+  CHECK(solver.set_hessian(H) == QpStatus::NonConvex);
+  H << 0.0, 1.0, 1.0, 0.0;
+  CHECK(solver.set_hessian(H) == QpStatus::NonConvex);
+  CHECK(solver.refusal().index == 1);
+  MatrixX<double> three = MatrixX<double>::Constant(3, 3, -0.9);  // eigenvalue -0.8: no pair of entries shows it
+  three.diagonal().setOnes();
+  REQUIRE(solver.set_hessian(three) == QpStatus::Solved);
+  const VectorX<double> g = VectorX<double>::Constant(3, -1.0), ub = VectorX<double>::Constant(3, 100.0);
+  CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);
+  CHECK(solver.set_hessian(MatrixX<double>::Constant(2, 2, inf)) == QpStatus::InvalidData);
+  CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);  // the old H is still there
+}
+
+TEMPLATE_TEST_CASE("progress of the box solver shows beside a large constant in the objective", "[qp]", float, double) {
+  using S = TestType;
+  constexpr Index n = 60;
+  for (double far : {0.0, 1e6, 1e8, 1e10, 1e12}) {
+    MatrixX<S> H = MatrixX<S>::Zero(n, n);
+    VectorX<S> g = VectorX<S>::Constant(n, S(1e-6)), lb = VectorX<S>::Zero(n);
+    VectorX<S> ub = VectorX<S>::Constant(n, std::numeric_limits<S>::infinity());
+    for (Index i = 1; i < n; ++i) {
+      H(i, i) = S(2);
+      if (i > 1) H(i, i - 1) = H(i - 1, i) = S(-1);
+    }
+    g[0] = S(1);
+    g[1] = S(-1e-2);
+    lb[0] = ub[0] = S(far);
+    BoxActiveSet<S> solver;
+    REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+    QpResult<S> r;
+    INFO("far " << far);
+    CHECK(solver.solve(g, lb, ub, r) == QpStatus::Solved);
+    CHECK(static_cast<double>(r.x[1]) == Approx(0.0093).epsilon(0.2));
+    CHECK(r.stationarity <= QpSettings<S>::default_tolerance());
+  }
+}
+
+TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, flat ones with a clean ray", "[qp]", float, double) {
+  using S = TestType;
+  const bool single = sizeof(S) == sizeof(float);
+  const VectorX<S> ub = VectorX<S>::Constant(3, std::numeric_limits<S>::infinity());
+  MatrixX<S> H = MatrixX<S>::Zero(3, 3);
+  VectorX<S> g = VectorX<S>::Constant(3, S(-1));
+  QpResult<S> r;
+  BoxActiveSet<S> solver;
+  for (double e : single ? std::vector<double>{1e-5, 1e-4, 1e-3} : std::vector<double>{1e-11, 1e-10, 3e-10}) {
+    H << S(1), S(-1), S(0), S(-1), S(1.0 + e), S(0), S(0), S(0), S(1);
+    REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+    CHECK(solver.solve(g, -ub, ub, r) == QpStatus::Solved);
+    CHECK(r.ray.isZero(S(0)));
+  }
+  H(1, 1) = S(1);
   REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
-  CHECK(solver.solve(vec(1.0, 3.0), vec(-5, -5), vec(5, 5), r) == QpStatus::NonConvex);
+  CHECK(solver.solve(g, -ub, ub, r) == QpStatus::DualInfeasible);
+  CHECK(r.ray[0] == r.ray[1]);
+  CHECK(r.ray[2] == S(0));
+  g << S(1), S(-1.0001), S(-1);
+  CHECK(solver.solve(g, -ub, ub, r) == QpStatus::DualInfeasible);
+  CHECK(g.dot(r.ray) < S(0));
+}
+
+TEST_CASE("the box solver refuses bad settings and visibly refuses bad warm starts", "[qp]") {
+  QpSettings<double> settings;
+  settings.stationarity_tolerance = 0.0;
+  BoxActiveSet<double> careless(settings);
+  QpResult<double> r;
+  REQUIRE(careless.set_hessian(MatrixX<double>::Identity(2, 2)) == QpStatus::Solved);
+  CHECK(careless.solve(vec(0, 0), vec(0, 0), vec(1, 1), r) == QpStatus::InvalidData);
+  BoxActiveSet<double> solver;
+  CHECK_FALSE(solver.warm_start(vec(0, 0)));  // no size yet
+  REQUIRE(solver.set_hessian(MatrixX<double>::Identity(2, 2)) == QpStatus::Solved);
+  CHECK_FALSE(solver.warm_start(VectorX<double>::Zero(3)));
+  CHECK_FALSE(solver.warm_start(vec(0, inf)));
+  CHECK(solver.warm_start(vec(0, 0)));
 }
 
 TEST_CASE("refusals say what and where", "[qp]") {
@@ -201,7 +274,7 @@ TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
   CHECK((session.result.x.head(n - 10) - x.tail(n - 10)).cwiseAbs().maxCoeff() < 1e-12);
   CHECK((session.result.x.tail(10) - x.tail(10)).cwiseAbs().maxCoeff() < 1e-12);
 
-  session.solver.warm_start(x);
+  REQUIRE(session.solver.warm_start(x));
   REQUIRE(session.solve(q) == QpStatus::Solved);
   CHECK(session.result.iterations == 0);
   session.solver.reset();

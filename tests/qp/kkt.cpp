@@ -86,3 +86,31 @@ TEST_CASE("problems without rows take empty matrices", "[qp]") {
   const VectorX<double> lb = VectorX<double>::Zero(1), ub = VectorX<double>::Constant(1, 9.0), z = VectorX<double>::Zero(1);
   CHECK(kkt_residuals(H, g, A, none, none, lb, ub, one, none, z).worst() == 0.0);
 }
+
+TEMPLATE_TEST_CASE("a term that is not finite makes residuals infinite", "[qp]", float, double) {
+  using S = TestType;
+  const auto infinite = [](const S& value) { return is_unbounded(value); };
+  const Small<S> good;
+  for (const S value : {std::numeric_limits<S>::quiet_NaN(), good.inf, -good.inf}) {
+    for (int place = 0; place < 7; ++place) {
+      Small<S> q;
+      if (place == 0) q.x[1] = value;
+      if (place == 1) q.z[0] = value;
+      if (place == 2) q.y[0] = value;
+      if (place == 3) q.g[1] = value;
+      if (place == 4) q.H(0, 1) = value;
+      if (place == 5) q.A(0, 0) = value;
+      if (place == 6) q.x.setConstant(value), q.z.setConstant(value);
+      INFO("place " << place << " value " << static_cast<double>(value));
+      CHECK(infinite(q.judge().worst()));
+      if (place != 2 && place != 5) CHECK(infinite(q.judge().relative_stationarity));
+      if (place == 0 || place == 5 || place == 6) CHECK(infinite(q.judge().relative_feasibility));
+    }
+  }
+  Small<S> q;
+  q.lb[1] = std::numeric_limits<S>::quiet_NaN();
+  CHECK(infinite(q.judge().relative_feasibility));
+  q = {};
+  q.x *= S(0.9) * std::numeric_limits<S>::max();  // finite, but the objective overflows
+  CHECK(infinite(q.judge().worst()));
+}

@@ -1,6 +1,7 @@
 #include "clothctl/qp/problem.hpp"
 
 #include <limits>
+#include <random>
 
 #include "support/catch.hpp"
 
@@ -39,17 +40,72 @@ TEMPLATE_TEST_CASE("bounds are loaded or refused by index", "[qp]", float, doubl
   CHECK(load(-inf, -inf) == 1);
 }
 
-TEST_CASE("bad Hessian entries are found by index, rounding asymmetry is forgiven", "[qp]") {
-  const char* message = "";
-  MatrixX<double> H = MatrixX<double>::Identity(3, 3);
-  H(0, 2) = H(2, 0) = 0.5;
-  CHECK(detail::find_bad_hessian_entry<double>(H, message) == -1);
-  H(0, 2) += 1e-12;
-  CHECK(detail::find_bad_hessian_entry<double>(H, message) == -1);
-  H(0, 2) += 1e-3;
-  CHECK(detail::find_bad_hessian_entry<double>(H, message) == 2);
-  CHECK(std::string(message) == "Hessian is not symmetric");
-  H(1, 2) = std::numeric_limits<double>::quiet_NaN();
-  CHECK(detail::find_bad_hessian_entry<double>(H, message) == 7);
-  CHECK(std::string(message) == "Hessian entry is not finite");
+TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds under every scaling", "[qp]", float, double) {
+  using S = TestType;
+  const VectorX<S> lower = (VectorX<S>(2) << S(-1e21), S(-0.99e20)).finished(), upper = -lower;
+  VectorX<S> lo(2), hi(2);
+  REQUIRE(detail::load_bounds<S>(lower, upper, lo, hi) == -1);
+  CHECK_FALSE(detail::has_bound(lo[0]));
+  CHECK_FALSE(detail::has_bound(hi[0]));
+  CHECK(detail::has_bound(lo[1]));
+  CHECK(detail::has_bound(S(lo[1] * S(1152921504606846976.0))));  // 2^60
+  CHECK(is_finite(detail::no_bound<S>()));
+}
+
+TEMPLATE_TEST_CASE("Hessians are refused for asymmetry beyond rounding and for negative minors", "[qp]", float, double) {
+  using S = TestType;
+  const S eps = std::numeric_limits<S>::epsilon(), nan = std::numeric_limits<S>::quiet_NaN();
+  MatrixX<S> H = MatrixX<S>::Identity(3, 3);
+  H(0, 2) = H(2, 0) = S(0.5);
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  H(0, 2) = S(0.5) + S(4) * eps;
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  H(0, 2) = S(0.5) + S(200) * eps;
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::InvalidData);
+  CHECK(detail::judge_hessian<S>(H).index == 2);
+  CHECK(std::string(detail::judge_hessian<S>(H).message) == "Hessian is not symmetric");
+  H(1, 2) = nan;
+  CHECK(detail::judge_hessian<S>(H).index == 7);
+  CHECK(std::string(detail::judge_hessian<S>(H).message) == "Hessian entry is not finite");
+  H.setIdentity();
+  H(2, 2) = S(-1e-3);
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
+  CHECK(detail::judge_hessian<S>(H).index == 8);
+  H.setZero();
+  H(0, 1) = H(1, 0) = S(1);  // a saddle
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
+  CHECK(detail::judge_hessian<S>(H).index == 1);
+  H << S(4), S(0), S(2), S(0), S(0), S(0), S(2), S(0), S(1);  // singular, and allowed to be
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  H(0, 2) = H(2, 0) = S(2) * (S(1) + S(4) * eps);  // as far as products round
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  H(0, 2) = H(2, 0) = S(2.01);
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
+  CHECK(detail::judge_hessian<S>(MatrixX<S>::Zero(2, 3)).status == QpStatus::InvalidData);
+  H.resize(0, 0);
+  CHECK(detail::judge_hessian<S>(H).status == QpStatus::InvalidData);
+}
+
+TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank and scale", "[qp]", float, double) {
+  using S = TestType;
+  std::mt19937 random(51);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 40; ++trial) {
+    const Index n = 2 + trial % 37, rank = 1 + trial % 5;
+    MatrixX<S> J(rank, n);
+    for (Index k = 0; k < J.size(); ++k) J.data()[k] = S(normal(random));
+    for (Index j = 0; j < n; ++j) J.col(j) *= S(std::ldexp(1.0, static_cast<int>(random() % 31) - 15));
+    const MatrixX<S> H = J.transpose() * J;
+    INFO("trial " << trial << " " << detail::judge_hessian<S>(H).message);
+    CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  }
+}
+
+TEST_CASE("settings with a tolerance of zero are refused", "[qp]") {
+  QpSettings<double> s;
+  s.stationarity_tolerance = 0.0;
+  CHECK_FALSE(s.check().empty());
+  s = {};
+  s.feasibility_tolerance = 0.0;
+  CHECK_FALSE(s.check().empty());
 }

@@ -1,5 +1,6 @@
 #include "clothctl/qp/proximal_problem.hpp"
 
+#include <limits>
 #include <random>
 
 #include "support/catch.hpp"
@@ -99,4 +100,27 @@ TEST_CASE("an exhausted budget and a concave problem are told apart", "[qp]") {
   p.H() << 1.0, 0.5, 0.5, 1.0;
   iterations = 0;
   CHECK(p.minimise(1e-9, iterations, 1) == Problem::Outcome::Budget);
+}
+
+TEST_CASE("numbers of which no factor can be made end as broken, not as a loop", "[qp]") {
+  for (double rho : {0.0, std::numeric_limits<double>::infinity()}) {
+    Problem p;
+    p.reserve(2, 1);
+    p.resize(2, 1);
+    p.H().setZero();
+    p.A().setOnes();
+    p.At().setOnes();
+    p.rho = rho;
+    p.rho_ceiling = std::numeric_limits<double>::infinity();
+    p.mu = 1.0;
+    p.g << 1.0, -1.0;
+    p.lo.setConstant(-detail::no_bound<double>());
+    p.hi.setConstant(detail::no_bound<double>());
+    p.rl.setConstant(1.0);
+    p.ru.setConstant(1.0);
+    p.state.assign(2, State::Free);
+    p.refresh_products();
+    int iterations = 0;
+    CHECK(p.minimise(1e-9, iterations, 100) == Problem::Outcome::Broken);
+  }
 }

@@ -38,22 +38,22 @@ struct qp_solver_traits : detail::qp_result_of<Solver> {
   /// Takes the Hessian, n×n. Answers Solved, InvalidData or NonConvex.
   template <class Matrix>
   requires requires(Solver& s, const Matrix& H) { s.set_hessian(H); }
-  static auto set_hessian(Solver& solver, const Matrix& H) { return solver.set_hessian(H); }
+  [[nodiscard]] static auto set_hessian(Solver& solver, const Matrix& H) { return solver.set_hessian(H); }
   /// Takes the rows, m×n. Answers Solved or InvalidData.
   template <class Matrix>
   requires requires(Solver& s, const Matrix& A) { s.set_rows(A); }
-  static auto set_rows(Solver& solver, const Matrix& A) { return solver.set_rows(A); }
+  [[nodiscard]] static auto set_rows(Solver& solver, const Matrix& A) { return solver.set_rows(A); }
   /// Solves with bounds only.
   template <class Vector, class SolverResult>
   requires requires(Solver& s, const Vector& v, SolverResult& r) { s.solve(v, v, v, r); }
-  static auto solve(Solver& solver, const Vector& g, const Vector& lb, const Vector& ub, SolverResult& result) {
+  [[nodiscard]] static auto solve(Solver& solver, const Vector& g, const Vector& lb, const Vector& ub, SolverResult& result) {
     return solver.solve(g, lb, ub, result);
   }
   /// Solves with bounds and rows.
   template <class Vector, class SolverResult>
   requires requires(Solver& s, const Vector& v, SolverResult& r) { s.solve(v, v, v, v, v, r); }
-  static auto solve(Solver& solver, const Vector& g, const Vector& lb, const Vector& ub, const Vector& rl, const Vector& ru,
-                    SolverResult& result) {
+  [[nodiscard]] static auto solve(Solver& solver, const Vector& g, const Vector& lb, const Vector& ub, const Vector& rl,
+                                  const Vector& ru, SolverResult& result) {
     return solver.solve(g, lb, ub, rl, ru, result);
   }
   /// The minimiser in a result, n.
@@ -68,10 +68,10 @@ struct qp_solver_traits : detail::qp_result_of<Solver> {
   template <class SolverResult>
   requires requires(const SolverResult& r) { r.row_multipliers; }
   static const auto& row_multipliers(const SolverResult& result) { return result.row_multipliers; }
-  /// Sets the start of the next solve.
+  /// Sets the start of the next solve. Answers false when x was refused (its size, or a value that is not finite).
   template <class Vector>
   requires requires(Solver& s, const Vector& x) { s.warm_start(x); }
-  static void warm_start(Solver& solver, const Vector& x) { solver.warm_start(x); }
+  [[nodiscard]] static auto warm_start(Solver& solver, const Vector& x) { return solver.warm_start(x); }
   /// Moves the remembered active set forward by so many unknowns.
   static void shift(Solver& solver, Index unknowns) requires requires { solver.shift(unknowns); }
   { solver.shift(unknowns); }
@@ -100,8 +100,9 @@ concept QpSolverBase = RealScalar<Scalar> && requires {
 
 /// Solves quadratic programs with bounds.
 ///
-/// Axioms: `Solved` means that an independent check of the unscaled optimality conditions passes; InvalidData leaves the
-/// solver as it was; after `reserve`, repeated solves of one size never allocate; equal data and equal history give equal bits.
+/// Axioms: `Solved` means that an independent check of the unscaled optimality conditions passes; refused data (InvalidData
+/// from any call, NonConvex from set_hessian) leave the solver as it was, matrices and active set included; after `reserve`,
+/// repeated solves of one size never allocate; equal data and equal history give equal bits.
 template <class Solver, class Scalar = double>
 concept BoxQpSolver = detail::QpSolverBase<Solver, Scalar> &&
     requires(Solver& solver, const VectorX<Scalar>& v, Index n, typename qp_solver_traits<Solver>::result_type& result) {
@@ -127,7 +128,7 @@ concept QpSolver = detail::QpSolverBase<Solver, Scalar> &&
 template <class Solver, class Scalar = double>
 concept WarmStartable = (BoxQpSolver<Solver, Scalar> || QpSolver<Solver, Scalar>)&&requires(Solver& solver,
                                                                                             const VectorX<Scalar>& x) {
-  qp_solver_traits<Solver>::warm_start(solver, x);
+  { qp_solver_traits<Solver>::warm_start(solver, x) } -> std::same_as<bool>;
   qp_solver_traits<Solver>::reset(solver);
 }
 &&(

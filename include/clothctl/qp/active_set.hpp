@@ -13,12 +13,11 @@
 // Reference: Rockafellar, Math. Oper. Res. 1 (1976); Hermans, Themelis, Patrinos, QPALM (2022) for inner Newton steps.
 
 #include <algorithm>
-#include <cassert>
 #include <vector>
 
-#include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/proof_search.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
 #include "clothctl/qp/scaling.hpp"
 
@@ -37,8 +36,8 @@ class ActiveSet {
   /// A read-only view of a matrix.
   using MatrixView = Eigen::Ref<const MatrixX<Scalar>>;
 
-  /// Takes settings; `settings.check()` must be empty (asserted).
-  explicit ActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings) { assert(settings_.check().empty()); }
+  /// Takes settings. Solves answer InvalidData when `settings.check()` is not empty.
+  explicit ActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings), good_settings_(settings.check().empty()) {}
 
   /// Makes room for up to n unknowns and m rows and forgets both matrices; afterwards nothing here allocates up to those
   /// sizes (results size themselves at their first solve). Allocates.
@@ -48,65 +47,54 @@ class ActiveSet {
     problem_.reserve(n, m);
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
     matrix_.assign(static_cast<std::size_t>(n * m), Scalar(0));
-    for (VectorX<Scalar>* v : {&D_, &g_, &lo_, &hi_, &q_, &x_, &best_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
-    for (VectorX<Scalar>* v : {&E_, &rl_, &ru_, &y_, &best_y_, &delta_, &r2_, &m_work_, &m_size_}) v->setZero(m);
+    proofs_.reserve(n, m);
+    for (VectorX<Scalar>* v : {&D_, &g_, &lo_, &hi_, &q_, &x_, &old_x_, &best_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
+    for (VectorX<Scalar>* v : {&E_, &rl_, &ru_, &y_, &old_y_, &best_y_, &delta_, &r2_, &m_work_, &m_size_}) v->setZero(m);
     n_ = m_ = 0;
-    hessian_status_ = rows_status_ = QpStatus::InvalidData;
+    refusal_ = {};
+    hessian_refusal_ = kNoHessian;
+    prepared_ = false;
     reset();
   }
 
   /// Takes H (n×n, symmetric, positive semidefinite; zero for a linear program) and keeps a copy. When n changes the rows
   /// must be set again. Allocates only beyond the reserved size. Fails when: an entry is not finite or not symmetric
-  /// (InvalidData), or a diagonal entry is negative (NonConvex). Complexity: O(n²).
-  QpStatus set_hessian(const MatrixView& H) {
+  /// (InvalidData), a diagonal entry is negative or h_ij² > h_ii h_jj (NonConvex); `refusal()` says where, and the solver stays
+  /// as it was. Complexity: O(n²).
+  [[nodiscard]] QpStatus set_hessian(const MatrixView& H) {
+    refusal_ = hessian_refusal_ = detail::judge_hessian<Scalar>(H);
+    if (refusal_.status != QpStatus::Solved) return refusal_.status;
     const Index n = H.rows();
-    hessian_index_ = -1;
-    hessian_status_ = QpStatus::InvalidData;
-    if (H.cols() != n || n == 0) {
-      hessian_message_ = n == 0 ? "Hessian is empty" : "Hessian is not square";
-      return hessian_status_;
-    }
-    hessian_index_ = detail::find_bad_hessian_entry<Scalar>(H, hessian_message_);
-    if (hessian_index_ >= 0) return hessian_status_;
     if (n > capacity_n_) reserve(n, capacity_m_);
     if (n != n_) {
       n_ = n;
       m_ = 0;
-      rows_status_ = QpStatus::Solved;
-      rows_index_ = -1;
       reset();
     }
     prepared_ = false;
     for (Index j = 0; j < n; ++j) {
-      if (H(j, j) < Scalar(0)) {
-        hessian_message_ = "Hessian has a negative diagonal entry";
-        hessian_index_ = j + j * n;
-        hessian_status_ = QpStatus::NonConvex;
-        return hessian_status_;
+      for (Index i = 0; i < n; ++i) {
+        hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
       }
-      for (Index i = 0; i < n; ++i) hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * (H(i, j) + H(j, i));
     }
-    hessian_message_ = "";
-    hessian_status_ = QpStatus::Solved;
-    return hessian_status_;
+    return QpStatus::Solved;
   }
 
   /// Takes A (m×n; m may be 0) and keeps a copy; call after `set_hessian`. Allocates only beyond the reserved size. Fails
-  /// when: A has not n columns or an entry is not finite (InvalidData). Complexity: O(mn).
-  QpStatus set_rows(const MatrixView& A) {
-    rows_index_ = -1;
-    rows_status_ = QpStatus::InvalidData;
-    if (A.cols() != n_ && A.rows() > 0) {
-      rows_message_ = "rows differ in length from the Hessian";
-      return rows_status_;
-    }
+  /// when: A has not n columns or an entry is not finite (InvalidData); `refusal()` says where, and the solver stays as it was.
+  /// Complexity: O(mn).
+  [[nodiscard]] QpStatus set_rows(const MatrixView& A) {
     const Index m = A.rows();
+    refusal_ = {};
+    if (A.cols() != n_ && m > 0) {
+      refusal_ = {QpStatus::InvalidData, "rows differ in length from the Hessian", -1};
+      return refusal_.status;
+    }
     for (Index j = 0; j < A.cols(); ++j) {
       for (Index i = 0; i < m; ++i) {
         if (is_finite(A(i, j))) continue;
-        rows_message_ = "row entry is not finite";
-        rows_index_ = i + j * m;
-        return rows_status_;
+        refusal_ = {QpStatus::InvalidData, "row entry is not finite", i + j * m};
+        return refusal_.status;
       }
     }
     if (m > capacity_m_) grow_rows(m);
@@ -118,32 +106,37 @@ class ActiveSet {
     for (Index j = 0; j < A.cols(); ++j) {
       for (Index i = 0; i < m; ++i) matrix_[static_cast<std::size_t>(i + j * m)] = A(i, j);
     }
-    rows_status_ = QpStatus::Solved;
-    return rows_status_;
+    return QpStatus::Solved;
   }
+
+  /// What the last call of `set_hessian` or `set_rows` refused.
+  const QpRefusal& refusal() const { return refusal_; }
 
   /// Solves for gradient g, bounds lb, ub (n each) and row bounds rl, ru (m each), warm from the last iterate and active set.
   /// Never allocates once `result` has seen this size. Fails when: sizes differ, an entry is NaN, or a lower bound lies
   /// above its upper one (InvalidData; nothing is changed).
-  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru,
-                 result_type& result) {
+  [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
+                               const VectorView& ru, result_type& result) {
     result.resize(n_, m_);
     result.iterations = 0;
     result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
     if (!load(g, lb, ub, rl, ru, result)) return result.status;
     prepare();
     take_start();
+    best_rank_ = {};
     result.status = iterate(result);
     report(lb, ub, rl, ru, result);
     return result.status;
   }
 
-  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside are free.
-  void warm_start(const VectorView& x) {
-    if (x.size() != n_ || !all_finite(x)) return;
+  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside are free. Answers false, and
+  /// changes nothing, when x has another size or an entry that is not finite.
+  [[nodiscard]] bool warm_start(const VectorView& x) {
+    if (n_ == 0 || x.size() != n_ || !all_finite(x)) return false;
     if (start_ == Start::Cold) y_.head(m_).setConstant(Scalar(0));
     x_.head(n_) = x;
     start_ = Start::FromX;
+    return true;
   }
 
   /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns, row i those of row i + rows; the
@@ -170,24 +163,22 @@ class ActiveSet {
   void grow_rows(Index m) {
     const Index n = n_;
     const std::vector<Scalar> keep = hessian_;
-    const QpStatus status = hessian_status_;
     reserve(capacity_n_, m);
     hessian_ = keep;
-    hessian_status_ = status;
     n_ = n;
   }
 
   bool load(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru,
             result_type& result) {
+    constexpr QpStatus bad = QpStatus::InvalidData;
     const auto refuse = [&result](QpStatus status, const char* message, Index index) {
       result.status = status;
       result.message = message;
       result.invalid_index = index;
       return false;
     };
-    if (hessian_status_ != QpStatus::Solved) return refuse(hessian_status_, hessian_message_, hessian_index_);
-    if (rows_status_ != QpStatus::Solved) return refuse(rows_status_, rows_message_, rows_index_);
-    constexpr QpStatus bad = QpStatus::InvalidData;
+    if (!good_settings_) return refuse(bad, "settings are bad: see their check()", -1);
+    if (n_ == 0) return refuse(hessian_refusal_.status, hessian_refusal_.message, hessian_refusal_.index);
     if (g.size() != n_ || lb.size() != n_ || ub.size() != n_) {
       return refuse(bad, "gradient or bounds differ in size from the Hessian", -1);
     }
@@ -254,16 +245,22 @@ class ActiveSet {
       problem_.y[i] = y_[i] / E_[i];
     }
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
-    const Scalar slope = steepest > Scalar(0) ? steepest : Scalar(1);
-    const Scalar unit = curvature_ > Scalar(0) ? curvature_ : slope;
+    const Scalar least =
+        Scalar(1e-30);  // smaller numbers count as zero: they are far below every tolerance, and ρ would underflow
+    const Scalar slope = steepest > least ? steepest : Scalar(1);
+    const Scalar unit = curvature_ > least ? curvature_ : slope;
     const Scalar mu_unit = Scalar(1) / std::max(unit, slope);
     const bool far = !weighted_ || start_ == Start::Cold || mu_unit > Scalar(64) * mu_unit_ || mu_unit < mu_unit_ / Scalar(64);
     if (far) {
       problem_.rho = Scalar(8) * half * unit;
       problem_.mu = Scalar(1e-2) * mu_unit;
       problem_.rho_ceiling = unit;
+      rho_unit_ = problem_.rho;
       mu_unit_ = mu_unit;
       weighted_ = true;
+      problem_.factor.clear();
+    } else if (problem_.rho < rho_unit_) {  // lowered for a far minimum
+      problem_.rho = rho_unit_;
       problem_.factor.clear();
     }
     start_ = Start::Warm;
@@ -273,30 +270,34 @@ class ActiveSet {
   KktResiduals<Scalar> judge() {
     using std::abs;
     problem_.reduced_gradient(q_);
+    using detail::raise_error;
+    using detail::relative_error;
     KktResiduals<Scalar> r;
     Scalar dual_scale(1);
     Scalar primal_scale(1);
     for (Index j = 0; j < n_; ++j) {
       const Scalar hx = problem_.hx[j];
-      const Scalar all =
-          std::max(Scalar(abs(hx)), std::max(Scalar(abs(problem_.g[j])), Scalar(abs(hx + problem_.g[j] - q_[j]))));
-      dual_scale = std::max(dual_scale, Scalar(all / D_[j]));
-      primal_scale = std::max(primal_scale, Scalar(abs(problem_.x[j]) * D_[j]));
-      r.stationarity = std::max(r.stationarity, Scalar(abs(q_[j] - bound_multiplier(j)) / D_[j]));
+      raise_error(dual_scale, Scalar(abs(hx) / D_[j]));
+      raise_error(dual_scale, Scalar(abs(problem_.g[j]) / D_[j]));
+      raise_error(dual_scale, Scalar(abs(hx + problem_.g[j] - q_[j]) / D_[j]));
+      raise_error(primal_scale, Scalar(abs(problem_.x[j]) * D_[j]));
+      raise_error(r.stationarity, Scalar(abs(q_[j] - bound_multiplier(j)) / D_[j]));
       r.objective += (Scalar(0.5) * hx + problem_.g[j]) * problem_.x[j];
     }
     for (Index i = 0; i < m_; ++i) {
-      primal_scale = std::max(primal_scale, Scalar(abs(problem_.ax[i]) / E_[i]));
+      raise_error(primal_scale, Scalar(abs(problem_.ax[i]) / E_[i]));
+      const Scalar y = problem_.y[i];
       const Scalar below = problem_.rl[i] - problem_.ax[i];
       const Scalar above = problem_.ax[i] - problem_.ru[i];
-      r.feasibility = std::max(r.feasibility, Scalar(std::max(below, above) / E_[i]));
-      const Scalar y = problem_.y[i];
+      if (detail::has_bound(problem_.rl[i])) raise_error(r.feasibility, Scalar(below / E_[i]));
+      if (detail::has_bound(problem_.ru[i])) raise_error(r.feasibility, Scalar(above / E_[i]));
       const Scalar edge = y > Scalar(0) ? below : above;
-      if (y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
+      if (!is_finite(y) || y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
     }
-    r.relative_stationarity = r.stationarity / dual_scale;
-    r.relative_feasibility = r.feasibility / primal_scale;
-    r.relative_complementarity = r.complementarity / std::max(Scalar(1), Scalar(abs(r.objective)));
+    r.relative_stationarity = relative_error(r.stationarity, dual_scale);
+    r.relative_feasibility = relative_error(r.feasibility, primal_scale);
+    r.relative_complementarity = relative_error(r.complementarity, std::max(Scalar(1), Scalar(abs(r.objective))));
+    if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
     return r;
   }
 
@@ -309,7 +310,7 @@ class ActiveSet {
     return Scalar(0);
   }
 
-  /// How many tolerances the worst residual is away: at most one means solved.
+  /// How many tolerances the worst residual is away: at most one means solved. Infinite when a residual is not finite.
   Scalar excess(const KktResiduals<Scalar>& r) const {
     return std::max(Scalar(r.relative_stationarity / settings_.stationarity_tolerance),
                     std::max(Scalar(r.relative_feasibility / settings_.feasibility_tolerance),
@@ -320,8 +321,8 @@ class ActiveSet {
   KktResiduals<Scalar> refine(KktResiduals<Scalar> now) {
     constexpr int kSteps = 12;
     for (int step = 0; step < kSteps && excess(now) > Scalar(1e-3); ++step) {
-      best_x_.head(n_) = problem_.x.head(n_);
-      best_y_.head(m_) = problem_.y.head(m_);
+      old_x_.head(n_) = problem_.x.head(n_);
+      old_y_.head(m_) = problem_.y.head(m_);
       for (Index k = 0; k < problem_.factor.row_size(); ++k) {
         const Index i = problem_.factor.row(k);
         const Scalar y = problem_.y[i];
@@ -346,8 +347,8 @@ class ActiveSet {
       const KktResiduals<Scalar> next = judge();
       if (!(excess(next) < Scalar(0.5) * excess(now))) {
         if (!(excess(next) < excess(now))) {
-          problem_.x.head(n_) = best_x_.head(n_);
-          problem_.y.head(m_) = best_y_.head(m_);
+          problem_.x.head(n_) = old_x_.head(n_);
+          problem_.y.head(m_) = old_y_.head(m_);
           problem_.refresh_products();
           return judge();
         }
@@ -358,93 +359,89 @@ class ActiveSet {
     return now;
   }
 
-  /// Tests y - yk as a proof of infeasibility on unscaled data, refined towards Aᵀ(y - yk) = 0 on the free unknowns.
+  /// Order among iterates when none is optimal: first those that pass for inaccurate solutions, by their excess; then by
+  /// violation, and by excess where that is within its tolerance.
+  struct Rank {
+    Scalar near = scalar_traits<Scalar>::infinity();
+    Scalar violation = scalar_traits<Scalar>::infinity();
+    Scalar excess = scalar_traits<Scalar>::infinity();
+    bool before(const Rank& other) const {
+      if (near < other.near || other.near < near) return near < other.near;
+      if (violation < other.violation || other.violation < violation) return violation < other.violation;
+      return excess < other.excess;
+    }
+  };
+
+  /// Remembers the present iterate when it is the best so far.
+  void keep(const KktResiduals<Scalar>& now) {
+    Rank rank;
+    rank.excess = excess(now);
+    if (!is_finite(rank.excess)) return;
+    if (rank.excess <= Scalar(kLoose)) rank.near = rank.excess;
+    rank.violation = std::max(Scalar(1), Scalar(now.relative_feasibility / settings_.feasibility_tolerance));
+    if (!rank.before(best_rank_)) return;
+    best_rank_ = rank;
+    best_x_.head(n_) = problem_.x.head(n_);
+    best_y_.head(m_) = problem_.y.head(m_);
+  }
+
+  /// Asks whether y - yk proves infeasibility, and hands the proof to the result in the caller's units.
   bool check_infeasible(result_type& result) {
-    using std::abs;
-    Scalar largest(0);
-    for (Index i = 0; i < m_; ++i) largest = std::max(largest, Scalar(abs(problem_.y[i] - problem_.yk[i])));
-    bool changed = false;
-    if (!(largest > Scalar(0)) || !problem_.sync(changed)) return false;
-    const Scalar tiny = detail::certificate_tolerance<Scalar>();
-    Scalar reach(1);
-    for (Index j = 0; j < n_; ++j) reach = std::max(reach, Scalar(abs(problem_.x[j])));
-    best_y_.head(m_) = (problem_.yk.head(m_) - problem_.y.head(m_)) / largest;
-    r2_.head(m_).setConstant(Scalar(0));
-    constexpr int kSteps = 3;
-    for (int step = 0; step < kSteps; ++step) {
-      n_work_.head(n_).setConstant(Scalar(0));
-      n_size_.head(n_).setConstant(Scalar(0));
-      for (Index i = 0; i < m_; ++i) {
-        if (abs(best_y_[i]) < tiny) best_y_[i] = Scalar(0);
-        const Scalar v = best_y_[i];
-        if (!(v < Scalar(0)) && !(v > Scalar(0))) continue;
-        n_work_.head(n_) -= v * problem_.At().col(i);
-        n_size_.head(n_) += abs(v) * problem_.At().col(i).cwiseAbs();
-      }
-      q_.head(n_) = n_work_.head(n_);
-      if (detail::proves_infeasible<Scalar>(best_y_.head(m_), n_work_.head(n_), n_size_.head(n_), problem_.rl.head(m_),
-                                            problem_.ru.head(m_), problem_.lo.head(n_), problem_.hi.head(n_),
-                                            Scalar(16) * reach)) {
-        for (Index i = 0; i < m_; ++i) result.row_multipliers[i] = best_y_[i] * E_[i];
-        for (Index j = 0; j < n_; ++j) result.bound_multipliers[j] = n_work_[j] / D_[j];
-        return true;
-      }
-      problem_.factor.solve(q_, r2_, p_, delta_);
-      for (Index k = 0; k < problem_.factor.row_size(); ++k) {
-        const Index i = problem_.factor.row(k);
-        best_y_[i] += delta_[i];
+    if (!proofs_.infeasible(problem_)) return false;
+    for (Index i = 0; i < m_; ++i) result.row_multipliers[i] = proofs_.farkas_rows()[i] * E_[i];
+    for (Index j = 0; j < n_; ++j) result.bound_multipliers[j] = proofs_.farkas_bounds()[j] / D_[j];
+    result.ray.setConstant(Scalar(0));
+    return true;
+  }
+
+  /// Asks whether x - xk is a ray. Near-rays lead to a far minimum: x goes there, and ρ falls so that it does not hold x back.
+  bool check_unbounded(result_type& result) {
+    const detail::RayVerdict verdict = proofs_.unbounded(problem_);
+    if (verdict == detail::RayVerdict::Proven) {
+      for (Index j = 0; j < n_; ++j) result.ray[j] = proofs_.direction()[j] * D_[j];
+      return true;
+    }
+    if (verdict == detail::RayVerdict::FarMinimum) {
+      proofs_.go_to_far_minimum(problem_);
+      const Scalar floor = Scalar(64) * scalar_traits<Scalar>::epsilon() * problem_.rho_ceiling;
+      problem_.refresh_products();
+      if (problem_.rho > floor) {
+        problem_.rho = std::max(floor, Scalar(problem_.rho / Scalar(16)));
+        problem_.factor.clear();
       }
     }
     return false;
   }
 
-  /// Tests x - xk as a ray on unscaled data.
-  bool check_unbounded(result_type& result) {
-    using std::abs;
-    Scalar largest(0);
-    for (Index j = 0; j < n_; ++j) largest = std::max(largest, Scalar(abs(problem_.x[j] - problem_.xk[j])));
-    if (!(largest > Scalar(0))) return false;
-    n_work_.head(n_).setConstant(Scalar(0));
-    n_size_.head(n_).setConstant(Scalar(0));
-    m_work_.head(m_).setConstant(Scalar(0));
-    m_size_.head(m_).setConstant(Scalar(0));
-    for (Index j = 0; j < n_; ++j) {
-      Scalar d = (problem_.x[j] - problem_.xk[j]) / largest;
-      if (abs(d) < Scalar(8) * detail::certificate_tolerance<Scalar>()) d = Scalar(0);
-      p_[j] = d;
-      if (!(d < Scalar(0)) && !(d > Scalar(0))) continue;
-      for (Index i = 0; i < n_; ++i) {
-        const Scalar term = problem_.H()(i, j) * d;
-        n_work_[i] += term;
-        n_size_[i] += abs(term);
-      }
-      for (Index i = 0; i < m_; ++i) {
-        const Scalar term = problem_.A()(i, j) * d;
-        m_work_[i] += term;
-        m_size_[i] += abs(term);
-      }
-    }
-    if (!detail::proves_unbounded<Scalar>(p_.head(n_), n_work_.head(n_), m_work_.head(m_), n_size_.head(n_), m_size_.head(m_),
-                                          problem_.g.head(n_), problem_.rl.head(m_), problem_.ru.head(m_), problem_.lo.head(n_),
-                                          problem_.hi.head(n_))) {
-      return false;
-    }
-    for (Index j = 0; j < n_; ++j) result.ray[j] = p_[j] * D_[j];
-    return true;
-  }
-
   QpStatus iterate(result_type& result) {
     using std::abs;
     using std::sqrt;
+    const Scalar zero(0);
+    const Scalar one(1);
     const int limit = settings_.max_iterations > 0 ? settings_.max_iterations : 10 * static_cast<int>(n_ + m_) + 10;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     const bool coarse = scalar_traits<Scalar>::epsilon() > Scalar(1e-12);  // y(x) = …/μ would drown in rounding
     problem_.refresh_products();
     KktResiduals<Scalar> now = judge();
-    if (!(excess(now) > Scalar(1))) return QpStatus::Solved;
-    Scalar tolerance = Scalar(1e-3) * std::max(curvature_, Scalar(1) / mu_unit_);
+    if (excess(now) <= one) return QpStatus::Solved;
+    keep(now);
+    Scalar tolerance = Scalar(1e-3) * std::max(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
     Scalar gap = scalar_traits<Scalar>::infinity();
+    bool falling = false;  // a ray is known; what is left to find is a feasible point, without the objective's slope
+    const auto seek = [&] {
+      falling = true;
+      problem_.g.head(n_).setConstant(zero);
+      for (Index j = 0; j < n_; ++j) problem_.x[j] = std::min(std::max(zero, problem_.lo[j]), problem_.hi[j]);
+      for (Index j = 0; j < n_; ++j) {
+        state(j) = !(problem_.x[j] > problem_.lo[j])   ? State::Lower
+                   : !(problem_.x[j] < problem_.hi[j]) ? State::Upper
+                                                       : State::Free;
+      }
+      problem_.y.head(m_).setConstant(zero);
+      problem_.refresh_products();
+      gap = scalar_traits<Scalar>::infinity();
+    };
     for (int outer = 0; outer < kOuterLimit; ++outer) {
       problem_.xk.head(n_) = problem_.x.head(n_);
       problem_.yk.head(m_) = problem_.y.head(m_);
@@ -453,17 +450,25 @@ class ActiveSet {
       problem_.refresh_products();
       problem_.update_multipliers();
       now = judge();
-      if (outcome == Problem::Outcome::Budget) return QpStatus::IterationLimit;
       const Scalar violation = now.feasibility;
-      if (!(excess(now) > Scalar(1))) return finish(now);
-      if (now.relative_feasibility > settings_.feasibility_tolerance && check_infeasible(result)) {
+      if (falling && now.relative_feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
+      if (!falling) keep(now);
+      if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
+      if (!falling && excess(now) <= one) return finish(now);
+      if (!(now.relative_feasibility <= settings_.feasibility_tolerance) && check_infeasible(result)) {
         return QpStatus::PrimalInfeasible;
       }
-      if (check_unbounded(result)) return QpStatus::DualInfeasible;
+      if (!falling && check_unbounded(result)) {
+        if (now.feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
+        seek();
+        continue;
+      }
       bool changed = false;
       if (problem_.sync(changed)) {
         now = refine(judge());
-        if (!(excess(now) > Scalar(1))) return QpStatus::Solved;
+        if (falling && now.relative_feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
+        if (!falling && excess(now) <= one) return QpStatus::Solved;
+        if (!falling) keep(now);
       }
       if (now.relative_feasibility > settings_.feasibility_tolerance && violation > Scalar(0.1) * gap) {
         problem_.mu = std::max(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle || coarse ? sqrt(half) : half) * mu_unit_));
@@ -486,10 +491,18 @@ class ActiveSet {
   void report(const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru, result_type& result) {
     const Scalar zero(0);
     const bool infeasible = result.status == QpStatus::PrimalInfeasible;
+    const bool unbounded = result.status == QpStatus::DualInfeasible;
+    if (!unbounded) result.ray.setConstant(zero);
+    for (Index i = 0; i < n_; ++i) problem_.g[i] = D_[i] * g_[i];
+    const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::NonConvex;
+    if (unfinished && is_finite(best_rank_.excess)) {
+      problem_.x.head(n_) = best_x_.head(n_);
+      problem_.y.head(m_) = best_y_.head(m_);
+    }
     if (!all_finite(problem_.x.head(n_)) || !all_finite(problem_.y.head(m_))) {
       for (Index i = 0; i < n_; ++i) problem_.x[i] = std::min(std::max(zero, problem_.lo[i]), problem_.hi[i]);
       problem_.y.head(m_).setConstant(zero);
-      if (!infeasible && result.status != QpStatus::DualInfeasible) result.status = QpStatus::IterationLimit;
+      if (!infeasible && !unbounded && result.status != QpStatus::NonConvex) result.status = QpStatus::IterationLimit;
       problem_.factor.clear();
     }
     problem_.refresh_products();
@@ -517,27 +530,27 @@ class ActiveSet {
       result.bound_multipliers = n_size_.head(n_);
       result.row_multipliers = y_.head(m_);
     }
-    if (result.status == QpStatus::Solved && excess(r) > Scalar(1)) {
-      result.status = excess(r) < Scalar(1000) ? QpStatus::SolvedInaccurate : QpStatus::IterationLimit;
-    }
-    if (result.status == QpStatus::IterationLimit && !(excess(r) > Scalar(1000))) result.status = QpStatus::SolvedInaccurate;
+    if (result.status == QpStatus::Solved && !(excess(r) <= Scalar(1))) result.status = QpStatus::IterationLimit;
+    if (result.status == QpStatus::IterationLimit && excess(r) <= Scalar(kLoose)) result.status = QpStatus::SolvedInaccurate;
     if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
   }
 
   static constexpr int kOuterLimit = 200, kGentle = 15;
+  static constexpr int kLoose = 1000;
+  static constexpr QpRefusal kNoHessian{QpStatus::InvalidData, "no Hessian was set", -1};
 
   QpSettings<Scalar> settings_;
   Problem problem_;
+  detail::ProofSearch<Scalar> proofs_;
   std::vector<Scalar> hessian_, matrix_;
-  VectorX<Scalar> D_, g_, lo_, hi_, q_, x_, best_x_, p_, n_work_, n_size_;
-  VectorX<Scalar> E_, rl_, ru_, y_, best_y_, delta_, r2_, m_work_, m_size_;
-  Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1);
-  Index capacity_n_ = 0, capacity_m_ = 0, n_ = 0, m_ = 0, hessian_index_ = -1, rows_index_ = -1;
-  const char* hessian_message_ = "no Hessian was set";
-  const char* rows_message_ = "no rows were set";
-  QpStatus hessian_status_ = QpStatus::InvalidData, rows_status_ = QpStatus::InvalidData;
+  VectorX<Scalar> D_, g_, lo_, hi_, q_, x_, old_x_, best_x_, p_, n_work_, n_size_;
+  VectorX<Scalar> E_, rl_, ru_, y_, old_y_, best_y_, delta_, r2_, m_work_, m_size_;
+  Rank best_rank_;
+  Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
+  Index capacity_n_ = 0, capacity_m_ = 0, n_ = 0, m_ = 0;
+  QpRefusal refusal_, hessian_refusal_ = kNoHessian;
   Start start_ = Start::Cold;
-  bool prepared_ = false, weighted_ = false;
+  bool good_settings_ = true, prepared_ = false, weighted_ = false;
 };
 
 }  // namespace clothctl

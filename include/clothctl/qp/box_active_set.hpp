@@ -18,7 +18,6 @@
 // (1982).
 
 #include <algorithm>
-#include <cassert>
 #include <vector>
 
 #include "clothctl/qp/certificate.hpp"
@@ -39,8 +38,8 @@ class BoxActiveSet {
   /// A read-only view of a vector.
   using VectorView = Eigen::Ref<const VectorX<Scalar>>;
 
-  /// Takes settings; `settings.check()` must be empty (asserted).
-  explicit BoxActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings) { assert(settings_.check().empty()); }
+  /// Takes settings. Solves answer InvalidData when `settings.check()` is not empty.
+  explicit BoxActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings), good_settings_(settings.check().empty()) {}
 
   /// Makes room for up to n unknowns and forgets the Hessian; afterwards nothing here allocates for up to n unknowns
   /// (results size themselves at their first solve). Allocates.
@@ -48,29 +47,23 @@ class BoxActiveSet {
     capacity_ = n;
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
     factor_.reserve(n);
-    for (VectorX<Scalar>* v : {&x_, &q_, &g_, &p_, &w_, &lo_, &hi_, &scale_, &zeros_, &limit_}) v->setZero(n);
+    for (VectorX<Scalar>* v : {&x_, &q_, &g_, &p_, &w_, &lo_, &hi_, &scale_, &zeros_, &limit_, &last_x_, &last_q_})
+      v->setZero(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
     n_ = 0;
-    hessian_status_ = QpStatus::InvalidData;
+    refusal_ = kNoHessian;
     reset();
   }
 
   /// Takes H (n×n, symmetric, positive semidefinite) and keeps a copy. The active set is kept while n stays. Allocates
-  /// only when n exceeds the reserved size. Fails when: an entry is not finite or not symmetric (InvalidData; the
-  /// next solve's message names it) or a diagonal entry is negative (NonConvex). Complexity: O(n²).
-  QpStatus set_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
+  /// only when n exceeds the reserved size. Fails when: an entry is not finite or not symmetric (InvalidData), a diagonal entry
+  /// is negative or h_ij² > h_ii h_jj (NonConvex); `refusal()` says where, and the solver stays as it was. Complexity: O(n²).
+  [[nodiscard]] QpStatus set_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
+    refusal_ = detail::judge_hessian<Scalar>(H);
+    if (refusal_.status != QpStatus::Solved) return refusal_.status;
     const Index n = H.rows();
-    hessian_message_ = "no valid Hessian was set";
-    hessian_index_ = -1;
-    hessian_status_ = QpStatus::InvalidData;
-    if (H.cols() != n || n == 0) {
-      hessian_message_ = n == 0 ? "Hessian is empty" : "Hessian is not square";
-      return hessian_status_;
-    }
-    hessian_index_ = detail::find_bad_hessian_entry<Scalar>(H, hessian_message_);
-    if (hessian_index_ >= 0) return hessian_status_;
     if (n > capacity_) reserve(n);
     factor_.clear();
     if (n != n_) {
@@ -79,31 +72,36 @@ class BoxActiveSet {
     }
     using std::sqrt;
     for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < n; ++i) hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * (H(i, j) + H(j, i));
-      if (H(j, j) < Scalar(0)) {
-        hessian_message_ = "Hessian has a negative diagonal entry";
-        hessian_index_ = j + j * n;
-        hessian_status_ = QpStatus::NonConvex;
-        return hessian_status_;
+      for (Index i = 0; i < n; ++i) {
+        hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
       }
       scale_[j] = H(j, j) > Scalar(0) ? Scalar(1) / sqrt(H(j, j)) : Scalar(1);
     }
-    hessian_message_ = "";
-    hessian_status_ = QpStatus::Solved;
-    return hessian_status_;
+    return QpStatus::Solved;
   }
+
+  /// What the last call of `set_hessian` refused.
+  const QpRefusal& refusal() const { return refusal_; }
 
   /// Solves for gradient g and bounds lb, ub (n each), warm from the last active set. Never allocates once `result` has
   /// seen this size. Fails when: sizes differ, g or a bound is NaN, or lb > ub (InvalidData; nothing is changed).
-  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, result_type& result) {
+  [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, result_type& result) {
     result.resize(n_, 0);
     result.iterations = 0;
     result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
-    result.message = hessian_message_;
-    result.invalid_index = hessian_index_;
-    result.status = hessian_status_;
-    if (hessian_status_ != QpStatus::Solved) return result.status;
+    result.message = "";
+    result.invalid_index = -1;
+    if (n_ == 0) {
+      result.message = refusal_.message;
+      result.invalid_index = refusal_.index;
+      result.status = refusal_.status;
+      return result.status;
+    }
     result.status = QpStatus::InvalidData;
+    if (!good_settings_) {
+      result.message = "settings are bad: see their check()";
+      return result.status;
+    }
     if (g.size() != n_ || lb.size() != n_ || ub.size() != n_) {
       result.message = "gradient or bounds differ in size from the Hessian";
       return result.status;
@@ -129,11 +127,13 @@ class BoxActiveSet {
     return result.status;
   }
 
-  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside are free.
-  void warm_start(const VectorView& x) {
-    if (x.size() != n_ || !all_finite(x)) return;
+  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside are free. Answers false, and
+  /// changes nothing, when x has another size or an entry that is not finite.
+  [[nodiscard]] bool warm_start(const VectorView& x) {
+    if (n_ == 0 || x.size() != n_ || !all_finite(x)) return false;
     x_.head(n_) = x;
     start_ = Start::FromX;
+    return true;
   }
 
   /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the tail repeats the last block.
@@ -371,22 +371,56 @@ class BoxActiveSet {
     return outcome;
   }
 
-  /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, and hands it to the result.
+  /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, to the rounding of the product, and
+  /// falls; if so hands it to the result. The part in the factor is refined towards H p = 0.
   bool verify_ray(Index count, result_type& result) {
     using std::abs;
-    const Scalar tolerance = Scalar(64) * detail::certificate_tolerance<Scalar>();
-    Scalar slope(0);
-    limit_.head(n_).setConstant(Scalar(0));
-    for (Index k = 0; k < count; ++k) {
-      const Index i = moving_[static_cast<std::size_t>(k)];
-      result.ray[i] = p_[i];
-      slope += g_[i] * p_[i];
-      limit_.head(n_) += abs(p_[i]) * H().col(i).cwiseAbs();
+    bool bent = false;  // an unknown of the factor met its bound: no refinement
+    for (Index k = 0; k < factor_.size(); ++k) bent = bent || state(factor_.order(k)) != kFree;
+    constexpr int kSteps = 3;
+    for (int step = 0; step < kSteps; ++step) {
+      last_x_.head(n_).setConstant(Scalar(0));
+      last_q_.head(n_).setConstant(Scalar(0));
+      limit_.head(n_).setConstant(Scalar(0));
+      for (Index k = 0; k < count; ++k) {
+        const Index i = moving_[static_cast<std::size_t>(k)];
+        last_x_[i] = p_[i];
+        last_q_.head(n_) += p_[i] * H().col(i);
+        limit_.head(n_) += abs(p_[i]) * H().col(i).cwiseAbs();
+      }
+      const VectorX<Scalar>& none = result.row_multipliers;
+      const detail::ProofCheck<Scalar> check = detail::check_ray<Scalar>(
+          last_x_.head(n_), last_q_.head(n_), none, limit_.head(n_), none, g_.head(n_), none, none, lo_.head(n_), hi_.head(n_));
+      if (check.proven) {
+        result.ray = last_x_.head(n_);
+        return true;
+      }
+      if (!check.promising || bent) return false;
+      for (Index k = 0; k < factor_.size(); ++k) w_[k] = last_q_[factor_.order(k)];
+      factor_.solve_lower(w_);
+      factor_.solve_upper(w_);
+      for (Index k = 0; k < factor_.size(); ++k) p_[factor_.order(k)] -= w_[k];
     }
-    for (Index r = 0; r < n_; ++r) {
-      if (abs(w_[r]) > tolerance * limit_[r]) return false;
+    return false;
+  }
+
+  /// Tells whether the objective is lower than ever since the start. Its changes ½ (q + q')ᵀ(x - x') are summed, so that a
+  /// large constant hides nothing.
+  bool progressed() {
+    using std::abs;
+    Scalar change(0);
+    Scalar size(0);
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar step = x_[i] - last_x_[i];
+      change += Scalar(0.5) * (q_[i] + last_q_[i]) * step;
+      size += (abs(g_[i]) + abs(q_[i] - g_[i])) * abs(step);
     }
-    return slope < Scalar(0);
+    last_x_.head(n_) = x_.head(n_);
+    last_q_.head(n_) = q_.head(n_);
+    total_ += change;
+    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size)) return false;
+    least_ = total_;
+    return true;
   }
 
   QpStatus iterate(result_type& result) {
@@ -395,20 +429,23 @@ class BoxActiveSet {
     refresh_gradient();
     int stalls = 0;
     int polishes = 0;
-    Scalar last = scalar_traits<Scalar>::infinity();
     bool first = true;
+    bool stuck = false;
     for (;;) {
       sync_factor();
       if (newton_step() == Walk::Clipped) {
         if (++result.iterations >= limit) return QpStatus::IterationLimit;
         continue;
       }
-      const Scalar value = Scalar(0.5) * x_.head(n_).dot(q_.head(n_) + g_.head(n_));
-      const Scalar margin = Scalar(4) * scalar_traits<Scalar>::epsilon() * Scalar(abs(value));
-      if (!first && !(value < last - margin)) ++stalls;
-      last = value;
-      first = false;
-      const Index worst = stalls > 2 * kStalls ? Index(-1) : release(stalls > kStalls);
+      if (first) {
+        last_x_.head(n_) = x_.head(n_);
+        last_q_.head(n_) = q_.head(n_);
+        total_ = least_ = Scalar(0);
+        first = false;
+      } else {
+        stalls = progressed() ? 0 : stalls + 1;
+      }
+      const Index worst = stuck || stalls > 2 * kStalls ? Index(-1) : release(stalls > kStalls);
       if (worst < 0) {
         refresh_gradient();
         const Scalar tolerance = dual_tolerance();
@@ -426,7 +463,9 @@ class BoxActiveSet {
       if (sync_factor() > 0) continue;
       const Walk outcome = flat_step(worst);
       if (outcome == Walk::Concave) return QpStatus::NonConvex;
-      if (outcome == Walk::Unbounded && verify_ray(factor_.size() + 1, result)) return QpStatus::DualInfeasible;
+      if (outcome != Walk::Unbounded) continue;
+      if (verify_ray(factor_.size() + 1, result)) return QpStatus::DualInfeasible;
+      stuck = first = true;  // no further way down that rounding does not hide: the residuals will tell
     }
   }
 
@@ -463,32 +502,33 @@ class BoxActiveSet {
     result.objective = r.objective;
     if (result.status == QpStatus::DualInfeasible) return;
     result.ray.setConstant(zero);
-    if (result.status != QpStatus::Solved) return;
+    if (result.status != QpStatus::Solved && result.status != QpStatus::IterationLimit) return;
     const Scalar loose(1000);
     const auto within = [&](const Scalar& factor) {
       return r.relative_stationarity <= factor * settings_.stationarity_tolerance &&
              r.relative_feasibility <= factor * settings_.feasibility_tolerance &&
              r.relative_complementarity <= factor * settings_.complementarity_tolerance;
     };
-    if (within(Scalar(1))) return;
+    if (result.status == QpStatus::Solved && within(Scalar(1))) return;
     result.status = within(loose) ? QpStatus::SolvedInaccurate : QpStatus::IterationLimit;
   }
 
   static constexpr Index kFewChanges = 4, kUpdateCost = 6;
   static constexpr int kStalls = 3;
   static constexpr int kPolishes = 4;
+  static constexpr QpRefusal kNoHessian{QpStatus::InvalidData, "no Hessian was set", -1};
 
   QpSettings<Scalar> settings_;
   std::vector<Scalar> hessian_;
   detail::FreeSetFactor<Scalar> factor_;
-  VectorX<Scalar> x_, q_, g_, p_, w_, lo_, hi_, scale_, zeros_, limit_;
+  VectorX<Scalar> x_, q_, g_, p_, w_, lo_, hi_, scale_, zeros_, limit_, last_x_, last_q_;
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
-  Scalar gradient_scale_ = Scalar(1);
-  Index capacity_ = 0, n_ = 0, hessian_index_ = -1;
-  const char* hessian_message_ = "no Hessian was set";
-  QpStatus hessian_status_ = QpStatus::InvalidData;
+  Scalar gradient_scale_ = Scalar(1), total_ = Scalar(0), least_ = Scalar(0);
+  Index capacity_ = 0, n_ = 0;
+  QpRefusal refusal_ = kNoHessian;
   Start start_ = Start::Cold;
+  bool good_settings_ = true;
 };
 
 }  // namespace clothctl

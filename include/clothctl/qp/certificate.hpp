@@ -12,7 +12,7 @@
 
 namespace clothctl::detail {
 
-/// Largest relative error that a certificate may have: spacing to the power 3/4 (1.8e-12 in double).
+/// Spacing to the power 3/4 (1.8e-12 in double): what is small enough to be refined away.
 template <RealScalar Scalar>
 Scalar certificate_tolerance() {
   using std::sqrt;
@@ -31,54 +31,107 @@ void add_support(const Scalar& v, const Scalar& lower, const Scalar& upper, cons
   size += abs(term);
 }
 
-/// Tells whether (y, z) proves that the loaded bounds cannot be met; z must equal -Aᵀy. On an infinite side only rounding
-/// (relative to `z_size`, the size of the terms of z_j) is let through, and set to zero. Complexity: O(n + m).
+/// How far a candidate is from a proof.
 template <RealScalar Scalar>
-bool proves_infeasible(const Eigen::Ref<const VectorX<Scalar>>& y, Eigen::Ref<VectorX<Scalar>> z,
-                       const Eigen::Ref<const VectorX<Scalar>>& z_size, const Eigen::Ref<const VectorX<Scalar>>& rl,
-                       const Eigen::Ref<const VectorX<Scalar>>& ru, const Eigen::Ref<const VectorX<Scalar>>& lo,
-                       const Eigen::Ref<const VectorX<Scalar>>& hi, const Scalar& reach) {
+struct ProofCheck {
+  /// Every condition holds to the rounding of its own sums.
+  bool proven = false;
+  /// The deciding value (support, or slope) is negative beyond rounding, and no sign is wrong.
+  bool promising = false;
+  /// No sign is wrong, every number finite.
+  bool admissible = false;
+  /// Largest error over what rounding explains; at most 1 when proven.
+  Scalar error = Scalar(0);
+  /// The part of it that comes from rows (rays only).
+  Scalar row_error = Scalar(0);
+};
+
+/// Rounding error of a sum of `terms` products, relative to the sum of their sizes.
+template <RealScalar Scalar>
+Scalar summation_error(Index terms) {
+  return Scalar(0.5) * static_cast<Scalar>(terms + 2) * scalar_traits<Scalar>::epsilon();
+}
+
+/// How far below zero a deciding sum of `terms` products has to be, relative to the sum of their sizes.
+template <RealScalar Scalar>
+Scalar deciding_margin(Index terms) {
+  return certificate_tolerance<Scalar>() + Scalar(8) * summation_error<Scalar>(terms);
+}
+
+/// Judges (y, z) as a proof that the loaded bounds cannot be met; z must equal -Aᵀy and `z_size` hold |Aᵀ||y|. On an infinite
+/// side z must vanish but for the rounding of its own sum, and is then set to zero. Complexity: O(n + m).
+template <RealScalar Scalar>
+ProofCheck<Scalar> check_farkas(const Eigen::Ref<const VectorX<Scalar>>& y, Eigen::Ref<VectorX<Scalar>> z,
+                                const Eigen::Ref<const VectorX<Scalar>>& z_size, const Eigen::Ref<const VectorX<Scalar>>& rl,
+                                const Eigen::Ref<const VectorX<Scalar>>& ru, const Eigen::Ref<const VectorX<Scalar>>& lo,
+                                const Eigen::Ref<const VectorX<Scalar>>& hi, const Scalar& reach) {
   using std::abs;
-  const Scalar tolerance = certificate_tolerance<Scalar>();
+  ProofCheck<Scalar> check;
+  const Scalar rounding = summation_error<Scalar>(y.size());
+  const Scalar margin = Scalar(15) * certificate_tolerance<Scalar>() + deciding_margin<Scalar>(y.size() + z.size());
   Scalar value(0);
   Scalar size(0);
+  Scalar open_value(0);
   for (Index i = 0; i < y.size(); ++i) {
+    if (!is_finite(y[i])) return check;
     if (!(y[i] < Scalar(0)) && !(y[i] > Scalar(0))) continue;
-    if (!has_bound(y[i] > Scalar(0) ? ru[i] : rl[i])) return false;
+    if (!has_bound(y[i] > Scalar(0) ? ru[i] : rl[i])) return check;
     add_support(y[i], rl[i], ru[i], reach, value, size);
   }
   for (Index j = 0; j < z.size(); ++j) {
-    const bool open = !has_bound(z[j] > Scalar(0) ? hi[j] : lo[j]);
-    if (open && abs(z[j]) > tolerance * z_size[j] + tolerance * tolerance) return false;
-    add_support(z[j], lo[j], hi[j], reach, value, size);
-    if (open) z[j] = Scalar(0);
+    if (!is_finite(z[j])) return check;
+    if (!(z[j] < Scalar(0)) && !(z[j] > Scalar(0))) continue;
+    if (has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) {
+      add_support(z[j], lo[j], hi[j], reach, value, size);
+    } else {
+      check.error = std::max(check.error, Scalar(abs(z[j]) / (rounding * z_size[j])));
+      open_value += abs(z[j]) * reach;
+    }
   }
-  return size > Scalar(0) && value < -Scalar(16) * tolerance * size;
+  check.admissible = is_finite(value) && is_finite(size);
+  check.promising = check.admissible && size > Scalar(0) && value < -margin * size;
+  check.proven = check.promising && check.error <= Scalar(1) && value + open_value < -margin * (size + open_value);
+  if (!check.proven) return check;
+  for (Index j = 0; j < z.size(); ++j) {
+    if (!has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) z[j] = Scalar(0);
+  }
+  return check;
 }
 
-/// Tells whether d with products Hd and Ad proves unboundedness. The sizes are those of the terms that were summed.
+/// Judges d with products Hd and Ad as a proof of unboundedness. The sizes are those of the terms that were summed. Components
+/// of d must not leave a bound at all; Hd, and Ad towards a bound, must vanish but for the rounding of their own sums.
 /// Complexity: O(n + m).
 template <RealScalar Scalar>
-bool proves_unbounded(const Eigen::Ref<const VectorX<Scalar>>& d, const Eigen::Ref<const VectorX<Scalar>>& Hd,
-                      const Eigen::Ref<const VectorX<Scalar>>& Ad, const Eigen::Ref<const VectorX<Scalar>>& Hd_size,
-                      const Eigen::Ref<const VectorX<Scalar>>& Ad_size, const Eigen::Ref<const VectorX<Scalar>>& g,
-                      const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
-                      const Eigen::Ref<const VectorX<Scalar>>& lo, const Eigen::Ref<const VectorX<Scalar>>& hi) {
+ProofCheck<Scalar> check_ray(const Eigen::Ref<const VectorX<Scalar>>& d, const Eigen::Ref<const VectorX<Scalar>>& Hd,
+                             const Eigen::Ref<const VectorX<Scalar>>& Ad, const Eigen::Ref<const VectorX<Scalar>>& Hd_size,
+                             const Eigen::Ref<const VectorX<Scalar>>& Ad_size, const Eigen::Ref<const VectorX<Scalar>>& g,
+                             const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
+                             const Eigen::Ref<const VectorX<Scalar>>& lo, const Eigen::Ref<const VectorX<Scalar>>& hi) {
   using std::abs;
-  const Scalar tolerance = Scalar(64) * certificate_tolerance<Scalar>();
+  ProofCheck<Scalar> check;
+  const Scalar rounding = Scalar(4) * summation_error<Scalar>(d.size());
   Scalar slope(0);
   Scalar size(0);
+  const auto demand = [&](const Scalar& value, const Scalar& terms, Scalar& error) {
+    if (value < Scalar(0) || value > Scalar(0)) error = std::max(error, Scalar(abs(value) / (rounding * terms)));
+  };
   for (Index j = 0; j < d.size(); ++j) {
+    if (!is_finite(d[j]) || !is_finite(Hd[j])) return check;
+    if ((d[j] < Scalar(0) && has_bound(lo[j])) || (d[j] > Scalar(0) && has_bound(hi[j]))) return check;
     slope += g[j] * d[j];
     size += abs(g[j] * d[j]);
-    if (abs(Hd[j]) > tolerance * Hd_size[j]) return false;
-    if ((d[j] < Scalar(0) && has_bound(lo[j])) || (d[j] > Scalar(0) && has_bound(hi[j]))) return false;
+    demand(Hd[j], Hd_size[j], check.error);
   }
   for (Index i = 0; i < Ad.size(); ++i) {
-    const Scalar slack = tolerance * Ad_size[i];
-    if ((Ad[i] < -slack && has_bound(rl[i])) || (Ad[i] > slack && has_bound(ru[i]))) return false;
+    if (!is_finite(Ad[i])) return check;
+    if ((Ad[i] < Scalar(0) && has_bound(rl[i])) || (Ad[i] > Scalar(0) && has_bound(ru[i])))
+      demand(Ad[i], Ad_size[i], check.row_error);
   }
-  return slope < -Scalar(1e-3) * size;
+  check.error = std::max(check.error, check.row_error);
+  check.admissible = is_finite(size);
+  check.promising = check.admissible && slope < -deciding_margin<Scalar>(d.size()) * size;
+  check.proven = check.promising && check.error <= Scalar(1);
+  return check;
 }
 
 }  // namespace clothctl::detail

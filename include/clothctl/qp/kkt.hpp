@@ -6,7 +6,8 @@
 //   feasibility       largest violation of rl ≤ Ax ≤ ru and lb ≤ x ≤ ub
 //   complementarity   Σ |y_i| slack_i + Σ |z_j| slack_j, slack to the side that the multiplier's sign names
 //
-// all in infinity norms; relative values divide by max(1, |Hx|, |g|, |Aᵀy|), max(1, |Ax|, |x|) and max(1, |objective|).
+// all in infinity norms; relative values divide by max(1, |Hx|, |g|, |Aᵀy|), max(1, |Ax|, |x|) and max(1, |objective|). A term
+// that is NaN or overflows makes its residual infinite.
 
 #include <cmath>
 #include <type_traits>
@@ -44,6 +45,22 @@ struct KktResiduals {
 
 namespace detail {
 
+/// Raises `worst` to `error`; an error that is not finite counts as infinite. Holds under -ffast-math.
+template <RealScalar Scalar>
+void raise_error(Scalar& worst, const Scalar& error) {
+  if (!is_finite(error)) {
+    worst = scalar_traits<Scalar>::infinity();
+  } else if (error > worst) {
+    worst = error;
+  }
+}
+
+/// error / scale, infinite when either is not finite.
+template <RealScalar Scalar>
+Scalar relative_error(const Scalar& error, const Scalar& scale) {
+  return is_finite(error) && is_finite(scale) ? Scalar(error / scale) : scalar_traits<Scalar>::infinity();
+}
+
 /// Adds one bounded quantity `value` in [lower, upper] with its multiplier to the residuals.
 template <RealScalar Scalar>
 void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper, const Scalar& multiplier,
@@ -52,19 +69,23 @@ void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper, 
   const Scalar zero(0);
   const bool has_lower = !is_unbounded(lower);
   const bool has_upper = !is_unbounded(upper);
-  if (has_lower && lower - value > r.feasibility) r.feasibility = lower - value;
-  if (has_upper && value - upper > r.feasibility) r.feasibility = value - upper;
-  if (multiplier > zero) {
+  if (has_lower) raise_error(r.feasibility, Scalar(lower - value));
+  if (has_upper) raise_error(r.feasibility, Scalar(value - upper));
+  if (!is_finite(value)) raise_error(r.feasibility, value);
+  if (!is_finite(multiplier)) {
+    raise_error(r.stationarity, multiplier);
+    raise_error(r.complementarity, multiplier);
+  } else if (multiplier > zero) {
     if (has_lower) {
       r.complementarity += multiplier * abs(value - lower);
-    } else if (multiplier > r.stationarity) {
-      r.stationarity = multiplier;
+    } else {
+      raise_error(r.stationarity, multiplier);
     }
   } else if (multiplier < zero) {
     if (has_upper) {
       r.complementarity += -multiplier * abs(upper - value);
-    } else if (-multiplier > r.stationarity) {
-      r.stationarity = -multiplier;
+    } else {
+      raise_error(r.stationarity, Scalar(-multiplier));
     }
   }
 }
@@ -81,16 +102,13 @@ KktResiduals<Scalar> kkt_from_products(const Eigen::Ref<const VectorX<Scalar>>& 
   KktResiduals<Scalar> r;
   Scalar dual_scale(1);
   Scalar primal_scale(1);
-  const auto raise = [](Scalar& scale, const Scalar& value) {
-    if (abs(value) > scale) scale = abs(value);
-  };
+  const auto raise = [](Scalar& scale, const Scalar& value) { raise_error(scale, Scalar(abs(value))); };
   for (Index j = 0; j < x.size(); ++j) {
     raise(dual_scale, Hx[j]);
     raise(dual_scale, g[j]);
     raise(dual_scale, Aty[j]);
     raise(primal_scale, x[j]);
-    const Scalar error = abs(Hx[j] + g[j] - Aty[j] - z[j]);
-    if (error > r.stationarity) r.stationarity = error;
+    raise_error(r.stationarity, Scalar(abs(Hx[j] + g[j] - Aty[j] - z[j])));
     judge_bound(x[j], lb[j], ub[j], z[j], r);
     r.objective += (Scalar(0.5) * Hx[j] + g[j]) * x[j];
   }
@@ -100,9 +118,10 @@ KktResiduals<Scalar> kkt_from_products(const Eigen::Ref<const VectorX<Scalar>>& 
   }
   Scalar value_scale(1);
   raise(value_scale, r.objective);
-  r.relative_stationarity = r.stationarity / dual_scale;
-  r.relative_feasibility = r.feasibility / primal_scale;
-  r.relative_complementarity = r.complementarity / value_scale;
+  if (!is_finite(r.complementarity)) r.complementarity = scalar_traits<Scalar>::infinity();
+  r.relative_stationarity = relative_error(r.stationarity, dual_scale);
+  r.relative_feasibility = relative_error(r.feasibility, primal_scale);
+  r.relative_complementarity = relative_error(r.complementarity, value_scale);
   return r;
 }
 

@@ -8,6 +8,7 @@
 //
 //   H x + g = Aᵀ y + z,   y, z ≥ 0 at a lower bound, ≤ 0 at an upper one, any sign where the two are equal.
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 
@@ -49,7 +50,8 @@ struct QpSettings {
 /// What a QP solve answers. Its vectors allocate when the problem's size changes, never between solves of one size.
 template <RealScalar Scalar>
 struct QpResult {
-  /// The minimiser, n; with IterationLimit the best iterate (within its bounds); zero-sized before the first solve.
+  /// The minimiser, n; with IterationLimit the best iterate: within its bounds, rows may be violated as far as `feasibility`
+  /// says; zero-sized before the first solve.
   VectorX<Scalar> x;
   /// Multipliers z of the bounds, n. With PrimalInfeasible: the bound part of the Farkas pair (see row_multipliers).
   VectorX<Scalar> bound_multipliers;
@@ -84,12 +86,23 @@ struct QpResult {
   }
 };
 
+/// What a setter of a QP solver refused, and where.
+struct QpRefusal {
+  /// Solved when nothing was refused, else InvalidData or NonConvex.
+  QpStatus status = QpStatus::Solved;
+  /// What was refused (static text), or empty.
+  const char* message = "";
+  /// Index of the refused entry (column-major), or -1.
+  Index index = -1;
+};
+
 namespace detail {
 
-/// Stands for "no bound" inside solvers: finite, so that comparisons hold under -ffast-math, and beyond 1e20.
+/// Stands for "no bound" inside solvers: finite, so that comparisons hold under -ffast-math, and beyond what a real bound (at
+/// most 1e20) becomes under scaling by 2^±60.
 template <RealScalar Scalar>
 Scalar no_bound() {
-  return Scalar(1e30);
+  return Scalar(2e38);
 }
 
 /// Copies bounds, replacing unbounded values by ±no_bound. Returns the first refused index, or -1: NaN, crossed, or +inf
@@ -112,39 +125,52 @@ Index load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const Eigen::R
   return -1;
 }
 
-/// Tells whether a loaded bound is a real one.
+/// Tells whether a loaded bound, scaled or not, is a real one.
 template <RealScalar Scalar>
 bool has_bound(const Scalar& bound) {
-  return bound < Scalar(1e25) && bound > Scalar(-1e25);
+  return bound < Scalar(1.5e38) && bound > Scalar(-1.5e38);
 }
 
-/// Finds the first non-finite or asymmetric entry of H (column-major index), or -1. Complexity: O(n²).
+/// Looks for the first entry of H that makes it no Hessian of a convex program: not finite, not symmetric (beyond the rounding
+/// of a product JᵀJ), a negative diagonal entry, or h_ij² > h_ii h_jj. Never allocates. Complexity: O(n²).
 template <RealScalar Scalar>
-Index find_bad_hessian_entry(const Eigen::Ref<const MatrixX<Scalar>>& H, const char*& message) {
+QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   using std::abs;
   using std::sqrt;
   const Index n = H.rows();
-  if (!all_finite(H)) {
-    message = "Hessian entry is not finite";
-    for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < n; ++i) {
-        if (!is_finite(H(i, j))) return i + j * n;
-      }
+  constexpr QpStatus bad = QpStatus::InvalidData;
+  if (n == 0) return {bad, "Hessian is empty", -1};
+  if (H.cols() != n) return {bad, "Hessian is not square", -1};
+  Scalar largest(0);
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < n; ++i) {
+      if (!is_finite(H(i, j))) return {bad, "Hessian entry is not finite", i + j * n};
     }
+    largest = std::max(largest, H(j, j));
   }
-  const Scalar tolerance = sqrt(scalar_traits<Scalar>::epsilon());
+  const Scalar rounding = scalar_traits<Scalar>::epsilon() * static_cast<Scalar>(n);
+  const Scalar asymmetry = Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(static_cast<Scalar>(n));
   for (Index j = 0; j < n; ++j) {
     for (Index i = j + 1; i < n; ++i) {
       const Scalar gap = abs(H(i, j) - H(j, i));
       if (!(gap > Scalar(0))) continue;
-      const Scalar size = abs(H(i, j)) + abs(H(j, i)) + sqrt(abs(H(i, i) * H(j, j)));
-      if (gap > tolerance * size) {
-        message = "Hessian is not symmetric";
-        return i + j * n;
+      const Scalar size = abs(H(i, j)) + abs(H(j, i)) + sqrt(abs(H(i, i))) * sqrt(abs(H(j, j)));
+      if (gap > asymmetry * size) return {bad, "Hessian is not symmetric", i + j * n};
+    }
+  }
+  for (Index j = 0; j < n; ++j) {
+    const Scalar own = H(j, j);
+    if (own < Scalar(0)) return {QpStatus::NonConvex, "Hessian has a negative diagonal entry", j + j * n};
+    for (Index i = j + 1; i < n; ++i) {
+      const Scalar h = abs(H(i, j));
+      if (!(h * h > own * H(i, i)) || H(i, i) < Scalar(0)) continue;
+      const Scalar most = sqrt(own) * sqrt(H(i, i));
+      if (h > (Scalar(1) + Scalar(16) * rounding) * most && h > Scalar(4) * rounding * largest) {
+        return {QpStatus::NonConvex, "Hessian entry is larger than its diagonal entries allow", i + j * n};
       }
     }
   }
-  return -1;
+  return {};
 }
 
 }  // namespace detail

@@ -28,15 +28,15 @@ class ProximalProblem {
   using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
   using Map = Eigen::Map<MatrixX<Scalar>>;
   enum class State : signed char { Lower = -1, Free = 0, Upper = 1 };
-  enum class Outcome { Minimised, Budget, Concave };
+  enum class Outcome { Minimised, Budget, Concave, Broken };
 
   /// Makes room. Allocates.
   void reserve(Index n, Index m) {
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
     rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
     columns_.assign(static_cast<std::size_t>(n * m), Scalar(0));
-    for (Vector* v : {&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_}) v->setZero(n);
-    for (Vector* v : {&rl, &ru, &y, &yk, &ax, &b_, &delta_, &zero_rows_}) v->setZero(m);
+    for (Vector* v : {&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_, &last_x_, &last_slope_}) v->setZero(n);
+    for (Vector* v : {&rl, &ru, &y, &yk, &ax, &b_, &delta_, &zero_rows_, &last_y_}) v->setZero(m);
     state.assign(static_cast<std::size_t>(n), State::Lower);
     moving_.assign(static_cast<std::size_t>(n), 0);
     hits_.assign(static_cast<std::size_t>(n), 0);
@@ -93,13 +93,16 @@ class ProximalProblem {
     return std::max(Scalar(0), s == State::Lower ? Scalar(-gradient[i]) : gradient[i]);
   }
 
-  /// Minimises φ until free gradient and sign violations are below `tolerance`. Adds set changes to `iterations`.
+  /// Minimises φ until free gradient and sign violations are below `tolerance`. Adds set changes to `iterations`. Answers
+  /// Broken when no factor can be had: numbers are not finite, or lie beyond the range of the scalar.
   Outcome minimise(const Scalar& tolerance, int& iterations, int limit) {
     using std::abs;
+    if (!usable_weights()) return Outcome::Broken;
     update_multipliers();
-    Scalar last = scalar_traits<Scalar>::infinity();
+    restart_progress();
     int stalls = 0;
     int settled = 0;
+    int idle = 0;
     for (;;) {
       Scalar inside(0);
       Scalar outside(0);
@@ -114,10 +117,8 @@ class ProximalProblem {
       }
       const bool bottom = !(inside > tolerance) || settled > 2;
       if (bottom && !(outside > tolerance)) return Outcome::Minimised;
-      const Scalar value = objective();
-      if (!(value < last)) ++stalls;
-      last = value;
-      if (stalls > kStalls) return Outcome::Minimised;  // rounding rules: the outer loop judges what was reached
+      stalls = progressed() ? 0 : stalls + 1;
+      if (stalls > kStalls || idle > kIdle) return Outcome::Minimised;  // rounding rules: the outer loop judges
       if (outside > tolerance && (bottom || settled > 0 || inside < Scalar(0.1) * outside)) {
         const bool one = stalls > kStalls / 2;
         for (Index i = 0; i < n_; ++i) {
@@ -126,7 +127,8 @@ class ProximalProblem {
         settled = 0;
       }
       bool changed = false;
-      while (!sync(changed)) {
+      for (int tries = 0; !sync(changed); ++tries) {
+        if (tries == kTries) return Outcome::Broken;
         if (factor.free_failed()) {
           if (rho > Scalar(1e-2) * rho_ceiling) return Outcome::Concave;
           rho *= Scalar(16);
@@ -135,9 +137,11 @@ class ProximalProblem {
           mu *= Scalar(16);
           factor.touch();
         }
+        if (!usable_weights()) return Outcome::Broken;
         update_multipliers();
-        last = scalar_traits<Scalar>::infinity();
+        restart_progress();
       }
+      idle = changed ? 0 : idle + 1;
       if (changed && ++iterations >= limit) return Outcome::Budget;
       zero_rows_.head(m_).setConstant(Scalar(0));
       factor.solve(grad, zero_rows_, p_, delta_);
@@ -165,15 +169,49 @@ class ProximalProblem {
   Scalar rho = Scalar(0), mu = Scalar(1), rho_ceiling = Scalar(1);
 
  private:
-  static constexpr int kStalls = 8;
+  static constexpr int kStalls = 8, kIdle = 60, kTries = 40;
 
   Scalar multiplier(Index i, const Scalar& v) const {
     return v < rl[i] ? (rl[i] - v) / mu : v > ru[i] ? (ru[i] - v) / mu : Scalar(0);
   }
 
-  Scalar objective() const {
-    return x.head(n_).dot(Scalar(0.5) * hx.head(n_) + g.head(n_)) +
-           Scalar(0.5) * rho * (x.head(n_) - xk.head(n_)).squaredNorm() + Scalar(0.5) * mu * y.head(m_).squaredNorm();
+  bool usable_weights() const { return is_finite(rho) && is_finite(mu) && rho > Scalar(0) && mu > Scalar(0); }
+
+  /// Gradient of φ without its row part.
+  Scalar smooth_slope(Index j) const { return hx[j] + g[j] + rho * (x[j] - xk[j]); }
+
+  /// Forgets what `progressed` compares with.
+  void restart_progress() { fresh_ = true; }
+
+  /// Tells whether φ is lower than ever since the restart. Changes of φ are summed, so that a large constant hides nothing:
+  /// the smooth part changes by ½ (s + s')ᵀ(x - x'), the row part by μ/2 (y + y')ᵀ(y - y').
+  bool progressed() {
+    using std::abs;
+    Scalar change(0);
+    Scalar size(0);
+    for (Index j = 0; j < n_; ++j) {
+      const Scalar slope = smooth_slope(j);
+      const Scalar term = Scalar(0.5) * (slope + last_slope_[j]) * (x[j] - last_x_[j]);
+      change += term;
+      size += (abs(hx[j]) + abs(g[j])) * abs(x[j] - last_x_[j]);
+      last_slope_[j] = slope;
+      last_x_[j] = x[j];
+    }
+    for (Index i = 0; i < m_; ++i) {
+      const Scalar term = Scalar(0.5) * mu * (y[i] + last_y_[i]) * (y[i] - last_y_[i]);
+      change += term;
+      if (term < Scalar(0) || term > Scalar(0)) size += abs(y[i] + last_y_[i]) * abs(ax[i]);
+      last_y_[i] = y[i];
+    }
+    if (fresh_) {
+      fresh_ = false;
+      total_ = least_ = Scalar(0);
+      return true;
+    }
+    total_ += change;
+    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size)) return false;
+    least_ = total_;
+    return true;
   }
 
   /// First minimum of φ(x + t p) on 0 ≤ t ≤ end, given φ'(0) < 0 and the curvature without rows; `end` when there is none.
@@ -250,7 +288,7 @@ class ProximalProblem {
       Scalar curvature(0);
       for (Index k = 0; k < count; ++k) {
         const Index i = moving_[static_cast<std::size_t>(k)];
-        slope += (hx[i] + g[i] + rho * (x[i] - xk[i])) * p_[i];
+        slope += smooth_slope(i) * p_[i];
         curvature += (w_[i] + rho * p_[i]) * p_[i];
       }
       for (Index i = 0; i < m_; ++i) slope -= multiplier(i, ax[i] - mu * yk[i]) * b_[i];
@@ -292,10 +330,12 @@ class ProximalProblem {
 
   using Kink = std::pair<Scalar, Scalar>;
   std::vector<Scalar> hessian_, rows_, columns_;
-  Vector p_, w_, limit_, b_, delta_, zero_rows_;
+  Vector p_, w_, limit_, b_, delta_, zero_rows_, last_x_, last_slope_, last_y_;
+  Scalar total_ = Scalar(0), least_ = Scalar(0);
   std::vector<Index> moving_, hits_;
   std::vector<Kink> kinks_;
   Index n_ = 0, m_ = 0;
+  bool fresh_ = true;
 };
 
 }  // namespace clothctl::detail
