@@ -33,8 +33,9 @@ namespace clothctl {
 template <RealScalar Scalar>
 struct ExactPredictorSettings {
   /// Share of the measured net force in the prediction, 0 … 1: 0 trusts the model's force at the measured state, 1 replaces it
-  /// by M ((v - v₋)/h + α v) + (D + C) v + C (w - w₋) - (the input that was applied), which counts dampers and air once, since
-  /// A holds them. For plants whose elongation is not tension. Held vertices whose input is not known keep the model's force.
+  /// by M ((v - v₋)/h + α v) + C₋ (v̄ - w₋) + C w - (the input that was applied), v̄ the sheet's mean velocity: air on the drift
+  /// of the sheet counts once, since A holds it. Dampers are not added back: on plants that jitter they would add noise. Held
+  /// vertices whose input is not known keep the model's force. For plants whose elongation is not tension.
   Scalar measured_force = Scalar(0);
 
   /// Returns an empty string, or a line that names the bad setting and its value.
@@ -80,7 +81,7 @@ class ExactPredictor {
   }
 
   /// Predicts the window from positions `x` (3×n, m) and velocities `v` (3×n, m/s). Returns false when the step matrix is not
-  /// positive definite. Never allocates after `reserve`. Complexity: one factorisation, K·⌈outputs/lanes⌉ solves.
+  /// positive definite. Never allocates after `reserve`. Complexity: one factorisation, K·⌈3·outputs/lanes⌉ solves.
   bool predict(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request, WindowResponse<S>& response) {
     const Index n = response_.vertex_count();
     if (x.cols() != n || v.cols() != n) return false;
@@ -128,21 +129,16 @@ class ExactPredictor {
     return false;
   }
 
-  /// What the last step's linearisation, which the response still holds, says of the force that the plant felt at its end:
-  /// M ((v - v₋)/h + α v) + (D + C) v - C w₋.
+  /// M ((v - v₋)/h + α v) + C₋ (v̄ - w₋) with the air of the last linearisation, which the response still holds.
   void measure_force(Inner dt) {
-    const Index n = response_.vertex_count();
-    w_.setZero();
-    for (Index i = 0; i < n; ++i) {
-      for (Index c = 0; c < 3; ++c) w_(0, 3 * i + c) = v_(c, i);
-    }
-    response_.multiply(w_, stiff_, coupled_);  // K v, R v
+    Vector3<Inner> mean = Vector3<Inner>::Zero();
+    for (Index i = 0; i < v_.cols(); ++i) mean += v_.col(i);
+    mean *= share_;
     measured_.setZero();
-    response_.add_wind_force(-last_wind_, measured_);
-    for (Index i = 0; i < n; ++i) {
+    response_.add_wind_force(mean - last_wind_, measured_);
+    for (Index i = 0; i < v_.cols(); ++i) {
       const Vector3<Inner> rate = (v_.col(i) - last_velocity_.col(i)) / dt + response_.drag() * v_.col(i);
       measured_.col(i) += response_.mass()[i] * rate;
-      for (Index c = 0; c < 3; ++c) measured_(c, i) += coupled_(0, 3 * i + c) / dt - dt * stiff_(0, 3 * i + c);
     }
   }
 

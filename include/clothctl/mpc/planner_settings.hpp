@@ -94,7 +94,8 @@ struct PlannerSettings {
   /// Furthest that the planned velocities of the held vertices change between frames, m/s; 0 means any. Plans of poses are
   /// scaled back to it; plans of forces are made again with up to 4⁴ times the `step` weight (at least 1e-4 s²/m²).
   Scalar max_change = Scalar(0);
-  /// The force that the grips share at rest, N: minus the sheet's weight. u_ref of each held vertex is its share.
+  /// The upward force that the grips share at rest, N: (0, 0, 9.81·mass). u_ref of each held vertex is its share. Left at zero,
+  /// the effort term pulls the sheet down.
   Vector3<Scalar> supported = Vector3<Scalar>::Zero();
 
   /// The paper's own cost: 40 / 0.01 / 10 with displacements per frame, total force as effort, no anchor.
