@@ -75,7 +75,8 @@ class StepResponseArchetype {
   clothctl::Points<S> force_;
   std::vector<unsigned char> held_;
   Eigen::Matrix<S, 6, 6> stiffness_, coupling_;
-  Eigen::LLT<Eigen::Matrix<S, 6, 6>> factor_;
+  // Of a matrix from the start: to move an Eigen factor that was never computed reads its unset status.
+  Eigen::LLT<Eigen::Matrix<S, 6, 6>> factor_ = Eigen::LLT<Eigen::Matrix<S, 6, 6>>(Eigen::Matrix<S, 6, 6>::Identity());
 };
 
 }  // namespace clothctl_test

@@ -13,13 +13,13 @@
 // Reference: Rockafellar, Math. Oper. Res. 1 (1976); Hermans, Themelis, Patrinos, QPALM (2022) for inner Newton steps.
 
 #include <algorithm>
-#include <vector>
 
 #include "clothctl/qp/kkt.hpp"
-#include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/problem_data.hpp"
 #include "clothctl/qp/proof_search.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
 #include "clothctl/qp/scaling.hpp"
+#include "clothctl/qp/verdict.hpp"
 
 namespace clothctl {
 
@@ -42,19 +42,8 @@ class ActiveSet {
   /// Makes room for up to n unknowns and m rows and forgets both matrices; afterwards nothing here allocates up to those
   /// sizes (results size themselves at their first solve). Allocates.
   void reserve(Index n, Index m) {
-    capacity_n_ = n;
-    capacity_m_ = m;
-    problem_.reserve(n, m);
-    hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
-    matrix_.assign(static_cast<std::size_t>(n * m), Scalar(0));
-    proofs_.reserve(n, m);
-    for (VectorX<Scalar>* v : {&D_, &g_, &lo_, &hi_, &q_, &x_, &old_x_, &best_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
-    for (VectorX<Scalar>* v : {&E_, &rl_, &ru_, &y_, &old_y_, &best_y_, &delta_, &r2_, &m_work_, &m_size_}) v->setZero(m);
-    n_ = m_ = 0;
-    refusal_ = {};
-    hessian_refusal_ = kNoHessian;
-    prepared_ = false;
-    reset();
+    data_.reserve(n, m);
+    reserve_work();
   }
 
   /// Takes H (n×n, symmetric, positive semidefinite; zero for a linear program) and keeps a copy. When n changes the rows
@@ -62,21 +51,12 @@ class ActiveSet {
   /// (InvalidData), a diagonal entry is negative or h_ij² > h_ii h_jj (NonConvex); `refusal()` says where, and the solver stays
   /// as it was. Complexity: O(n²).
   [[nodiscard]] QpStatus set_hessian(const MatrixView& H) {
-    refusal_ = hessian_refusal_ = detail::judge_hessian<Scalar>(H);
-    if (refusal_.status != QpStatus::Solved) return refusal_.status;
-    const Index n = H.rows();
-    if (n > capacity_n_) reserve(n, capacity_m_);
-    if (n != n_) {
-      n_ = n;
-      m_ = 0;
-      reset();
-    }
+    if (data_.judge(H) != QpStatus::Solved) return data_.refusal().status;
+    if (H.rows() > data_.capacity_n()) reserve(H.rows(), data_.capacity_m());
+    if (data_.take(H)) reset();
+    n_ = data_.n();
+    m_ = data_.m();
     prepared_ = false;
-    for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < n; ++i) {
-        hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
-      }
-    }
     return QpStatus::Solved;
   }
 
@@ -84,46 +64,29 @@ class ActiveSet {
   /// when: A has not n columns or an entry is not finite (InvalidData); `refusal()` says where, and the solver stays as it was.
   /// Complexity: O(mn).
   [[nodiscard]] QpStatus set_rows(const MatrixView& A) {
-    const Index m = A.rows();
-    refusal_ = {};
-    if (A.cols() != n_ && m > 0) {
-      refusal_ = {QpStatus::InvalidData, "rows differ in length from the Hessian", -1};
-      return refusal_.status;
+    if (data_.judge_rows(A) != QpStatus::Solved) return data_.refusal().status;
+    if (A.rows() > data_.capacity_m()) {
+      data_.reserve_rows(A.rows());
+      reserve_work();
     }
-    for (Index j = 0; j < A.cols(); ++j) {
-      for (Index i = 0; i < m; ++i) {
-        if (is_finite(A(i, j))) continue;
-        refusal_ = {QpStatus::InvalidData, "row entry is not finite", i + j * m};
-        return refusal_.status;
-      }
-    }
-    if (m > capacity_m_) grow_rows(m);
-    if (m != m_) {
-      m_ = m;
-      reset();
-    }
+    if (data_.take_rows(A)) reset();
+    m_ = data_.m();
     prepared_ = false;
-    for (Index j = 0; j < A.cols(); ++j) {
-      for (Index i = 0; i < m; ++i) matrix_[static_cast<std::size_t>(i + j * m)] = A(i, j);
-    }
     return QpStatus::Solved;
   }
 
   /// What the last call of `set_hessian` or `set_rows` refused.
-  const QpRefusal& refusal() const { return refusal_; }
+  const QpRefusal& refusal() const { return data_.refusal(); }
 
   /// Solves for gradient g, bounds lb, ub (n each) and row bounds rl, ru (m each), warm from the last iterate and active set.
   /// Never allocates once `result` has seen this size. Fails when: sizes differ, an entry is NaN, or a lower bound lies
   /// above its upper one (InvalidData; nothing is changed).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
                                const VectorView& ru, result_type& result) {
-    result.resize(n_, m_);
-    result.iterations = 0;
-    result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
-    if (!load(g, lb, ub, rl, ru, result)) return result.status;
+    if (!data_.load(good_settings_, g, lb, ub, rl, ru, result)) return result.status;
     prepare();
     take_start();
-    best_rank_ = {};
+    best_.forget();
     result.status = iterate(result);
     report(lb, ub, rl, ru, result);
     return result.status;
@@ -160,52 +123,26 @@ class ActiveSet {
 
   State& state(Index i) { return problem_.state[static_cast<std::size_t>(i)]; }
 
-  void grow_rows(Index m) {
-    const Index n = n_;
-    const std::vector<Scalar> keep = hessian_;
-    reserve(capacity_n_, m);
-    hessian_ = keep;
-    n_ = n;
-  }
-
-  bool load(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru,
-            result_type& result) {
-    constexpr QpStatus bad = QpStatus::InvalidData;
-    const auto refuse = [&result](QpStatus status, const char* message, Index index) {
-      result.status = status;
-      result.message = message;
-      result.invalid_index = index;
-      return false;
-    };
-    if (!good_settings_) return refuse(bad, "settings are bad: see their check()", -1);
-    if (n_ == 0) return refuse(hessian_refusal_.status, hessian_refusal_.message, hessian_refusal_.index);
-    if (g.size() != n_ || lb.size() != n_ || ub.size() != n_) {
-      return refuse(bad, "gradient or bounds differ in size from the Hessian", -1);
-    }
-    if (rl.size() != m_ || ru.size() != m_) return refuse(bad, "row bounds differ in size from the rows", -1);
-    for (Index i = 0; i < n_; ++i) {
-      if (!is_finite(g[i])) return refuse(bad, "gradient entry is not finite", i);
-    }
-    Index wrong = detail::load_bounds<Scalar>(lb, ub, n_work_.head(n_), n_size_.head(n_));
-    if (wrong >= 0) return refuse(bad, "bound is NaN, crossed, or infinite on the wrong side", wrong);
-    wrong = detail::load_bounds<Scalar>(rl, ru, m_work_.head(m_), m_size_.head(m_));
-    if (wrong >= 0) return refuse(bad, "row bound is NaN, crossed, or infinite on the wrong side", wrong);
-    lo_.head(n_) = n_work_.head(n_);
-    hi_.head(n_) = n_size_.head(n_);
-    rl_.head(m_) = m_work_.head(m_);
-    ru_.head(m_) = m_size_.head(m_);
-    g_.head(n_) = g;
-    result.message = "";
-    result.invalid_index = -1;
-    return true;
+  /// Sizes everything but the data to the room that the data have.
+  void reserve_work() {
+    const Index n = data_.capacity_n(), m = data_.capacity_m();
+    problem_.reserve(n, m);
+    proofs_.reserve(n, m);
+    best_.reserve(n, m);
+    for (VectorX<Scalar>* v : {&D_, &q_, &x_, &old_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
+    for (VectorX<Scalar>* v : {&E_, &y_, &old_y_, &delta_, &r2_, &m_work_}) v->setZero(m);
+    n_ = data_.n();
+    m_ = data_.m();
+    prepared_ = false;
+    reset();
   }
 
   /// Scales H and A afresh after either changed.
   void prepare() {
     if (prepared_) return;
     problem_.resize(n_, m_);
-    problem_.H() = Eigen::Map<const MatrixX<Scalar>>(hessian_.data(), n_, n_);
-    problem_.A() = Eigen::Map<const MatrixX<Scalar>>(matrix_.data(), m_, n_);
+    problem_.H() = data_.H();
+    problem_.A() = data_.A();
     detail::equilibrate<Scalar>(problem_.H(), problem_.A(), D_.head(n_), E_.head(m_));
     problem_.At() = problem_.A().transpose();
     curvature_ = Scalar(0);
@@ -218,35 +155,36 @@ class ActiveSet {
   void take_start() {
     using std::abs;
     using std::sqrt;
+    const VectorX<Scalar>&lo = data_.lo(), &hi = data_.hi();
     Scalar steepest(0);
     const auto scaled = [](const Scalar& bound, const Scalar& factor) {
       return detail::has_bound(bound) ? Scalar(bound * factor) : bound;
     };
     for (Index i = 0; i < n_; ++i) {
-      problem_.g[i] = D_[i] * g_[i];
+      problem_.g[i] = D_[i] * data_.g()[i];
       steepest = std::max(steepest, Scalar(abs(problem_.g[i])));
-      problem_.lo[i] = scaled(lo_[i], Scalar(1) / D_[i]);
-      problem_.hi[i] = scaled(hi_[i], Scalar(1) / D_[i]);
+      problem_.lo[i] = scaled(lo[i], Scalar(1) / D_[i]);
+      problem_.hi[i] = scaled(hi[i], Scalar(1) / D_[i]);
       if (start_ == Start::Cold) x_[i] = Scalar(0);
-      const bool fixed = !(lo_[i] < hi_[i]);
+      const bool fixed = !(lo[i] < hi[i]);
       const bool keep = start_ == Start::Warm && !fixed;
-      if (keep && state(i) == State::Lower && detail::has_bound(lo_[i])) x_[i] = lo_[i];
-      if (keep && state(i) == State::Upper && detail::has_bound(hi_[i])) x_[i] = hi_[i];
-      x_[i] = std::min(std::max(x_[i], lo_[i]), hi_[i]);
+      if (keep && state(i) == State::Lower && detail::has_bound(lo[i])) x_[i] = lo[i];
+      if (keep && state(i) == State::Upper && detail::has_bound(hi[i])) x_[i] = hi[i];
+      x_[i] = std::min(std::max(x_[i], lo[i]), hi[i]);
       problem_.x[i] = x_[i] / D_[i];
       if (!keep || state(i) != State::Free) {
-        state(i) = !(x_[i] > lo_[i]) ? State::Lower : !(x_[i] < hi_[i]) ? State::Upper : State::Free;
+        state(i) = !(x_[i] > lo[i]) ? State::Lower : !(x_[i] < hi[i]) ? State::Upper : State::Free;
       }
     }
     for (Index i = 0; i < m_; ++i) {
-      problem_.rl[i] = scaled(rl_[i], E_[i]);
-      problem_.ru[i] = scaled(ru_[i], E_[i]);
+      problem_.rl[i] = scaled(data_.rl()[i], E_[i]);
+      problem_.ru[i] = scaled(data_.ru()[i], E_[i]);
       if (start_ == Start::Cold) y_[i] = Scalar(0);
       problem_.y[i] = y_[i] / E_[i];
     }
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
-    const Scalar least =
-        Scalar(1e-30);  // smaller numbers count as zero: they are far below every tolerance, and ρ would underflow
+    // Smaller numbers count as zero: they are far below every tolerance, and ρ would underflow.
+    const Scalar least = Scalar(1e-30);
     const Scalar slope = steepest > least ? steepest : Scalar(1);
     const Scalar unit = curvature_ > least ? curvature_ : slope;
     const Scalar mu_unit = Scalar(1) / std::max(unit, slope);
@@ -310,12 +248,8 @@ class ActiveSet {
     return Scalar(0);
   }
 
-  /// How many tolerances the worst residual is away: at most one means solved. Infinite when a residual is not finite.
-  Scalar excess(const KktResiduals<Scalar>& r) const {
-    return std::max(Scalar(r.relative_stationarity / settings_.stationarity_tolerance),
-                    std::max(Scalar(r.relative_feasibility / settings_.feasibility_tolerance),
-                             Scalar(r.relative_complementarity / settings_.complementarity_tolerance)));
-  }
+  Scalar excess(const KktResiduals<Scalar>& r) const { return detail::excess(r, settings_); }
+  void keep(const KktResiduals<Scalar>& now) { best_.offer(now, settings_, problem_.x.head(n_), problem_.y.head(m_)); }
 
   /// Refines (x, y) on the sets of the factor towards the unregularised optimality equations while that helps.
   KktResiduals<Scalar> refine(KktResiduals<Scalar> now) {
@@ -357,32 +291,6 @@ class ActiveSet {
       now = next;
     }
     return now;
-  }
-
-  /// Order among iterates when none is optimal: first those that pass for inaccurate solutions, by their excess; then by
-  /// violation, and by excess where that is within its tolerance.
-  struct Rank {
-    Scalar near = scalar_traits<Scalar>::infinity();
-    Scalar violation = scalar_traits<Scalar>::infinity();
-    Scalar excess = scalar_traits<Scalar>::infinity();
-    bool before(const Rank& other) const {
-      if (near < other.near || other.near < near) return near < other.near;
-      if (violation < other.violation || other.violation < violation) return violation < other.violation;
-      return excess < other.excess;
-    }
-  };
-
-  /// Remembers the present iterate when it is the best so far.
-  void keep(const KktResiduals<Scalar>& now) {
-    Rank rank;
-    rank.excess = excess(now);
-    if (!is_finite(rank.excess)) return;
-    if (rank.excess <= Scalar(kLoose)) rank.near = rank.excess;
-    rank.violation = std::max(Scalar(1), Scalar(now.relative_feasibility / settings_.feasibility_tolerance));
-    if (!rank.before(best_rank_)) return;
-    best_rank_ = rank;
-    best_x_.head(n_) = problem_.x.head(n_);
-    best_y_.head(m_) = problem_.y.head(m_);
   }
 
   /// Asks whether y - yk proves infeasibility, and hands the proof to the result in the caller's units.
@@ -493,11 +401,11 @@ class ActiveSet {
     const bool infeasible = result.status == QpStatus::PrimalInfeasible;
     const bool unbounded = result.status == QpStatus::DualInfeasible;
     if (!unbounded) result.ray.setConstant(zero);
-    for (Index i = 0; i < n_; ++i) problem_.g[i] = D_[i] * g_[i];
+    for (Index i = 0; i < n_; ++i) problem_.g[i] = D_[i] * data_.g()[i];
     const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::NonConvex;
-    if (unfinished && is_finite(best_rank_.excess)) {
-      problem_.x.head(n_) = best_x_.head(n_);
-      problem_.y.head(m_) = best_y_.head(m_);
+    if (unfinished && best_.known()) {
+      problem_.x.head(n_) = best_.x().head(n_);
+      problem_.y.head(m_) = best_.y().head(m_);
     }
     if (!all_finite(problem_.x.head(n_)) || !all_finite(problem_.y.head(m_))) {
       for (Index i = 0; i < n_; ++i) problem_.x[i] = std::min(std::max(zero, problem_.lo[i]), problem_.hi[i]);
@@ -520,35 +428,28 @@ class ActiveSet {
       y_[i] = E_[i] * problem_.y[i];
       m_work_[i] = problem_.ax[i] / E_[i];
     }
-    const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(
-        n_work_.head(n_), m_work_.head(m_), p_.head(n_), g_.head(n_), rl, ru, lb, ub, result.x, y_.head(m_), n_size_.head(n_));
-    result.stationarity = r.relative_stationarity;
-    result.feasibility = r.relative_feasibility;
-    result.complementarity = r.relative_complementarity;
-    result.objective = r.objective;
+    const KktResiduals<Scalar> r =
+        detail::kkt_from_products<Scalar>(n_work_.head(n_), m_work_.head(m_), p_.head(n_), data_.g().head(n_), rl, ru, lb, ub,
+                                          result.x, y_.head(m_), n_size_.head(n_));
+    detail::settle(r, settings_, result);
     if (!infeasible) {
       result.bound_multipliers = n_size_.head(n_);
       result.row_multipliers = y_.head(m_);
     }
-    if (result.status == QpStatus::Solved && !(excess(r) <= Scalar(1))) result.status = QpStatus::IterationLimit;
-    if (result.status == QpStatus::IterationLimit && excess(r) <= Scalar(kLoose)) result.status = QpStatus::SolvedInaccurate;
     if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
   }
 
   static constexpr int kOuterLimit = 200, kGentle = 15;
-  static constexpr int kLoose = 1000;
-  static constexpr QpRefusal kNoHessian{QpStatus::InvalidData, "no Hessian was set", -1};
 
   QpSettings<Scalar> settings_;
   Problem problem_;
+  detail::ProblemData<Scalar> data_;
   detail::ProofSearch<Scalar> proofs_;
-  std::vector<Scalar> hessian_, matrix_;
-  VectorX<Scalar> D_, g_, lo_, hi_, q_, x_, old_x_, best_x_, p_, n_work_, n_size_;
-  VectorX<Scalar> E_, rl_, ru_, y_, old_y_, best_y_, delta_, r2_, m_work_, m_size_;
-  Rank best_rank_;
+  detail::BestIterate<Scalar> best_;
+  VectorX<Scalar> D_, q_, x_, old_x_, p_, n_work_, n_size_;
+  VectorX<Scalar> E_, y_, old_y_, delta_, r2_, m_work_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
-  Index capacity_n_ = 0, capacity_m_ = 0, n_ = 0, m_ = 0;
-  QpRefusal refusal_, hessian_refusal_ = kNoHessian;
+  Index n_ = 0, m_ = 0;
   Start start_ = Start::Cold;
   bool good_settings_ = true, prepared_ = false, weighted_ = false;
 };

@@ -23,7 +23,8 @@
 #include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/free_set_factor.hpp"
 #include "clothctl/qp/kkt.hpp"
-#include "clothctl/qp/problem.hpp"
+#include "clothctl/qp/problem_data.hpp"
+#include "clothctl/qp/verdict.hpp"
 
 namespace clothctl {
 
@@ -44,16 +45,13 @@ class BoxActiveSet {
   /// Makes room for up to n unknowns and forgets the Hessian; afterwards nothing here allocates for up to n unknowns
   /// (results size themselves at their first solve). Allocates.
   void reserve(Index n) {
-    capacity_ = n;
-    hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
+    data_.reserve(n, 0);
     factor_.reserve(n);
-    for (VectorX<Scalar>* v : {&x_, &q_, &g_, &p_, &w_, &lo_, &hi_, &scale_, &zeros_, &limit_, &last_x_, &last_q_})
-      v->setZero(n);
+    for (VectorX<Scalar>* v : {&x_, &q_, &p_, &w_, &scale_, &zeros_, &limit_, &last_x_, &last_q_}) v->setZero(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
     n_ = 0;
-    refusal_ = kNoHessian;
     reset();
   }
 
@@ -61,66 +59,24 @@ class BoxActiveSet {
   /// only when n exceeds the reserved size. Fails when: an entry is not finite or not symmetric (InvalidData), a diagonal entry
   /// is negative or h_ij² > h_ii h_jj (NonConvex); `refusal()` says where, and the solver stays as it was. Complexity: O(n²).
   [[nodiscard]] QpStatus set_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
-    refusal_ = detail::judge_hessian<Scalar>(H);
-    if (refusal_.status != QpStatus::Solved) return refusal_.status;
-    const Index n = H.rows();
-    if (n > capacity_) reserve(n);
+    if (data_.judge(H) != QpStatus::Solved) return data_.refusal().status;
+    if (H.rows() > data_.capacity_n()) reserve(H.rows());
     factor_.clear();
-    if (n != n_) {
-      n_ = n;
-      reset();
-    }
+    if (data_.take(H)) reset();
+    n_ = data_.n();
     using std::sqrt;
-    for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < n; ++i) {
-        hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
-      }
-      scale_[j] = H(j, j) > Scalar(0) ? Scalar(1) / sqrt(H(j, j)) : Scalar(1);
-    }
+    for (Index j = 0; j < n_; ++j) scale_[j] = H(j, j) > Scalar(0) ? Scalar(1) / sqrt(H(j, j)) : Scalar(1);
     return QpStatus::Solved;
   }
 
   /// What the last call of `set_hessian` refused.
-  const QpRefusal& refusal() const { return refusal_; }
+  const QpRefusal& refusal() const { return data_.refusal(); }
 
   /// Solves for gradient g and bounds lb, ub (n each), warm from the last active set. Never allocates once `result` has
   /// seen this size. Fails when: sizes differ, g or a bound is NaN, or lb > ub (InvalidData; nothing is changed).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, result_type& result) {
-    result.resize(n_, 0);
-    result.iterations = 0;
-    result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
-    result.message = "";
-    result.invalid_index = -1;
-    if (n_ == 0) {
-      result.message = refusal_.message;
-      result.invalid_index = refusal_.index;
-      result.status = refusal_.status;
-      return result.status;
-    }
-    result.status = QpStatus::InvalidData;
-    if (!good_settings_) {
-      result.message = "settings are bad: see their check()";
-      return result.status;
-    }
-    if (g.size() != n_ || lb.size() != n_ || ub.size() != n_) {
-      result.message = "gradient or bounds differ in size from the Hessian";
-      return result.status;
-    }
-    for (Index i = 0; i < n_; ++i) {
-      if (is_finite(g[i])) continue;
-      result.message = "gradient entry is not finite";
-      result.invalid_index = i;
-      return result.status;
-    }
-    // p_ and w_ are scratch here: the bounds in use change only when all are good.
-    result.invalid_index = detail::load_bounds<Scalar>(lb, ub, p_.head(n_), w_.head(n_));
-    if (result.invalid_index >= 0) {
-      result.message = "bound is NaN, crossed, or infinite on the wrong side";
-      return result.status;
-    }
-    lo_.head(n_) = p_.head(n_);
-    hi_.head(n_) = w_.head(n_);
-    g_.head(n_) = g;
+    const VectorX<Scalar> none;
+    if (!data_.load(good_settings_, g, lb, ub, none, none, result)) return result.status;
     take_start();
     result.status = iterate(result);
     report(lb, ub, result);
@@ -159,7 +115,10 @@ class BoxActiveSet {
 
   State& state(Index i) { return state_[static_cast<std::size_t>(i)]; }
   Index list(Index k) const { return list_[static_cast<std::size_t>(k)]; }
-  Eigen::Map<const MatrixX<Scalar>> H() const { return {hessian_.data(), n_, n_}; }
+  Eigen::Map<const MatrixX<Scalar>> H() const { return data_.H(); }
+  const VectorX<Scalar>& g() const { return data_.g(); }
+  const VectorX<Scalar>& lo() const { return data_.lo(); }
+  const VectorX<Scalar>& hi() const { return data_.hi(); }
   static Scalar pivot_tolerance() {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
@@ -170,13 +129,13 @@ class BoxActiveSet {
   void take_start() {
     for (Index i = 0; i < n_; ++i) {
       if (start_ == Start::Cold) x_[i] = Scalar(0);
-      const bool fixed = !(lo_[i] < hi_[i]);
+      const bool fixed = !(lo()[i] < hi()[i]);
       if (start_ == Start::Warm && !fixed) {
-        if (state(i) == kLower && detail::has_bound(lo_[i])) x_[i] = lo_[i];
-        if (state(i) == kUpper && detail::has_bound(hi_[i])) x_[i] = hi_[i];
+        if (state(i) == kLower && detail::has_bound(lo()[i])) x_[i] = lo()[i];
+        if (state(i) == kUpper && detail::has_bound(hi()[i])) x_[i] = hi()[i];
       }
-      if (x_[i] < lo_[i]) x_[i] = lo_[i];
-      if (x_[i] > hi_[i]) x_[i] = hi_[i];
+      if (x_[i] < lo()[i]) x_[i] = lo()[i];
+      if (x_[i] > hi()[i]) x_[i] = hi()[i];
       if (start_ == Start::Warm && !fixed && state(i) == kFree) continue;
       place_by_x(i);
       if (state(i) == kParked) state(i) = kFree;
@@ -185,18 +144,18 @@ class BoxActiveSet {
   }
 
   /// Status of an unknown that is not in the factor, from where it stands.
-  void place_by_x(Index i) { state(i) = !(x_[i] > lo_[i]) ? kLower : !(x_[i] < hi_[i]) ? kUpper : kParked; }
+  void place_by_x(Index i) { state(i) = !(x_[i] > lo()[i]) ? kLower : !(x_[i] < hi()[i]) ? kUpper : kParked; }
 
   /// q = g + H x, from scratch.
   void refresh_gradient() {
-    q_.head(n_) = g_.head(n_);
+    q_.head(n_) = g().head(n_);
     for (Index j = 0; j < n_; ++j) {
       if (x_[j] < Scalar(0) || x_[j] > Scalar(0)) q_.head(n_) += x_[j] * H().col(j);
     }
     using std::abs;
     gradient_scale_ = Scalar(1);
     for (Index j = 0; j < n_; ++j) {
-      gradient_scale_ = std::max(gradient_scale_, std::max(Scalar(abs(g_[j])), Scalar(abs(q_[j] - g_[j]))));
+      gradient_scale_ = std::max(gradient_scale_, std::max(Scalar(abs(g()[j])), Scalar(abs(q_[j] - g()[j]))));
     }
   }
 
@@ -271,7 +230,7 @@ class BoxActiveSet {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving(k);
       w_.head(n_) += p_[i] * H().col(i);
-      const Scalar edge = p_[i] < Scalar(0) ? lo_[i] : hi_[i];
+      const Scalar edge = p_[i] < Scalar(0) ? lo()[i] : hi()[i];
       if (!detail::has_bound(edge) || (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0)))) continue;
       limit_[i] = std::max(Scalar(0), Scalar((edge - x_[i]) / p_[i]));
       if (newton && limit_[i] < Scalar(1)) clipped = true;
@@ -280,7 +239,7 @@ class BoxActiveSet {
     if (newton && !clipped) {
       for (Index k = 0; k < count; ++k) {
         const Index i = moving(k);
-        x_[i] = std::min(std::max(Scalar(x_[i] + p_[i]), lo_[i]), hi_[i]);
+        x_[i] = std::min(std::max(Scalar(x_[i] + p_[i]), lo()[i]), hi()[i]);
       }
       q_.head(n_) += w_.head(n_);
       return Walk::Full;
@@ -312,14 +271,14 @@ class BoxActiveSet {
       if (!stops_first) break;
       const Index i = list(hit++);
       const bool down = p_[i] < Scalar(0);
-      x_[i] = down ? lo_[i] : hi_[i];
+      x_[i] = down ? lo()[i] : hi()[i];
       state(i) = down ? kLower : kUpper;
       w_.head(n_) -= p_[i] * H().col(i);
       p_[i] = Scalar(0);
     }
     for (Index k = 0; k < count; ++k) {  // rounding must not leave the box
       const Index i = moving(k);
-      x_[i] = std::min(std::max(x_[i], lo_[i]), hi_[i]);
+      x_[i] = std::min(std::max(x_[i], lo()[i]), hi()[i]);
     }
     return Walk::Clipped;
   }
@@ -327,7 +286,7 @@ class BoxActiveSet {
   /// Violation of the sign condition on q_i, scaled by curvature; 0 where it holds.
   Scalar violation(Index i, const Scalar& tolerance) {
     using std::abs;
-    if (state(i) == kFree || !(lo_[i] < hi_[i])) return Scalar(0);
+    if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);
     const Scalar q = state(i) == kLower ? -q_[i] : state(i) == kUpper ? q_[i] : Scalar(abs(q_[i]));
     return q > tolerance ? q * scale_[i] : Scalar(0);
   }
@@ -366,7 +325,7 @@ class BoxActiveSet {
     p_[i] = sign;
     const Walk outcome = walk(f + 1, false);
     if (outcome != Walk::Unbounded) {
-      if (x_[i] > lo_[i] && x_[i] < hi_[i]) state(i) = kFree;
+      if (x_[i] > lo()[i] && x_[i] < hi()[i]) state(i) = kFree;
     }
     return outcome;
   }
@@ -389,8 +348,9 @@ class BoxActiveSet {
         limit_.head(n_) += abs(p_[i]) * H().col(i).cwiseAbs();
       }
       const VectorX<Scalar>& none = result.row_multipliers;
-      const detail::ProofCheck<Scalar> check = detail::check_ray<Scalar>(
-          last_x_.head(n_), last_q_.head(n_), none, limit_.head(n_), none, g_.head(n_), none, none, lo_.head(n_), hi_.head(n_));
+      const detail::ProofCheck<Scalar> check =
+          detail::check_ray<Scalar>(last_x_.head(n_), last_q_.head(n_), none, limit_.head(n_), none, g().head(n_), none, none,
+                                    lo().head(n_), hi().head(n_));
       if (check.proven) {
         result.ray = last_x_.head(n_);
         return true;
@@ -413,7 +373,7 @@ class BoxActiveSet {
     for (Index i = 0; i < n_; ++i) {
       const Scalar step = x_[i] - last_x_[i];
       change += Scalar(0.5) * (q_[i] + last_q_[i]) * step;
-      size += (abs(g_[i]) + abs(q_[i] - g_[i])) * abs(step);
+      size += (abs(g()[i]) + abs(q_[i] - g()[i])) * abs(step);
     }
     last_x_.head(n_) = x_.head(n_);
     last_q_.head(n_) = q_.head(n_);
@@ -473,7 +433,7 @@ class BoxActiveSet {
   void report(const VectorView& lb, const VectorView& ub, result_type& result) {
     if (!all_finite(x_.head(n_))) {
       x_.head(n_).setConstant(Scalar(0));
-      for (Index i = 0; i < n_; ++i) x_[i] = std::min(std::max(Scalar(0), lo_[i]), hi_[i]);
+      for (Index i = 0; i < n_; ++i) x_[i] = std::min(std::max(Scalar(0), lo()[i]), hi()[i]);
       result.status = QpStatus::IterationLimit;
       factor_.clear();
       reset();
@@ -483,50 +443,35 @@ class BoxActiveSet {
     const Scalar zero(0);
     for (Index i = 0; i < n_; ++i) {
       Scalar z(0);
-      if (!(lo_[i] < hi_[i])) {
+      if (!(lo()[i] < hi()[i])) {
         z = q_[i];
-      } else if (!(x_[i] > lo_[i])) {
+      } else if (!(x_[i] > lo()[i])) {
         z = std::max(zero, q_[i]);
-      } else if (!(x_[i] < hi_[i])) {
+      } else if (!(x_[i] < hi()[i])) {
         z = std::min(zero, q_[i]);
       }
       result.bound_multipliers[i] = z;
     }
-    w_.head(n_) = q_.head(n_) - g_.head(n_);
+    w_.head(n_) = q_.head(n_) - g().head(n_);
     const VectorX<Scalar>& none = result.row_multipliers;
-    const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(w_.head(n_), none, zeros_.head(n_), g_.head(n_), none,
+    const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(w_.head(n_), none, zeros_.head(n_), g().head(n_), none,
                                                                      none, lb, ub, result.x, none, result.bound_multipliers);
-    result.stationarity = r.relative_stationarity;
-    result.feasibility = r.relative_feasibility;
-    result.complementarity = r.relative_complementarity;
-    result.objective = r.objective;
-    if (result.status == QpStatus::DualInfeasible) return;
-    result.ray.setConstant(zero);
-    if (result.status != QpStatus::Solved && result.status != QpStatus::IterationLimit) return;
-    const Scalar loose(1000);
-    const auto within = [&](const Scalar& factor) {
-      return r.relative_stationarity <= factor * settings_.stationarity_tolerance &&
-             r.relative_feasibility <= factor * settings_.feasibility_tolerance &&
-             r.relative_complementarity <= factor * settings_.complementarity_tolerance;
-    };
-    if (result.status == QpStatus::Solved && within(Scalar(1))) return;
-    result.status = within(loose) ? QpStatus::SolvedInaccurate : QpStatus::IterationLimit;
+    detail::settle(r, settings_, result);
+    if (result.status != QpStatus::DualInfeasible) result.ray.setConstant(zero);
   }
 
   static constexpr Index kFewChanges = 4, kUpdateCost = 6;
   static constexpr int kStalls = 3;
   static constexpr int kPolishes = 4;
-  static constexpr QpRefusal kNoHessian{QpStatus::InvalidData, "no Hessian was set", -1};
 
   QpSettings<Scalar> settings_;
-  std::vector<Scalar> hessian_;
+  detail::ProblemData<Scalar> data_;
   detail::FreeSetFactor<Scalar> factor_;
-  VectorX<Scalar> x_, q_, g_, p_, w_, lo_, hi_, scale_, zeros_, limit_, last_x_, last_q_;
+  VectorX<Scalar> x_, q_, p_, w_, scale_, zeros_, limit_, last_x_, last_q_;
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
   Scalar gradient_scale_ = Scalar(1), total_ = Scalar(0), least_ = Scalar(0);
-  Index capacity_ = 0, n_ = 0;
-  QpRefusal refusal_ = kNoHessian;
+  Index n_ = 0;
   Start start_ = Start::Cold;
   bool good_settings_ = true;
 };

@@ -1,0 +1,160 @@
+#pragma once
+
+// The caller's problem as solvers keep it: checked once, copied, with H symmetric to the bit and open bounds as no_bound.
+//
+// Matrices change by judge, then take: a refused matrix leaves everything as it was. Vectors are loaded for each solve; the
+// bounds in use change only when all of them are good.
+
+#include <vector>
+
+#include "clothctl/qp/problem.hpp"
+
+namespace clothctl {
+
+namespace detail {
+
+/// H, A, g and bounds of min ½ xᵀHx + gᵀx, lb ≤ x ≤ ub, rl ≤ Ax ≤ ru.
+template <RealScalar Scalar>
+class ProblemData {
+ public:
+  /// A read-only view of a vector.
+  using VectorView = Eigen::Ref<const VectorX<Scalar>>;
+  /// A read-only view of a matrix.
+  using MatrixView = Eigen::Ref<const MatrixX<Scalar>>;
+
+  /// Makes room for n unknowns and m rows and forgets both matrices. Allocates.
+  void reserve(Index n, Index m) {
+    capacity_n_ = n;
+    hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
+    for (VectorX<Scalar>* v : {&g_, &lo_, &hi_, &lo_next_, &hi_next_}) v->setZero(n);
+    n_ = 0;
+    refusal_ = {};
+    hessian_refusal_ = kNoHessian;
+    reserve_rows(m);
+  }
+
+  /// Makes room for m rows and forgets the rows; the Hessian stays. Allocates.
+  void reserve_rows(Index m) {
+    capacity_m_ = m;
+    matrix_.assign(static_cast<std::size_t>(capacity_n_ * m), Scalar(0));
+    for (VectorX<Scalar>* v : {&rl_, &ru_, &rl_next_, &ru_next_}) v->setZero(m);
+    m_ = 0;
+  }
+
+  /// Number of unknowns; 0 before a Hessian was taken.
+  Index n() const { return n_; }
+  /// Number of rows.
+  Index m() const { return m_; }
+  /// Unknowns that there is room for.
+  Index capacity_n() const { return capacity_n_; }
+  /// Rows that there is room for.
+  Index capacity_m() const { return capacity_m_; }
+  /// H, n×n.
+  Eigen::Map<const MatrixX<Scalar>> H() const { return {hessian_.data(), n_, n_}; }
+  /// A, m×n.
+  Eigen::Map<const MatrixX<Scalar>> A() const { return {matrix_.data(), m_, n_}; }
+  /// The gradient; n entries are in use.
+  const VectorX<Scalar>& g() const { return g_; }
+  /// Lower bounds, -no_bound where open; n entries are in use.
+  const VectorX<Scalar>& lo() const { return lo_; }
+  /// Upper bounds.
+  const VectorX<Scalar>& hi() const { return hi_; }
+  /// Lower row bounds; m entries are in use.
+  const VectorX<Scalar>& rl() const { return rl_; }
+  /// Upper row bounds.
+  const VectorX<Scalar>& ru() const { return ru_; }
+  /// What was refused last.
+  const QpRefusal& refusal() const { return refusal_; }
+
+  /// Judges a Hessian (judge_hessian).
+  QpStatus judge(const MatrixView& H) {
+    refusal_ = hessian_refusal_ = judge_hessian<Scalar>(H);
+    return refusal_.status;
+  }
+
+  /// Copies a judged Hessian that there is room for. Answers whether n changed; the rows are forgotten then.
+  bool take(const MatrixView& H) {
+    const Index n = H.rows();
+    const bool resized = n != n_;
+    if (resized) m_ = 0;
+    n_ = n;
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) {
+        hessian_[static_cast<std::size_t>(i + j * n)] = Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
+      }
+    }
+    return resized;
+  }
+
+  /// Judges rows: as long as the Hessian, finite.
+  QpStatus judge_rows(const MatrixView& A) {
+    refusal_ = {};
+    if (A.cols() != n_ && A.rows() > 0) refusal_ = {QpStatus::InvalidData, "rows differ in length from the Hessian", -1};
+    for (Index j = 0; j < A.cols(); ++j) {
+      for (Index i = 0; i < A.rows() && refusal_.status == QpStatus::Solved; ++i) {
+        if (!is_finite(A(i, j))) refusal_ = {QpStatus::InvalidData, "row entry is not finite", i + j * A.rows()};
+      }
+    }
+    return refusal_.status;
+  }
+
+  /// Copies judged rows that there is room for. Answers whether m changed.
+  bool take_rows(const MatrixView& A) {
+    const bool resized = A.rows() != m_;
+    m_ = A.rows();
+    for (Index j = 0; j < A.cols(); ++j) {
+      for (Index i = 0; i < m_; ++i) matrix_[static_cast<std::size_t>(i + j * m_)] = A(i, j);
+    }
+    return resized;
+  }
+
+  /// Clears the head of `result`, sizes it, and takes gradient and bounds of a solve. Answers false, with status, message and
+  /// index in the result, when there is no Hessian, the settings are not `good`, sizes differ, or an entry is refused.
+  bool load(bool good, const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
+            const VectorView& ru, QpResult<Scalar>& result) {
+    result.resize(n_, m_);
+    result.iterations = 0;
+    result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
+    const QpRefusal refusal = judge_vectors(good, g, lb, ub, rl, ru);
+    result.status = refusal.status;
+    result.message = refusal.message;
+    result.invalid_index = refusal.index;
+    if (refusal.status != QpStatus::Solved) return false;
+    lo_.swap(lo_next_);
+    hi_.swap(hi_next_);
+    rl_.swap(rl_next_);
+    ru_.swap(ru_next_);
+    g_.head(n_) = g;
+    return true;
+  }
+
+ private:
+  QpRefusal judge_vectors(bool good, const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
+                          const VectorView& ru) {
+    constexpr QpStatus bad = QpStatus::InvalidData;
+    if (n_ == 0) return hessian_refusal_;
+    if (!good) return {bad, "settings are bad: see their check()", -1};
+    if (g.size() != n_ || lb.size() != n_ || ub.size() != n_)
+      return {bad, "gradient or bounds differ in size from the Hessian", -1};
+    if (rl.size() != m_ || ru.size() != m_) return {bad, "row bounds differ in size from the rows", -1};
+    for (Index i = 0; i < n_; ++i) {
+      if (!is_finite(g[i])) return {bad, "gradient entry is not finite", i};
+    }
+    Index wrong = load_bounds<Scalar>(lb, ub, lo_next_.head(n_), hi_next_.head(n_));
+    if (wrong >= 0) return {bad, "bound is NaN, crossed, or infinite on the wrong side", wrong};
+    wrong = load_bounds<Scalar>(rl, ru, rl_next_.head(m_), ru_next_.head(m_));
+    if (wrong >= 0) return {bad, "row bound is NaN, crossed, or infinite on the wrong side", wrong};
+    return {};
+  }
+
+  static constexpr QpRefusal kNoHessian{QpStatus::InvalidData, "no Hessian was set", -1};
+
+  std::vector<Scalar> hessian_, matrix_;
+  VectorX<Scalar> g_, lo_, hi_, lo_next_, hi_next_, rl_, ru_, rl_next_, ru_next_;
+  Index capacity_n_ = 0, capacity_m_ = 0, n_ = 0, m_ = 0;
+  QpRefusal refusal_, hessian_refusal_ = kNoHessian;
+};
+
+}  // namespace detail
+
+}  // namespace clothctl

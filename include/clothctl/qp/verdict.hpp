@@ -1,0 +1,93 @@
+#pragma once
+
+// How an iterate is judged against the settings: the residuals in tolerances, the status that they allow, and the best iterate
+// of a solve that runs out.
+
+#include <algorithm>
+
+#include "clothctl/qp/kkt.hpp"
+#include "clothctl/qp/problem.hpp"
+
+namespace clothctl {
+
+namespace detail {
+
+/// Tolerances that an inaccurate solution may be away.
+inline constexpr int kLooseTolerances = 1000;
+
+/// How many tolerances the worst residual is away: at most one means solved. Infinite when a residual is not finite.
+template <RealScalar Scalar>
+Scalar excess(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
+  return (std::max)(Scalar(r.relative_stationarity / settings.stationarity_tolerance),
+                    (std::max)(Scalar(r.relative_feasibility / settings.feasibility_tolerance),
+                               Scalar(r.relative_complementarity / settings.complementarity_tolerance)));
+}
+
+/// Writes the residuals of the caller's data into the result, and the status that they allow: Solved and IterationLimit follow
+/// the excess, other statuses stay.
+template <RealScalar Scalar>
+void settle(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings, QpResult<Scalar>& result) {
+  result.stationarity = r.relative_stationarity;
+  result.feasibility = r.relative_feasibility;
+  result.complementarity = r.relative_complementarity;
+  result.objective = r.objective;
+  if (result.status != QpStatus::Solved && result.status != QpStatus::IterationLimit) return;
+  const Scalar away = excess(r, settings);
+  if (result.status == QpStatus::Solved && away <= Scalar(1)) return;
+  result.status = away <= Scalar(kLooseTolerances) ? QpStatus::SolvedInaccurate : QpStatus::IterationLimit;
+}
+
+/// The best iterate of a solve. Order when none is optimal: first those that pass for inaccurate solutions, by their excess;
+/// then by violation, and by excess where that is within its tolerance.
+template <RealScalar Scalar>
+class BestIterate {
+ public:
+  /// Makes room for n unknowns and m rows. Allocates.
+  void reserve(Index n, Index m) {
+    x_.setZero(n);
+    y_.setZero(m);
+    forget();
+  }
+
+  /// Forgets it, for a new solve.
+  void forget() { rank_ = {}; }
+  /// Whether there is one.
+  bool known() const { return is_finite(rank_.excess); }
+  /// Its unknowns; as many as were offered are in use.
+  const VectorX<Scalar>& x() const { return x_; }
+  /// Its row multipliers.
+  const VectorX<Scalar>& y() const { return y_; }
+
+  /// Keeps (x, y) with residuals r when it is the best so far. Never allocates.
+  void offer(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings, const Eigen::Ref<const VectorX<Scalar>>& x,
+             const Eigen::Ref<const VectorX<Scalar>>& y) {
+    Rank rank;
+    rank.excess = excess(r, settings);
+    if (!is_finite(rank.excess)) return;
+    if (rank.excess <= Scalar(kLooseTolerances)) rank.near = rank.excess;
+    rank.violation = (std::max)(Scalar(1), Scalar(r.relative_feasibility / settings.feasibility_tolerance));
+    if (!rank.before(rank_)) return;
+    rank_ = rank;
+    x_.head(x.size()) = x;
+    y_.head(y.size()) = y;
+  }
+
+ private:
+  struct Rank {
+    Scalar near = scalar_traits<Scalar>::infinity();
+    Scalar violation = scalar_traits<Scalar>::infinity();
+    Scalar excess = scalar_traits<Scalar>::infinity();
+    bool before(const Rank& other) const {
+      if (near < other.near || other.near < near) return near < other.near;
+      if (violation < other.violation || other.violation < violation) return violation < other.violation;
+      return excess < other.excess;
+    }
+  };
+
+  VectorX<Scalar> x_, y_;
+  Rank rank_;
+};
+
+}  // namespace detail
+
+}  // namespace clothctl

@@ -1,0 +1,142 @@
+// The caller's problem: refused by name and index, copied symmetric, untouched by what is refused.
+
+#include "clothctl/qp/problem_data.hpp"
+
+#include <limits>
+
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+template <class S>
+struct Problem {
+  MatrixX<S> H = MatrixX<S>::Identity(3, 3), A = MatrixX<S>::Constant(2, 3, S(1));
+  VectorX<S> g = VectorX<S>::Constant(3, S(0.5)), lb = VectorX<S>::Constant(3, S(-1)), ub = VectorX<S>::Constant(3, S(1)),
+             rl = VectorX<S>::Constant(2, S(-2)), ru = VectorX<S>::Constant(2, S(2));
+  detail::ProblemData<S> data;
+  QpResult<S> result;
+
+  Problem() {
+    data.reserve(4, 3);
+    REQUIRE(data.judge(H) == QpStatus::Solved);
+    CHECK(data.take(H));
+    REQUIRE(data.judge_rows(A) == QpStatus::Solved);
+    CHECK(data.take_rows(A));
+  }
+  bool load(bool good = true) { return data.load(good, g, lb, ub, rl, ru, result); }
+  std::string refused() const { return std::string(result.message) + " " + std::to_string(result.invalid_index); }
+};
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("a good problem is kept, with open bounds replaced", "[qp]", float, double) {
+  using S = TestType;
+  Problem<S> p;
+  p.ub[1] = std::numeric_limits<S>::infinity();
+  p.rl[0] = S(-1e30);
+  REQUIRE(p.load());
+  CHECK(p.data.n() == 3);
+  CHECK(p.data.m() == 2);
+  CHECK(MatrixX<S>(p.data.H()) == p.H);
+  CHECK(MatrixX<S>(p.data.A()) == p.A);
+  CHECK(p.data.g().head(3) == p.g);
+  CHECK(p.data.lo().head(3) == p.lb);
+  CHECK(p.data.hi()[0] == S(1));
+  CHECK_FALSE(detail::has_bound(p.data.hi()[1]));
+  CHECK_FALSE(detail::has_bound(p.data.rl()[0]));
+  CHECK(p.data.ru().head(2) == p.ru);
+  CHECK(p.result.x.size() == 3);
+  CHECK(p.result.row_multipliers.size() == 2);
+}
+
+TEMPLATE_TEST_CASE("asymmetry within rounding is averaged away", "[qp]", float, double) {
+  using S = TestType;
+  Problem<S> p;
+  p.H(0, 1) = S(0.25);
+  p.H(1, 0) = S(0.25) + S(2) * scalar_traits<S>::epsilon() * S(0.25);
+  REQUIRE(p.data.judge(p.H) == QpStatus::Solved);
+  CHECK_FALSE(p.data.take(p.H));
+  CHECK(p.data.H()(0, 1) == p.data.H()(1, 0));
+  CHECK(p.data.m() == 2);  // the size stays, so do the rows
+}
+
+TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", "[qp]", float, double) {
+  using S = TestType;
+  const S nan = std::numeric_limits<S>::quiet_NaN();
+  Problem<S> p;
+  REQUIRE(p.load());
+  const auto same = [&] {
+    const Problem<S> fresh;
+    return MatrixX<S>(p.data.H()) == fresh.H && MatrixX<S>(p.data.A()) == fresh.A && p.data.g().head(3) == fresh.g &&
+           p.data.lo().head(3) == fresh.lb && p.data.hi().head(3) == fresh.ub && p.data.rl().head(2) == fresh.rl &&
+           p.data.ru().head(2) == fresh.ru;
+  };
+  MatrixX<S> bad = p.H;
+  bad(2, 1) = nan;
+  CHECK(p.data.judge(bad) == QpStatus::InvalidData);
+  CHECK(p.data.refusal().index == 5);
+  CHECK(p.data.judge(-p.H) == QpStatus::NonConvex);
+  CHECK(p.data.judge_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
+  CHECK(std::string(p.data.refusal().message) == "rows differ in length from the Hessian");
+  MatrixX<S> row = p.A;
+  row(1, 2) = nan;
+  CHECK(p.data.judge_rows(row) == QpStatus::InvalidData);
+  CHECK(p.data.refusal().index == 5);
+  CHECK(same());
+
+  const auto refusal = [&](auto&& spoil, bool good = true) {
+    Problem<S> q;
+    spoil(q);
+    p.g = q.g;
+    p.lb = q.lb;
+    p.ub = q.ub;
+    p.rl = q.rl;
+    p.ru = q.ru;
+    CHECK_FALSE(p.load(good));
+    CHECK(p.result.status == QpStatus::InvalidData);
+    CHECK(same());
+    return p.refused();
+  };
+  CHECK(refusal([](Problem<S>&) {}, false) == "settings are bad: see their check() -1");
+  CHECK(refusal([&](Problem<S>& q) { q.g[2] = nan; }) == "gradient entry is not finite 2");
+  CHECK(refusal([&](Problem<S>& q) { q.g.resize(2); }) == "gradient or bounds differ in size from the Hessian -1");
+  CHECK(refusal([&](Problem<S>& q) { q.ub.resize(4); }) == "gradient or bounds differ in size from the Hessian -1");
+  CHECK(refusal([&](Problem<S>& q) { q.ru.resize(1); }) == "row bounds differ in size from the rows -1");
+  CHECK(refusal([&](Problem<S>& q) { q.lb[1] = S(2); }) == "bound is NaN, crossed, or infinite on the wrong side 1");
+  CHECK(refusal([&](Problem<S>& q) { q.rl[1] = nan; }) == "row bound is NaN, crossed, or infinite on the wrong side 1");
+}
+
+TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more rows keep the Hessian", "[qp]") {
+  detail::ProblemData<double> data;
+  data.reserve(2, 1);
+  QpResult<double> result;
+  const VectorX<double> none;
+  CHECK_FALSE(data.load(true, none, none, none, none, none, result));
+  CHECK(std::string(result.message) == "no Hessian was set");
+  Problem<double> p;
+  p.data.reserve_rows(7);
+  CHECK(p.data.m() == 0);
+  CHECK(p.data.capacity_m() == 7);
+  CHECK(MatrixX<double>(p.data.H()) == p.H);
+  REQUIRE(p.data.judge_rows(p.A) == QpStatus::Solved);
+  CHECK(p.data.take_rows(p.A));
+  const MatrixX<double> small = MatrixX<double>::Identity(2, 2);
+  REQUIRE(p.data.judge(small) == QpStatus::Solved);
+  CHECK(p.data.take(small));
+  CHECK(p.data.m() == 0);
+}
+
+TEST_CASE("taking data allocates nothing within the reserve", "[qp]") {
+  if (!clothctl_test::allocation_counting_works()) return;
+  Problem<double> p;
+  REQUIRE(p.load());
+  const long before = clothctl_test::allocations();
+  bool good = p.data.judge(p.H) == QpStatus::Solved;
+  good = !p.data.take(p.H) && p.data.judge_rows(p.A) == QpStatus::Solved && !p.data.take_rows(p.A) && p.load() && good;
+  const long made = clothctl_test::allocations() - before;
+  CHECK(good);
+  CHECK(made == 0);
+}
