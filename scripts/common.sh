@@ -57,4 +57,5 @@ need_test_tools() {
   need clang-format command -v clang-format
   need libbenchmark-dev any_file /usr/include/benchmark /usr/local/include/benchmark
   need python3 command -v python3
+  need nodejs command -v node
 }

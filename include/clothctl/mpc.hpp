@@ -15,4 +15,5 @@
 #include "clothctl/mpc/rollout_predictor.hpp"
 #include "clothctl/mpc/term_stack.hpp"
 #include "clothctl/mpc/window.hpp"
+#include "clothctl/mpc/window_cost.hpp"
 #include "clothctl/mpc/window_qp.hpp"

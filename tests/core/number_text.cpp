@@ -62,7 +62,6 @@ TEST_CASE("numbers are written with the fewest digits that tell them apart") {
   CHECK(number_text(1.0 / 3.0) == "0.3333333333333333");
   CHECK(number_text(1e300) == "1e+300");
   CHECK(number_text(100.0L) == "100");
-  CHECK(clothctl::detail::number_text(0.5) == "0.5");
 }
 
 TEST_CASE("what is not finite has a name, under -ffast-math too") {
@@ -70,7 +69,8 @@ TEST_CASE("what is not finite has a name, under -ffast-math too") {
   CHECK(number_text(infinity) == "inf");
   CHECK(number_text(-infinity) == "-inf");
   CHECK(number_text(std::numeric_limits<float>::infinity()) == "inf");
-  CHECK(number_text(std::numeric_limits<double>::quiet_NaN()).find("nan") != std::string::npos);
+  CHECK(number_text(std::numeric_limits<double>::quiet_NaN()) == "nan");
+  CHECK(number_text(-std::numeric_limits<float>::quiet_NaN()) == "nan");
 }
 
 TEST_CASE("scalars other than the built-in ones are written as doubles, or as ? where they cannot become one") {

@@ -93,8 +93,11 @@ TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]")
   CHECK((anchor_position(flat, Swing::Pendulum, 9.81, line(motion), t) - none).norm() < 1e-14);
   const auto together = [&](Index, double s) { return motion(s); };
   CHECK((anchor_position(anchor, Swing::Sheet, 9.81, together, t) - none).norm() < 1e-14);
+
+  // One feature makes no line: what hangs from one point swings both ways.
   const HandAnchor<double> single = anchor_of({1.0}, V(0.0, 0.0, 0.5));
-  CHECK((anchor_position(single, Swing::Sheet, 9.81, together, t) - none).norm() < 1e-14);
+  CHECK((anchor_position(single, Swing::Sheet, 9.81, together, t) - anchor_position(single, Swing::Pendulum, 9.81, together, t))
+            .norm() < 1e-14);
 }
 
 TEST_CASE("the average turns with the line between the features", "[mpc]") {

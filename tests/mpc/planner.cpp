@@ -195,6 +195,35 @@ TEST_CASE("positions or velocities of another sheet are refused", "[mpc]") {
   CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, result) == PlanStatus::Planned);
 }
 
+TEST_CASE("why input was not taken is told: what, where, which value", "[mpc]") {
+  PlannerSettings<double> swinging = settings();
+  swinging.swing = Swing::Pendulum;
+  Planning planner = planner_for(setup(), swinging);
+  PlanResult<double> result = planner.make_result();
+  const AsyncTarget target(sheet());
+  const Points<double>&x = sheet().state.positions, &v = sheet().state.velocities;
+  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  CHECK(planner.check_input(x, v, 0.0, target, calm, result) == "");
+  CHECK(planner.check_input(x, v, 0.0, target, result) == "");
+  CHECK(planner.check_input(x.leftCols(40), v, 0.0, target, result) == "there are 40 columns of position for 49 vertices");
+  CHECK(planner.check_input(x, v.leftCols(0), 0.0, target, result) == "there are 0 columns of velocity for 49 vertices");
+  CHECK(planner.check_input(x, v, inf, target, result) == "the time is inf");
+  Points<double> broken = Points<double>::Zero(3, 49);
+  broken(1, 7) = nan;
+  CHECK(planner.check_input(broken, v, 0.0, target, result) == "the position of vertex 7 is (0, nan, 0)");
+  CHECK(planner.check_input(x, broken, 0.0, target, result) == "the velocity of vertex 7 is (0, nan, 0)");
+  const auto gust = [&](double t) { return t > 0.05 ? V(1.0, 2.0, inf) : V(V::Zero()); };
+  CHECK(planner.check_input(x, v, 0.0, target, gust, result) == "the wind at 0.06 s is (1, 2, inf)");
+  const auto lost = [&](Index i, double t) { return i == 1 && t > 0.05 ? V(-inf, 0.0, 0.0) : target(i, t); };
+  CHECK(planner.check_input(x, v, 0.0, lost, result) == "the target of feature 1 at 0.06 s is (-inf, 0, 0)");
+  // Beyond the window, where a hand looks ahead for the swing.
+  const auto later = [&](Index i, double t) { return t > 0.2 ? V(nan, nan, nan) : target(i, t); };
+  CHECK(planner.plan(x, v, 0.0, later, result) == PlanStatus::InvalidInput);
+  CHECK(planner.check_input(x, v, 0.0, later, result).find("where grip 0 belongs at 0.02 s") == 0);
+  CHECK(planner.check_input(x, v, 0.0, target, PlanResult<double>()) ==
+        "the result was not made by make_result of this planner");
+}
+
 TEST_CASE("planning allocates nothing", "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   struct Case {

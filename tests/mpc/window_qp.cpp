@@ -27,6 +27,13 @@ struct Told {
   MatrixX<double> H, A;
   VectorX<double> g, lb, ub, rl, ru;
   QpResult<double> answer;
+  int solves = 0, iterations = 0;  // since they were set to zero
+
+  void take(const QpResult<double>& result) {
+    answer = result;
+    ++solves;
+    iterations += static_cast<int>(result.iterations);
+  }
 };
 Told told;
 
@@ -43,7 +50,7 @@ struct TellingBox : BoxActiveSet<double> {
     told.rl.resize(0);
     told.ru.resize(0);
     const QpStatus status = BoxActiveSet<double>::solve(g, lb, ub, result);
-    told.answer = result;
+    told.take(result);
     return status;
   }
 };
@@ -65,7 +72,7 @@ struct TellingRows : ActiveSet<double> {
     told.rl = rl;
     told.ru = ru;
     const QpStatus status = ActiveSet<double>::solve(g, lb, ub, rl, ru, result);
-    told.answer = result;
+    told.take(result);
     return status;
   }
 };
@@ -111,6 +118,7 @@ struct Frame {
     plant.set_state(start);
     MatrixX<double> last;
     for (int k = 0; k < frames; ++k) {
+      told.solves = told.iterations = 0;
       before = k == 0 ? plant.velocities() : state.velocities;
       state = plant.state();
       t = k * kDt;
@@ -333,6 +341,16 @@ TEST_CASE("planned forces under grip limits minimise the cost", "[mpc]") {
   check_frame(frame, 4);
   CHECK(frame.result.used_rows);
   CHECK(told.A.rows() == 4 * frame.settings.horizon);
+}
+
+TEST_CASE("a frame counts the iterations of all its QPs", "[mpc]") {
+  PlannerSettings<double> settings;
+  settings.max_change = 1e-6;  // hardly any: the forces are planned again and again
+  Frame frame(single(), settings, 1, 20.0, 0.5);
+  frame.run(3);
+  CHECK(told.solves == 5);
+  CHECK(frame.result.qp_iterations == told.iterations);
+  CHECK(told.iterations > static_cast<int>(told.answer.iterations));
 }
 
 TEST_CASE("planned forces of soft patches minimise the cost", "[mpc]") {

@@ -61,8 +61,8 @@ struct Material {
       const Scalar& value = *quantities[i].second;
       const std::string item = "material \"" + name + "\": " + quantities[i].first;
       if (!is_finite(value)) return item + " is not a finite number";
-      if (i < 2 && !(zero < value)) return item + " must be positive, got " + detail::number_text(value);
-      if (value < zero) return item + " must not be negative, got " + detail::number_text(value);
+      if (i < 2 && !(zero < value)) return item + " must be positive, got " + number_text(value);
+      if (value < zero) return item + " must not be negative, got " + number_text(value);
     }
     return {};
   }

@@ -83,8 +83,7 @@ Result<SpringNetwork<Scalar>> sheet_network(const GridMesh<Scalar>& mesh, const 
   const Scalar half(0.5), one(1.0);
   const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
   if (!is_finite(dx) || !(Scalar(0) < dx) || !is_finite(dz) || !(Scalar(0) < dz))
-    return Error{"grid width and height must be positive, got " + detail::number_text(mesh.width) + " and " +
-                 detail::number_text(mesh.height)};
+    return Error{"grid width and height must be positive, got " + number_text(mesh.width) + " and " + number_text(mesh.height)};
 
   SpringNetwork<Scalar> network;
   network.rest_positions = mesh.positions;

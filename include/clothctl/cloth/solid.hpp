@@ -43,8 +43,8 @@ struct SolidSettings {
       const Scalar& value = *quantities[i].second;
       const std::string item = std::string("solid ") + quantities[i].first;
       if (!is_finite(value)) return item + " is not a finite number";
-      if (i < 2 && !(zero < value)) return item + " must be positive, got " + detail::number_text(value);
-      if (value < zero) return item + " must not be negative, got " + detail::number_text(value);
+      if (i < 2 && !(zero < value)) return item + " must be positive, got " + number_text(value);
+      if (value < zero) return item + " must not be negative, got " + number_text(value);
     }
     return {};
   }
@@ -134,8 +134,8 @@ template <RealScalar Scalar>
   }
   if (a == b) return "join: vertex " + std::to_string(a) + " cannot be joined to itself";
   if (!is_finite(stiffness) || stiffness < Scalar(0) || !is_finite(damping_time) || damping_time < Scalar(0))
-    return "join: stiffness and damping time must not be negative, got " + detail::number_text(stiffness) + " and " +
-           detail::number_text(damping_time);
+    return "join: stiffness and damping time must not be negative, got " + number_text(stiffness) + " and " +
+           number_text(damping_time);
   const Vector3<Scalar> d = network.rest_positions.col(b) - network.rest_positions.col(a);
   if (!(Scalar(0) < d.norm()))
     return "join: vertices " + std::to_string(a) + " and " + std::to_string(b) + " are in one place; weld them";

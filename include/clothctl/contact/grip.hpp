@@ -86,13 +86,12 @@ std::string check_grips(const std::vector<Grip<Scalar>>& grips, Index vertex_cou
         other = static_cast<int>(g);
       }
       if (!is_finite(finger.friction) || finger.friction < Scalar(0)) {
-        return name + " has the friction coefficient " + detail::number_text(finger.friction) +
-               ", must be finite and not negative";
+        return name + " has the friction coefficient " + number_text(finger.friction) + ", must be finite and not negative";
       }
       if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit))
-        return name + " has the grip limit " + detail::number_text(finger.limit) + ", must be finite and positive";
+        return name + " has the grip limit " + number_text(finger.limit) + ", must be finite and positive";
       if (!is_finite(finger.side) || (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))))
-        return name + " has the side " + detail::number_text(finger.side) + ", must be +1 or -1";
+        return name + " has the side " + number_text(finger.side) + ", must be +1 or -1";
       if (finger.generators < 4) return name + " has " + std::to_string(finger.generators) + " generators, needs at least 4";
     }
   }

@@ -89,11 +89,8 @@ class PatchModes {
     const Index m = count();
     assert(reference.cols() == m);
     Vector3<Scalar> centre = Vector3<Scalar>::Zero();
-    Scalar number = Scalar(0);
-    for (Index j = 0; j < m; ++j) {
-      centre += reference.col(j);
-      number += Scalar(1);
-    }
+    const Scalar number = Scalar(static_cast<double>(m));
+    for (Index j = 0; j < m; ++j) centre += reference.col(j);
     centre /= number;
     for (Index j = 0; j < m; ++j) offsets_.col(j) = reference.col(j) - centre;
     Matrix3<Scalar> spread = Matrix3<Scalar>::Zero();

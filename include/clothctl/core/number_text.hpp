@@ -6,6 +6,7 @@
 #include <charconv>
 #include <concepts>
 #include <string>
+#include <string_view>
 
 #include "clothctl/core/scalar.hpp"
 
@@ -18,18 +19,13 @@ std::string number_text(const Scalar& value) {
   if constexpr (std::floating_point<Scalar>) {
     std::array<char, 64> text{};
     const std::to_chars_result end = std::to_chars(text.data(), text.data() + text.size(), value);
-    return std::string(text.data(), end.ptr);
+    const std::string_view written(text.data(), static_cast<std::size_t>(end.ptr - text.data()));
+    return std::string(written.ends_with("nan") ? "nan" : written);  // its sign says nothing
   } else if constexpr (requires { static_cast<double>(value); }) {
     return number_text(static_cast<double>(value));
   } else {
     return "?";
   }
 }
-
-namespace detail {
-
-using clothctl::number_text;
-
-}  // namespace detail
 
 }  // namespace clothctl

@@ -201,13 +201,14 @@ const listen = () => {
 // #frame=120&paused&theme=dark&speed=0.5&view=top&yaw=30&pitch=20&zoom=1.5&hide=arrows,ground
 const readAddress = () => {
   const options = new URLSearchParams(location.hash.slice(1)), number = name => Number(options.get(name));
+  const angle = name => Number.isFinite(number(name)) ? number(name) * Math.PI / 180 : 0;
   if (options.has('theme')) setTheme(options.get('theme') === 'dark' ? 'dark' : 'light');
-  if (presets[options.get('view')]) setView(options.get('view'));
-  if (options.has('yaw')) camera.yaw = number('yaw') * Math.PI / 180 || 0;
-  if (options.has('pitch')) camera.pitch = clamp(number('pitch') * Math.PI / 180 || 0, -Math.PI / 2, Math.PI / 2);
+  if (Object.keys(presets).includes(options.get('view'))) setView(options.get('view'));
+  if (options.has('yaw')) camera.yaw = angle('yaw');
+  if (options.has('pitch')) camera.pitch = clamp(angle('pitch'), -Math.PI / 2, Math.PI / 2);
   if (options.has('yaw') || options.has('pitch')) fit();
   if (number('zoom') > 0) zoom(1 / number('zoom'));
-  for (const name of (options.get('hide') || '').split(',')) if (name in state.show) toggle(name, false);
+  for (const name of (options.get('hide') || '').split(',')) if (Object.keys(state.show).includes(name)) toggle(name, false);
   if ([...$('speed').options].some(o => o.value === options.get('speed'))) { $('speed').value = options.get('speed'); state.speed = number('speed'); }
   if (options.has('frame')) setFrame(Math.round(number('frame')) || 0);
   if (options.has('paused')) setPlaying(false);

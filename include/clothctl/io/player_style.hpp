@@ -43,7 +43,7 @@ h2 { margin: 0; font-size: 12px; font-weight: 600; color: var(--muted); letter-s
   background: transparent; cursor: pointer; transition: background .12s;
 }
 .icon:hover { background: var(--raised); }
-.icon svg, .icon-plain svg { width: 18px; height: 18px; fill: none; stroke: currentColor; stroke-width: 1.8; stroke-linecap: round; stroke-linejoin: round; }
+.icon svg { width: 18px; height: 18px; fill: none; stroke: currentColor; stroke-width: 1.8; stroke-linecap: round; stroke-linejoin: round; }
 .icon svg .solid { fill: currentColor; }
 .icon.primary { background: var(--accent); color: var(--accent-ink); border-radius: 50%; width: 38px; height: 38px; }
 .icon.primary:hover { filter: brightness(1.08); }

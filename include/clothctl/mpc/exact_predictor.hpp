@@ -41,7 +41,7 @@ struct ExactPredictorSettings {
   /// Returns an empty string, or a line that names the bad setting and its value.
   std::string check() const {
     if (!is_finite(measured_force) || measured_force < Scalar(0) || Scalar(1) < measured_force)
-      return "measured_force is " + detail::number_text(measured_force) + ", must be 0 to 1";
+      return "measured_force is " + number_text(measured_force) + ", must be 0 to 1";
     return {};
   }
 };

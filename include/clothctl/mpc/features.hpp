@@ -29,9 +29,8 @@ class PointFeatures {
   /// Adds the mean of `vertices` as a feature. Allocates.
   void add_centroid(const std::vector<int>& vertices) {
     std::vector<Term> terms;
-    Scalar count = Scalar(0);
-    for (std::size_t i = 0; i < vertices.size(); ++i) count += Scalar(1);
-    for (int v : vertices) terms.push_back({v, Scalar(1) / count});
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(vertices.size()));
+    for (int v : vertices) terms.push_back({v, share});
     add_sum(std::move(terms));
   }
   /// Adds a weighted sum as a feature. Allocates.

@@ -142,20 +142,14 @@ class GripBasis {
   /// Centroid of grip `g` at positions `x`.
   Vector3<Scalar> centroid(const PointsView<Scalar>& x, std::size_t g) const {
     Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-    Scalar count = Scalar(0);
-    for (std::size_t j = grip_begin_[g]; j < grip_begin_[g + 1]; ++j) {
-      sum += x.col(held_[j]);
-      count += Scalar(1);
-    }
-    return sum / count;
+    for (std::size_t j = grip_begin_[g]; j < grip_begin_[g + 1]; ++j) sum += x.col(held_[j]);
+    return sum / Scalar(static_cast<double>(grip_begin_[g + 1] - grip_begin_[g]));
   }
 
   /// One over the number of vertices of the grip that holds the `slot`-th held vertex.
   Scalar vertex_share(Index slot) const {
     const std::size_t g = static_cast<std::size_t>(grip_of_[static_cast<std::size_t>(slot)]);
-    Scalar count = Scalar(0);
-    for (std::size_t j = grip_begin_[g]; j < grip_begin_[g + 1]; ++j) count += Scalar(1);
-    return Scalar(1) / count;
+    return Scalar(1) / Scalar(static_cast<double>(grip_begin_[g + 1] - grip_begin_[g]));
   }
 
   /// Largest distance of a held vertex of grip `g` from its centroid, m.

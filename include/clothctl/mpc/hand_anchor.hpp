@@ -14,9 +14,11 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl {
@@ -25,7 +27,8 @@ namespace clothctl {
 enum class Swing {
   /// None: the hands keep their rest offset to the features.
   None,
-  /// The horizontal normal of the line from the first to the last feature: a sheet held by two hands.
+  /// The horizontal normal of the line from the first to the last feature: a sheet held by two hands. One feature makes no
+  /// line and swings as Pendulum.
   Sheet,
   /// Both horizontal directions: a rope, or a sheet held at one point.
   Pendulum
@@ -40,6 +43,19 @@ struct HandAnchor {
   Vector3<Scalar> offset = Vector3<Scalar>::Zero();
   /// Length L that hangs below the hand, m; 0 switches the average off.
   Scalar drop = Scalar(0);
+
+  /// Returns an empty string, or what is wrong with an anchor for `features` features, to follow its name. Allocates.
+  std::string check(Index features) const {
+    if (static_cast<Index>(feature_weights.size()) != features) {
+      return " has " + std::to_string(feature_weights.size()) + " weights for " + std::to_string(features) + " features";
+    }
+    for (const Scalar& weight : feature_weights) {
+      if (!is_finite(weight)) return " has the weight " + number_text(weight);
+    }
+    if (!all_finite(offset)) return " has an offset that is not finite";
+    if (!is_finite(drop) || drop < Scalar(0)) return " has the drop " + number_text(drop) + ", must be finite and not negative";
+    return {};
+  }
 };
 
 /// Anchors that keep the offsets of a start pose: features at the columns of `features` (m), hands at those of `hands`. Hand i
@@ -47,8 +63,7 @@ struct HandAnchor {
 template <RealScalar Scalar>
 std::vector<HandAnchor<Scalar>> make_anchors(const Points<Scalar>& features, const Points<Scalar>& hands) {
   std::vector<HandAnchor<Scalar>> anchors;
-  Scalar number = Scalar(0);
-  for (Index i = 0; i < features.cols(); ++i) number += Scalar(1);
+  const Scalar number = Scalar(static_cast<double>(features.cols()));
   for (Index g = 0; g < hands.cols(); ++g) {
     HandAnchor<Scalar> anchor;
     Vector3<Scalar> followed = Vector3<Scalar>::Zero();
@@ -91,7 +106,7 @@ Vector3<Scalar> anchor_position(const HandAnchor<Scalar>& anchor, Swing swing, S
   }
   Vector3<Scalar> ahead = mean - now;
   ahead[2] = Scalar(0);
-  if (swing == Swing::Sheet) {
+  if (swing == Swing::Sheet && anchor.feature_weights.size() > 1) {
     const Vector3<Scalar> first = target(Index(0), t);
     const Vector3<Scalar> last = target(static_cast<Index>(anchor.feature_weights.size()) - 1, t);
     Vector3<Scalar> normal(first[1] - last[1], last[0] - first[0], Scalar(0));

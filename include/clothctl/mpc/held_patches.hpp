@@ -19,6 +19,14 @@ struct HeldPatch {
   std::vector<Index> slots;
   /// How its motion splits into affine and other modes about the measured state.
   PatchModes<Scalar> modes;
+  /// Its vertices at the last update, 3×count, m.
+  Points<Scalar> reference = {};
+
+  /// Splits the motion anew about the `held` positions (3×held, m). Never allocates for a patch of find_patches.
+  void update(const PointsView<Scalar>& held) {
+    for (std::size_t j = 0; j < slots.size(); ++j) reference.col(static_cast<Index>(j)) = held.col(slots[j]);
+    modes.update(reference);
+  }
 };
 
 /// Finds the distinct patches of the grips of `basis`. Allocates.
@@ -37,7 +45,7 @@ std::vector<HeldPatch<Scalar>> find_patches(const GripBasis<Scalar>& basis) {
         if (std::binary_search(vertices.begin(), vertices.end(), basis.held()[s])) slots.push_back(static_cast<Index>(s));
       }
       const Index size = static_cast<Index>(slots.size());
-      patches.push_back({std::move(slots), PatchModes<Scalar>(size)});
+      patches.push_back({std::move(slots), PatchModes<Scalar>(size), Points<Scalar>(3, size)});
     }
   }
   return patches;

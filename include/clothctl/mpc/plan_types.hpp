@@ -3,6 +3,7 @@
 // What a planner is made for and what a frame of planning answers.
 
 #include <array>
+#include <string>
 #include <vector>
 
 #include "clothctl/contact/grip.hpp"
@@ -34,11 +35,11 @@ struct PlanResult {
   Scalar agreement = Scalar(1);
   /// Largest predicted non-affine displacement of a held vertex over the window, m.
   Scalar patch_residual = Scalar(0);
-  /// QP iterations.
+  /// QP iterations of the frame, over all attempts.
   int qp_iterations = 0;
-  /// How the QP ended.
+  /// How the last QP ended.
   QpStatus qp_status = QpStatus::Solved;
-  /// True when the row solver was used.
+  /// True when the last QP went to the row solver.
   bool used_rows = false;
 };
 
@@ -53,6 +54,26 @@ struct PlannerSetup {
   std::vector<std::array<int, 3>> triangles;
   /// One anchor a grip; empty: made from the start positions (grip i follows feature i if there are as many, else the mean).
   std::vector<HandAnchor<Scalar>> anchors = {};
+
+  /// Returns an empty string, or a line that names what does not fit a sheet of `vertices` vertices. Allocates.
+  std::string check(Index vertices) const {
+    std::string problem = check_features<Scalar>(features, vertices);
+    if (problem.empty()) problem = check_grips(grips, vertices);
+    for (std::size_t t = 0; problem.empty() && t < triangles.size(); ++t) {
+      for (int v : triangles[t]) {
+        if (v < 0 || v >= vertices)
+          problem = "triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) + " off the mesh";
+      }
+    }
+    if (problem.empty() && !anchors.empty() && anchors.size() != grips.size()) {
+      problem = "there are " + std::to_string(anchors.size()) + " anchors for " + std::to_string(grips.size()) + " grips";
+    }
+    for (std::size_t i = 0; problem.empty() && i < anchors.size(); ++i) {
+      problem = anchors[i].check(features.count());
+      if (!problem.empty()) problem = "anchor " + std::to_string(i) + problem;
+    }
+    return problem;
+  }
 };
 
 }  // namespace clothctl

@@ -14,6 +14,7 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/rigid_command.hpp"
+#include "clothctl/mpc/window_cost.hpp"
 #include "clothctl/mpc/window_qp.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/qp/box_active_set.hpp"
@@ -34,11 +35,8 @@ class Planner {
   static Result<Planner> create(PlannerSetup<Scalar> setup, PlannerSettings<Scalar> settings, P predictor,
                                 const PointsView<Scalar>& start) {
     std::string problem = settings.check();
-    if (problem.empty()) problem = check_features<Scalar>(setup.features, start.cols());
-    if (problem.empty()) problem = check_grips(setup.grips, start.cols());
     if (problem.empty() && !all_finite(start)) problem = "the start positions are not finite";
-    if (problem.empty()) problem = check_triangles(setup.triangles, start.cols());
-    if (problem.empty()) problem = check_anchors(setup);
+    if (problem.empty()) problem = setup.check(start.cols());
     if constexpr (requires { predictor.vertex_count(); }) {
       if (problem.empty() && predictor.vertex_count() != start.cols()) {
         problem = "the predictor is made for " + std::to_string(predictor.vertex_count()) +
@@ -79,20 +77,66 @@ class Planner {
 
   /// Plans from measured positions `x` and velocities `v` (3×n) at time `t` (s). `target(feature, time)` gives a feature's
   /// wanted position; `wind(time)` the air velocity. `result` comes from `make_result`. Never allocates. On InvalidInput
-  /// planner and result stay as they were.
+  /// planner and result stay as they were, and `check_input` says why.
   template <class Target, class Wind>
-  PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target, const Wind& wind,
-                  PlanResult<Scalar>& result) {
+  [[nodiscard]] PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
+                                const Wind& wind, PlanResult<Scalar>& result) {
     if (!fits(result) || !take_input(x, v, t, target, wind)) return PlanStatus::InvalidInput;
     return plan_frame(x, v, result);
   }
 
   /// Plans in still air.
   template <class Target>
-  PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
-                  PlanResult<Scalar>& result) {
-    return plan(
-        x, v, t, target, [](const Scalar&) { return Vector3<Scalar>(Vector3<Scalar>::Zero()); }, result);
+  [[nodiscard]] PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
+                                PlanResult<Scalar>& result) {
+    return plan(x, v, t, target, still_air, result);
+  }
+
+  /// Returns an empty string, or a line that names what `plan` would not take of the same arguments, and its value. Allocates.
+  template <class Target, class Wind>
+  std::string check_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
+                          const Wind& wind, const PlanResult<Scalar>& result) const {
+    if (!fits(result)) return "the result was not made by make_result of this planner";
+    if (!is_finite(t)) return "the time is " + number_text(t);
+    for (const auto& [name, points] : {std::pair<const char*, const PointsView<Scalar>*>{"position", &x}, {"velocity", &v}}) {
+      if (points->cols() != vertex_count_) {
+        return "there are " + std::to_string(points->cols()) + " columns of " + name + " for " + std::to_string(vertex_count_) +
+               " vertices";
+      }
+      for (Index i = 0; i < points->cols(); ++i) {
+        if (!all_finite(points->col(i)))
+          return "the " + std::string(name) + " of vertex " + std::to_string(i) + not_finite(points->col(i));
+      }
+    }
+    for (Index k = 0; k < settings_.horizon; ++k) {
+      const Scalar start = t + count_of(k) * settings_.dt, end = t + count_of(k + 1) * settings_.dt;
+      const Vector3<Scalar> air = wind(start);
+      if (!all_finite(air)) return "the wind at " + number_text(start) + " s" + not_finite(air);
+      for (Index i = 0; i < feature_count_; ++i) {
+        const Vector3<Scalar> wanted = target(i, end);
+        if (!all_finite(wanted)) {
+          return "the target of feature " + std::to_string(i) + " at " + number_text(end) + " s" + not_finite(wanted);
+        }
+      }
+    }
+    for (Index k = 0; Scalar(0) < settings_.weights.anchor && k < settings_.horizon; ++k) {
+      const Scalar end = t + count_of(k + 1) * settings_.dt;
+      for (std::size_t g = 0; g < grip_count(); ++g) {
+        const Vector3<Scalar> wanted = cost_.hand(settings_, g, end, target);
+        if (!all_finite(wanted)) {
+          return "where grip " + std::to_string(g) + " belongs at " + number_text(end) +
+                 " s, by the target at times about then," + not_finite(wanted);
+        }
+      }
+    }
+    return {};
+  }
+
+  /// The same in still air.
+  template <class Target>
+  std::string check_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
+                          const PlanResult<Scalar>& result) const {
+    return check_input(x, v, t, target, still_air, result);
   }
 
   /// Forces on vertices that the window takes as known and constant (a table's push), 3×n, N; no columns: none. Answers
@@ -140,17 +184,13 @@ class Planner {
     request_.wind.setZero(3, horizon);
     predictor_.reserve(request_, window_);
     patches_ = find_patches(basis_);
-    anchors_ = anchors_for(start);
-    Index rows = 3 * feature_count_ + 12 * static_cast<Index>(grip_count());
-    for (const HeldPatch<Scalar>& p : patches_) rows += 9 + 3 * p.modes.count();
-    stack_.reserve(rows, request_.inputs(), horizon);
+    cost_.reserve(settings_, basis_, patches_, feature_count_, anchors_for(start));
     qp_.reserve(settings_, basis_, patches_);
     point_.reserve(basis_.held().size());
     column_.setZero(request_.inputs());
     change_.setZero(request_.output_rows(), horizon);
-    targets_.setZero(3 * feature_count_, horizon);
-    anchor_targets_.setZero(3 * static_cast<Index>(grip_count()), horizon);
-    for (Points<Scalar>* p : {&held_velocity_, &last_held_velocity_, &reference_, &grip_velocity_}) p->setZero(3, held_count);
+    for (Points<Scalar>* p : {&motion_.position, &motion_.velocity, &motion_.last_velocity, &grip_velocity_})
+      p->setZero(3, held_count);
     features_.setZero(3, feature_count_);
     last_features_ = features_;
     promised_ = features_;
@@ -160,40 +200,12 @@ class Planner {
 
   /// s²/m²: where damping starts if none is asked for.
   static Scalar least_step_weight() { return Scalar(1e-4); }
+  static Vector3<Scalar> still_air(const Scalar&) { return Vector3<Scalar>::Zero(); }
+  static std::string not_finite(const Vector3<Scalar>& p) {
+    return " is (" + number_text(p[0]) + ", " + number_text(p[1]) + ", " + number_text(p[2]) + ")";
+  }
   static Scalar count_of(Index n) { return Scalar(static_cast<double>(n)); }
   std::size_t grip_count() const { return basis_.grips().size(); }
-
-  static std::string check_triangles(const std::vector<std::array<int, 3>>& triangles, Index vertices) {
-    for (std::size_t t = 0; t < triangles.size(); ++t) {
-      for (int v : triangles[t]) {
-        if (v < 0 || v >= vertices)
-          return "triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) + " off the mesh";
-      }
-    }
-    return {};
-  }
-
-  static std::string check_anchors(const PlannerSetup<Scalar>& setup) {
-    if (!setup.anchors.empty() && setup.anchors.size() != setup.grips.size()) {
-      return "there are " + std::to_string(setup.anchors.size()) + " anchors for " + std::to_string(setup.grips.size()) +
-             " grips";
-    }
-    for (std::size_t i = 0; i < setup.anchors.size(); ++i) {
-      const HandAnchor<Scalar>& anchor = setup.anchors[i];
-      const std::string name = "anchor " + std::to_string(i);
-      if (static_cast<Index>(anchor.feature_weights.size()) != setup.features.count()) {
-        return name + " has " + std::to_string(anchor.feature_weights.size()) + " weights for " +
-               std::to_string(setup.features.count()) + " features";
-      }
-      for (const Scalar& weight : anchor.feature_weights) {
-        if (!is_finite(weight)) return name + " has a weight that is not finite";
-      }
-      if (!all_finite(anchor.offset)) return name + " has an offset that is not finite";
-      if (!is_finite(anchor.drop) || anchor.drop < Scalar(0))
-        return name + " has the drop " + detail::number_text(anchor.drop) + ", must be finite and not negative";
-    }
-    return {};
-  }
 
   std::vector<HandAnchor<Scalar>> anchors_for(const PointsView<Scalar>& start) const {
     if (!setup_.anchors.empty()) return setup_.anchors;
@@ -233,24 +245,25 @@ class Planner {
     result.used_rows = false;
     shift_plan();
     basis_.update(x);
+    for (HeldPatch<Scalar>& patch : patches_) patch.update(motion_.position);
     window_.plan = request_.plan;
-    if (!predictor_.predict(x, v, request_, window_)) return fail(x, result);
+    if (!predictor_.predict(x, v, request_, window_)) return fail(result);
     PlanStatus status = PlanStatus::Failed;
     step_weight_ *= Scalar(0.5);
     if (step_weight_ < least_step_weight() || step_weight_ < settings_.weights.step) step_weight_ = settings_.weights.step;
     if (!has_plan_) step_weight_ = Scalar(0);  // nothing to keep to
     for (int attempt = 0;; ++attempt) {
-      stack_terms(x, v);
-      qp_.assemble(stack_, window_, basis_, settings_, share_, x);
+      qp_.assemble(cost_.stack(window_, basis_, patches_, settings_, step_weight_, motion_), window_, basis_, settings_, share_,
+                   x);
       status = qp_.solve(request_, window_, basis_, patches_, settings_, result);
-      if (status == PlanStatus::Failed) return fail(x, result);
+      if (status == PlanStatus::Failed) return fail(result);
       take_change(result);
       if (attempt == kMostAttempts || !changes_too_much()) break;
       step_weight_ *= Scalar(4);
       if (step_weight_ < least_step_weight()) step_weight_ = least_step_weight();
     }
-    extract(x, status, result);
-    last_held_velocity_ = held_velocity_;
+    extract(status, result);
+    motion_.last_velocity = motion_.velocity;
     has_last_ = true;
     return status;
   }
@@ -269,27 +282,16 @@ class Planner {
   bool take_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target, const Wind& wind) {
     if (x.cols() != vertex_count_ || v.cols() != vertex_count_) return false;
     if (!is_finite(t) || !all_finite(x) || !all_finite(v)) return false;
-    Scalar time = t;
-    for (Index k = 0; k < settings_.horizon; ++k) {
-      // The air that acts during frame k+1 is that of its start; the features are wanted at its end.
-      const Vector3<Scalar> air = wind(time);
-      if (!all_finite(air)) return false;
+    for (Index k = 0; k < settings_.horizon; ++k) {  // the air that acts during a frame is that of its start
+      const Vector3<Scalar> air = wind(t + count_of(k) * settings_.dt);
       request_.wind.col(k) = air;
-      time += settings_.dt;
-      for (Index i = 0; i < feature_count_; ++i) {
-        const Vector3<Scalar> wanted = target(i, time);
-        if (!all_finite(wanted)) return false;
-        targets_.template block<3, 1>(3 * i, k) = wanted;
-      }
-      if (!(Scalar(0) < settings_.weights.anchor)) continue;
-      for (std::size_t g = 0; g < grip_count(); ++g) {
-        const Vector3<Scalar> wanted = anchor_position(anchors_[g], settings_.swing, settings_.gravity, target, time);
-        if (!all_finite(wanted)) return false;
-        anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k) = wanted;
-      }
     }
-    for (std::size_t j = 0; j < basis_.held().size(); ++j) held_velocity_.col(static_cast<Index>(j)) = v.col(basis_.held()[j]);
-    if (!has_last_) last_held_velocity_ = held_velocity_;
+    if (!all_finite(request_.wind) || !cost_.sample(settings_, t, target)) return false;
+    for (std::size_t j = 0; j < basis_.held().size(); ++j) {
+      motion_.position.col(static_cast<Index>(j)) = x.col(basis_.held()[j]);
+      motion_.velocity.col(static_cast<Index>(j)) = v.col(basis_.held()[j]);
+    }
+    if (!has_last_) motion_.last_velocity = motion_.velocity;
     return true;
   }
 
@@ -318,57 +320,6 @@ class Planner {
     for (std::size_t k = 0; k + 1 < finger_plan_.size(); ++k) finger_plan_[k].swap(finger_plan_[k + 1]);
     if (finger_plan_.size() > 1) finger_plan_.back() = finger_plan_[finger_plan_.size() - 2];
     qp_.shift(basis_.unknowns());
-  }
-
-  void stack_terms(const PointsView<Scalar>& x, const PointsView<Scalar>& v) {
-    using std::sqrt;
-    const PlannerWeights<Scalar>& w = settings_.weights;
-    const auto none = [](Index) { return Vector3<Scalar>(Vector3<Scalar>::Zero()); };
-    stack_.clear();
-    for (Index i = 0; i < feature_count_; ++i) {
-      point_.assign(1, OutputTerm<Scalar>{i, Scalar(1)});
-      stack_.add(window_, point_, past_, 0, sqrt(w.feature),
-                 [&](Index k) { return Vector3<Scalar>(targets_.template block<3, 1>(3 * i, k)); });
-    }
-    for (std::size_t g = 0; g < grip_count(); ++g) {
-      const std::size_t begin = basis_.grip_begin(g), end = basis_.grip_begin(g + 1);
-      const Scalar share = Scalar(1) / count_of(static_cast<Index>(end - begin));
-      point_.clear();
-      Vector3<Scalar> velocity = Vector3<Scalar>::Zero(), before = Vector3<Scalar>::Zero();
-      for (std::size_t j = begin; j < end; ++j) {
-        point_.push_back({feature_count_ + static_cast<Index>(j), share});
-        velocity += share * v.col(basis_.held()[j]);
-        before += share * last_held_velocity_.col(static_cast<Index>(j));
-      }
-      past_[0] = basis_.centroid(x, g);
-      past_[1] = past_[0] - settings_.dt * velocity;
-      past_[2] = past_[1] - settings_.dt * before;
-      stack_.add(window_, point_, past_, 0, sqrt(w.anchor),
-                 [&](Index k) { return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k)); });
-      stack_.add(window_, point_, past_, 2, sqrt(w.smooth) / settings_.dt, none);
-      stack_.add_change(window_, point_, 1, sqrt(step_weight_) / settings_.dt);
-      stack_.add(window_, point_, past_, 3, sqrt(w.jerk) / settings_.dt, none);
-    }
-    for (HeldPatch<Scalar>& patch : patches_) {
-      const Index count = static_cast<Index>(patch.slots.size());
-      for (Index j = 0; j < count; ++j)
-        reference_.col(j) = x.col(basis_.held()[static_cast<std::size_t>(patch.slots[static_cast<std::size_t>(j)])]);
-      patch.modes.update(reference_.leftCols(count));
-      for (Index a = 0; a < 3 && patch.modes.rank() > 0; ++a) {
-        point_.clear();
-        past_[0].setZero();
-        for (Index j = 0; j < count; ++j) {
-          point_.push_back({feature_count_ + patch.slots[static_cast<std::size_t>(j)], patch.modes.map()(a, j)});
-          past_[0] += patch.modes.map()(a, j) * reference_.col(j);
-        }
-        stack_.add(window_, point_, past_, 1, sqrt(w.shape), none);
-      }
-      if (settings_.input != GripInput::Force || settings_.patch != PatchMode::Soft) continue;
-      for (Index i = 0; i < patch.modes.non_affine_count(); ++i) {
-        take_non_affine(patch, i, feature_count_, point_);
-        stack_.add(window_, point_, past_, 0, sqrt(w.patch), none);
-      }
-    }
   }
 
   /// Raw inputs of the solution, and what they change in the outputs. Velocities are scaled back to max_change.
@@ -409,7 +360,7 @@ class Planner {
     return false;
   }
 
-  void extract(const PointsView<Scalar>& x, PlanStatus status, PlanResult<Scalar>& result) {
+  void extract(PlanStatus status, PlanResult<Scalar>& result) {
     const Index p = basis_.unknowns(), horizon = settings_.horizon;
     window_.free += change_;
     result.predicted = window_.free.topRows(3 * feature_count_);
@@ -430,22 +381,22 @@ class Planner {
     request_.applied = result.plan.col(0);
     request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
     has_plan_ = true;
-    take_path(x);
+    take_path();
     if (settings_.input == GripInput::Force) {
       for (Index k = 0; k < horizon; ++k) basis_.finger_forces(qp_.frame(k, p), finger_plan_[static_cast<std::size_t>(k)]);
       send_forces(result);
-      send_path(x, result);
+      send_path(result);
     } else {
-      command_poses(x, result);
+      command_poses(result);
     }
     result.status = status;
   }
 
   /// The velocities of the held vertices that the plan promises.
-  void take_path(const PointsView<Scalar>& x) {
+  void take_path() {
     for (std::size_t j = 0; j < basis_.held().size(); ++j) {
       const Index row = 3 * (feature_count_ + static_cast<Index>(j));
-      Vector3<Scalar> before = x.col(basis_.held()[j]);
+      Vector3<Scalar> before = motion_.position.col(static_cast<Index>(j));
       for (Index k = 0; k < settings_.horizon; ++k) {
         const Vector3<Scalar> after = window_.free.template block<3, 1>(row, k);
         request_.path.template block<3, 1>(3 * static_cast<Index>(j), k) = (after - before) / settings_.dt;
@@ -466,7 +417,7 @@ class Planner {
   }
 
   /// Sends where the held vertices shall be after the first frame, at most max_step from here along each axis.
-  void send_path(const PointsView<Scalar>& x, PlanResult<Scalar>& result) const {
+  void send_path(PlanResult<Scalar>& result) const {
     for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
       Vector3<Scalar> step = Vector3<Scalar>::Zero();
       if (request_.has_path) step = settings_.dt * request_.path.template block<3, 1>(3 * j, 0);
@@ -474,25 +425,22 @@ class Planner {
         if (settings_.max_step < step[c]) step[c] = settings_.max_step;
         if (step[c] < -settings_.max_step) step[c] = -settings_.max_step;
       }
-      result.input.driven_positions.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]) + step;
+      result.input.driven_positions.col(j) = motion_.position.col(j) + step;
     }
   }
 
   /// Moves each grip rigidly as the plan's first frame asks.
-  void command_poses(const PointsView<Scalar>& x, PlanResult<Scalar>& result) {
+  void command_poses(PlanResult<Scalar>& result) {
     for (std::size_t g = 0; g < grip_count(); ++g) {
       const Index begin = static_cast<Index>(basis_.grip_begin(g)), end = static_cast<Index>(basis_.grip_begin(g + 1));
-      for (Index j = begin; j < end; ++j) {
-        reference_.col(j) = x.col(basis_.held()[static_cast<std::size_t>(j)]);
-        grip_velocity_.col(j) = result.plan.template block<3, 1>(3 * j, 0);
-      }
-      move_rigidly<Scalar>(reference_.middleCols(begin, end - begin), grip_velocity_.middleCols(begin, end - begin),
+      for (Index j = begin; j < end; ++j) grip_velocity_.col(j) = result.plan.template block<3, 1>(3 * j, 0);
+      move_rigidly<Scalar>(motion_.position.middleCols(begin, end - begin), grip_velocity_.middleCols(begin, end - begin),
                            settings_.dt, result.input.driven_positions.middleCols(begin, end - begin));
     }
   }
 
   /// Falls back on the previous plan, shifted by a frame; without one, on no force and no motion.
-  PlanStatus fail(const PointsView<Scalar>& x, PlanResult<Scalar>& result) {
+  PlanStatus fail(PlanResult<Scalar>& result) {
     result.status = PlanStatus::Failed;
     if (has_plan_) {
       result.plan = request_.plan;
@@ -507,9 +455,9 @@ class Planner {
     request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
     if (settings_.input == GripInput::Force) {
       send_forces(result);
-      send_path(x, result);
+      send_path(result);
     } else {
-      command_poses(x, result);
+      command_poses(result);
     }
     has_last_ = false;
     qp_.reset();
@@ -524,16 +472,15 @@ class Planner {
   Index vertex_count_;
   WindowRequest<Scalar> request_;
   WindowResponse<Scalar> window_;
-  TermStack<Scalar> stack_;
+  WindowCost<Scalar> cost_;
   WindowQp<Scalar, BoxSolver, RowSolver> qp_;
   std::vector<HeldPatch<Scalar>> patches_;
-  std::vector<HandAnchor<Scalar>> anchors_;
   std::vector<OutputTerm<Scalar>> point_;
-  std::array<Vector3<Scalar>, 3> past_{Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero()};
   Vector3<Scalar> share_ = Vector3<Scalar>::Zero();
-  MatrixX<Scalar> targets_, anchor_targets_, change_;
+  MatrixX<Scalar> change_;
   VectorX<Scalar> column_;
-  Points<Scalar> held_velocity_, last_held_velocity_, reference_, grip_velocity_, features_, last_features_, promised_;
+  HeldMotion<Scalar> motion_;
+  Points<Scalar> grip_velocity_, features_, last_features_, promised_;
   std::vector<std::vector<FingerForce<Scalar>>> finger_plan_;
   Scalar step_weight_ = Scalar(0);  // grows where forces would change the hands' path too much
   bool has_last_ = false;

@@ -146,13 +146,12 @@ struct PlannerSettings {
                                                                          {"step", &weights.step},
                                                                          {"max_change", &max_change}}};
     for (const auto& [name, value] : weighed) {
-      if (bad(*value)) return std::string(name) + " is " + detail::number_text(*value) + ", must be finite and not negative";
+      if (bad(*value)) return std::string(name) + " is " + number_text(*value) + ", must be finite and not negative";
     }
     const std::array<std::pair<const char*, const Scalar*>, 3> positive{
         {{"dt", &dt}, {"gravity", &gravity}, {"max_step", &max_step}}};
     for (const auto& [name, value] : positive) {
-      if (bad(*value) || !(Scalar(0) < *value))
-        return std::string(name) + " is " + detail::number_text(*value) + ", must be positive";
+      if (bad(*value) || !(Scalar(0) < *value)) return std::string(name) + " is " + number_text(*value) + ", must be positive";
     }
     if (!all_finite(supported)) return "the supported force is not finite";
     if (input == GripInput::Pose && command != Command::Force)

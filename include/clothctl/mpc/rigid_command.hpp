@@ -26,9 +26,8 @@ void move_rigidly(const PointsView<Scalar>& points, const PointsView<Scalar>& ve
   using std::sin;
   using std::sqrt;
   Vector3<Scalar> c = Vector3<Scalar>::Zero(), v = Vector3<Scalar>::Zero();
-  Scalar number = Scalar(0);
+  const Scalar number = Scalar(static_cast<double>(points.cols()));
   for (Index j = 0; j < points.cols(); ++j) {
-    number += Scalar(1);
     c += points.col(j);
     v += velocities.col(j);
   }

@@ -37,7 +37,7 @@ struct RolloutSettings {
   /// Returns an empty string, or a line that names the first bad setting and its value.
   std::string check() const {
     if (!is_finite(step_tolerance) || step_tolerance < 0)
-      return "step_tolerance is " + detail::number_text(step_tolerance) + ", must be finite and not negative";
+      return "step_tolerance is " + number_text(step_tolerance) + ", must be finite and not negative";
     if (newton_steps < 0) return "newton_steps is " + std::to_string(newton_steps) + ", must not be negative";
     if (first_newton_steps < 1) return "first_newton_steps is " + std::to_string(first_newton_steps) + ", must be at least 1";
     return {};

@@ -122,7 +122,8 @@ class WindowQp {
     }
   }
 
-  /// Solves; answers Planned, Suboptimal, Relaxed or Failed and fills the QP part of `result`. Never allocates.
+  /// Solves; answers Planned, Suboptimal, Relaxed or Failed and fills the QP part of `result`; iterations are
+  /// added to those it holds. Never allocates.
   PlanStatus solve(const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& window, const GripBasis<Scalar>& basis,
                    const std::vector<HeldPatch<Scalar>>& patches, const PlannerSettings<Scalar>& settings,
                    PlanResult<Scalar>& result) {
@@ -132,13 +133,12 @@ class WindowQp {
       for (const HeldPatch<Scalar>& p : patches) hard = hard || p.modes.non_affine_count() > 0;
     }
     result.used_rows = false;
-    result.qp_iterations = 0;
     if (!hard) {
       const View g(gradient_), lower(lower_), upper(upper_);
       result.qp_status = qp_solver_traits<BoxSolver>::set_hessian(box_, hessian_);
       if (result.qp_status != QpStatus::Solved) return PlanStatus::Failed;
       result.qp_status = qp_solver_traits<BoxSolver>::solve(box_, g, lower, upper, box_result_);
-      result.qp_iterations = iterations(box_result_);
+      result.qp_iterations += iterations(box_result_);
       const PlanStatus status = take<BoxSolver>(box_result_, result.qp_status);
       if (status == PlanStatus::Failed || !force || limits_hold(basis, settings.horizon)) return status;
     }

@@ -1,0 +1,148 @@
+#include "clothctl/cloth/position_based_settings.hpp"
+
+#include <limits>
+#include <string>
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+/// Four vertices in a row, three springs.
+template <class Scalar>
+SpringNetwork<Scalar> row_of_four() {
+  SpringNetwork<Scalar> network;
+  network.rest_positions.setZero(3, 4);
+  network.mass.setConstant(4, Scalar(0.1));
+  for (int i = 0; i < 4; ++i) network.rest_positions(0, i) = Scalar(i);
+  for (int i = 0; i < 3; ++i) network.springs.push_back({i, i + 1, Scalar(1), Scalar(10), Scalar(0)});
+  return network;
+}
+
+/// What check() says, for the row of four vertices, of the defaults after `change`.
+template <class Scalar, class Change>
+std::string said(Change change) {
+  PositionBasedSettings<Scalar> settings;
+  change(settings);
+  return settings.check(row_of_four<Scalar>());
+}
+
+template <class Scalar>
+using Limits = std::numeric_limits<Scalar>;
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("position-based settings: the defaults are those of the comments and pass", "[position_based_settings]",
+                   float, double) {
+  using Scalar = TestType;
+  const PositionBasedSettings<Scalar> settings;
+  CHECK(settings.check(row_of_four<Scalar>()).empty());
+  CHECK(settings.scheme == PositionScheme::Xpbd);
+  CHECK(settings.substeps == 20);
+  CHECK(settings.iterations == 2);
+  CHECK(settings.gravity == Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81)));
+  CHECK(settings.drag == Scalar(0));
+  CHECK(settings.verlet_damping == Scalar(0.01));
+  CHECK(settings.bend_relaxation == Scalar(0.2));
+  CHECK_FALSE(settings.air.enabled());
+  CHECK(settings.spring_relaxation.empty());
+  CHECK(settings.pinned.empty());
+}
+
+TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of paper 004 and passes", "[position_based_settings]",
+                   float, double) {
+  using Scalar = TestType;
+  const PositionBasedSettings<Scalar> settings = PositionBasedSettings<Scalar>::verlet();
+  CHECK(settings.check(row_of_four<Scalar>()).empty());
+  CHECK(settings.scheme == PositionScheme::Verlet);
+  CHECK(settings.substeps == 1);
+  CHECK(settings.iterations == 15);
+  CHECK(settings.verlet_damping == Scalar(0.01));
+  // The rest is as in the defaults.
+  const PositionBasedSettings<Scalar> defaults;
+  CHECK(settings.gravity == defaults.gravity);
+  CHECK(settings.drag == defaults.drag);
+  CHECK(settings.bend_relaxation == defaults.bend_relaxation);
+  CHECK(settings.spring_relaxation.empty());
+  CHECK_FALSE(settings.air.enabled());
+  CHECK(settings.pinned.empty());
+}
+
+TEMPLATE_TEST_CASE("position-based settings: all that makes sense is accepted", "[position_based_settings]", float, double) {
+  using Scalar = TestType;
+  using Settings = PositionBasedSettings<Scalar>;
+  CHECK(said<Scalar>([](Settings& s) { s.substeps = 1; }).empty());
+  CHECK(said<Scalar>([](Settings& s) { s.iterations = 1; }).empty());
+  CHECK(said<Scalar>([](Settings& s) { s.gravity.setZero(); }).empty());
+  CHECK(said<Scalar>([](Settings& s) { s.pinned = {0, 1, 2, 3}; }).empty());
+  for (const Scalar good : {Scalar(0), Limits<Scalar>::min(), Scalar(0.3), Limits<Scalar>::max()}) {
+    CHECK(said<Scalar>([&](Settings& s) { s.drag = good; }).empty());
+    CHECK(said<Scalar>([&](Settings& s) { s.air = {good, good, good}; }).empty());
+  }
+  for (const Scalar part : {Scalar(0), Limits<Scalar>::min(), Scalar(0.3), Scalar(1)}) {
+    CHECK(said<Scalar>([&](Settings& s) { s.verlet_damping = part; }).empty());
+    CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = part; }).empty());
+    CHECK(said<Scalar>([&](Settings& s) { s.spring_relaxation.assign(3, part); }).empty());
+  }
+}
+
+TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_based_settings]", float, double) {
+  using Scalar = TestType;
+  using Settings = PositionBasedSettings<Scalar>;
+  const Scalar nan = Limits<Scalar>::quiet_NaN(), infinity = Limits<Scalar>::infinity();
+  for (const int bad : {0, -1}) {
+    const std::string tail = " is " + std::to_string(bad) + ", must be at least 1";
+    CHECK(said<Scalar>([&](Settings& s) { s.substeps = bad; }) == "substeps" + tail);
+    CHECK(said<Scalar>([&](Settings& s) { s.iterations = bad; }) == "iterations" + tail);
+  }
+  for (Index axis = 0; axis < 3; ++axis) {
+    for (const Scalar bad : {nan, infinity, -infinity}) {
+      CHECK(said<Scalar>([&](Settings& s) { s.gravity[axis] = bad; }) == "gravity is not finite");
+    }
+  }
+  for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1), nan, infinity, -infinity}) {
+    CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) == "drag is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) == "air density is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.air.normal_coefficient = bad; }) ==
+          "normal air coefficient is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.air.tangent_coefficient = bad; }) ==
+          "tangent air coefficient is negative or not finite");
+  }
+  for (const Scalar bad :
+       {-Limits<Scalar>::min(), Scalar(-1), Scalar(1) + Limits<Scalar>::epsilon(), nan, infinity, -infinity}) {
+    CHECK(said<Scalar>([&](Settings& s) { s.verlet_damping = bad; }) == "verlet damping is outside 0 to 1");
+    CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = bad; }) == "bend relaxation is outside 0 to 1");
+    for (std::size_t e = 0; e < 3; ++e) {
+      CHECK(said<Scalar>([&](Settings& s) {
+              s.spring_relaxation.assign(3, Scalar(0.5));
+              s.spring_relaxation[e] = bad;
+            }) == "relaxation of spring " + std::to_string(e) + " is outside 0 to 1");
+    }
+  }
+  CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(2, Scalar(1)); }) == "2 spring relaxations for 3 springs");
+  CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(4, Scalar(1)); }) == "4 spring relaxations for 3 springs");
+  CHECK(said<Scalar>([](Settings& s) { s.pinned = {0, -1}; }) == "pinned vertex -1 is off the mesh");
+  CHECK(said<Scalar>([](Settings& s) { s.pinned = {4, 0}; }) == "pinned vertex 4 is off the mesh");
+  CHECK(said<Scalar>([](Settings& s) { s.pinned = {3, 7, -2}; }) == "pinned vertex 7 is off the mesh");
+}
+
+TEST_CASE("position-based settings: of several bad values the first is named", "[position_based_settings]") {
+  PositionBasedSettings<double> settings;
+  const SpringNetwork<double> network = row_of_four<double>();
+  settings.air.density = -1;
+  settings.pinned = {4};
+  CHECK(settings.check(network) == "pinned vertex 4 is off the mesh");
+  settings.spring_relaxation = {1.0, 2.0, 3.0};
+  CHECK(settings.check(network) == "relaxation of spring 1 is outside 0 to 1");
+  settings.drag = -1;
+  CHECK(settings.check(network) == "drag is negative or not finite");
+  settings.substeps = 0;
+  CHECK(settings.check(network) == "substeps is 0, must be at least 1");
+}
+
+TEST_CASE("position-based settings: verlet() is checked like any other", "[position_based_settings]") {
+  PositionBasedSettings<double> settings = PositionBasedSettings<double>::verlet();
+  settings.iterations = 0;
+  CHECK(settings.check(row_of_four<double>()) == "iterations is 0, must be at least 1");
+}

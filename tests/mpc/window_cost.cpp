@@ -1,0 +1,194 @@
+// The stacked rows of a window against the sum that planner_settings.hpp writes out, at plans beside the predicted one.
+
+#include "clothctl/mpc/window_cost.hpp"
+
+#include <limits>
+#include <vector>
+
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+#include "support/sheets.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+using V = Vector3<double>;
+
+constexpr Index kHorizon = 5, kFeatures = 2;
+
+/// Two grips of four vertices each on a small sheet, and all that a window of theirs is stacked from, at random.
+struct Window {
+  clothctl_test::HangingSheet sheet = clothctl_test::hanging_sheet(5, 2, 5);
+  GripBasis<double> basis;
+  std::vector<HeldPatch<double>> patches;
+  PlannerSettings<double> settings;
+  WindowResponse<double> response;
+  HeldMotion<double> motion;
+  std::vector<HandAnchor<double>> anchors;
+
+  Window()
+      : basis({make_pinch<double>(sheet.corner_patch(0, 2), 0.5, 1.0), make_pinch<double>(sheet.corner_patch(1, 2), 0.5, 1.0)},
+              sheet.network.triangles, GripInput::Force),
+        patches(find_patches(basis)) {
+    std::srand(5);
+    const Index held = static_cast<Index>(basis.held().size());
+    settings.horizon = kHorizon;
+    settings.swing = Swing::None;
+    settings.weights = {.feature = 3.0, .smooth = 0.7, .shape = 0.4, .anchor = 1.3, .patch = 2.1, .jerk = 0.2};
+    response.impulse = MatrixX<double>::Random(3 * (kFeatures + held), basis.inputs() * kHorizon);
+    response.free = MatrixX<double>::Random(3 * (kFeatures + held), kHorizon);
+    response.plan = MatrixX<double>::Random(basis.inputs(), kHorizon);
+    motion.position.resize(3, held);
+    for (Index j = 0; j < held; ++j)
+      motion.position.col(j) = sheet.state.positions.col(basis.held()[static_cast<std::size_t>(j)]);
+    motion.velocity = Points<double>::Random(3, held);
+    motion.last_velocity = Points<double>::Random(3, held);
+    for (HeldPatch<double>& patch : patches) patch.update(motion.position);
+    anchors.assign(2, HandAnchor<double>{{0.3, 0.7}, V(0.1, -0.2, 0.5), 0.0});
+  }
+
+  static V target(Index feature, double t) { return {std::sin(3 * t + double(feature)), t, 0.2 * t * t}; }
+
+  /// The outputs when the plan changes by `change` (inputs × K), 3·outputs × K.
+  MatrixX<double> outputs(const MatrixX<double>& change) const {
+    MatrixX<double> y = response.free;
+    for (Index k = 0; k < kHorizon; ++k) {
+      for (Index j = 0; j <= k; ++j)
+        y.col(k) += response.impulse.middleCols((k - j) * basis.inputs(), basis.inputs()) * change.col(j);
+    }
+    return y;
+  }
+
+  /// The cost without effort, by its definition.
+  double cost(const MatrixX<double>& change, double step_weight) const {
+    const PlannerWeights<double>& w = settings.weights;
+    const double h = settings.dt;
+    const MatrixX<double> y = outputs(change);
+    double sum = 0;
+    const auto point = [&](Index output, Index k) { return V(y.block<3, 1>(3 * output, k)); };
+    for (Index k = 0; k < kHorizon; ++k) {
+      for (Index i = 0; i < kFeatures; ++i) sum += w.feature * (point(i, k) - target(i, double(k + 1) * h)).squaredNorm();
+    }
+    for (Index g = 0; g < 2; ++g) {
+      // Centroids from three frames before the window to its end.
+      std::vector<V> c(3, V::Zero()), planned;
+      c.resize(3 + kHorizon, V::Zero());
+      planned.resize(3 + kHorizon, V::Zero());
+      for (Index j = 4 * g; j < 4 * g + 4; ++j) {
+        c[2] += 0.25 * motion.position.col(j);
+        c[1] += 0.25 * (motion.position.col(j) - h * motion.velocity.col(j));
+        c[0] += 0.25 * (motion.position.col(j) - h * motion.velocity.col(j) - h * motion.last_velocity.col(j));
+        for (Index k = 0; k < kHorizon; ++k) {
+          c[std::size_t(3 + k)] += 0.25 * point(kFeatures + j, k);
+          planned[std::size_t(3 + k)] += 0.25 * response.free.block<3, 1>(3 * (kFeatures + j), k);
+        }
+      }
+      planned[2] = c[2];
+      for (Index k = 0; k < kHorizon; ++k) {
+        const std::size_t n = std::size_t(3 + k);
+        const double t = double(k + 1) * h;
+        const V hand = 0.3 * target(0, t) + 0.7 * target(1, t) + V(0.1, -0.2, 0.5);
+        const V v = (c[n] - c[n - 1]) / h, before = (c[n - 1] - c[n - 2]) / h, earlier = (c[n - 2] - c[n - 3]) / h;
+        sum += w.anchor * (c[n] - hand).squaredNorm() + w.smooth * (v - before).squaredNorm() +
+               w.jerk * (v - 2 * before + earlier).squaredNorm() +
+               step_weight * (v - (planned[n] - planned[n - 1]) / h).squaredNorm();
+      }
+    }
+    for (const HeldPatch<double>& patch : patches) {
+      const Index first = 3 * (kFeatures + patch.slots.front());
+      const auto at = [&](Index k) {
+        Points<double> p = patch.reference;
+        for (Index j = 0; j < 4 && k >= 0; ++j) p.col(j) = y.block<3, 1>(first + 3 * j, k);
+        return p;
+      };
+      for (Index k = 0; k < kHorizon; ++k) {
+        sum += w.shape * ((at(k) - at(k - 1)) * patch.modes.map().transpose()).squaredNorm();
+        for (Index i = 0; i < patch.modes.non_affine_count(); ++i)
+          sum += w.patch * (at(k) * patch.modes.non_affine(i).transpose()).squaredNorm();
+      }
+    }
+    return sum;
+  }
+};
+
+/// The stacked rows' sum of squares when the plan changes.
+double stacked(const TermStack<double>& stack, const MatrixX<double>& change) {
+  MatrixX<double> rows = stack.residual();
+  for (Index k = 0; k < kHorizon; ++k) {
+    for (Index j = 0; j <= k; ++j)
+      rows.col(k) += stack.blocks().middleCols((k - j) * change.rows(), change.rows()) * change.col(j);
+  }
+  return rows.squaredNorm();
+}
+
+}  // namespace
+
+TEST_CASE("the stacked rows are the cost of the settings", "[mpc][window_cost]") {
+  Window window;
+  WindowCost<double> cost;
+  cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+  const long before = clothctl_test::allocations();
+  const bool sampled = cost.sample(window.settings, 0.0, Window::target);
+  const TermStack<double>& stack =
+      cost.stack(window.response, window.basis, window.patches, window.settings, 0.9, window.motion);
+  const long made = clothctl_test::allocations() - before;
+  REQUIRE(sampled);
+  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+  const MatrixX<double> none = MatrixX<double>::Zero(window.basis.inputs(), kHorizon);
+  CHECK(stacked(stack, none) == Approx(window.cost(none, 0.9)).epsilon(1e-12));
+  for (int trial = 0; trial < 4; ++trial) {
+    const MatrixX<double> change = MatrixX<double>::Random(window.basis.inputs(), kHorizon);
+    CHECK(stacked(stack, change) == Approx(window.cost(change, 0.9)).epsilon(1e-12));
+  }
+}
+
+TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_cost]") {
+  Window window;
+  const MatrixX<double> change = MatrixX<double>::Random(window.basis.inputs(), kHorizon);
+  const PlannerWeights<double> zero{.feature = 0, .smooth = 0, .shape = 0, .anchor = 0, .patch = 0, .jerk = 0};
+  const auto check = [&](PlannerWeights<double> weights, double step_weight, Index rows) {
+    window.settings.weights = weights;
+    WindowCost<double> cost;
+    cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+    REQUIRE(cost.sample(window.settings, 0.0, Window::target));
+    const TermStack<double>& stack =
+        cost.stack(window.response, window.basis, window.patches, window.settings, step_weight, window.motion);
+    CHECK(stack.rows() == rows);
+    CHECK(stacked(stack, change) == Approx(window.cost(change, step_weight)).epsilon(1e-12));
+  };
+  PlannerWeights<double> w = zero;
+  check(w, 0.0, 0);
+  check(w, 2.0, 6);
+  (w = zero).feature = 2.0;
+  check(w, 0.0, 6);
+  (w = zero).smooth = 2.0;
+  check(w, 0.0, 6);
+  (w = zero).anchor = 2.0;
+  check(w, 0.0, 6);
+  (w = zero).jerk = 2.0;
+  check(w, 0.0, 6);
+  (w = zero).shape = 2.0;
+  check(w, 0.0, 18);
+  (w = zero).patch = 2.0;
+  check(w, 0.0, 2 * 3 * window.patches[0].modes.non_affine_count());
+}
+
+TEST_CASE("a target that is not finite is told, whoever follows it", "[mpc][window_cost]") {
+  Window window;
+  WindowCost<double> cost;
+  cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+  const double end = double(kHorizon) * window.settings.dt;
+  const auto broken_after = [](double limit) {
+    return [limit](Index i, double t) {
+      return t > limit ? V(0, std::numeric_limits<double>::infinity(), 0) : Window::target(i, t);
+    };
+  };
+  CHECK(cost.sample(window.settings, 0.0, broken_after(1.001 * end)));
+  CHECK_FALSE(cost.sample(window.settings, 0.0, broken_after(0.999 * end)));
+  // A swinging anchor looks further ahead than the window.
+  window.settings.swing = Swing::Pendulum;
+  for (HandAnchor<double>& anchor : window.anchors) anchor.drop = 0.5;
+  cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+  CHECK_FALSE(cost.sample(window.settings, 0.0, broken_after(1.001 * end)));
+}
