@@ -65,19 +65,22 @@ int main(int argc, char** argv) {
   Options o;
   std::string features;
   CLI::App app{"A handkerchief, held at its upper corners, is moved so that its lower corners follow a drawn motion."};
-  add_common(app, o);
-  app.add_option("--task", o.task, "Built-in motion: async, circle or wind")
-      ->check(CLI::IsMember({"async", "circle", "wind"}))
+  add_common(app, o, {"async", "circle", "wind"}, "Built-in motion, instead of --targets");
+  app.add_option("--cloth", o.cloth, "Vertices along a side; 65 is the paper's sheet")
+      ->check(between(3, 129))
       ->capture_default_str();
-  app.add_option("--cloth", o.cloth, "Vertices along a side; 65 is the paper's sheet")->capture_default_str();
-  app.add_option("--size", o.size, "Side of the sheet, m")->capture_default_str();
+  app.add_option("--size", o.size, "Side of the sheet, m")->check(between(0.01, 100))->capture_default_str();
   app.add_option("--material", o.material, "Preset name or JSON file")->capture_default_str();
   app.add_option("--patch", o.patch, "Patch motion: soft or hard")
       ->check(CLI::IsMember({"soft", "hard"}))
       ->capture_default_str();
-  app.add_option("--patch-size", o.patch_size, "Vertices along a side of the patch that each hand holds")
+  app.add_option("--patch-size", o.patch_size,
+                 "Vertices along a side of the patch that each hand holds, at most half of --cloth")
+      ->check(between(1, 64))
       ->capture_default_str();
-  app.add_option("--spread", o.spread, "Distance of the hands at the start, share of the size")->capture_default_str();
+  app.add_option("--spread", o.spread, "Distance of the hands at the start, share of the size")
+      ->check(between(0.1, 1))
+      ->capture_default_str();
   app.add_option("--features", features,
                  "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: lower corners)");
   parse(app, o, argc, argv);
@@ -85,11 +88,8 @@ int main(int argc, char** argv) {
   const clothctl::Material<double> material = read_material(o.material);
   const double friction = o.friction_given ? o.friction : material.friction;
   const bool windy = o.targets.empty() && o.task == "wind";
-  if (o.cloth < 3 || o.cloth > 129) refuse("--cloth is " + std::to_string(o.cloth) + ", must be 3 to 129");
-  if (o.patch_size < 1 || 2 * o.patch_size > o.cloth)
-    refuse("--patch-size is " + std::to_string(o.patch_size) + ", must be 1 to half of --cloth");
-  if (!(o.spread > 0.1 && o.spread <= 1))
-    refuse("--spread is " + std::to_string(o.spread) + ", must be over 0.1 and at most 1");
+  if (2 * o.patch_size > o.cloth)
+    refuse("--patch-size: " + std::to_string(o.patch_size) + " is over half of --cloth " + std::to_string(o.cloth));
   const clothctl::GridMesh<double> grid = must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size));
 
   Scene scene;

@@ -41,23 +41,21 @@ int main(int argc, char** argv) {
   int resolution = 3;
   double radius = 0.04;
   CLI::App app{"A ball on a rope, moved from the rope's top so that the ball follows a drawn curve."};
-  add_common(app, o);
   o.task = "draw";
-  app.add_option("--task", o.task, "Built-in curve: draw (a figure of eight) or circle")
-      ->check(CLI::IsMember({"draw", "circle"}))
-      ->capture_default_str();
-  app.add_option("--cloth", o.cloth, "Vertices along the rope")->capture_default_str();
-  app.add_option("--size", o.size, "Length of the rope, m")->capture_default_str();
+  add_common(app, o, {"draw", "circle"}, "Built-in curve, instead of --targets; draw: a figure of eight");
+  app.add_option("--cloth", o.cloth, "Vertices along the rope")->check(between(2, 1000))->capture_default_str();
+  app.add_option("--size", o.size, "Length of the rope, m")->check(between(0.01, 100))->capture_default_str();
   app.add_option("--material", o.material, "rope: 0.04 kg/m, 500 N, a foam ball of 300 kg/m³")
       ->check(CLI::IsMember({"rope"}))
       ->capture_default_str();
   app.add_option("--patch", o.patch, "Patch motion: soft or hard")
       ->check(CLI::IsMember({"soft", "hard"}))
       ->capture_default_str();
-  app.add_option("--radius", radius, "Radius of the ball, m")->capture_default_str();
-  app.add_option("--resolution", resolution, "Cells from the ball's centre to its surface")->capture_default_str();
+  app.add_option("--radius", radius, "Radius of the ball, m")->check(between(1e-3, 10))->capture_default_str();
+  app.add_option("--resolution", resolution, "Cells from the ball's centre to its surface")
+      ->check(between(1, 20))
+      ->capture_default_str();
   parse(app, o, argc, argv);
-  if (o.cloth < 2 || o.cloth > 1000) refuse("--cloth is " + std::to_string(o.cloth) + ", must be 2 to 1000");
 
   clothctl::RopeSettings<double> rope;
   rope.length = o.size;

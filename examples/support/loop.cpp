@@ -21,7 +21,7 @@ using Planner = clothctl::Planner<AnyPredictor>;
 /// The figures of a run, in the order of summary.json.
 struct Summary {
   std::string status = "finished";
-  Index frames = 0, suboptimal_frames = 0, relaxed_frames = 0;
+  Index frames = 0, scored_frames = 0, suboptimal_frames = 0, relaxed_frames = 0;
   double patch_residual_max_m = 0;
   double mean_error_m = 0, p95_error_m = 0, max_error_m = 0;
   double frame_ms_median = 0, frame_ms_p99 = 0, plant_ms_median = 0;
@@ -75,7 +75,9 @@ nlohmann::ordered_json to_json(const Summary& s, const Scene& scene, const Optio
   j["patch_residual_max_m"] = s.patch_residual_max_m;
   j["suboptimal_frames"] = s.suboptimal_frames;
   j["relaxed_frames"] = s.relaxed_frames;
-  j["setup"] = {{"material", scene.material},
+  j["scored_frames"] = s.scored_frames;
+  j["setup"] = {{o.targets.empty() ? "task" : "targets", o.targets.empty() ? o.task : o.targets},
+                {"material", scene.material},
                 {"plant", o.plant},
                 {"grip", o.grip},
                 {"patch", o.patch},
@@ -83,7 +85,7 @@ nlohmann::ordered_json to_json(const Summary& s, const Scene& scene, const Optio
                 {"vertices", scene.body.network.vertex_count()},
                 {"size_m", o.size},
                 {"patch_size", o.patch_size},
-                {"predictor", o.predictor},
+                {"predictor", chosen_predictor(o, scene.body)},
                 {"profile", o.profile},
                 {"spread", o.spread},
                 {"friction", scene.setup.grips.front().fingers.front().friction},
@@ -135,6 +137,7 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
   Points actual(3, features), wanted(3, features), hand(3, static_cast<Index>(hands)), arrow(3, static_cast<Index>(hands)),
       last_hand;
   Summary summary;
+  summary.scored_frames = scored - 1;
   const auto hand_positions = [&](Points& out) {
     std::size_t slot = 0;
     for (std::size_t g = 0; g < hands; ++g) {

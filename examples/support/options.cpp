@@ -1,5 +1,7 @@
 #include "support/options.hpp"
 
+#include <sstream>
+
 namespace program {
 
 void refuse(const std::string& reason) {
@@ -7,11 +9,28 @@ void refuse(const std::string& reason) {
   std::exit(2);
 }
 
-void add_common(CLI::App& app, Options& o) {
-  app.add_option("--targets", o.targets,
-                 "CSV file with a header t,Lx,Ly,Lz,... ; or LEFT.csv,RIGHT.csv without headers, with --dt");
-  app.add_option("--dt", o.dt, "Time between rows of header-less target files, s")->capture_default_str();
-  app.add_option("--horizon", o.horizon, "Frames in the planning window, 1 to 200")->capture_default_str();
+CLI::Validator between(double least, double most) {
+  std::ostringstream range;
+  range << '[' << least << " to " << most << ']';
+  const std::string shown = range.str();
+  return CLI::Validator(
+      [=](std::string& text) {
+        double value = 0;
+        const bool inside = CLI::detail::lexical_cast(text, value) && least <= value && value <= most;
+        return inside ? std::string() : text + " is not within " + shown;
+      },
+      shown);
+}
+
+void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks, const std::string& task_help) {
+  CLI::Option* targets = app.add_option(
+      "--targets", o.targets, "CSV file with a header t,Lx,Ly,Lz,... ; or LEFT.csv,RIGHT.csv without headers, with --dt");
+  app.add_option("--task", o.task, task_help)->check(CLI::IsMember(tasks))->capture_default_str()->excludes(targets);
+  app.add_option("--dt", o.dt, "Time between rows of header-less target files, s")
+      ->check(between(1e-4, 1))
+      ->capture_default_str()
+      ->needs(targets);
+  app.add_option("--horizon", o.horizon, "Frames in the planning window")->check(between(1, 200))->capture_default_str();
   app.add_option("--plant", o.plant, "Simulated plant: one-solve, newton, pbd or xpbd")
       ->check(CLI::IsMember({"one-solve", "newton", "pbd", "xpbd"}))
       ->capture_default_str();
@@ -27,12 +46,14 @@ void add_common(CLI::App& app, Options& o) {
   app.add_option("--profile", o.profile, "Weights: standard, or paper (40 / 0.01 / 10, no hand anchor)")
       ->check(CLI::IsMember({"standard", "paper"}))
       ->capture_default_str();
-  app.add_option("--friction", o.friction, "Friction coefficient between fingers and cloth (default: the material's)");
-  app.add_option("--limit", o.limit, "Largest normal force of a finger, N")->capture_default_str();
-  app.add_option("--generators", o.generators, "Generators of a friction cone, at least 4")->capture_default_str();
+  app.add_option("--friction", o.friction, "Friction coefficient between fingers and cloth (default: the material's)")
+      ->check(between(0, 100));
+  app.add_option("--limit", o.limit, "Largest normal force of a finger, N")->check(between(1e-6, 1e6))->capture_default_str();
+  app.add_option("--generators", o.generators, "Generators of a friction cone")->check(between(4, 64))->capture_default_str();
   app.add_option("--max-step", o.max_step_mm, "Furthest a commanded grip moves in a frame along each axis, mm")
+      ->check(between(1e-3, 1e4))
       ->capture_default_str();
-  app.add_option("--seed", o.seed, "Seed of the random tasks, 0 or more")
+  app.add_option("--seed", o.seed, "Seed of the random tasks")
       ->check([](const std::string& text) {
         return text.find('-') == std::string::npos ? std::string() : "--seed is " + text + ", must not be negative";
       })
@@ -49,7 +70,6 @@ void parse(CLI::App& app, Options& o, int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     refuse(std::string(e.what()) + " (see --help)");
   }
-  if (o.horizon > 200) refuse("--horizon is " + std::to_string(o.horizon) + ", must be 1 to 200");
   o.dt_given = app.count("--dt") > 0;
   o.friction_given = app.count("--friction") > 0;
 }

@@ -32,6 +32,13 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
 }
 
+std::string chosen_predictor(const Options& o, const Body& body) {
+  if (o.predictor != "auto") return o.predictor;
+  // Rolling out in the wind or under hard patch rows can go unstable (docs/performance.md): there the frozen predictor serves.
+  const bool better = is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
+  return better ? "rollout" : "frozen";
+}
+
 AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
   using Response = clothctl::MassSpringResponse<float>;
   const bool implicit = is_implicit(o.plant);
@@ -48,10 +55,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::Planne
   }
   clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
   clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
-  // Rolling out in the wind or under hard patch rows can go unstable (docs/performance.md): there the frozen predictor serves.
-  const bool better = implicit && !body.air.enabled() && o.patch == "soft";
-  if (o.predictor == "frozen" || (o.predictor == "auto" && (!better || o.profile == "paper")))
-    return AnyPredictor(std::move(frozen));
+  if (chosen_predictor(o, body) == "frozen") return AnyPredictor(std::move(frozen));
   if (o.profile != "paper") {
     const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
     settings.weights.jerk = calm.weights.jerk;

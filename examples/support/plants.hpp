@@ -108,6 +108,9 @@ inline bool is_implicit(const std::string& plant) { return plant == "one-solve" 
 /// The plant that `name` asks for; `drag` replaces the body's (settling).
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
+/// "frozen" or "rollout": what --predictor auto comes down to.
+std::string chosen_predictor(const Options& o, const Body& body);
+
 /// Weights and predictor for a plant. Position-based sheets carry their weight by unconverged elongation, not by tension:
 /// their predictor scales the tension term and takes the measured net force.
 AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings);

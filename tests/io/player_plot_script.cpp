@@ -88,7 +88,8 @@ const [first] = stretches(0), [second] = stretches(1), place = mm => 128 - mm / 
 near('from side to side', first.slice(0, F).map(p => p[0]), [40, 227.5, 415, 602.5, 790]);
 near('20 mm', first.slice(0, F).map(p => p[1]), Array(F).fill(place(20)), 1e-3);
 near('40 mm', second.slice(0, F).map(p => p[1]), Array(F).fill(place(40)), 1e-3);
-check('mean: ' + words(), words().includes('mean 30.0 mm'));
+const mean = Math.round(place(30)) + .5, at = (what, x) => pen.calls.some(c => c[0] === what && c[1] === x && c[2] === mean);
+check('a line at the mean of 30 mm', at('moveTo', 40) && at('lineTo', 790));
 check('ticks of both axes', words().includes('20') && words().includes('0.00 s'));
 state.frame = 2.5;
 paintPlot();
@@ -149,14 +150,15 @@ TEST_CASE("the legend names up to eight features, counts more, and hides without
   check_in_page(page_of(2, 2, 0.0125, scene), with(R"js(
 buildLegend();
 paintPlot();
-check($('legend').textContent, $('legend').textContent === '<b>left</b>12.5 mmfeature 112.5 mm');
+check($('legend').textContent, $('legend').textContent === '<b>left</b>12.5 mmfeature 112.5 mmmean12.5 mm');
+check('no words on the curves', !pen.calls.some(c => c[0] === 'fillText' && /mean/.test(c[1])));
 check('unit', $('plot-unit').textContent === '(mm)');
 near('swatches', document.querySelectorAll('[data-feature]').map(s => s.dataset.feature), [0, 1], 0);
 )js"));
   check_in_page(page_of(2, 9, 0.0125), with(R"js(
 buildLegend();
 paintPlot();
-check('many', $('legend').textContent === '9 features, largest 12.5 mm' && !$('plot-card').hidden);
+check('many', $('legend').textContent === '9 features, largest 12.5 mmmean12.5 mm' && !$('plot-card').hidden);
 )js"));
   check_in_page(page_of(2, 0, 0), with(R"js(
 buildLegend();

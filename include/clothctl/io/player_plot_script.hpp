@@ -71,22 +71,12 @@ const paintPlot = () => {
     pen.stroke();
   }
   if (Number.isFinite(meanError)) {
-    const at = Math.round(y(meanError * unitScale)) + .5, text = 'mean ' + shown(meanError) + ' ' + unitName;
+    const at = Math.round(y(meanError * unitScale)) + .5;
     pen.strokeStyle = ink;
     pen.lineWidth = 1;
     pen.setLineDash([5, 4]);
     pen.beginPath(); pen.moveTo(frame_.left, at); pen.lineTo(width - frame_.right, at); pen.stroke();
     pen.setLineDash([]);
-    pen.font = '600 ' + pen.font;
-    const size = pen.measureText(text).width + 14, low_ = at + 20 > bottom, top_ = low_ ? at - 20 : at + 3;
-    pen.fillStyle = panel;
-    pen.globalAlpha = .88;
-    pen.beginPath(); pen.roundRect ? pen.roundRect(width - frame_.right - size, top_, size, 17, 5) : pen.rect(width - frame_.right - size, top_, size, 17); pen.fill();
-    pen.globalAlpha = 1;
-    pen.fillStyle = ink;
-    pen.textAlign = 'left';
-    pen.textBaseline = 'middle';
-    pen.fillText(text, width - frame_.right - size + 7, top_ + 9);
   }
   const x = plotX(state.frame, width), accent = css('--accent');
   pen.strokeStyle = pen.fillStyle = accent;
@@ -108,14 +98,20 @@ const buildLegend = () => {
   if (!K) return void ($('plot-card').hidden = true);
   $('plot-unit').textContent = '(' + unitName + ')';
   plot.setAttribute('aria-label', `Distance of ${K} features to their targets over time: mean ${shown(meanError)} ${unitName}, largest ${shown(largestError)} ${unitName}. Drag to scrub.`);
-  if (K > 8) return void ($('legend').textContent = K + ' features, largest ' + shown(largestError) + ' ' + unitName);
-  scene.features.forEach((name, k) => {
+  const add = (name, text) => {
     const item = document.createElement('span'), swatch = document.createElement('i'), value = document.createElement('b');
-    swatch.dataset.feature = k;
-    item.append(swatch, name || 'feature ' + k, value);
-    legendValues[k] = value;
+    value.textContent = text;
+    item.append(swatch, name, value);
     $('legend').append(item);
+    return [swatch, value];
+  };
+  if (K > 8) $('legend').append(K + ' features, largest ' + shown(largestError) + ' ' + unitName);
+  else scene.features.forEach((name, k) => {
+    const [swatch, value] = add(name || 'feature ' + k, '');
+    swatch.dataset.feature = k;
+    legendValues[k] = value;
   });
+  if (Number.isFinite(meanError)) add('mean', shown(meanError) + ' ' + unitName)[0].className = 'dashed';
 };
 )js";
 

@@ -95,6 +95,7 @@ input[type="range"]::-moz-range-thumb { width: 12px; height: 12px; border-radius
 .legend { display: flex; flex-wrap: wrap; gap: 2px 16px; font-size: 12.5px; color: var(--muted); }
 .legend b { display: inline-block; color: var(--ink); font-weight: 600; min-width: 54px; margin-left: 6px; text-align: right; }
 .legend i { display: inline-block; width: 14px; height: 3px; border-radius: 2px; vertical-align: middle; margin-right: 6px; }
+.legend .dashed { height: 1px; background: repeating-linear-gradient(90deg, var(--ink) 0 4px, transparent 4px 7px); }
 .plot canvas { display: block; width: 100%; height: 150px; touch-action: none; cursor: ew-resize; }
 
 .side { grid-area: side; display: flex; flex-direction: column; gap: 12px; min-height: 0; }
