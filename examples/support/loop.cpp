@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
+#include "clothctl/cloth/settle.hpp"
 #include "clothctl/io/csv.hpp"
 #include "clothctl/io/html_player.hpp"
 #include "clothctl/mpc/planner.hpp"
@@ -292,18 +293,8 @@ clothctl::ClothState<double> settle(const Options& o, const Body& body, clothctl
   // One-solve and Newton steps have the same equilibria; the converged step finds them from any start.
   AnyPlant plant = make_plant(is_implicit(o.plant) ? "newton" : o.plant, body, 3.0);
   plant.set_state(state);
-  clothctl::ClothInput<double> input;
-  input.driven_vertices = held;
-  input.driven_positions.resize(3, static_cast<Index>(held.size()));
-  input.forces.resize(3, 0);
-  for (std::size_t i = 0; i < held.size(); ++i)
-    input.driven_positions.col(static_cast<Index>(i)) = state.positions.col(held[i]);
-  plant.apply(input);
-  const Index frames = static_cast<Index>(std::lround(seconds / 0.02));
-  for (Index i = 0; i < frames; ++i) {
-    const clothctl::StepReport<double> report = plant.advance(0.02);
-    if (!report.advanced) refuse("the sheet does not settle: " + std::string(to_string(report.status)));
-  }
+  const clothctl::SettleReport<double> report = clothctl::settle(plant, held, 0.02, seconds);
+  if (!report.advanced) refuse("the sheet does not settle: " + std::string(to_string(report.status)));
   state.positions = plant.positions();
   state.velocities.setZero();
   return state;

@@ -12,6 +12,7 @@
 #include "clothctl/cloth/position_based_constraints.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/cloth/rope.hpp"
+#include "clothctl/cloth/settle.hpp"
 #include "clothctl/cloth/sheet.hpp"
 #include "clothctl/cloth/solid.hpp"
 #include "clothctl/cloth/spring_forces.hpp"

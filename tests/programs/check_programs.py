@@ -99,6 +99,9 @@ def check_runs(programs, folder):
             check(code == 0 and json.loads(text)["mean_error_m"] < 0.01, f"rope_ball {plant} {grip}: exit {code}: {text}")
     code, text, _ = run(programs / "quickstart")
     check(code == 0 and text.strip(), f"quickstart: exit {code}")
+    code, text, _ = run(programs / "foreign_plant")
+    error = re.search(r"mean error of ([0-9.]+) mm", text)
+    check(code == 0 and error and float(error[1]) < 5, f"foreign_plant: exit {code}: {text}")
 
 
 def check_bad_input(programs, folder):
@@ -165,7 +168,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
-    missing = [name for name in ("handkerchief", "rope_ball", "quickstart") if not (programs / name).exists()]
+    missing = [name for name in ("handkerchief", "rope_ball", "quickstart", "foreign_plant") if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
         return 77

@@ -32,7 +32,8 @@ using MatrixX = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 template <class Scalar>
 using Points = Eigen::Matrix<Scalar, 3, Eigen::Dynamic>;
 
-/// A read-only view of n points (3×n); takes any matrix of that shape without a copy.
+/// A read-only view of n points (3×n). Takes a matrix, block or map of contiguous columns as it is; anything else (rows apart,
+/// an expression, another scalar cast) is evaluated into a copy, which allocates.
 template <class Scalar>
 using PointsView = Eigen::Ref<const Points<Scalar>>;
 
