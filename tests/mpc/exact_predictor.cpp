@@ -369,4 +369,11 @@ TEST_CASE("exact predictions obey the laws of predictors", "[mpc]") {
   clothctl_test::check_predictor_laws(
       [&] { return ExactPredictor<MassSpringResponse<float>, double>{MassSpringResponse<float>(model)}; }, sheet.state,
       std::vector<int>{sheet.upper_left(), sheet.upper_right()}, loose);
+  const MassSpring<float> single = MassSpring<float>::create(sheet.network.cast<float>(), MassSpringSettings<float>()).value();
+  const ClothState<float> state{sheet.state.positions.cast<float>(), sheet.state.velocities.cast<float>()};
+  clothctl_test::PredictorLaws<float> rounded;
+  rounded.tolerance = 2e-3f;
+  clothctl_test::check_predictor_laws(
+      [&] { return ExactPredictor<MassSpringResponse<float>, float>{MassSpringResponse<float>(single)}; }, state,
+      std::vector<int>{sheet.upper_left(), sheet.upper_right()}, rounded);
 }

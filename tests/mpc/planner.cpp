@@ -224,6 +224,36 @@ TEST_CASE("why input was not taken is told: what, where, which value", "[mpc]") 
         "the result was not made by make_result of this planner");
 }
 
+TEST_CASE("any weight but that of the features may be zero", "[mpc]") {
+  using Weights = PlannerWeights<double>;
+  const std::vector<double Weights::*> members{&Weights::force,  &Weights::cone,  &Weights::velocity,
+                                               &Weights::smooth, &Weights::shape, &Weights::anchor,
+                                               &Weights::patch,  &Weights::jerk,  &Weights::step};
+  for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
+    for (std::size_t zero = 0; zero <= members.size(); ++zero) {  // the last time: all of them
+      CAPTURE(static_cast<int>(input), zero);
+      PlannerSettings<double> weighed = settings(input);
+      for (std::size_t i = 0; i < members.size(); ++i) {
+        if (i == zero || zero == members.size()) weighed.weights.*members[i] = 0;
+      }
+      Planning planner = planner_for(setup(), weighed);
+      PlanResult<double> result = planner.make_result();
+      Plant plant = started();
+      const AsyncTarget target(sheet());
+      for (int k = 0; k < 5; ++k) {
+        const PlanStatus status = planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
+        INFO(to_string(status) << ", qp " << to_string(result.qp_status));
+        REQUIRE((status == PlanStatus::Planned || status == PlanStatus::Suboptimal));
+        REQUIRE(all_finite(result.plan));
+        for (const FingerForce<double>& f : result.finger_forces)
+          CHECK(cone_violation<double>(f.force, f.normal, 0.5, 20.0) < 1e-9);
+        plant.apply(result.input);
+        REQUIRE(plant.advance(kDt).advanced);
+      }
+    }
+  }
+}
+
 TEST_CASE("planning allocates nothing", "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   struct Case {

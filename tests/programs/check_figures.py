@@ -1,0 +1,84 @@
+#!/usr/bin/env python3
+"""Runs the programs on the recorded curves and the built-in tasks and holds their errors to the project's bars.
+
+    check_figures.py --programs FOLDER_WITH_THE_BINARIES --shared FOLDER [--full]
+
+The quick tier is one curve of each kind; the full one, which CLOTHCTL_FULL=1 also asks for, is every curve on every plant and
+grip that has a bar, and takes about a quarter of an hour. Curves: data/trajectories under --shared; without them the test is
+skipped. Bars, mean error in mm:
+
+    splines/known_*      10 on the one-solve plant, 15 on the Newton plant; random_*: 16      (paper 000, table of section 6)
+    splines/fast_*       printed, and bounded by 40; known_* on XPBD: bounded by 100
+    iri/ref_*            1.7, poses commanded, 0.3 m sheet
+    tasks at 33 x 33     20;    rope_ball 10
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+
+
+def jobs(shared, full):
+    """Yields (name, bar in mm, program, arguments)."""
+    curves = shared / "data" / "trajectories"
+    sheet = ["--cloth", 17, "--size", 0.5, "--horizon", 20, "--material", "handkerchief"]
+    numbers = range(1, 6) if full else [1]
+    for plant in ("one-solve", "newton"):
+        for grip in ("force", "position"):
+            for kind, bar in (("known", 10 if plant == "one-solve" else 15), ("random", 16)):
+                for i in numbers:
+                    if full or (plant, grip, kind) in (("newton", "force", "known"), ("one-solve", "position", "random")):
+                        yield (f"{kind}_{i} {plant} {grip}", bar, "handkerchief",
+                               [*sheet, "--targets", curves / "splines" / f"{kind}_{i}.csv", "--plant", plant, "--grip", grip])
+    for i in range(1, 9) if full else [1]:
+        pair = f"{curves / 'iri' / f'ref_{i}L.csv'},{curves / 'iri' / f'ref_{i}R.csv'}"
+        yield (f"iri ref_{i} newton position", 1.7, "handkerchief",
+               ["--targets", pair, "--dt", 0.02, "--size", 0.3, "--plant", "newton", "--grip", "position"])
+    if not full:
+        return
+    for i in numbers:
+        for grip in ("force", "position"):
+            for kind, plant, bar in (("fast", "newton", 40), ("known", "xpbd", 100)):
+                yield (f"{kind}_{i} {plant} {grip}", bar, "handkerchief",
+                       [*sheet, "--targets", curves / "splines" / f"{kind}_{i}.csv", "--plant", plant, "--grip", grip])
+    for plant in ("one-solve", "newton"):
+        for task in ("async", "circle", "wind"):
+            yield (f"{task} 33x33 {plant}", 20, "handkerchief", ["--task", task, "--cloth", 33, "--horizon", 20, "--plant", plant])
+        for grip in ("force", "position"):
+            yield f"rope_ball {plant} {grip}", 10, "rope_ball", ["--plant", plant, "--grip", grip]
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--programs", type=pathlib.Path, required=True)
+    parser.add_argument("--shared", type=pathlib.Path, required=True)
+    parser.add_argument("--full", action="store_true", default=os.environ.get("CLOTHCTL_FULL", "") not in ("", "0"))
+    options = parser.parse_args()
+    shared = pathlib.Path(os.environ.get("CLOTHCTL_SHARED") or options.shared)
+    for needed in (shared / "data" / "trajectories" / "splines", options.programs / "handkerchief", options.programs / "rope_ball"):
+        if not needed.exists():
+            print("skipped: there is no", needed)
+            return 77
+    failures = 0
+    print(f"{'run':32} {'bar':>5} {'mean':>6} {'95 %':>6} {'max':>6}   mm   {'plan':>6} {'plant':>6}   ms a frame, median")
+    for name, bar, program, arguments in jobs(shared, options.full):
+        done = subprocess.run([str(options.programs / program), *map(str, arguments), "--json"], capture_output=True, text=True,
+                              timeout=1200)
+        if done.returncode != 0:
+            failures += 1
+            print(f"{name:32} FAILED: exit {done.returncode}: {done.stderr.strip() or done.stdout.strip()}")
+            continue
+        s = json.loads(done.stdout.strip().split("\n")[-1])
+        missed = not 1000 * s["mean_error_m"] <= bar or s["cone_violation_max"] > 1e-9
+        failures += missed
+        print(f"{name:32} {bar:5} {1000 * s['mean_error_m']:6.2f} {1000 * s['p95_error_m']:6.2f} {1000 * s['max_error_m']:6.1f}"
+              f"        {s['frame_ms_median']:6.2f} {s['plant_ms_median']:6.2f}{'   MISSED' if missed else ''}", flush=True)
+    print(f"{failures} missed")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
