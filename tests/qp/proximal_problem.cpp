@@ -11,6 +11,12 @@ using State = Problem::State;
 
 namespace {
 
+detail::Budget rounds(int most) {
+  QpSettings<double> settings;
+  settings.max_iterations = most;
+  return detail::Budget(settings, 1);
+}
+
 // φ as it is defined, for the check by differences.
 double phi(const Problem& p, const VectorX<double>& x) {
   const Index n = p.unknowns(), m = p.rows();
@@ -59,7 +65,7 @@ TEST_CASE("the inner minimiser beats every nearby point of the box, and its grad
     }
     p.refresh_products();
     int iterations = 0;
-    REQUIRE(p.minimise(1e-9, iterations, 1000) == Problem::Outcome::Minimised);
+    REQUIRE(p.minimise(1e-9, iterations, rounds(1000)) == Problem::Outcome::Minimised);
     const VectorX<double> x = p.x.head(n);
     const double least = phi(p, x);
     for (int probe = 0; probe < 200; ++probe) {
@@ -94,12 +100,12 @@ TEST_CASE("an exhausted budget and a concave problem are told apart", "[qp]") {
   p.state.assign(2, State::Free);
   p.refresh_products();
   int iterations = 0;
-  CHECK(p.minimise(1e-9, iterations, 100) == Problem::Outcome::Concave);
+  CHECK(p.minimise(1e-9, iterations, rounds(100)) == Problem::Outcome::Concave);
   p.rho = 1e-6;
   p.factor.clear();
   p.H() << 1.0, 0.5, 0.5, 1.0;
   iterations = 0;
-  CHECK(p.minimise(1e-9, iterations, 1) == Problem::Outcome::Budget);
+  CHECK(p.minimise(1e-9, iterations, rounds(1)) == Problem::Outcome::RoundsSpent);
 }
 
 TEST_CASE("numbers of which no factor can be made end as broken, not as a loop", "[qp]") {
@@ -121,6 +127,6 @@ TEST_CASE("numbers of which no factor can be made end as broken, not as a loop",
     p.state.assign(2, State::Free);
     p.refresh_products();
     int iterations = 0;
-    CHECK(p.minimise(1e-9, iterations, 100) == Problem::Outcome::Broken);
+    CHECK(p.minimise(1e-9, iterations, rounds(100)) == Problem::Outcome::Broken);
   }
 }

@@ -84,10 +84,11 @@ class ActiveSet {
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
                                const VectorView& ru, result_type& result) {
     if (!data_.load(good_settings_, g, lb, ub, rl, ru, result)) return result.status;
+    const detail::Budget budget(settings_, n_ + m_);
     prepare();
     take_start();
     best_.forget();
-    result.status = iterate(result);
+    result.status = iterate(budget, result);
     report(lb, ub, rl, ru, result);
     return result.status;
   }
@@ -241,11 +242,7 @@ class ActiveSet {
 
   /// The part of the scaled gradient q_j that an active bound may carry.
   Scalar bound_multiplier(Index j) const {
-    const Scalar q = q_[j];
-    if (!(problem_.lo[j] < problem_.hi[j])) return q;
-    if (!(problem_.x[j] > problem_.lo[j])) return std::max(Scalar(0), q);
-    if (!(problem_.x[j] < problem_.hi[j])) return std::min(Scalar(0), q);
-    return Scalar(0);
+    return detail::bound_multiplier(q_[j], problem_.x[j], problem_.lo[j], problem_.hi[j]);
   }
 
   Scalar excess(const KktResiduals<Scalar>& r) const { return detail::excess(r, settings_); }
@@ -321,12 +318,11 @@ class ActiveSet {
     return false;
   }
 
-  QpStatus iterate(result_type& result) {
+  QpStatus iterate(const detail::Budget& budget, result_type& result) {
     using std::abs;
     using std::sqrt;
     const Scalar zero(0);
     const Scalar one(1);
-    const int limit = settings_.max_iterations > 0 ? settings_.max_iterations : 10 * static_cast<int>(n_ + m_) + 10;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     const bool coarse = scalar_traits<Scalar>::epsilon() > Scalar(1e-12);  // y(x) = …/μ would drown in rounding
     problem_.refresh_products();
@@ -353,7 +349,7 @@ class ActiveSet {
     for (int outer = 0; outer < kOuterLimit; ++outer) {
       problem_.xk.head(n_) = problem_.x.head(n_);
       problem_.yk.head(m_) = problem_.y.head(m_);
-      const typename Problem::Outcome outcome = problem_.minimise(tolerance, result.iterations, limit);
+      const typename Problem::Outcome outcome = problem_.minimise(tolerance, result.iterations, budget);
       if (outcome == Problem::Outcome::Concave) return QpStatus::NonConvex;
       problem_.refresh_products();
       problem_.update_multipliers();
@@ -361,6 +357,7 @@ class ActiveSet {
       const Scalar violation = now.feasibility;
       if (falling && now.relative_feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
       if (!falling) keep(now);
+      if (outcome == Problem::Outcome::TimeSpent) return QpStatus::TimeLimit;
       if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
       if (!falling && excess(now) <= one) return finish(now);
       if (!(now.relative_feasibility <= settings_.feasibility_tolerance) && check_infeasible(result)) {
@@ -402,7 +399,8 @@ class ActiveSet {
     const bool unbounded = result.status == QpStatus::DualInfeasible;
     if (!unbounded) result.ray.setConstant(zero);
     for (Index i = 0; i < n_; ++i) problem_.g[i] = D_[i] * data_.g()[i];
-    const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::NonConvex;
+    const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::TimeLimit ||
+                            result.status == QpStatus::NonConvex;
     if (unfinished && best_.known()) {
       problem_.x.head(n_) = best_.x().head(n_);
       problem_.y.head(m_) = best_.y().head(m_);

@@ -35,6 +35,12 @@ struct QpSettings {
   Scalar complementarity_tolerance = default_tolerance();
   /// Rounds in which the active set may change; 0 means 10 (n + m).
   int max_iterations = 0;
+  /// Seconds that a solve may take by `clock`, read once a round; 0 means any.
+  double time_limit = 0;
+  /// The caller's clock: seconds since any fixed moment. Needed when there is a time limit.
+  double (*clock)(void* context) = nullptr;
+  /// What `clock` is given.
+  void* clock_context = nullptr;
 
   /// Checks the values. Returns an empty string, or a line that names the first bad one.
   std::string check() const {
@@ -43,6 +49,8 @@ struct QpSettings {
     if (bad(feasibility_tolerance)) return "feasibility_tolerance is not a positive number";
     if (bad(complementarity_tolerance)) return "complementarity_tolerance is not a positive number";
     if (max_iterations < 0) return "max_iterations is negative";
+    if (!is_finite(time_limit) || time_limit < 0) return "time_limit is negative or not finite";
+    if (time_limit > 0 && clock == nullptr) return "time_limit is set without a clock";
     return {};
   }
 };
@@ -50,8 +58,8 @@ struct QpSettings {
 /// What a QP solve answers. Its vectors allocate when the problem's size changes, never between solves of one size.
 template <RealScalar Scalar>
 struct QpResult {
-  /// The minimiser, n; with IterationLimit the best iterate: within its bounds, rows may be violated as far as `feasibility`
-  /// says; zero-sized before the first solve.
+  /// The minimiser, n; with IterationLimit and TimeLimit the best iterate: within its bounds, rows may be violated as far as
+  /// `feasibility` says; zero-sized before the first solve.
   VectorX<Scalar> x;
   /// Multipliers z of the bounds, n. With PrimalInfeasible: the bound part of the Farkas pair (see row_multipliers).
   VectorX<Scalar> bound_multipliers;
@@ -129,6 +137,15 @@ Index load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const Eigen::R
 template <RealScalar Scalar>
 bool has_bound(const Scalar& bound) {
   return bound < Scalar(1.5e38) && bound > Scalar(-1.5e38);
+}
+
+/// The part of the gradient entry q that the loaded bounds of an unknown at x may carry as its multiplier.
+template <RealScalar Scalar>
+Scalar bound_multiplier(const Scalar& q, const Scalar& x, const Scalar& lo, const Scalar& hi) {
+  if (!(lo < hi)) return q;
+  if (!(x > lo)) return (std::max)(Scalar(0), q);
+  if (!(x < hi)) return (std::min)(Scalar(0), q);
+  return Scalar(0);
 }
 
 /// Looks for the first entry of H that makes it no Hessian of a convex program: not finite, not symmetric (beyond the rounding

@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/qp/budget.hpp"
 #include "clothctl/qp/problem.hpp"
 #include "clothctl/qp/row_factor.hpp"
 
@@ -28,7 +29,7 @@ class ProximalProblem {
   using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
   using Map = Eigen::Map<MatrixX<Scalar>>;
   enum class State : signed char { Lower = -1, Free = 0, Upper = 1 };
-  enum class Outcome { Minimised, Budget, Concave, Broken };
+  enum class Outcome { Minimised, RoundsSpent, TimeSpent, Concave, Broken };
 
   /// Makes room. Allocates.
   void reserve(Index n, Index m) {
@@ -95,7 +96,7 @@ class ProximalProblem {
 
   /// Minimises φ until free gradient and sign violations are below `tolerance`. Adds set changes to `iterations`. Answers
   /// Broken when no factor can be had: numbers are not finite, or lie beyond the range of the scalar.
-  Outcome minimise(const Scalar& tolerance, int& iterations, int limit) {
+  Outcome minimise(const Scalar& tolerance, int& iterations, const Budget& budget) {
     using std::abs;
     if (!usable_weights()) return Outcome::Broken;
     update_multipliers();
@@ -142,7 +143,11 @@ class ProximalProblem {
         restart_progress();
       }
       idle = changed ? 0 : idle + 1;
-      if (changed && ++iterations >= limit) return Outcome::Budget;
+      if (changed) {
+        const QpStatus spent = budget.after(++iterations);
+        if (spent == QpStatus::TimeLimit) return Outcome::TimeSpent;
+        if (spent != QpStatus::Solved) return Outcome::RoundsSpent;
+      }
       zero_rows_.head(m_).setConstant(Scalar(0));
       factor.solve(grad, zero_rows_, p_, delta_);
       settled = walk() ? settled + 1 : 0;

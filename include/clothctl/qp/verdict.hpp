@@ -23,18 +23,23 @@ Scalar excess(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings)
                                Scalar(r.relative_complementarity / settings.complementarity_tolerance)));
 }
 
-/// Writes the residuals of the caller's data into the result, and the status that they allow: Solved and IterationLimit follow
-/// the excess, other statuses stay.
+/// Writes the residuals of the caller's data into the result, and the status that they allow: Solved, IterationLimit and
+/// TimeLimit follow the excess, other statuses stay.
 template <RealScalar Scalar>
 void settle(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings, QpResult<Scalar>& result) {
   result.stationarity = r.relative_stationarity;
   result.feasibility = r.relative_feasibility;
   result.complementarity = r.relative_complementarity;
   result.objective = r.objective;
-  if (result.status != QpStatus::Solved && result.status != QpStatus::IterationLimit) return;
+  const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::TimeLimit;
+  if (result.status != QpStatus::Solved && !unfinished) return;
   const Scalar away = excess(r, settings);
-  if (result.status == QpStatus::Solved && away <= Scalar(1)) return;
-  result.status = away <= Scalar(kLooseTolerances) ? QpStatus::SolvedInaccurate : QpStatus::IterationLimit;
+  if (!unfinished && away <= Scalar(1)) return;
+  if (away <= Scalar(kLooseTolerances)) {
+    result.status = QpStatus::SolvedInaccurate;
+  } else if (!unfinished) {
+    result.status = QpStatus::IterationLimit;
+  }
 }
 
 /// The best iterate of a solve. Order when none is optimal: first those that pass for inaccurate solutions, by their excess;

@@ -1,0 +1,444 @@
+#pragma once
+
+// Bound-constrained QP by a primal active set that factors only the free unknowns F:
+//
+//   min ½ xᵀHx + gᵀx,  lb ≤ x ≤ ub        q = Hx + g,   z_i = q_i at an active bound
+//
+//   1. Newton on the free set:  p_F = -H_FF⁻¹ q_F.
+//   2. Path search: walk x + t p; where an unknown meets its bound it stays there and the walk goes on with the rest, up to
+//      the first minimum along the bent path. Unknowns that met a bound leave F; back to 1.
+//   3. When no bound was met x minimises over F: free every unknown whose multiplier has the wrong sign (in blocks; one at a
+//      time once the objective stops falling). None left: optimal.
+//
+// Finite: step 2 only shrinks F, and between two visits of step 3 the objective falls strictly, since q_F = 0 there and
+// dropping an unknown that points outward only steepens the descent. A freed unknown that depends on F (zero pivot) gives
+// a direction d with H d = 0 and qᵀd < 0: walk along it to the first bound; if there is none the problem is unbounded.
+// How H is kept, multiplied and factored is the curvature's business (dense_curvature.hpp, low_rank_curvature.hpp).
+// Reference: primal active sets, Nocedal and Wright (2006) §16.5; projected Newton, Bertsekas, SIAM J. Control Optim. 20
+// (1982).
+
+#include <algorithm>
+#include <vector>
+
+#include "clothctl/qp/budget.hpp"
+#include "clothctl/qp/certificate.hpp"
+#include "clothctl/qp/dense_curvature.hpp"
+#include "clothctl/qp/problem.hpp"
+
+namespace clothctl::detail {
+
+/// The method on loaded data: open bounds are no_bound, every entry finite. Keeps iterate and active set between solves.
+template <RealScalar Scalar, class Curvature>
+class BoxMethod {
+ public:
+  using Vector = VectorX<Scalar>;
+
+  /// Gradient g and bounds of a solve, n entries each; they must outlive it.
+  struct Data {
+    const Vector& g;
+    const Vector& lo;
+    const Vector& hi;
+  };
+
+  /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
+  void reserve(Index n) {
+    for (Vector* v : {&x_, &q_, &p_, &scale_, &limit_, &last_x_, &last_q_}) v->setZero(n);
+    state_.assign(static_cast<std::size_t>(n), kLower);
+    list_.assign(static_cast<std::size_t>(n), 0);
+    moving_.assign(static_cast<std::size_t>(n), 0);
+    n_ = 0;
+    reset();
+  }
+
+  /// The Hessian. After a change call `renew`.
+  Curvature& curvature() { return curvature_; }
+  const Curvature& curvature() const { return curvature_; }
+
+  /// Takes note of a new Hessian in the curvature. The active set is kept while n stays.
+  void renew() {
+    using std::sqrt;
+    if (curvature_.unknowns() != n_) reset();
+    n_ = curvature_.unknowns();
+    curvature_.clear();
+    for (Index j = 0; j < n_; ++j) {
+      const Scalar own = curvature_.diagonal(j);
+      scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
+    }
+  }
+
+  /// The iterate, n entries in use.
+  const Vector& x() const { return x_; }
+  /// H x + g of the last refresh, n entries in use.
+  const Vector& gradient() const { return q_; }
+  /// The direction of the last DualInfeasible, n entries in use.
+  const Vector& ray() const { return last_x_; }
+
+  /// Solves; answers Solved (as far as the method can tell), what ran out, NonConvex or DualInfeasible, and adds rounds with a
+  /// change of the active set to `iterations`. Never allocates.
+  QpStatus solve(const Data& data, const Scalar& stationarity_tolerance, const Budget& budget, int& iterations) {
+    data_ = &data;
+    stationarity_tolerance_ = stationarity_tolerance;
+    take_start();
+    const QpStatus status = iterate(budget, iterations);
+    data_ = nullptr;
+    return status;
+  }
+
+  /// H x + g from scratch into `gradient()`.
+  void refresh(const Data& data) {
+    data_ = &data;
+    refresh_gradient();
+    data_ = nullptr;
+  }
+
+  /// Gives an iterate that is not finite up: x goes to the point of the box nearest to zero, and the next solve is cold.
+  /// Answers whether it had to.
+  bool give_up_broken(const Data& data) {
+    if (all_finite(x_.head(n_))) return false;
+    for (Index i = 0; i < n_; ++i) x_[i] = std::min(std::max(Scalar(0), data.lo[i]), data.hi[i]);
+    curvature_.clear();
+    reset();
+    return true;
+  }
+
+  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside are free.
+  void warm_start(const Eigen::Ref<const Vector>& x) {
+    x_.head(n_) = x;
+    start_ = Start::FromX;
+  }
+
+  /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the tail repeats the last block.
+  void shift(Index unknowns) {
+    if (unknowns <= 0) return;
+    for (Index i = 0; i + unknowns < n_; ++i) {
+      x_[i] = x_[i + unknowns];
+      state(i) = state(i + unknowns);
+    }
+  }
+
+  /// Forgets the active set: the next solve is cold.
+  void reset() { start_ = Start::Cold; }
+
+ private:
+  using State = signed char;
+  static constexpr State kLower = -1, kFree = 0, kUpper = 1, kParked = 2;  // parked: inside, but dependent on the free set
+  enum class Start { Cold, FromX, Warm };
+  enum class Walk { Full, Clipped, Unbounded, Concave };
+
+  State& state(Index i) { return state_[static_cast<std::size_t>(i)]; }
+  Index list(Index k) const { return list_[static_cast<std::size_t>(k)]; }
+  Index moving(Index k) const { return moving_[static_cast<std::size_t>(k)]; }
+  const Vector& g() const { return data_->g; }
+  const Vector& lo() const { return data_->lo; }
+  const Vector& hi() const { return data_->hi; }
+
+  /// Sets x within its bounds and the first guess of the active set.
+  void take_start() {
+    for (Index i = 0; i < n_; ++i) {
+      if (start_ == Start::Cold) x_[i] = Scalar(0);
+      const bool fixed = !(lo()[i] < hi()[i]);
+      if (start_ == Start::Warm && !fixed) {
+        if (state(i) == kLower && has_bound(lo()[i])) x_[i] = lo()[i];
+        if (state(i) == kUpper && has_bound(hi()[i])) x_[i] = hi()[i];
+      }
+      if (x_[i] < lo()[i]) x_[i] = lo()[i];
+      if (x_[i] > hi()[i]) x_[i] = hi()[i];
+      if (start_ == Start::Warm && !fixed && state(i) == kFree) continue;
+      place_by_x(i);
+      if (state(i) == kParked) state(i) = kFree;
+    }
+    start_ = Start::Warm;
+  }
+
+  /// Status of an unknown that is not in the factor, from where it stands.
+  void place_by_x(Index i) { state(i) = !(x_[i] > lo()[i]) ? kLower : !(x_[i] < hi()[i]) ? kUpper : kParked; }
+
+  /// q = g + H x, from scratch.
+  void refresh_gradient() {
+    using std::abs;
+    q_.head(n_) = g().head(n_);
+    curvature_.add_product(x_, q_);
+    gradient_scale_ = Scalar(1);
+    for (Index j = 0; j < n_; ++j) {
+      gradient_scale_ = std::max(gradient_scale_, std::max(Scalar(abs(g()[j])), Scalar(abs(q_[j] - g()[j]))));
+    }
+  }
+
+  /// What counts as zero in a multiplier or reduced gradient.
+  Scalar dual_tolerance() const {
+    const Scalar floor = Scalar(32) * scalar_traits<Scalar>::epsilon();
+    const Scalar wanted = stationarity_tolerance_ / Scalar(64);
+    return gradient_scale_ * std::max(floor, wanted);
+  }
+
+  /// Brings the factor in line with the free states. Returns how many unknowns it took in; the dependent ones stay out.
+  Index sync_factor() {
+    Index gone = 0;
+    Index fresh = 0;
+    for (Index i = 0; i < n_; ++i) {
+      const bool in = curvature_.place(i) >= 0;
+      if (state(i) == kFree && !in) list_[static_cast<std::size_t>(fresh++)] = i;
+      if (state(i) != kFree && in) ++gone;
+    }
+    if (gone == 0 && fresh == 0) return 0;
+    if (curvature_.few(gone + fresh, curvature_.size() - gone)) {
+      for (Index k = curvature_.size(); k-- > 0;) {
+        if (state(curvature_.order(k)) != kFree) curvature_.remove(k);
+      }
+      for (Index k = 0; k < fresh; ++k) curvature_.append(list(k));
+    } else {
+      Index count = 0;
+      for (Index k = 0; k < curvature_.size(); ++k) {
+        if (state(curvature_.order(k)) == kFree) moving_[static_cast<std::size_t>(count++)] = curvature_.order(k);
+      }
+      for (Index k = 0; k < fresh; ++k) moving_[static_cast<std::size_t>(count++)] = list(k);
+      curvature_.renew(moving_, count);
+    }
+    if constexpr (Curvature::kDefinite) return fresh;
+    Index taken = 0;
+    for (Index k = 0; k < fresh; ++k) {
+      if (curvature_.place(list(k)) >= 0) ++taken;
+    }
+    for (Index i = 0; i < n_; ++i) {
+      if (state(i) == kFree && curvature_.place(i) < 0) place_by_x(i);
+    }
+    return taken;
+  }
+
+  /// One Newton step over the free set along the bent path.
+  Walk newton_step() {
+    const Index f = curvature_.size();
+    bool still = true;
+    for (Index k = 0; k < f; ++k) {
+      const Index i = curvature_.order(k);
+      moving_[static_cast<std::size_t>(k)] = i;
+      still = still && !(q_[i] < Scalar(0)) && !(q_[i] > Scalar(0));
+    }
+    if (still) return Walk::Full;
+    curvature_.newton(q_, p_);
+    return walk(f, true);
+  }
+
+  /// Walks along p over the `count` unknowns in moving_, whose bounds bend the path.
+  Walk walk(Index count, bool newton) {
+    using std::sqrt;
+    const Scalar rounding = Scalar(4) * static_cast<Scalar>(n_) * scalar_traits<Scalar>::epsilon();
+    Index hits = 0;
+    bool clipped = false;
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving(k);
+      const Scalar edge = p_[i] < Scalar(0) ? lo()[i] : hi()[i];
+      if (!has_bound(edge) || (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0)))) continue;
+      limit_[i] = std::max(Scalar(0), Scalar((edge - x_[i]) / p_[i]));
+      if (newton && limit_[i] < Scalar(1)) clipped = true;
+      list_[static_cast<std::size_t>(hits++)] = i;
+    }
+    curvature_.start_walk(moving_, count, p_, q_);
+    if (newton && !clipped) {
+      curvature_.advance(Scalar(1), q_);
+      curvature_.end_walk(moving_, count, p_, q_);
+      go_on(Scalar(1), count);
+      stay_inside(count);
+      return Walk::Full;
+    }
+    std::sort(list_.begin(), list_.begin() + hits,
+              [this](Index a, Index b) { return limit_[a] < limit_[b] || (!(limit_[b] < limit_[a]) && a < b); });
+    Scalar t(0);
+    Index hit = 0;
+    for (;;) {
+      Scalar slope, curvature, size;
+      curvature_.line(moving_, count, p_, q_, slope, curvature, size);
+      if (!(slope < Scalar(0))) break;
+      if (!newton && curvature < -sqrt(scalar_traits<Scalar>::epsilon()) * size) return Walk::Concave;
+      const bool curved = curvature > (newton ? Scalar(0) : rounding * size);
+      const Scalar rest = curved ? -slope / curvature : Scalar(0);
+      const bool stops_first = hit < hits && !(curved && t + rest < limit_[list(hit)]);
+      if (!stops_first && !curved) return Walk::Unbounded;
+      const Scalar step = stops_first ? limit_[list(hit)] - t : rest;
+      go_on(step, count);
+      curvature_.advance(step, q_);
+      t += step;
+      if (!stops_first) break;
+      const Index i = list(hit++);
+      const bool down = p_[i] < Scalar(0);
+      x_[i] = down ? lo()[i] : hi()[i];
+      state(i) = down ? kLower : kUpper;
+      curvature_.stop(i, p_, q_);
+      p_[i] = Scalar(0);
+    }
+    curvature_.end_walk(moving_, count, p_, q_);
+    stay_inside(count);
+    return Walk::Clipped;
+  }
+
+  void go_on(const Scalar& step, Index count) {
+    for (Index k = 0; k < count; ++k) x_[moving(k)] += step * p_[moving(k)];
+  }
+
+  /// Rounding must not leave the box.
+  void stay_inside(Index count) {
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving(k);
+      x_[i] = std::min(std::max(x_[i], lo()[i]), hi()[i]);
+    }
+  }
+
+  /// Violation of the sign condition on q_i, scaled by curvature; 0 where it holds.
+  Scalar violation(Index i, const Scalar& tolerance) {
+    using std::abs;
+    if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);
+    const Scalar q = state(i) == kLower ? -q_[i] : state(i) == kUpper ? q_[i] : Scalar(abs(q_[i]));
+    return q > tolerance ? q * scale_[i] : Scalar(0);
+  }
+
+  /// Frees unknowns whose multiplier has the wrong sign: all, or only the worst. Returns the worst one, or -1.
+  Index release(bool one) {
+    const Scalar tolerance = dual_tolerance();
+    Index worst = -1;
+    Scalar most(0);
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar v = violation(i, tolerance);
+      if (v > most) {
+        most = v;
+        worst = i;
+      }
+    }
+    if (worst < 0) return worst;
+    for (Index i = 0; i < n_; ++i) {
+      if (one ? i == worst : violation(i, tolerance) > Scalar(0)) state(i) = kFree;
+    }
+    return worst;
+  }
+
+  /// Follows the flat direction that unknown i opens when it depends on the free set.
+  Walk flat_step(Index i) {
+    FreeSetFactor<Scalar>& factor = curvature_.factor();
+    const Index f = factor.size();
+    factor.append(curvature_.H(), i, Scalar(0), Scalar(2));  // always refused: leaves L⁻¹ H_Fi behind
+    const Scalar sign = q_[i] > Scalar(0) ? Scalar(-1) : Scalar(1);
+    limit_.head(f) = factor.column().head(f);
+    factor.solve_upper(limit_);
+    for (Index k = 0; k < f; ++k) {
+      moving_[static_cast<std::size_t>(k)] = factor.order(k);
+      p_[factor.order(k)] = -sign * limit_[k];
+    }
+    moving_[static_cast<std::size_t>(f)] = i;
+    p_[i] = sign;
+    const Walk outcome = walk(f + 1, false);
+    if (outcome != Walk::Unbounded) {
+      if (x_[i] > lo()[i] && x_[i] < hi()[i]) state(i) = kFree;
+    }
+    return outcome;
+  }
+
+  /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, to the rounding of the product, and
+  /// falls; if so leaves it in last_x_. The part in the factor is refined towards H p = 0.
+  bool verify_ray(Index count) {
+    using std::abs;
+    FreeSetFactor<Scalar>& factor = curvature_.factor();
+    bool bent = false;  // an unknown of the factor met its bound: no refinement
+    for (Index k = 0; k < factor.size(); ++k) bent = bent || state(factor.order(k)) != kFree;
+    const Vector none;
+    constexpr int kSteps = 3;
+    for (int step = 0; step < kSteps; ++step) {
+      last_x_.head(n_).setConstant(Scalar(0));
+      last_q_.head(n_).setConstant(Scalar(0));
+      limit_.head(n_).setConstant(Scalar(0));
+      for (Index k = 0; k < count; ++k) {
+        const Index i = moving(k);
+        last_x_[i] = p_[i];
+        last_q_.head(n_) += p_[i] * curvature_.H().col(i);
+        limit_.head(n_) += abs(p_[i]) * curvature_.H().col(i).cwiseAbs();
+      }
+      const ProofCheck<Scalar> check = check_ray<Scalar>(last_x_.head(n_), last_q_.head(n_), none, limit_.head(n_), none,
+                                                         g().head(n_), none, none, lo().head(n_), hi().head(n_));
+      if (check.proven) return true;
+      if (!check.promising || bent) return false;
+      for (Index k = 0; k < factor.size(); ++k) limit_[k] = last_q_[factor.order(k)];
+      factor.solve_lower(limit_);
+      factor.solve_upper(limit_);
+      for (Index k = 0; k < factor.size(); ++k) p_[factor.order(k)] -= limit_[k];
+    }
+    return false;
+  }
+
+  /// Tells whether the objective is lower than ever since the start. Its changes ½ (q + q')ᵀ(x - x') are summed, so that a
+  /// large constant hides nothing.
+  bool progressed() {
+    using std::abs;
+    Scalar change(0);
+    Scalar size(0);
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar step = x_[i] - last_x_[i];
+      change += Scalar(0.5) * (q_[i] + last_q_[i]) * step;
+      size += (abs(g()[i]) + abs(q_[i] - g()[i])) * abs(step);
+    }
+    last_x_.head(n_) = x_.head(n_);
+    last_q_.head(n_) = q_.head(n_);
+    total_ += change;
+    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size)) return false;
+    least_ = total_;
+    return true;
+  }
+
+  QpStatus iterate(const Budget& budget, int& iterations) {
+    using std::abs;
+    refresh_gradient();
+    int stalls = 0;
+    int polishes = 0;
+    bool first = true;
+    bool stuck = false;
+    for (;;) {
+      sync_factor();
+      if (newton_step() == Walk::Clipped) {
+        if (const QpStatus spent = budget.after(++iterations); spent != QpStatus::Solved) return spent;
+        continue;
+      }
+      if (first) {
+        last_x_.head(n_) = x_.head(n_);
+        last_q_.head(n_) = q_.head(n_);
+        total_ = least_ = Scalar(0);
+        first = false;
+      } else {
+        stalls = progressed() ? 0 : stalls + 1;
+      }
+      const Index worst = stuck || stalls > 2 * kStalls ? Index(-1) : release(stalls > kStalls);
+      if (worst < 0) {
+        refresh_gradient();
+        const Scalar tolerance = dual_tolerance();
+        Scalar rest(0);
+        bool wrong = false;
+        for (Index i = 0; i < n_; ++i) {
+          if (state(i) == kFree) rest = std::max(rest, Scalar(abs(q_[i])));
+          if (violation(i, tolerance) > Scalar(0)) wrong = true;
+        }
+        if ((!(rest > tolerance) && !wrong) || ++polishes > kPolishes) return QpStatus::Solved;
+        if (polishes > 1) curvature_.clear();
+        continue;
+      }
+      if (const QpStatus spent = budget.after(++iterations); spent != QpStatus::Solved) return spent;
+      if (sync_factor() > 0) continue;
+      if constexpr (!Curvature::kDefinite) {
+        const Walk outcome = flat_step(worst);
+        if (outcome == Walk::Concave) return QpStatus::NonConvex;
+        if (outcome != Walk::Unbounded) continue;
+        if (verify_ray(curvature_.size() + 1)) return QpStatus::DualInfeasible;
+      }
+      stuck = first = true;  // no further way down that rounding does not hide: the residuals will tell
+    }
+  }
+
+  static constexpr int kStalls = 3;
+  static constexpr int kPolishes = 4;
+
+  Curvature curvature_;
+  Vector x_, q_, p_, scale_, limit_, last_x_, last_q_;
+  std::vector<State> state_;
+  std::vector<Index> list_, moving_;
+  const Data* data_ = nullptr;
+  Scalar stationarity_tolerance_ = Scalar(0), gradient_scale_ = Scalar(1), total_ = Scalar(0), least_ = Scalar(0);
+  Index n_ = 0;
+  Start start_ = Start::Cold;
+};
+
+}  // namespace clothctl::detail

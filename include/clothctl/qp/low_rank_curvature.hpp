@@ -1,0 +1,230 @@
+#pragma once
+
+// A Hessian that is diagonal plus low rank, as the box method sees it:
+//
+//   H = D + NᵀN,  D > 0 diagonal, N r×n          S = I + N_F D_F⁻¹ N_Fᵀ = L Lᵀ,  r×r
+//   H_FF⁻¹ = D_F⁻¹ - D_F⁻¹ N_Fᵀ S⁻¹ N_F D_F⁻¹      (Woodbury)
+//
+// An unknown joins or leaves F by a rank-one change of L, O(r²), whatever the size of F; a Newton step is O(r f + r²), a
+// gradient O(r n), and a breakpoint of a walk O(r), for q along it is q + D Δx + NᵀU with U = N Δx.
+
+#include <vector>
+
+#include "clothctl/qp/tiled_cholesky.hpp"
+
+namespace clothctl::detail {
+
+/// L Lᵀ ← L Lᵀ + sign v vᵀ in place for a lower L (r×r), by rotations (sign 1) or hyperbolic ones (sign -1); v is overwritten.
+/// Answers false where the result would not be definite: L is then spoilt. Complexity: O(r²).
+template <RealScalar Scalar>
+bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> v, int sign) {
+  using std::sqrt;
+  const Index r = L.rows();
+  const Scalar s = Scalar(sign > 0 ? 1.0 : -1.0);
+  for (Index j = 0; j < r; ++j) {
+    const Scalar a = L(j, j);
+    const Scalar b = v[j];
+    if (!(b < Scalar(0)) && !(b > Scalar(0))) continue;
+    const Scalar square = a * a + s * b * b;
+    if (!(square > Scalar(0))) return false;
+    const Scalar d = sqrt(square);
+    const Scalar c = d / a;
+    const Scalar t = b / a;
+    L(j, j) = d;
+    const Index below = r - j - 1;
+    if (below == 0) break;
+    const Scalar inverse = Scalar(1) / c;
+    L.col(j).tail(below) = inverse * (L.col(j).tail(below) + (s * t) * v.tail(below));
+    v.tail(below) = c * v.tail(below) - t * L.col(j).tail(below);
+  }
+  return true;
+}
+
+/// D + NᵀN with the factor of S over its free unknowns. All memory comes from `reserve`.
+template <RealScalar Scalar>
+class LowRankCurvature {
+ public:
+  using Matrix = MatrixX<Scalar>;
+  using Vector = VectorX<Scalar>;
+
+  /// D > 0: no unknown depends on others.
+  static constexpr bool kDefinite = true;
+
+  /// Makes room for n unknowns and rank r. Allocates.
+  void reserve(Index n, Index r) {
+    N_.setZero(r, n);
+    L_.setZero(r, r);
+    for (Vector* v : {&D_, &inverse_, &column_}) v->setZero(n);
+    for (Vector* v : {&work_, &v_, &U_, &pivots_}) v->setZero(r);
+    order_.assign(static_cast<std::size_t>(n), 0);
+    place_.assign(static_cast<std::size_t>(n), -1);
+    n_ = r_ = size_ = 0;
+  }
+  /// Sets the sizes of D and N, which are then to be filled, and empties the free set.
+  void resize(Index n, Index r) {
+    clear();
+    n_ = n;
+    r_ = r;
+    for (Index i = 0; i < n; ++i) place_[static_cast<std::size_t>(i)] = -1;
+  }
+  /// N, r×n, to be filled.
+  auto N() { return N_.topLeftCorner(r_, n_); }
+  /// Sets D_i > 0.
+  void set_diagonal(Index i, const Scalar& d) {
+    D_[i] = d;
+    inverse_[i] = Scalar(1) / d;
+  }
+
+  /// Number of unknowns.
+  Index unknowns() const { return n_; }
+  /// H_ii.
+  Scalar diagonal(Index i) const { return D_[i] + column(i).squaredNorm(); }
+  /// Number of free unknowns.
+  Index size() const { return size_; }
+  /// The free unknown at place k.
+  Index order(Index k) const { return order_[static_cast<std::size_t>(k)]; }
+  /// The place of unknown i, or -1.
+  Index place(Index i) const { return place_[static_cast<std::size_t>(i)]; }
+  /// Empties the free set.
+  void clear() {
+    for (Index k = 0; k < size_; ++k) place_[static_cast<std::size_t>(order(k))] = -1;
+    size_ = 0;
+    updates_ = 0;
+    L_.topLeftCorner(r_, r_).setIdentity();
+  }
+  /// Whether so many changes are cheaper than a new factor of `kept` unknowns.
+  bool few(Index changes, Index kept) const { return updates_ + changes <= kMostUpdates && kUpdateCost * changes <= kept + r_; }
+
+  /// Takes unknown i into the free set.
+  void append(Index i) {
+    order_[static_cast<std::size_t>(size_)] = i;
+    place_[static_cast<std::size_t>(i)] = size_++;
+    change(i, 1);
+  }
+  /// Takes the unknown at place k out; the last one moves there.
+  void remove(Index k) {
+    const Index i = order(k), last = order(--size_);
+    order_[static_cast<std::size_t>(k)] = last;
+    place_[static_cast<std::size_t>(last)] = k;
+    place_[static_cast<std::size_t>(i)] = -1;
+    change(i, -1);
+  }
+  /// Makes `wanted[0 … count-1]` the free set and factors S afresh.
+  void renew(const std::vector<Index>& wanted, Index count) {
+    for (Index k = 0; k < size_; ++k) place_[static_cast<std::size_t>(order(k))] = -1;
+    for (Index k = 0; k < count; ++k) {
+      const Index i = wanted[static_cast<std::size_t>(k)];
+      order_[static_cast<std::size_t>(k)] = i;
+      place_[static_cast<std::size_t>(i)] = k;
+    }
+    size_ = count;
+    refactor();
+  }
+
+  /// q += H x.
+  void add_product(const Vector& x, Vector& q) {
+    work_.head(r_).setConstant(Scalar(0));
+    for (Index j = 0; j < n_; ++j) {
+      if (!(x[j] < Scalar(0)) && !(x[j] > Scalar(0))) continue;
+      work_.head(r_) += x[j] * column(j);
+      q[j] += D_[j] * x[j];
+    }
+    q.head(n_).noalias() += N_.topLeftCorner(r_, n_).transpose() * work_.head(r_);
+  }
+  /// p_F = -H_FF⁻¹ q_F.
+  void newton(const Vector& q, Vector& p) {
+    work_.head(r_).setConstant(Scalar(0));
+    for (Index k = 0; k < size_; ++k) {
+      const Index i = order(k);
+      p[i] = -q[i] * inverse_[i];
+      work_.head(r_) += p[i] * column(i);
+    }
+    Eigen::Ref<Vector> s = work_.head(r_);
+    L_.topLeftCorner(r_, r_).template triangularView<Eigen::Lower>().solveInPlace(s);
+    L_.topLeftCorner(r_, r_).transpose().template triangularView<Eigen::Upper>().solveInPlace(s);
+    for (Index k = 0; k < size_; ++k) {
+      const Index i = order(k);
+      p[i] -= inverse_[i] * column(i).dot(s);
+    }
+  }
+
+  /// Starts a walk along p, which is zero but at moving[0 … count-1].
+  void start_walk(const std::vector<Index>& moving, Index count, const Vector& p, const Vector& q) {
+    v_.head(r_).setConstant(Scalar(0));
+    U_.head(r_).setConstant(Scalar(0));
+    slope_ = axial_ = length_ = Scalar(0);
+    left_ = count;
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving[static_cast<std::size_t>(k)];
+      v_.head(r_) += p[i] * column(i);
+      slope_ += q[i] * p[i];
+      axial_ += D_[i] * p[i] * p[i];
+    }
+    bend_ = v_.head(r_).squaredNorm();
+  }
+  /// Slope qᵀp and curvature pᵀH p of what still moves.
+  void line(const std::vector<Index>&, Index, const Vector&, const Vector&, Scalar& slope, Scalar& curvature,
+            Scalar& size) const {
+    slope = left_ > 0 ? slope_ : Scalar(0);
+    curvature = axial_ + bend_;
+    size = curvature;
+  }
+  /// Goes on by `step`.
+  void advance(const Scalar& step, Vector&) {
+    slope_ += step * (axial_ + bend_);
+    U_.head(r_) += step * v_.head(r_);
+    length_ += step;
+  }
+  /// Unknown i stops here.
+  void stop(Index i, const Vector& p, Vector& q) {
+    q[i] += D_[i] * p[i] * length_;
+    slope_ -= p[i] * (q[i] + column(i).dot(U_.head(r_)));
+    axial_ -= D_[i] * p[i] * p[i];
+    if (axial_ < Scalar(0)) axial_ = Scalar(0);
+    v_.head(r_) -= p[i] * column(i);
+    bend_ = v_.head(r_).squaredNorm();
+    --left_;
+  }
+  /// Ends the walk: q is the gradient at its end.
+  void end_walk(const std::vector<Index>& moving, Index count, const Vector& p, Vector& q) {
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving[static_cast<std::size_t>(k)];
+      q[i] += D_[i] * p[i] * length_;  // p is zero where it stopped
+    }
+    q.head(n_).noalias() += N_.topLeftCorner(r_, n_).transpose() * U_.head(r_);
+  }
+
+ private:
+  static constexpr Index kMostUpdates = 300, kUpdateCost = 8;
+
+  auto column(Index i) const { return N_.col(i).head(r_); }
+
+  void change(Index i, int sign) {
+    using std::sqrt;
+    ++updates_;
+    work_.head(r_) = sqrt(inverse_[i]) * column(i);
+    if (!rank_one_change<Scalar>(L_.topLeftCorner(r_, r_), work_.head(r_), sign)) refactor();
+  }
+
+  void refactor() {
+    updates_ = 0;
+    L_.topLeftCorner(r_, r_).setIdentity();
+    for (Index k = 0; k < size_; ++k) {
+      const Index i = order(k);
+      for (Index c = 0; c < r_; ++c) {
+        const Scalar weight = N_(c, i) * inverse_[i];
+        if (weight < Scalar(0) || weight > Scalar(0)) L_.col(c).segment(c, r_ - c) += weight * N_.col(i).segment(c, r_ - c);
+      }
+    }
+    pivots_.head(r_) = L_.topLeftCorner(r_, r_).diagonal();
+    cholesky_in_place<Scalar>(L_.topLeftCorner(r_, r_), pivots_.head(r_), Scalar(0));  // S ≥ I: no pivot fails
+  }
+
+  Matrix N_, L_;
+  Vector D_, inverse_, column_, work_, v_, U_, pivots_;
+  std::vector<Index> order_, place_;
+  Scalar slope_ = Scalar(0), axial_ = Scalar(0), bend_ = Scalar(0), length_ = Scalar(0);
+  Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, updates_ = 0;
+};
+
+}  // namespace clothctl::detail

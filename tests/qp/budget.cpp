@@ -1,0 +1,98 @@
+// What a solve may spend: rounds and the caller's seconds, in the settings and in both solvers.
+
+#include "clothctl/qp/budget.hpp"
+
+#include <limits>
+
+#include "clothctl/qp/active_set.hpp"
+#include "clothctl/qp/box_active_set.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+/// A clock that goes on by a second each time it is read.
+double tick(void* context) { return ++*static_cast<double*>(context); }
+
+QpSettings<double> seconds(double limit, double& now) {
+  QpSettings<double> settings;
+  settings.time_limit = limit;
+  settings.clock = tick;
+  settings.clock_context = &now;
+  return settings;
+}
+
+/// A chain of springs pushed against its bounds from one end: the set changes one by one.
+struct Chain {
+  static constexpr Index n = 40;
+  MatrixX<double> H = MatrixX<double>::Zero(n, n), A = MatrixX<double>::Ones(1, n);
+  VectorX<double> g = VectorX<double>::LinSpaced(n, -3.0, 2.0), lb = VectorX<double>::Constant(n, -0.5),
+                  ub = VectorX<double>::Constant(n, 0.5), rl = VectorX<double>::Constant(1, 0.5),
+                  ru = VectorX<double>::Constant(1, 1.5);
+  Chain() {
+    for (Index i = 0; i < n; ++i) {
+      H(i, i) = 2.1;
+      if (i > 0) H(i, i - 1) = H(i - 1, i) = -1.0;
+    }
+  }
+};
+
+}  // namespace
+
+TEST_CASE("rounds and seconds run out, each with its own status", "[qp][budget]") {
+  QpSettings<double> settings;
+  CHECK(detail::Budget(settings, 3).after(39) == QpStatus::Solved);
+  CHECK(detail::Budget(settings, 3).after(40) == QpStatus::IterationLimit);
+  settings.max_iterations = 2;
+  CHECK(detail::Budget(settings, 3).after(1) == QpStatus::Solved);
+  CHECK(detail::Budget(settings, 3).after(2) == QpStatus::IterationLimit);
+  double now = 100;
+  const detail::Budget budget(seconds(2.5, now), 3);
+  CHECK(budget.after(0) == QpStatus::Solved);
+  CHECK(budget.after(0) == QpStatus::Solved);
+  CHECK(budget.after(0) == QpStatus::TimeLimit);
+  CHECK(now == 104);
+}
+
+TEST_CASE("a clock that says NaN ends the solve", "[qp][budget]") {
+  QpSettings<double> settings;
+  settings.time_limit = 1;
+  settings.clock = [](void*) { return std::numeric_limits<double>::quiet_NaN(); };
+  CHECK(detail::Budget(settings, 3).after(0) == QpStatus::TimeLimit);
+}
+
+TEST_CASE("time settings are checked", "[qp][budget]") {
+  double now = 0;
+  CHECK(seconds(1.0, now).check().empty());
+  CHECK(seconds(-1.0, now).check() == "time_limit is negative or not finite");
+  CHECK(seconds(std::numeric_limits<double>::quiet_NaN(), now).check() == "time_limit is negative or not finite");
+  QpSettings<double> settings;
+  settings.time_limit = 1.0;
+  CHECK(settings.check() == "time_limit is set without a clock");
+}
+
+TEST_CASE("a solve that runs out of time returns its best iterate within the bounds, and the next one is whole",
+          "[qp][budget]") {
+  const Chain chain;
+  double now = 0;
+  BoxActiveSet<double> box(seconds(0.5, now));
+  REQUIRE(box.set_hessian(chain.H) == QpStatus::Solved);
+  QpResult<double> result;
+  CHECK(box.solve(chain.g, chain.lb, chain.ub, result) == QpStatus::TimeLimit);
+  CHECK(((result.x.array() >= chain.lb.array()).all() && (result.x.array() <= chain.ub.array()).all()));
+  CHECK(result.feasibility == 0.0);
+  for (int again = 0; again < 100 && result.status != QpStatus::Solved; ++again)
+    (void)box.solve(chain.g, chain.lb, chain.ub, result);
+  CHECK(result.status == QpStatus::Solved);  // each goes on from the last
+
+  ActiveSet<double> rows(seconds(0.5, now));
+  REQUIRE(rows.set_hessian(chain.H) == QpStatus::Solved);
+  REQUIRE(rows.set_rows(chain.A) == QpStatus::Solved);
+  CHECK(rows.solve(chain.g, chain.lb, chain.ub, chain.rl, chain.ru, result) == QpStatus::TimeLimit);
+  CHECK(((result.x.array() >= chain.lb.array()).all() && (result.x.array() <= chain.ub.array()).all()));
+  ActiveSet<double> patient(seconds(1e6, now));
+  REQUIRE(patient.set_hessian(chain.H) == QpStatus::Solved);
+  REQUIRE(patient.set_rows(chain.A) == QpStatus::Solved);
+  CHECK(patient.solve(chain.g, chain.lb, chain.ub, chain.rl, chain.ru, result) == QpStatus::Solved);
+}

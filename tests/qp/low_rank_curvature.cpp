@@ -1,0 +1,102 @@
+// Woodbury solves, rank-one changes and walks of D + NᵀN against the dense matrix.
+
+#include "clothctl/qp/low_rank_curvature.hpp"
+
+#include <Eigen/Dense>
+
+#include "qp/curvatures.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using clothctl_test::FactoredHessian;
+
+TEMPLATE_TEST_CASE("a rank-one change gives the factor of the changed matrix, or says that there is none", "[qp][low_rank]",
+                   float, double) {
+  using S = TestType;
+  const S tolerance = S(200) * scalar_traits<S>::epsilon();
+  for (const Index n : {1, 2, 7, 40}) {
+    const MatrixX<S> B = MatrixX<S>::Random(n, n);
+    const MatrixX<S> A = B * B.transpose() + MatrixX<S>::Identity(n, n);
+    const VectorX<S> v = VectorX<S>::Random(n);
+    MatrixX<S> L = Eigen::LLT<MatrixX<S>>(A).matrixL();
+    VectorX<S> work = v;
+    REQUIRE(detail::rank_one_change<S>(L, work, 1));
+    MatrixX<S> lower = L.template triangularView<Eigen::Lower>();
+    CHECK((lower * lower.transpose() - A - v * v.transpose()).norm() < tolerance * A.norm());
+    work = v;
+    REQUIRE(detail::rank_one_change<S>(L, work, -1));
+    lower = L.template triangularView<Eigen::Lower>();
+    CHECK((lower * lower.transpose() - A).norm() < S(20) * tolerance * A.norm());
+    work = S(100) * v;
+    CHECK_FALSE(detail::rank_one_change<S>(L, work, -1));
+  }
+}
+
+TEST_CASE("Newton steps and products are those of the dense matrix, whatever came and went", "[qp][low_rank]") {
+  const Index n = 60, r = 9;
+  const FactoredHessian<double> given(n, r, 3);
+  const MatrixX<double> H = given.dense();
+  detail::LowRankCurvature<double> curvature;
+  curvature.reserve(n + 5, r + 3);
+  given.fill(curvature);
+  CHECK(curvature.unknowns() == n);
+  for (Index i = 0; i < n; ++i) REQUIRE(curvature.diagonal(i) == Approx(H(i, i)));
+  std::mt19937 random(4);
+  const VectorX<double> q = VectorX<double>::Random(n), x = VectorX<double>::Random(n);
+  VectorX<double> p = VectorX<double>::Zero(n);
+  double worst = 0;
+  std::vector<Index> wanted(static_cast<std::size_t>(n));
+  long inside = 0;
+  for (int step = 0; step < 400; ++step) {
+    const Index i = static_cast<Index>(random() % static_cast<unsigned>(n));
+    const long start = clothctl_test::allocations();
+    if (step % 97 == 96) {
+      Index count = 0;
+      for (Index k = 0; k < n; k += 3) wanted[static_cast<std::size_t>(count++)] = (7 * k) % n;
+      curvature.renew(wanted, count);
+    } else if (curvature.place(i) >= 0) {
+      curvature.remove(curvature.place(i));
+    } else {
+      curvature.append(i);
+    }
+    p.setZero();
+    curvature.newton(q, p);
+    inside += clothctl_test::allocations() - start;
+    for (Index k = 0; k < curvature.size(); ++k) REQUIRE(curvature.place(curvature.order(k)) == k);
+    const VectorX<double> back = H * p + q;  // zero on the free set
+    for (Index k = 0; k < curvature.size(); ++k) worst = std::max(worst, std::abs(back[curvature.order(k)]));
+  }
+  CHECK(worst < 1e-10);
+  VectorX<double> product = q;
+  curvature.add_product(x, product);
+  CHECK((product - q - H * x).norm() < 1e-12 * (H * x).norm());
+  if (clothctl_test::allocation_counting_works()) CHECK(inside == 0);
+}
+
+TEST_CASE("a walk whose unknowns stop one by one has the slope, curvature and gradient of the dense matrix", "[qp][low_rank]") {
+  const Index n = 20, r = 4;
+  const FactoredHessian<double> given(n, r, 8);
+  const MatrixX<double> H = given.dense();
+  detail::LowRankCurvature<double> curvature;
+  curvature.reserve(n, r);
+  given.fill(curvature);
+  VectorX<double> p = VectorX<double>::Random(n), x = VectorX<double>::Zero(n), q = VectorX<double>::Random(n);
+  const VectorX<double> start = q;
+  std::vector<Index> moving;
+  for (Index i = 0; i < n; ++i) moving.push_back(i);
+  curvature.start_walk(moving, n, p, q);
+  for (Index stop = 0; stop < n; ++stop) {
+    double slope = 0, bend = 0, size = 0;
+    curvature.line(moving, n, p, q, slope, bend, size);
+    const VectorX<double> here = start + H * x;
+    CHECK(slope == Approx(here.dot(p)).margin(1e-11));
+    CHECK(bend == Approx(p.dot(H * p)).margin(1e-11));
+    x += 0.3 * p;
+    curvature.advance(0.3, q);
+    curvature.stop(stop, p, q);
+    p[stop] = 0;
+  }
+  curvature.end_walk(moving, n, p, q);
+  CHECK((q - start - H * x).norm() < 1e-11 * (H * x).norm());
+}
