@@ -81,7 +81,7 @@ struct clothctl::plant_traits<my_engine::Cloth> {
   static StepReport<double> advance(Cloth& cloth, double dt) {
     const Cloth before = cloth;
     cloth.frame(static_cast<float>(dt));
-    const bool good = all_finite(positions(cloth));
+    const bool good = all_finite(positions(cloth)) && all_finite(velocities(cloth));
     if (!good) cloth = before;
     return {good ? StepStatus::Converged : StepStatus::NumericalFailure, good, 0.0, 1};
   }
@@ -148,7 +148,7 @@ int main() {
   const int frames = 200;
   for (int frame = 0; frame < frames; ++frame) {
     const double t = 0.02 * frame;
-    if (planner.plan(Traits::positions(cloth), Traits::velocities(cloth), t, target, plan) != PlanStatus::Planned) return 1;
+    if (!can_apply(planner.plan(Traits::positions(cloth), Traits::velocities(cloth), t, target, plan))) return 1;
     Traits::apply(cloth, plan.input);
     if (!Traits::advance(cloth, 0.02).advanced) return 1;
     const Points<double> x = Traits::positions(cloth);

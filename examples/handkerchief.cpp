@@ -3,6 +3,7 @@
 //
 //   handkerchief --task async --out out          then open out/player.html
 
+#include <algorithm>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
@@ -42,7 +43,7 @@ clothctl::Material<double> read_material(const std::string& name) {
     if (!value.is_number()) refuse(name + ": " + key + " is " + value.dump() + ", expected a number");
     *quantity = value.get<double>();
   }
-  if (std::string problem = material.check(); !problem.empty()) refuse(name + ": " + problem);
+  if (std::string problem = material.check(); !problem.empty()) refuse(problem);
   return material;
 }
 
@@ -115,6 +116,10 @@ int main(int argc, char** argv) {
   scene.settings = planner_settings(o, 9.81 * scene.body.network.mass.sum());
   if (std::string problem = clothctl::check_features<double>(scene.setup.features, grid.positions.cols()); !problem.empty())
     refuse("--features: " + problem);
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (std::count(corners.begin(), corners.begin() + static_cast<std::ptrdiff_t>(i), corners[i]) > 0)
+      refuse("--features: vertex " + std::to_string(corners[i]) + " occurs twice");
+  }
   if (std::string problem = clothctl::check_grips(scene.setup.grips, grid.positions.cols()); !problem.empty()) refuse(problem);
   if (std::string problem = scene.settings.check(); !problem.empty()) refuse(problem);
 
@@ -152,6 +157,10 @@ int main(int argc, char** argv) {
       scene.task.curves[i].translate(state.positions.col(corners[i]) - scene.task.curves[i].position(0));
     }
     scene.title = "Handkerchief: " + std::filesystem::path(o.targets).stem().string();
+    for (std::size_t i = 0; i + 1 < corners.size(); ++i) {
+      const double cloth = (grid.positions.col(corners[i]) - grid.positions.col(corners[i + 1])).norm();
+      check_reach(o, scene.task, i, i + 1, cloth);
+    }
   }
   AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
   plant.set_state(state);

@@ -29,7 +29,7 @@ int main() {
   auto planner = Planner<decltype(predictor)>::create(setup, settings, predictor, plant.positions()).value();
   PlanResult<double> plan = planner.make_result();
   for (int frame = 0; frame < 100; ++frame) {
-    if (planner.plan(plant.positions(), plant.velocities(), 0.02 * frame, target, plan) != PlanStatus::Planned) return 1;
+    if (!can_apply(planner.plan(plant.positions(), plant.velocities(), 0.02 * frame, target, plan))) return 1;
     plant.apply(plan.input);
     if (!plant.advance(0.02).advanced) return 1;
   }

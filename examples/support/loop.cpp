@@ -6,6 +6,7 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <nlohmann/json.hpp>
 
 #include "clothctl/cloth/settle.hpp"
@@ -109,6 +110,13 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
            " frames of 0.02 s, must be over the --horizon of " + std::to_string(scene.settings.horizon));
   }
   const std::size_t hands = planner.grips().size();
+  double grip = 0;
+  for (const clothctl::Grip<double>& g : planner.grips()) {
+    for (const clothctl::Finger<double>& f : g.fingers) grip += f.friction * f.limit;
+  }
+  const double weight = 9.81 * scene.body.network.mass.sum();
+  if (o.grip == "force" && grip < weight)
+    std::fprintf(stderr, "warning: friction can carry %.3g N at the --limit, the body weighs %.3g N\n", grip, weight);
   const auto target = [&](Index i, double t) { return scene.task.curves[static_cast<std::size_t>(i)].position(t); };
 
   clothctl::PlayerScene page;
@@ -138,7 +146,6 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
   Points actual(3, features), wanted(3, features), hand(3, static_cast<Index>(hands)), arrow(3, static_cast<Index>(hands)),
       last_hand;
   Summary summary;
-  summary.scored_frames = scored - 1;
   const auto hand_positions = [&](Points& out) {
     std::size_t slot = 0;
     for (std::size_t g = 0; g < hands; ++g) {
@@ -227,11 +234,14 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
     ++summary.frames;
     record(frame + 1);
   }
+  summary.scored_frames = static_cast<Index>(errors.size()) / features;
   double total = 0;
   for (double e : errors) total += e;
-  summary.mean_error_m = total / static_cast<double>(errors.size());
-  summary.p95_error_m = quantile(errors, 0.95);
-  summary.max_error_m = *std::max_element(errors.begin(), errors.end());
+  const double unknown = std::numeric_limits<double>::quiet_NaN();  // "null" in the summary
+  summary.mean_error_m = errors.empty() ? unknown : total / static_cast<double>(errors.size());
+  summary.p95_error_m = errors.empty() ? unknown : quantile(errors, 0.95);
+  summary.max_error_m = errors.empty() ? unknown : *std::max_element(errors.begin(), errors.end());
+  if (summary.frames == frames && summary.mean_error_m > 0.5 * o.size) summary.status = "lost the track";
   summary.frame_ms_median = quantile(frame_ms, 0.5);
   summary.frame_ms_p99 = quantile(frame_ms, 0.99);
   summary.plant_ms_median = quantile(plant_ms, 0.5);
@@ -239,7 +249,7 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
   summary.prediction_error_m = quantile(prediction, 0.5);
   summary.qp_iterations_median = quantile(iterations, 0.5);
 
-  const bool done = summary.frames == frames;
+  const bool done = summary.status == "finished";
   const nlohmann::ordered_json json = to_json(summary, scene, o);
   if (!o.out.empty()) {
     std::error_code failure;

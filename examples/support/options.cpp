@@ -23,8 +23,11 @@ CLI::Validator between(double least, double most) {
 }
 
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks, const std::string& task_help) {
-  CLI::Option* targets = app.add_option(
-      "--targets", o.targets, "CSV file with a header t,Lx,Ly,Lz,... ; or LEFT.csv,RIGHT.csv without headers, with --dt");
+  const auto named = [](const std::string& text) { return text.empty() ? std::string("is empty") : std::string(); };
+  CLI::Option* targets =
+      app.add_option("--targets", o.targets,
+                     "CSV file with a header t,Lx,Ly,Lz,... ; or LEFT.csv,RIGHT.csv without headers, with --dt")
+          ->check(named);
   app.add_option("--task", o.task, task_help)->check(CLI::IsMember(tasks))->capture_default_str()->excludes(targets);
   app.add_option("--dt", o.dt, "Time between rows of header-less target files, s")
       ->check(between(1e-4, 1))
@@ -54,12 +57,11 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
       ->check(between(1e-3, 1e4))
       ->capture_default_str();
   app.add_option("--seed", o.seed, "Seed of the random tasks")
-      ->check([](const std::string& text) {
-        return text.find('-') == std::string::npos ? std::string() : "--seed is " + text + ", must not be negative";
-      })
+      ->check(
+          [](const std::string& text) { return text.find('-') == std::string::npos ? std::string() : text + " is negative"; })
       ->capture_default_str();
   app.add_flag("--json", o.json, "Print the summary as one JSON object on the last line");
-  app.add_option("--out", o.out, "Folder for player.html, trajectory.csv and summary.json (made if missing)");
+  app.add_option("--out", o.out, "Folder for player.html, trajectory.csv and summary.json (made if missing)")->check(named);
 }
 
 void parse(CLI::App& app, Options& o, int argc, char** argv) {

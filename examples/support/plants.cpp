@@ -45,12 +45,16 @@ AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::Planne
   clothctl::ResponseSettings<float> response;
   clothctl::ExactPredictorSettings<double> exact;
   if (!implicit) {
-    response.scale.axial = 0.2f;
-    response.scale.geometric = o.plant == "xpbd" ? 0.04f : 0.003f;
-    exact.measured_force = 1;
+    response = clothctl::ResponseSettings<float>::loose_plant();
+    exact = clothctl::ExactPredictorSettings<double>::loose_plant();
     if (o.profile != "paper") {
-      settings.weights.smooth = 10;
-      settings.weights.anchor = o.plant == "xpbd" ? 10 : 100;
+      const clothctl::PlannerSettings<double> loose = clothctl::PlannerSettings<double>::loose_plant();
+      settings.weights.smooth = loose.weights.smooth;
+      settings.weights.anchor = loose.weights.anchor;
+    }
+    if (o.plant == "pbd") {  // Verlet sheets are softer still
+      response.scale.geometric = 0.003f;
+      if (o.profile != "paper") settings.weights.anchor = 100;
     }
   }
   clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);

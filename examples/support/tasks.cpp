@@ -1,6 +1,7 @@
 #include "support/tasks.hpp"
 
 #include <cmath>
+#include <cstdio>
 #include <random>
 
 #include "clothctl/io/targets.hpp"
@@ -53,6 +54,23 @@ Task read_task(const Options& o) {
     task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, points)));
   task.duration = times[times.size() - 1];
   return task;
+}
+
+void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t b, double cloth) {
+  double furthest = 0, when = 0;
+  for (double t = 0; t <= task.duration; t += 0.02) {
+    const double apart = (task.curves[a].position(t) - task.curves[b].position(t)).norm();
+    if (!(apart <= furthest)) {
+      furthest = apart;
+      when = t;
+    }
+  }
+  if (furthest <= 1.05 * cloth) return;
+  char text[160];
+  std::snprintf(text, sizeof text, ": %s and %s are %.3g m apart at %.2f s; there is %.3g m of cloth between them",
+                task.names[a].c_str(), task.names[b].c_str(), furthest, when, cloth);
+  if (!(furthest <= 10 * cloth)) refuse(o.targets + text);
+  std::fprintf(stderr, "warning: %s%s\n", o.targets.c_str(), text);
 }
 
 Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size, const Vec& left, const Vec& right) {

@@ -85,3 +85,16 @@ TEST_CASE("mass-spring settings: of several bad values the first is named", "[ma
   settings.gravity[2] = std::numeric_limits<double>::quiet_NaN();
   CHECK(settings.check() == "gravity is not finite");
 }
+
+TEST_CASE("settings of a material take its drag, and its air where there is wind", "[mass_spring_settings]") {
+  Material<double> material;
+  material.drag = 0.7;
+  material.air_normal = 1.3;
+  material.air_tangent = 0.2;
+  const MassSpringSettings<double> calm = MassSpringSettings<double>::of(material),
+                                   windy = MassSpringSettings<double>::of(material, true);
+  CHECK((calm.drag == 0.7 && windy.drag == 0.7));
+  CHECK_FALSE(calm.air.enabled());
+  CHECK((windy.air.density == 1.2 && windy.air.normal_coefficient == 1.3 && windy.air.tangent_coefficient == 0.2));
+  CHECK(windy.check().empty());
+}

@@ -146,3 +146,15 @@ TEST_CASE("position-based settings: verlet() is checked like any other", "[posit
   settings.iterations = 0;
   CHECK(settings.check(row_of_four<double>()) == "iterations is 0, must be at least 1");
 }
+
+TEST_CASE("position-based settings of a material take its drag and, in wind, its air", "[position_based_settings]") {
+  Material<double> material;
+  material.drag = 0.7;
+  material.air_normal = 1.3;
+  material.air_tangent = 0.2;
+  const PositionBasedSettings<double> calm = PositionBasedSettings<double>::of(material),
+                                      windy = PositionBasedSettings<double>::of(material, true);
+  CHECK((calm.drag == 0.7 && windy.drag == 0.7));
+  CHECK_FALSE(calm.air.enabled());
+  CHECK((windy.air.density == 1.2 && windy.air.normal_coefficient == 1.3 && windy.air.tangent_coefficient == 0.2));
+}

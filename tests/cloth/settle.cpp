@@ -2,7 +2,9 @@
 
 #include "clothctl/cloth/settle.hpp"
 
+#include <algorithm>
 #include <limits>
+#include <vector>
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/model_plant.hpp"
@@ -22,23 +24,44 @@ ModelPlant<MassSpring<S>> sheet_with_drag(S drag) {
   return ModelPlant<MassSpring<S>>(MassSpring<S>::create(sheet_network<S>(grid, Material<S>()).value(), settings).value());
 }
 
-// A plant that answers by value, as one that converts from its own numbers does, and counts its frames.
+// A plant that answers by value, as one that converts from its own numbers does, and counts its frames and inputs.
 struct Counting {
   ModelPlant<MassSpring<double>> inner = sheet_with_drag<double>(5.0);
-  int frames = 0;
+  int frames = 0, inputs = 0;
   Index vertex_count() const { return inner.vertex_count(); }
   Points<double> positions() const { return inner.positions(); }
   Points<double> velocities() const { return inner.velocities(); }
-  void apply(const ClothInput<double>& input) { inner.apply(input); }
+  void apply(const ClothInput<double>& input) {
+    ++inputs;
+    inner.apply(input);
+  }
   StepReport<double> advance(double dt) {
     ++frames;
     return inner.advance(dt);
   }
 };
 
+// A plant of three vertices whose second has the scripted speeds.
+struct Scripted {
+  std::vector<double> speeds;
+  std::size_t frames = 0;
+  Index vertex_count() const { return 3; }
+  Points<double> positions() const { return Points<double>::Zero(3, 3); }
+  Points<double> velocities() const {
+    Points<double> v = Points<double>::Zero(3, 3);
+    v(1, 1) = speeds[std::min(frames, speeds.size()) - 1];
+    return v;
+  }
+  void apply(const ClothInput<double>&) {}
+  StepReport<double> advance(double) {
+    ++frames;
+    return {StepStatus::Converged, true, 0.0, 1};
+  }
+};
+
 }  // namespace
 
-TEMPLATE_TEST_CASE("a settled sheet hangs from what is held, its weight in the holding forces", "[settle]", float, double) {
+TEMPLATE_TEST_CASE("a settled sheet hangs from what is held and stays", "[settle]", float, double) {
   using S = TestType;
   ModelPlant<MassSpring<S>> plant = sheet_with_drag<S>(S(5));
   const Points<S> start = plant.positions();
@@ -66,18 +89,38 @@ TEST_CASE("settling ends when time is up or ten frames were slow", "[settle]") {
   CHECK(some.frames == before + 10);
 }
 
+TEST_CASE("only ten slow frames in a row end it, and a velocity that is not finite fails", "[settle]") {
+  Scripted plant{{0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0}};
+  CHECK(settle(plant, {0}, 0.02, 10.0, 0.5).advanced);
+  CHECK(plant.frames == 20);
+  Scripted brief{{1}};
+  CHECK(settle(brief, {0}, 0.02, 0.001).advanced);
+  CHECK(brief.frames == 1);  // a frame at least
+  Scripted exact{{1}};
+  CHECK(settle(exact, {0}, 0.001, 60.0).advanced);
+  CHECK(exact.frames == 60000);
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+    Scripted broken{{0, 0, bad}};
+    const SettleReport<double> report = settle(broken, {0}, 0.02, 10.0, 0.5);
+    CHECK_FALSE(report.advanced);
+    CHECK(report.status == StepStatus::NumericalFailure);
+    CHECK(broken.frames == 3);
+  }
+}
+
 TEST_CASE("what cannot be settled is refused and nothing moves", "[settle]") {
   const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   Counting plant;
   const auto refused = [&](const std::vector<int>& held, double dt, double seconds, double rest_speed) {
     const SettleReport<double> report = settle(plant, held, dt, seconds, rest_speed);
-    return !report.advanced && report.status == StepStatus::InvalidInput && plant.frames == 0;
+    return !report.advanced && report.status == StepStatus::InvalidInput && plant.frames == 0 && plant.inputs == 0;
   };
   for (const double bad : {nan, inf, -inf, 0.0, -0.02}) {
     CHECK(refused({20}, bad, 1.0, 0.0));
     CHECK(refused({20}, 0.02, bad, 0.0));
     if (!(bad == 0.0)) CHECK(refused({20}, 0.02, 1.0, bad));
   }
+  CHECK(refused({20}, 1e-9, 1e9, 0.0));  // more frames than anyone waits for
   CHECK(refused({25}, 0.02, 1.0, 0.0));
   CHECK(refused({-1}, 0.02, 1.0, 0.0));
   // The plant's own refusal is passed on: a vertex driven twice.

@@ -48,6 +48,9 @@ struct Window {
     anchors.assign(2, HandAnchor<double>{{0.3, 0.7}, V(0.1, -0.2, 0.5), 0.0});
   }
 
+  /// When the window starts, s.
+  static constexpr double start = 0.37;
+
   static V target(Index feature, double t) { return {std::sin(3 * t + double(feature)), t, 0.2 * t * t}; }
 
   /// The outputs when the plan changes by `change` (inputs × K), 3·outputs × K.
@@ -68,7 +71,8 @@ struct Window {
     double sum = 0;
     const auto point = [&](Index output, Index k) { return V(y.block<3, 1>(3 * output, k)); };
     for (Index k = 0; k < kHorizon; ++k) {
-      for (Index i = 0; i < kFeatures; ++i) sum += w.feature * (point(i, k) - target(i, double(k + 1) * h)).squaredNorm();
+      for (Index i = 0; i < kFeatures; ++i)
+        sum += w.feature * (point(i, k) - target(i, start + double(k + 1) * h)).squaredNorm();
     }
     for (Index g = 0; g < 2; ++g) {
       // Centroids from three frames before the window to its end.
@@ -87,7 +91,7 @@ struct Window {
       planned[2] = c[2];
       for (Index k = 0; k < kHorizon; ++k) {
         const std::size_t n = std::size_t(3 + k);
-        const double t = double(k + 1) * h;
+        const double t = start + double(k + 1) * h;
         const V hand = 0.3 * target(0, t) + 0.7 * target(1, t) + V(0.1, -0.2, 0.5);
         const V v = (c[n] - c[n - 1]) / h, before = (c[n - 1] - c[n - 2]) / h, earlier = (c[n - 2] - c[n - 3]) / h;
         sum += w.anchor * (c[n] - hand).squaredNorm() + w.smooth * (v - before).squaredNorm() +
@@ -129,7 +133,7 @@ TEST_CASE("the stacked rows are the cost of the settings", "[mpc][window_cost]")
   WindowCost<double> cost;
   cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
   const long before = clothctl_test::allocations();
-  const bool sampled = cost.sample(window.settings, 0.0, Window::target);
+  const bool sampled = cost.sample(window.settings, Window::start, Window::target);
   const TermStack<double>& stack =
       cost.stack(window.response, window.basis, window.patches, window.settings, 0.9, window.motion);
   const long made = clothctl_test::allocations() - before;
@@ -151,7 +155,7 @@ TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_
     window.settings.weights = weights;
     WindowCost<double> cost;
     cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
-    REQUIRE(cost.sample(window.settings, 0.0, Window::target));
+    REQUIRE(cost.sample(window.settings, Window::start, Window::target));
     const TermStack<double>& stack =
         cost.stack(window.response, window.basis, window.patches, window.settings, step_weight, window.motion);
     CHECK(stack.rows() == rows);
@@ -172,6 +176,18 @@ TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_
   check(w, 0.0, 18);
   (w = zero).patch = 2.0;
   check(w, 0.0, 2 * 3 * window.patches[0].modes.non_affine_count());
+  // Rows of a hard patch are no cost, and a commanded pose keeps its patch by itself.
+  window.settings.patch = PatchMode::Hard;
+  const auto rows = [&] {
+    WindowCost<double> cost;
+    cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+    return cost.stack(window.response, window.basis, window.patches, window.settings, 0.0, window.motion).rows();
+  };
+  CHECK(rows() == 0);
+  window.settings.patch = PatchMode::Soft;
+  CHECK(rows() > 0);
+  window.settings.input = GripInput::Pose;
+  CHECK(rows() == 0);
 }
 
 TEST_CASE("a target that is not finite is told, whoever follows it", "[mpc][window_cost]") {

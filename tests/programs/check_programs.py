@@ -97,11 +97,228 @@ def check_runs(programs, folder):
         for grip in ("force", "position"):
             code, text, _ = run(programs / "rope_ball", "--plant", plant, "--grip", grip, "--json")
             check(code == 0 and json.loads(text)["mean_error_m"] < 0.01, f"rope_ball {plant} {grip}: exit {code}: {text}")
+    for name, material in (("light", '{"area_density": 1e-12}'), ("stiff", '{"bending": 1e6}')):
+        path = folder / f"{name}.json"
+        path.write_text(material)
+        code, text, errors = run(hand, *small, "--material", path, "--targets", curve)
+        check(code in (0, 1, 2) and (code == 2 or json.loads(text.strip().split("\n")[-1])["status"]), f"{name} sheet: exit {code}: {errors}")
+    code, text, errors = run(hand, *small, "--limit", 0.001, "--plant", "one-solve")
+    check(code == 1 and "warning" in errors and json.loads(text)["status"] != "finished" and
+          json.loads(text)["scored_frames"] <= json.loads(text)["frames"], f"no grip: exit {code}: {text} {errors}")
     code, text, _ = run(programs / "quickstart")
     check(code == 0 and text.strip(), f"quickstart: exit {code}")
     code, text, _ = run(programs / "foreign_plant")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"foreign_plant: exit {code}: {text}")
+
+
+TINY_QPT = """qpt 1
+name tiny
+n 2
+m 1
+r 0.5
+H 2
+0 0 2
+1 1 2
+g 2
+0 -2
+1 -5
+A 2
+0 0 1
+0 1 2
+rows 1
+-inf 6
+cols 2
+0 inf
+0 1.5
+status optimal
+objective -5.75
+end
+"""  # x = (1, 1.5), f = 1 - 2 + 2.25 - 7.5 + 0.5
+
+TINY_QPS = """NAME tiny
+ROWS
+ N cost
+ L row
+COLUMNS
+ x cost -2 row 1
+ y cost -5 row 2
+RHS
+ rhs cost -0.5 row 6
+BOUNDS
+ UP bnd y 1.5
+QUADOBJ
+ x x 2
+ y y 2
+ENDATA
+"""
+
+SEQUENCE = """qpt 1
+name moves
+n 3
+m 0
+H 3
+0 0 1
+1 1 1
+2 2 1
+cols 3
+0 1
+0 1
+0 1
+frames 3
+shift 1
+frame 0
+g 3
+0 1
+1 -0.5
+2 -3
+status optimal
+objective -2.625
+frame 1
+g 3
+0 -0.5
+1 -3
+2 -3
+status optimal
+objective -5.125
+frame 2
+cols 3
+2 1
+0 1
+0 1
+status infeasible
+end
+"""
+
+QP_KEYS = ["status", "objective", "kkt_stationarity", "kkt_feasibility", "kkt_complementarity", "iterations", "seconds"]
+
+
+def check_tiny_solution(path, name):
+    """The optimality conditions of TINY_QPT, from the numbers in the file alone."""
+    lines = path.read_text().split("\n")
+    values = {k: list(map(float, lines[i + 1].split())) for i, line in enumerate(lines) for k in "xyz" if line.startswith(k + " ")}
+    check("status optimal" in lines and lines[-2:] == ["end", ""], f"{name}: {lines}")
+    (x0, x1), (y,), (z0, z1) = values["x"], values["y"], values["z"]
+    check(abs(x0 - 1) + abs(x1 - 1.5) < 1e-8, f"{name}: x is {values['x']}")
+    check(abs(2 * x0 - 2 - y - z0) + abs(2 * x1 - 5 - 2 * y - z1) < 1e-8, f"{name}: not stationary: {values}")
+    check(y <= 1e-9 and z1 < -1.9 and abs(z0) < 1e-8, f"{name}: multipliers {values}")
+
+
+def check_qp_runs(programs, folder):
+    solve = programs / "qp_solve"
+    for file, text in (("tiny.qpt", TINY_QPT), ("tiny.qps", TINY_QPS), ("tiny.txt", TINY_QPT), ("tiny.dat", TINY_QPS)):
+        path, solution, out = folder / file, folder / (file + ".solution"), folder / (file + ".csv")
+        path.write_text(text)
+        code, shown, errors = run(solve, path, "--json", "--solution", solution, "--out", out)
+        check(code == 0 and not errors, f"qp_solve {file}: exit {code}, stderr {errors!r}")
+        if code != 0:
+            continue
+        figures = json.loads(shown)
+        check(all(k in figures for k in QP_KEYS), f"qp_solve {file}: keys {list(figures)}")
+        check(figures["status"] == "solved" and abs(figures["objective"] + 5.75) < 1e-9, f"qp_solve {file}: {figures}")
+        check(max(figures[k] for k in figures if k.startswith("kkt_")) < 1e-8, f"qp_solve {file}: residuals {figures}")
+        check_tiny_solution(solution, f"qp_solve {file} --solution")
+        check(out.read_text().count("\n") == 2, f"qp_solve {file} --out: {out.read_text()!r}")
+        code, shown, _ = run(solve, path)
+        words = dict(line.split(None, 1) for line in shown.strip().split("\n"))
+        check(code == 0 and words["status"] == "solved" and all(k in words for k in QP_KEYS), f"qp_solve {file}: {shown!r}")
+
+    def file(name, text):
+        path = folder / name
+        path.write_text(text)
+        return path
+
+    biggest = TINY_QPS.replace("ROWS", "OBJSENSE MAX\nROWS", 1).replace("cost -2", "cost 2").replace("cost -5", "cost 5")
+    biggest = biggest.replace("rhs cost -0.5", "rhs cost 0.5").replace(" 2\n y y 2", " -2\n y y -2")
+    code, shown, _ = run(solve, file("max.qps", biggest), "--json")
+    check(code == 0 and abs(json.loads(shown)["objective"] - 5.75) < 1e-9, f"qp_solve OBJSENSE MAX: exit {code}: {shown}")
+
+    # A wrong expectation is told by the exit code.
+    code, shown, _ = run(solve, file("wrong.qpt", TINY_QPT.replace("-5.75", "-5.76")), "--json")
+    check(code == 1 and json.loads(shown)["right"] is False, f"qp_solve, wrong objective: exit {code}: {shown}")
+    code, shown, _ = run(solve, file("wrong.qpt", TINY_QPT.replace("optimal", "infeasible")), "--json")
+    check(code == 1 and json.loads(shown)["status"] == "solved", f"qp_solve, wrong status: exit {code}: {shown}")
+
+    # x0 + 2 x1 >= 6 within x0 <= 1, x1 <= 1.5 is contradictory; with row and bounds away nothing stops x1.
+    contradiction = TINY_QPT.replace("-inf 6", "6 inf").replace("0 inf", "0 1").replace("optimal\nobjective -5.75", "infeasible")
+    solution = folder / "proof.txt"
+    code, shown, _ = run(solve, file("infeasible.qpt", contradiction), "--json", "--solution", solution)
+    figures = json.loads(shown)
+    check(code == 0 and figures["status"] == "primal_infeasible", f"qp_solve, infeasible: exit {code}: {shown}")
+    check(figures["objective"] is None and figures["proof_residual"] < 1e-12 and figures["proof_value"] < 0,
+          f"qp_solve, infeasible: {figures}")
+    check("status infeasible" in solution.read_text() and "farkas_y 1" in solution.read_text(), "qp_solve: no Farkas pair")
+    crossed = contradiction.replace("0 1\n0 1.5", "0 1\n2 1.5")
+    code, shown, _ = run(solve, file("crossed.qpt", crossed), "--json")
+    check(code == 0 and json.loads(shown)["status"] == "primal_infeasible" and "unknown 1" in json.loads(shown)["note"],
+          f"qp_solve, crossed bounds: exit {code}: {shown}")
+    falling = TINY_QPT.replace("H 2\n0 0 2\n1 1 2", "H 1\n1 1 2").replace("-inf 6", "-6 inf")
+    falling = falling.replace("optimal\nobjective -5.75", "unbounded")
+    code, shown, _ = run(solve, file("unbounded.qpt", falling), "--json", "--solution", solution)
+    check(code == 0 and json.loads(shown)["status"] == "dual_infeasible", f"qp_solve, unbounded: exit {code}: {shown}")
+    check("status unbounded" in solution.read_text() and "ray 2" in solution.read_text(), "qp_solve: no ray")
+    code, shown, _ = run(solve, file("concave.qpt", TINY_QPT.replace("1 1 2", "1 1 -2")), "--json")
+    check(code == 1 and json.loads(shown)["status"] == "non_convex" and "H(1,1) is -2" in json.loads(shown)["note"],
+          f"qp_solve, concave: exit {code}: {shown}")
+
+    # A budget that runs out: the best iterate, within its bounds, and its residuals.
+    chain = "".join(f"{i} {i} 2\n" + (f"{i} {i + 1} -0.99\n" if i < 199 else "") for i in range(200))
+    pulls = "".join(f"{i} {math.sin(0.3 * i * i):.6f}\n" for i in range(200))
+    long = file("long.qpt", f"qpt 1 n 200 H 399 {chain} g 200 {pulls} cols 200 {'-0.2 0.2 ' * 200} end")
+    for option, value, status in (("--max-iterations", 1, "iteration_limit"), ("--time-limit", 1e-6, "time_limit")):
+        code, shown, errors = run(solve, long, "--json", option, value, "--solution", solution)
+        figures = json.loads(shown)
+        check(code == 1 and not errors and figures["status"] == status and figures["right"] is False,
+              f"qp_solve {option} {value}: exit {code}: {shown}")
+        check(figures["kkt_feasibility"] == 0 and figures["objective"] is not None, f"qp_solve {option} {value}: {shown}")
+        check(f"status {status}\n" in solution.read_text(), f"qp_solve {option} {value} --solution")
+    check(run(solve, long, "--json", "--time-limit", 60)[0] == 0, "qp_solve --time-limit 60")
+
+    moves, out = file("moves.qpt", SEQUENCE), folder / "frames.csv"
+    code, shown, errors = run(solve, moves, "--json", "--out", out, "--solution", solution)
+    check(code == 0 and not errors, f"qp_solve, sequence: exit {code}: {shown} {errors}")
+    if code == 0:
+        figures = json.loads(shown)
+        check(figures["frames"] == 3 and figures["cold_right"] == 3 and figures["warm_right"] == 3, f"qp_solve, sequence: {figures}")
+        for key in ("cold_median_ms", "cold_p99_ms", "warm_median_ms", "warm_p99_ms"):
+            check(figures[key] > 0, f"qp_solve, sequence: {key} is {figures[key]}")
+        rows = [line.split(",") for line in out.read_text().strip().split("\n")]
+        check(rows[0][:5] == ["frame", "objective", "status", "iterations", "ms"] and len({len(r) for r in rows}) == 1,
+              f"qp_solve, sequence --out: {rows}")
+        check([r[2] for r in rows[1:]] == ["solved", "solved", "primal_infeasible"], f"qp_solve, sequence --out: {rows}")
+        check([round(float(r[1]), 9) for r in rows[1:3]] == [-2.625, -5.125], f"qp_solve, sequence --out: {rows}")
+        check(solution.read_text().count("\nframe ") == 3, "qp_solve, sequence --solution")
+    code, shown, _ = run(solve, file("moves.qpt", SEQUENCE.replace("-5.125", "-5")), "--json")
+    figures = json.loads(shown)
+    check(code == 1 and figures["frames_right"] == 2 and "frame 1" in figures["note"], f"qp_solve, sequence: exit {code}: {shown}")
+
+    code, text, errors = run(programs / "qp_in_your_loop")
+    words = re.search(r"error after 5 s: ([0-9.]+) mm.*: ([0-9]+) warm, ([0-9]+) cold", text)
+    check(code == 0 and not errors and words and float(words[1]) < 50 and int(words[2]) < int(words[3]), f"qp_in_your_loop: {text}")
+
+
+def check_bad_qp(programs, bad, file):
+    solve = programs / "qp_solve"
+    good = file("good.qpt", TINY_QPT)
+    bad("qp_solve without a file", ["FILE"], program=solve)
+    bad("missing program", ["none.qpt"], "none.qpt", program=solve)
+    bad("folder for a program", [str(good.parent)], good.parent, program=solve)
+    bad("empty program", ["empty.qpt:1"], file("empty.qpt", ""), program=solve)
+    bad("bad token", ["token.qpt:8", "2x"], file("token.qpt", TINY_QPT.replace("1 1 2\ng", "1 1 2x\ng")), program=solve)
+    bad("index off the matrix", ["index.qpt:14", "'2'"], file("index.qpt", TINY_QPT.replace("0 1 2\nrows", "0 2 2\nrows")),
+        program=solve)
+    bad("NaN in a program", ["nan.qpt:10", "nan"], file("nan.qpt", TINY_QPT.replace("0 -2", "0 nan")), program=solve)
+    bad("cut program", ["cut.qpt", "cols"], file("cut.qpt", TINY_QPT[:TINY_QPT.index("0 1.5")]), program=solve)
+    bad("huge program", ["huge.qpt:3", "999999999"], file("huge.qpt", TINY_QPT.replace("n 2", "n 999999999")), program=solve)
+    bad("bad QPS row", ["row.qps:6", "raw"], file("row.qps", TINY_QPS.replace("-2 row 1", "-2 raw 1")), program=solve)
+    bad("integer QPS", ["integer.qps:11", "BV"], file("integer.qps", TINY_QPS.replace("UP bnd y 1.5", "BV bnd y")), program=solve)
+    bad("QPS without end", ["end.qps", "ENDATA"], file("end.qps", TINY_QPS.replace("ENDATA", "")), program=solve)
+    bad("neither format", ["page.html:1", "<html>"], file("page.html", "<html>\n"), program=solve)
+    bad("tolerance 0", ["--tolerance", "0"], good, "--tolerance", 0, program=solve)
+    bad("no time", ["--time-limit", "-1"], good, "--time-limit", -1, program=solve)
+    bad("no iterations", ["--max-iterations", "0"], good, "--max-iterations", 0, program=solve)
+    bad("solution in a folder that is missing", ["none/x"], good, "--solution", good.parent / "none/x", program=solve)
+    bad("table in a folder that is missing", ["none/x"], good, "--out", good.parent / "none/x", program=solve)
 
 
 def check_bad_input(programs, folder):
@@ -158,9 +375,15 @@ def check_bad_input(programs, folder):
     bad("unknown task", ["--task", "spiral"], "--task", "spiral")
     bad("patches that meet", ["--patch-size", "9"], "--patch-size", 9)
     bad("spread 0", ["--spread", "0"], "--spread", 0)
+    bad("targets without a name", ["--targets", "empty"], "--targets", "", "--dt", 0.05)
+    bad("a folder without a name", ["--out", "empty"], "--out", "")
+    bad("a feature twice", ["--features", "5"], "--features", "5,5")
+    far = file("far.csv", targets(1, spoil=spoil(4, "0.06,-225,0,-500,225,0,-500")))
+    bad("targets in millimetres", ["far.csv", "apart", "0.5 m"], "--targets", far)
     bad("out in a file", ["dt.csv"], "--cloth", 5, "--horizon", 5, "--targets", file("dt.csv", targets(0.4)), "--out",
         folder / "dt.csv" / "x")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
+    check_bad_qp(programs, bad, file)
     bad("rope without a ball", ["--radius", "-1"], "--radius", -1, program=programs / "rope_ball")
 
 
@@ -168,12 +391,14 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
-    missing = [name for name in ("handkerchief", "rope_ball", "quickstart", "foreign_plant") if not (programs / name).exists()]
+    names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "qp_solve", "qp_in_your_loop")
+    missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
         return 77
     with tempfile.TemporaryDirectory() as folder:
         check_bad_input(programs, pathlib.Path(folder))
+        check_qp_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
     print(f"{len(failures)} failures")
     return 1 if failures else 0

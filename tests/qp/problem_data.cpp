@@ -116,6 +116,16 @@ TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more 
   const VectorX<double> none;
   CHECK_FALSE(data.load(true, none, none, none, none, none, result));
   CHECK(std::string(result.message) == "no Hessian was set");
+  MatrixX<double> spoilt = MatrixX<double>::Identity(2, 2);
+  spoilt(1, 1) = -1.0;
+  REQUIRE(data.judge(spoilt) == QpStatus::NonConvex);
+  CHECK_FALSE(data.load(true, none, none, none, none, none, result));
+  CHECK(result.status == QpStatus::NonConvex);  // why there is none
+  CHECK(std::string(result.message) == "Hessian has a negative diagonal entry");
+  CHECK(result.invalid_index == 3);
+  data.reserve(2, 1);
+  CHECK_FALSE(data.load(true, none, none, none, none, none, result));
+  CHECK(std::string(result.message) == "no Hessian was set");
   Problem<double> p;
   p.data.reserve_rows(7);
   CHECK(p.data.m() == 0);
@@ -127,6 +137,21 @@ TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more 
   REQUIRE(p.data.judge(small) == QpStatus::Solved);
   CHECK(p.data.take(small));
   CHECK(p.data.m() == 0);
+  p.data.reserve(5, 5);
+  CHECK(p.data.n() == 0);
+}
+
+TEST_CASE("loading clears what the last solve left in the result", "[qp]") {
+  Problem<double> p;
+  p.result.iterations = 9;
+  p.result.stationarity = p.result.feasibility = p.result.complementarity = p.result.objective = 4.0;
+  p.result.message = "old";
+  p.result.invalid_index = 2;
+  REQUIRE(p.load());
+  CHECK(p.result.iterations == 0);
+  CHECK((p.result.stationarity == 0.0 && p.result.feasibility == 0.0 && p.result.complementarity == 0.0));
+  CHECK(p.result.objective == 0.0);
+  CHECK(p.refused() == " -1");
 }
 
 TEST_CASE("taking data allocates nothing within the reserve", "[qp]") {

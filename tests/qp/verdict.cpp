@@ -42,11 +42,12 @@ TEMPLATE_TEST_CASE("residuals have the last word on Solved", "[qp]", float, doub
   const auto settled = [](QpStatus claimed, double distance) {
     QpResult<S> result;
     result.status = claimed;
-    KktResiduals<S> r = away<S>(0, distance, 0);
+    KktResiduals<S> r = away<S>(0.2 * distance, distance, 0.4 * distance);
     r.objective = S(7);
-    detail::settle(r, QpSettings<S>(), result);
+    detail::conclude(r, QpSettings<S>(), result);
     CHECK(result.feasibility == r.relative_feasibility);
-    CHECK(result.stationarity == S(0));
+    CHECK(result.stationarity == r.relative_stationarity);
+    CHECK(result.complementarity == r.relative_complementarity);
     CHECK(result.objective == S(7));
     return result.status;
   };
@@ -56,8 +57,10 @@ TEMPLATE_TEST_CASE("residuals have the last word on Solved", "[qp]", float, doub
   CHECK(settled(QpStatus::IterationLimit, 0.5) == QpStatus::SolvedInaccurate);  // the solver does not claim it
   CHECK(settled(QpStatus::IterationLimit, 900) == QpStatus::SolvedInaccurate);
   CHECK(settled(QpStatus::IterationLimit, 1100) == QpStatus::IterationLimit);
+  CHECK(settled(QpStatus::TimeLimit, 900) == QpStatus::SolvedInaccurate);
+  CHECK(settled(QpStatus::TimeLimit, 1100) == QpStatus::TimeLimit);
   for (const QpStatus other : {QpStatus::PrimalInfeasible, QpStatus::DualInfeasible, QpStatus::NonConvex})
-    CHECK(settled(other, 0) == other);
+    CHECK(settled(other, 0.5) == other);
 }
 
 TEMPLATE_TEST_CASE("the best iterate is nearly solved, else least violated", "[qp]", float, double) {
@@ -85,5 +88,10 @@ TEMPLATE_TEST_CASE("the best iterate is nearly solved, else least violated", "[q
   CHECK_FALSE(offer(broken));
   best.forget();
   CHECK_FALSE(best.known());
+  CHECK_FALSE(offer(broken));
+  CHECK_FALSE(best.known());
+  CHECK(offer(away<S>(9e4, 0.1, 0)));
+  CHECK(offer(away<S>(8e4, 0.9, 0)));  // both feasible within the tolerance: the nearer one
+  best.forget();
   CHECK(offer(away<S>(1e6, 1e6, 0)));
 }

@@ -22,6 +22,16 @@ struct ResponseSettings {
   StiffnessScale<Scalar> scale = {};
   /// False leaves bending out of the matrices (it stays in the force): a sparser, faster factor, a slightly worse model.
   bool bending_in_matrix = true;
+
+  /// For plants that carry their weight by elongation rather than tension (substepped position-based cloth): the axial and
+  /// the tension part of the stiffness scaled down. Goes with ExactPredictorSettings::loose_plant and
+  /// PlannerSettings::loose_plant.
+  static ResponseSettings loose_plant() {
+    ResponseSettings s;
+    s.scale.axial = Scalar(0.2);
+    s.scale.geometric = Scalar(0.04);
+    return s;
+  }
 };
 
 /// The linearised one-solve step of a spring network; models StepResponse. Own one for each thread.

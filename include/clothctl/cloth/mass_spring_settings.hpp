@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "clothctl/cloth/air.hpp"
+#include "clothctl/cloth/materials.hpp"
 
 namespace clothctl {
 
@@ -35,6 +36,14 @@ struct MassSpringSettings {
   int max_iterations = 100;
   /// Vertices that never move unless they are driven.
   std::vector<int> pinned = {};
+
+  /// The defaults with the drag of a material and, where there is `wind`, its air coefficients in air of 1.2 kg/m³.
+  static MassSpringSettings of(const Material<Scalar>& material, bool wind = false) {
+    MassSpringSettings s;
+    s.drag = material.drag;
+    if (wind) s.air = {Scalar(1.2), material.air_normal, material.air_tangent};
+    return s;
+  }
 
   /// Returns an empty string, or a line that names the first bad setting.
   std::string check() const {

@@ -35,7 +35,8 @@ struct Material {
   Scalar bending = Scalar(2e-5);
   /// Axial damping time β, s: every spring has a damper d = β k.
   Scalar damping_time = Scalar(0.002);
-  /// Drag α proportional to mass, 1/s: force -α m v.
+  /// Drag α proportional to mass, 1/s: force -α m v. Drag, friction and air are not part of a spring network: see
+  /// MassSpringSettings::of, PositionBasedSettings::of and make_pinch.
   Scalar drag = Scalar(0.5);
   /// Coefficient of friction μ between cloth and finger.
   Scalar friction = Scalar(0.5);

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "clothctl/cloth/air.hpp"
+#include "clothctl/cloth/materials.hpp"
 #include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/core/types.hpp"
 
@@ -52,6 +53,14 @@ struct PositionBasedSettings {
     settings.substeps = 1;
     settings.iterations = 15;
     return settings;
+  }
+
+  /// The defaults with the drag of a material and, where there is `wind`, its air coefficients in air of 1.2 kg/m³.
+  static PositionBasedSettings of(const Material<Scalar>& material, bool wind = false) {
+    PositionBasedSettings s;
+    s.drag = material.drag;
+    if (wind) s.air = {Scalar(1.2), material.air_normal, material.air_tangent};
+    return s;
   }
 
   /// Checks the values for a network. Returns an empty string, or a line that names the first bad one.

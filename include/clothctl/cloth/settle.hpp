@@ -22,11 +22,13 @@ struct SettleReport {
 };
 
 /// Holds the vertices `held` of `plant` where they are and lets the others swing out, in frames of `dt` (s), until for ten
-/// frames none was faster than `rest_speed` (m/s) or `seconds` have gone by. Give the plant firm drag for the time (about 3/s
-/// for a sheet of half a metre): without, it swings forever. Afterwards the plant still holds `held`. Allocates.
+/// frames in a row none was faster than `rest_speed` (m/s; 0: never), or for the whole frames nearest to `seconds`, at least
+/// one. Give the plant firm drag for the time (about 3/s for a sheet of half a metre): its own damping takes much longer.
+/// Afterwards the plant still holds `held`. Allocates.
 ///
-/// Fails when: `dt` or `seconds` is not positive, `rest_speed` is negative, one is not finite or a vertex is off the mesh
-/// (the plant is then as it was), or the plant's step does.
+/// Fails when: `dt` or `seconds` is not positive, `rest_speed` is negative, one is not finite, they make more than 10⁹ frames
+/// or a vertex is off the mesh (the plant is then as it was); the plant's step does; a velocity is not finite
+/// (NumericalFailure).
 template <class Plant, RealScalar Scalar>
 requires ClothPlant<Plant, Scalar>
 [[nodiscard]] SettleReport<Scalar> settle(Plant& plant, const std::vector<int>& held, Scalar dt, Scalar seconds,
@@ -37,6 +39,10 @@ requires ClothPlant<Plant, Scalar>
   SettleReport<Scalar> report;
   if (!is_finite(dt) || !is_finite(seconds) || !is_finite(rest_speed)) return report;
   if (!(zero < dt) || !(zero < seconds) || rest_speed < zero) return report;
+  using std::floor;
+  Scalar frames = floor(seconds / dt + Scalar(0.5));
+  if (frames < Scalar(1)) frames = Scalar(1);
+  if (!(frames < Scalar(1e9))) return report;
   for (int v : held) {
     if (v < 0 || v >= static_cast<Index>(Traits::vertex_count(plant))) return report;
   }
@@ -47,18 +53,29 @@ requires ClothPlant<Plant, Scalar>
     input.driven_positions.resize(3, static_cast<Index>(held.size()));
     for (std::size_t i = 0; i < held.size(); ++i) input.driven_positions.col(static_cast<Index>(i)) = x.col(held[i]);
   };
-  const auto fastest = [&](const PointsView<Scalar>& v) {
-    return v.cols() == 0 ? zero : Scalar(sqrt(Scalar(v.colwise().squaredNorm().maxCoeff())));
+  const auto fastest = [](const PointsView<Scalar>& v) {  // not maxCoeff, which may pass a NaN over
+    Scalar most = Scalar(0);
+    for (Index i = 0; i < v.cols(); ++i) {
+      const Scalar square = v.col(i).squaredNorm();
+      if (!(square <= most)) most = square;
+      if (!is_finite(square)) break;
+    }
+    return Scalar(sqrt(most));
   };
   take(Traits::positions(plant));
   Traits::apply(plant, input);
-  int slow_frames = 0;
-  for (Scalar time = Scalar(0.5) * dt; time < seconds && slow_frames < 10; time += dt) {
+  Index slow_frames = 0;
+  for (Scalar left = frames; Scalar(0.5) < left && slow_frames < 10; left -= Scalar(1)) {
     const StepReport<Scalar> step = Traits::advance(plant, dt);
     report.status = step.status;
     report.advanced = step.advanced;
     if (!step.advanced) break;
     report.speed = fastest(Traits::velocities(plant));
+    if (!is_finite(report.speed)) {
+      report.status = StepStatus::NumericalFailure;
+      report.advanced = false;
+      break;
+    }
     slow_frames = report.speed < rest_speed ? slow_frames + 1 : 0;
   }
   return report;

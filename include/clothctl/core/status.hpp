@@ -59,6 +59,9 @@ enum class PlanStatus {
   Failed
 };
 
+/// Whether a plan of this status is one to apply: all but InvalidInput and Failed.
+constexpr bool can_apply(PlanStatus status) { return status != PlanStatus::InvalidInput && status != PlanStatus::Failed; }
+
 /// Names a step status.
 constexpr std::string_view to_string(StepStatus status) {
   switch (status) {

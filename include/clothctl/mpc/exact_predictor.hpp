@@ -38,6 +38,9 @@ struct ExactPredictorSettings {
   /// vertices whose input is not known keep the model's force. For plants whose elongation is not tension.
   Scalar measured_force = Scalar(0);
 
+  /// For plants whose elongation is not tension: the measured net force.
+  static ExactPredictorSettings loose_plant() { return {Scalar(1)}; }
+
   /// Returns an empty string, or a line that names the bad setting and its value.
   std::string check() const {
     if (!is_finite(measured_force) || measured_force < Scalar(0) || Scalar(1) < measured_force)

@@ -18,6 +18,7 @@
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
 #include "clothctl/mpc/window.hpp"
+#include "clothctl/qp/problem.hpp"
 
 namespace clothctl {
 
@@ -94,9 +95,19 @@ struct PlannerSettings {
   /// Furthest that the planned velocities of the held vertices change between frames, m/s; 0 means any. Plans of poses are
   /// scaled back to it; plans of forces are made again with up to 4⁴ times the `step` weight (at least 1e-4 s²/m²).
   Scalar max_change = Scalar(0);
+  /// Tolerances and budget of a frame's QPs, for solvers that are made from QpSettings: 300 rounds each, more than a plan that
+  /// goes well takes. A QP that runs out makes the plan Suboptimal.
+  QpSettings<Scalar> qp = default_qp();
   /// The upward force that the grips share at rest, N: (0, 0, 9.81·mass). u_ref of each held vertex is its share. Left at zero,
   /// the effort term pulls the sheet down.
   Vector3<Scalar> supported = Vector3<Scalar>::Zero();
+
+  /// The defaults of `qp`.
+  static QpSettings<Scalar> default_qp() {
+    QpSettings<Scalar> s;
+    s.max_iterations = 300;
+    return s;
+  }
 
   /// The paper's own cost: 40 / 0.01 / 10 with displacements per frame, total force as effort, no anchor.
   /// 10 |Δ(c per frame)|² = 10 h² |Δċ|². Loses the track on sheets that are not the predictor; for comparison.
@@ -156,6 +167,7 @@ struct PlannerSettings {
     if (!all_finite(supported)) return "the supported force is not finite";
     if (input == GripInput::Pose && command != Command::Force)
       return "command is Position with pose input; poses are always sent as positions";
+    if (std::string problem = qp.check(); !problem.empty()) return "qp: " + problem;
     return {};
   }
 };

@@ -34,6 +34,11 @@ class WindowQp {
                const std::vector<HeldPatch<Scalar>>& patches) {
     const Index horizon = settings.horizon, raw = basis.inputs() * horizon;
     unknowns_ = basis.unknowns() * horizon;
+    if constexpr (std::constructible_from<BoxSolver, QpSettings<Scalar>>) box_ = BoxSolver(settings.qp);
+    if constexpr (std::constructible_from<RowSolver, QpSettings<Scalar>>) {
+      rows_ = RowSolver(settings.qp);
+      relaxed_.solver = RowSolver(settings.qp);
+    }
     raw_hessian_.setZero(raw, raw);
     raw_gradient_.setZero(raw);
     hessian_.setZero(unknowns_, unknowns_);

@@ -429,7 +429,7 @@ class ActiveSet {
     const KktResiduals<Scalar> r =
         detail::kkt_from_products<Scalar>(n_work_.head(n_), m_work_.head(m_), p_.head(n_), data_.g().head(n_), rl, ru, lb, ub,
                                           result.x, y_.head(m_), n_size_.head(n_));
-    detail::settle(r, settings_, result);
+    detail::conclude(r, settings_, result);
     if (!infeasible) {
       result.bound_multipliers = n_size_.head(n_);
       result.row_multipliers = y_.head(m_);

@@ -94,7 +94,7 @@ class BoxActiveSet {
     const VectorX<Scalar>& none = result.row_multipliers;
     const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(
         product_.head(n), none, zeros_.head(n), data.g.head(n), none, none, lb, ub, result.x, none, result.bound_multipliers);
-    detail::settle(r, settings_, result);
+    detail::conclude(r, settings_, result);
     if (result.status == QpStatus::DualInfeasible) {
       result.ray = method_.ray().head(n);
     } else {

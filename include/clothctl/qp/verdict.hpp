@@ -26,7 +26,7 @@ Scalar excess(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings)
 /// Writes the residuals of the caller's data into the result, and the status that they allow: Solved, IterationLimit and
 /// TimeLimit follow the excess, other statuses stay.
 template <RealScalar Scalar>
-void settle(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings, QpResult<Scalar>& result) {
+void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings, QpResult<Scalar>& result) {
   result.stationarity = r.relative_stationarity;
   result.feasibility = r.relative_feasibility;
   result.complementarity = r.relative_complementarity;

@@ -1,0 +1,337 @@
+// QPT: every section is read into its place, what is wrong is named, written text reads back, and no text whatever crashes.
+
+#include "clothctl/io/qpt.hpp"
+
+#include <filesystem>
+#include <map>
+#include <random>
+#include <sstream>
+#include <string>
+
+#include "clothctl/io/csv.hpp"
+#include "clothctl/io/qp_problem.hpp"
+#include "clothctl/io/qpt_text.hpp"
+#include "clothctl/io/token_reader.hpp"
+#include "support/catch.hpp"
+#include "support/shared_data.hpp"
+
+using clothctl::Index;
+using clothctl::parse_qpt;
+using clothctl::parse_qpt_solution;
+using clothctl::QpProblem;
+using clothctl::QpSequenceFrame;
+using clothctl::QpSolution;
+using clothctl::Result;
+using Matrix = Eigen::MatrixXd;
+using Vector = Eigen::VectorXd;
+
+namespace {
+
+const std::string kSingle =
+    "qpt 1\nname tiny\nn 3\nm 2\nr -1.5\n"
+    "H 4\n0 0 2\n0 2 -0.5\n1 1 4\n2 2 1\n"
+    "g 2\n0 -3\n2 1e-3\n"
+    "A 3\n0 0 1\n0 1 1\n1 2 -2\n"
+    "rows 2\n-inf 4\n1 1\n"
+    "cols 3\n0 inf\n-inf inf\n-1 2.5\n"
+    "status optimal\nobjective -7.25\nunique 1\n"
+    "x 3\n1 2 -0.5\ny 2\n0 -1\nz 3\n0 0 0.5\nend\n";
+
+const std::string kSequence =
+    "qpt 1\nname moves\nn 2\nm 1\nHdense 2\n2\n1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 1\ncols 2\n0 1\n0 2\n"
+    "frames 3\nshift 1\n"
+    "frame 0\nstatus optimal\nobjective 1\n"
+    "frame 1\ng 1\n0 -1\nrows 1\n-1 2\nstatus infeasible\n"
+    "frame 2\ncols 2\n0 0\n0 0\nobjective -4\nend\n";
+
+std::string refusal(const std::string& text) {
+  const Result<QpProblem> problem = parse_qpt(text, "f.qpt");
+  return problem ? "accepted" : problem.error();
+}
+
+/// kSingle with the first `from` replaced.
+std::string with(const std::string& from, const std::string& to) {
+  std::string text = kSingle;
+  const std::size_t place = text.find(from);
+  REQUIRE(place != std::string::npos);
+  return text.replace(place, from.size(), to);
+}
+
+void check_same(const QpSequenceFrame& a, const QpSequenceFrame& b) {
+  CHECK(a.g == b.g);
+  CHECK(a.rl == b.rl);
+  CHECK(a.ru == b.ru);
+  CHECK(a.lb == b.lb);
+  CHECK(a.ub == b.ub);
+  CHECK(a.reference.status == b.reference.status);
+  CHECK(a.reference.objective == b.reference.objective);
+  CHECK(a.reference.unique == b.reference.unique);
+}
+
+void check_same(const QpProblem& a, const QpProblem& b) {
+  check_same(static_cast<const QpSequenceFrame&>(a), static_cast<const QpSequenceFrame&>(b));
+  CHECK(a.name == b.name);
+  CHECK(a.r == b.r);
+  CHECK(a.H == b.H);
+  CHECK(a.A == b.A);
+  CHECK(a.reference.x == b.reference.x);
+  CHECK(a.reference.ray == b.reference.ray);
+  CHECK(a.reference.farkas_y == b.reference.farkas_y);
+  CHECK(a.shift == b.shift);
+  REQUIRE(a.frames.size() == b.frames.size());
+  for (std::size_t t = 0; t < a.frames.size(); ++t) check_same(a.frames[t], b.frames[t]);
+}
+
+/// Either accepted, or refused with one printable line that starts with the file and a line of it.
+void check_judged(const std::string& text) {
+  const Result<QpProblem> problem = parse_qpt(text, "f.qpt");
+  if (problem) return;
+  const std::string& message = problem.error();
+  INFO(message);
+  REQUIRE(message.rfind("f.qpt:", 0) == 0);
+  const std::size_t colon = message.find(": ");
+  REQUIRE(colon != std::string::npos);
+  const long line = std::stol(message.substr(6, colon - 6));
+  CHECK(line >= 1);
+  CHECK(line <= 1 + static_cast<long>(std::count(text.begin(), text.end(), '\n')));
+  CHECK(message.find('\n') == std::string::npos);
+  CHECK(message.size() < 300);
+}
+
+}  // namespace
+
+TEST_CASE("QPT: every section of a single program is read", "[qpt]") {
+  const Result<QpProblem> p = parse_qpt(kSingle, "f.qpt");
+  REQUIRE(p.has_value());
+  CHECK(p->name == "tiny");
+  CHECK(p->n() == 3);
+  CHECK(p->m() == 2);
+  CHECK(p->r == -1.5);
+  CHECK(p->H == (Matrix(3, 3) << 2, 0, -0.5, 0, 4, 0, -0.5, 0, 1).finished());
+  CHECK(p->g == (Vector(3) << -3, 0, 1e-3).finished());
+  CHECK(p->A == (Matrix(2, 3) << 1, 1, 0, 0, 0, -2).finished());
+  const double infinity = clothctl::scalar_traits<double>::infinity();
+  CHECK(p->rl == Vector((Vector(2) << -infinity, 1).finished()));
+  CHECK(p->ru == (Vector(2) << 4, 1).finished());
+  CHECK(p->lb == (Vector(3) << 0, -infinity, -1).finished());
+  CHECK(p->ub == (Vector(3) << infinity, infinity, 2.5).finished());
+  CHECK(p->reference.status == "optimal");
+  CHECK(p->reference.objective == -7.25);
+  CHECK(p->reference.unique == true);
+  CHECK(p->reference.x == (Vector(3) << 1, 2, -0.5).finished());
+  CHECK(p->reference.y == (Vector(2) << 0, -1).finished());
+  CHECK(p->reference.z == (Vector(3) << 0, 0, 0.5).finished());
+  CHECK(p->frames.empty());
+  CHECK_FALSE(p->maximise);
+  CHECK(clothctl::first_crossed_bound(*p) == -1);
+}
+
+TEST_CASE("QPT: frames take from the base program what they do not give", "[qpt]") {
+  const Result<QpProblem> p = parse_qpt(kSequence, "f.qpt");
+  REQUIRE(p.has_value());
+  CHECK(p->H == (Matrix(2, 2) << 2, 1, 1, 3).finished());
+  CHECK(p->shift == 1);
+  CHECK(p->row_shift() == 0);
+  REQUIRE(p->frames.size() == 3);
+  CHECK(p->frames[0].g == p->g);
+  CHECK(p->frames[0].reference.objective == 1);
+  CHECK(p->frames[1].g == (Vector(2) << -1, 0).finished());
+  CHECK(p->frames[1].rl[0] == -1);
+  CHECK(p->frames[1].ub == p->ub);
+  CHECK(p->frames[1].reference.status == "infeasible");
+  CHECK_FALSE(p->frames[1].reference.objective.has_value());
+  CHECK(p->frames[2].g == p->g);
+  CHECK(p->frames[2].rl == p->rl);
+  CHECK(p->frames[2].ub == Vector::Zero(2));
+  CHECK(p->frames[2].reference.objective == -4);
+}
+
+TEST_CASE("QPT: proofs are read, crossed bounds are told, matrices and rows may be left out", "[qpt]") {
+  const Result<QpProblem> p =
+      parse_qpt("qpt 1 n 2 m 1 A 1 0 0 1 rows 1 3 2 cols 2 0 1 5 inf status infeasible farkas_y 1 -1 farkas_z 2 1 0 end", "f");
+  REQUIRE(p.has_value());
+  CHECK(p->H == Matrix::Zero(2, 2));
+  CHECK(p->reference.farkas_y[0] == -1);
+  CHECK(p->reference.farkas_z == (Vector(2) << 1, 0).finished());
+  CHECK(clothctl::first_crossed_bound(*p) == 2);
+  const Result<QpProblem> q = parse_qpt("qpt 1 n 2 cols 2 0 inf 1 0 status unbounded x 2 0 0 ray 2 1 0 end", "f");
+  REQUIRE(q.has_value());
+  CHECK(q->m() == 0);
+  CHECK(q->A.cols() == 2);
+  CHECK(q->reference.ray == (Vector(2) << 1, 0).finished());
+  CHECK(clothctl::first_crossed_bound(*q) == 1);
+}
+
+TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
+  CHECK(refusal("") == "f.qpt:1: the file ends in section 'the head', without 'end'");
+  CHECK(refusal("NAME x\n") == "f.qpt:1: 'NAME' found, expected qpt");
+  CHECK(refusal("qpt 2\n") == "f.qpt:1: qpt: version 2 is unknown, expected 1");
+  CHECK(refusal(with("g 2", "h 2")) == "f.qpt:11: 'h' is not a section");
+  CHECK(refusal(with("0 2 -0.5", "0 3 -0.5")) == "f.qpt:8: H: column: '3' is not within 0 to 2");
+  CHECK(refusal(with("0 2 -0.5", "-1 2 -0.5")) == "f.qpt:8: H: row: '-1' is not within 0 to 2");
+  CHECK(refusal(with("0 2 -0.5", "2 0 -0.5")) == "f.qpt:8: H(2,0) lies below the diagonal, expected the upper triangle");
+  CHECK(refusal(with("0 2 -0.5", "0 0 -0.5")) == "f.qpt:8: H(0,0) is given twice");
+  CHECK(refusal(with("0 2 -0.5", "0 2 nan")) == "f.qpt:8: H(0,2): 'nan' is not finite");
+  CHECK(refusal(with("0 2 -0.5", "0 2 inf")) == "f.qpt:8: H(0,2): 'inf' is not finite");
+  CHECK(refusal(with("0 2 -0.5", "0 2 1e999")) == "f.qpt:8: H(0,2): '1e999' is out of the range of a double");
+  CHECK(refusal(with("0 2 -0.5", "0 2.5 1")) == "f.qpt:8: H: column: '2.5' is not a whole number");
+  CHECK(refusal(with("H 4", "H 5")) == "f.qpt:11: H: row: 'g' is not a whole number");
+  CHECK(refusal(with("H 4", "H 3")) == "f.qpt:10: '2' is not a section");
+  CHECK(refusal(with("H 4", "H 7")) == "f.qpt:6: H: '7' is not within 0 to 6");
+  CHECK(refusal(with("H 4", "H -1")) == "f.qpt:6: H: '-1' is not within 0 to 6");
+  CHECK(refusal(with("H 4", "H 99999999999999999999")) == "f.qpt:6: H: '99999999999999999999' is not within 0 to 6");
+  CHECK(refusal(with("g 2", "g 4")) == "f.qpt:11: g: '4' is not within 0 to 3");
+  CHECK(refusal(with("2 1e-3", "0 1")) == "f.qpt:13: g(0) is given twice");
+  CHECK(refusal(with("2 1e-3", "2 x")) == "f.qpt:13: g(2): 'x' is not a number");
+  CHECK(refusal(with("rows 2", "rows 3")) == "f.qpt:18: rows: '3' is not 2");
+  CHECK(refusal(with("-inf 4", "inf 4")) == "f.qpt:19: rows: 0: lower bound inf");
+  CHECK(refusal(with("-inf 4", "nan 4")) == "f.qpt:19: rows: 0: 'nan' is not finite");
+  CHECK(refusal(with("-1 2.5", "-1 -1e30")) == "f.qpt:24: cols: 2: upper bound -1e+30");
+  CHECK(refusal(with("optimal", "fine")) == "f.qpt:25: status: 'fine' is not optimal, infeasible or unbounded");
+  CHECK(refusal(with("unique 1", "unique 2")) == "f.qpt:27: unique: '2' is not within 0 to 1");
+  CHECK(refusal(with("x 3", "x 2")) == "f.qpt:28: x: '2' is not 3");
+  CHECK(refusal(with("end", "end 7")) == "f.qpt:34: '7' after 'end'");
+  CHECK(refusal(with("end", "z 3")) == "f.qpt:34: 'z' is given twice");
+  CHECK(refusal(with("end", "")) == "f.qpt:35: the file ends in section 'z', without 'end'");
+  CHECK(refusal(with("n 3", "n 0")) == "f.qpt:3: n: '0' is not within 1 to 20000");
+  CHECK(refusal(with("n 3", "n 2000000000")) == "f.qpt:3: n: '2000000000' is not within 1 to 20000");
+  CHECK(refusal(with("n 3\n", "")) == "f.qpt:5: 'H' comes before 'n'");
+  CHECK(refusal("qpt 1 n 3 cols 3 0 1 0 1 0 1 m 2 end") == "f.qpt:1: 'm' comes after what it sizes");
+  CHECK(refusal("qpt 1\nn 20000\nm 0\nH 0\n").find("f.qpt:4: 20000 unknowns and 0 rows are too many") == 0);
+  CHECK(refusal("qpt 1\nn 1\nend") == "f.qpt:3: 'cols' is missing before 'end'");
+  CHECK(refusal("qpt 1 n 1 m 1 cols 1 0 1 end") == "f.qpt:1: 'rows' is missing before 'end'");
+  CHECK(refusal("qpt 1 n 1 cols 1 0 1 A 1 0 0 1 end") == "f.qpt:1: A: '1' is not 0");
+}
+
+TEST_CASE("QPT: what is wrong in a sequence is named", "[qpt]") {
+  const auto changed = [](const std::string& from, const std::string& to) {
+    std::string text = kSequence;
+    return refusal(text.replace(text.find(from), from.size(), to));
+  };
+  CHECK(changed("frames 3", "frames 4") == "f.qpt:34: expected 4 frames, found 3");
+  CHECK(changed("frames 3", "frames 2") == "f.qpt:29: a frame after the last of 2");
+  CHECK(changed("frames 3", "frames 99999999999") == "f.qpt:18: frames: '99999999999' is not within 1 to 67108864");
+  CHECK(changed("frame 1", "frame 2") == "f.qpt:23: frame: '2' is not 1");
+  CHECK(changed("shift 1", "shift 3") == "f.qpt:19: shift: '3' is not within 0 to 2");
+  CHECK(changed("frames 3\n", "") == "f.qpt:19: 'frame' comes before 'frames'");
+  CHECK(changed("frame 1\ng 1", "frame 1\nH 1") == "f.qpt:24: 'H' does not belong into a frame");
+  CHECK(changed("frame 1\ng 1", "frame 1\nn 1") == "f.qpt:24: 'n' does not belong into a frame");
+  CHECK(changed("frame 0\n", "frame 0\nx 2 0 0\n") == "f.qpt:21: 'x' does not belong into a frame");
+}
+
+TEST_CASE("QPT: frames that would fill the memory are refused", "[qpt]") {
+  std::string text = "qpt 1 n 5000 cols 5000";
+  for (int i = 0; i < 5000; ++i) text += " 0 1";
+  text += " frames 1000000";
+  for (int t = 0; t < 10000; ++t) text += "\nframe " + std::to_string(t);
+  CHECK(refusal(text).find("numbers in frames") != std::string::npos);
+}
+
+TEST_CASE("QPT: written programs, sequences and solutions read back as they were", "[qpt]") {
+  for (const std::string& text : {kSingle, kSequence}) {
+    const Result<QpProblem> first = parse_qpt(text, "f.qpt");
+    REQUIRE(first.has_value());
+    const Result<QpProblem> again = parse_qpt(clothctl::qpt_text(*first), "g.qpt");
+    REQUIRE(again.has_value());
+    check_same(*first, *again);
+  }
+  std::mt19937 engine(3);
+  std::normal_distribution<double> normal;
+  QpSolution solution{"a name\twith blanks", 4, 2, {}, {}};
+  solution.reference.status = "iteration_limit";
+  solution.reference.objective = normal(engine) * 1e-200;
+  for (Vector* v : {&solution.reference.x, &solution.reference.z, &solution.reference.farkas_z, &solution.reference.ray})
+    *v = Vector::NullaryExpr(4, [&] { return normal(engine); });
+  for (Vector* v : {&solution.reference.y, &solution.reference.farkas_y})
+    *v = Vector::NullaryExpr(2, [&] { return 1e9 * normal(engine); });
+  QpSolution moves = solution;
+  moves.reference = {};
+  moves.frames = {solution.reference, {}, solution.reference};
+  for (const QpSolution& s : {solution, moves}) {
+    const Result<QpSolution> again = parse_qpt_solution(clothctl::qpt_solution_text(s), "s.txt");
+    INFO((again ? std::string() : again.error()));
+    REQUIRE(again.has_value());
+    CHECK(again->name == "a_name_with_blanks");
+    CHECK(again->n == 4);
+    CHECK(again->m == 2);
+    REQUIRE(again->frames.size() == s.frames.size());
+    const clothctl::QpReference& a = s.frames.empty() ? s.reference : s.frames[2];
+    const clothctl::QpReference& b = s.frames.empty() ? again->reference : again->frames[2];
+    CHECK(a.status == b.status);
+    CHECK(a.objective == b.objective);
+    CHECK(a.x == b.x);
+    CHECK(a.y == b.y);
+    CHECK(a.z == b.z);
+    CHECK(a.ray == b.ray);
+    CHECK(a.farkas_y == b.farkas_y);
+    CHECK(a.farkas_z == b.farkas_z);
+  }
+  CHECK_FALSE(parse_qpt_solution(kSingle, "s.txt").has_value());
+}
+
+TEST_CASE("QPT: no prefix and no spoilt byte crashes the reader", "[qpt]") {
+  std::mt19937 engine(7);
+  const std::string bytes = std::string("0123456789-+.einfNaH g\n\t\0\xff", 25);
+  for (const std::string& text : {kSingle, kSequence}) {
+    for (std::size_t length = 0; length < text.size() - 1; ++length) {
+      const std::string prefix = text.substr(0, length);
+      check_judged(prefix);
+      if (prefix.find("end") == std::string::npos) CHECK(refusal(prefix) != "accepted");
+    }
+    for (int trial = 0; trial < 20000; ++trial) {
+      std::string spoilt = text;
+      const int changes = 1 + trial % 4;
+      for (int k = 0; k < changes; ++k) {
+        const std::size_t place = engine() % spoilt.size();
+        const char byte = trial % 2 == 0 ? static_cast<char>(engine() & 0xff) : bytes[engine() % bytes.size()];
+        if (trial % 3 == 0) {
+          spoilt.insert(place, 1, byte);
+        } else if (trial % 3 == 1) {
+          spoilt[place] = byte;
+        } else {
+          spoilt.erase(place, 1 + engine() % 5);
+        }
+      }
+      check_judged(spoilt);
+    }
+  }
+}
+
+TEST_CASE("QPT: the reference data have the sizes that their index gives", "[qpt]") {
+  const std::string folder = clothctl_test::shared_path("data/qp");
+  if (folder.empty()) {
+    WARN("no shared data: the reference programs are not read");
+    return;
+  }
+  int read = 0;
+  for (const std::string set : {"maros_meszaros", "synthetic"}) {
+    const Result<std::string> index = clothctl::read_file(folder + "/" + set + "/index.csv");
+    REQUIRE(index.has_value());
+    std::istringstream lines(*index);
+    std::string line;
+    std::getline(lines, line);
+    std::vector<std::string_view> head_cells;
+    const std::string head = line;
+    clothctl::io_detail::split_cells(head, head_cells);
+    while (std::getline(lines, line)) {
+      std::vector<std::string_view> cells;
+      clothctl::io_detail::split_cells(line, cells);
+      REQUIRE(cells.size() == head_cells.size());
+      std::map<std::string_view, std::string> row;
+      for (std::size_t c = 0; c < cells.size(); ++c) row[head_cells[c]] = std::string(cells[c]);
+      const Result<QpProblem> p = clothctl::read_qpt(folder + "/" + set + "/" + row["name"] + ".qpt");
+      INFO(row["name"] << (p ? std::string() : p.error()));
+      REQUIRE(p.has_value());
+      CHECK(p->name == row["name"]);
+      CHECK(p->n() == std::stol(row["n"]));
+      CHECK(p->m() == std::stol(row["m"]));
+      CHECK((p->H.array() != 0).count() == std::stol(row["nnzH"]));
+      CHECK((p->A.array() != 0).count() == std::stol(row["nnzA"]));
+      CHECK(p->H == p->H.transpose());
+      if (set == "synthetic") CHECK(static_cast<long>(p->frames.size()) == std::stol(row["frames"]));
+      if (set == "synthetic" && p->frames.empty()) CHECK(p->reference.status == row["status"]);
+      ++read;
+    }
+  }
+  CHECK(read == 144);
+}
