@@ -17,5 +17,6 @@
 #include "clothctl/qp/proximal_problem.hpp"
 #include "clothctl/qp/row_factor.hpp"
 #include "clothctl/qp/scaling.hpp"
+#include "clothctl/qp/structured_box.hpp"
 #include "clothctl/qp/tiled_cholesky.hpp"
 #include "clothctl/qp/verdict.hpp"

@@ -19,6 +19,7 @@
 #include "clothctl/qp/proof_search.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
 #include "clothctl/qp/scaling.hpp"
+#include "clothctl/qp/structured_box.hpp"
 #include "clothctl/qp/verdict.hpp"
 
 namespace clothctl {
@@ -57,6 +58,7 @@ class ActiveSet {
     n_ = data_.n();
     m_ = data_.m();
     prepared_ = false;
+    structured_.forget();
     return QpStatus::Solved;
   }
 
@@ -72,6 +74,7 @@ class ActiveSet {
     if (data_.take_rows(A)) reset();
     m_ = data_.m();
     prepared_ = false;
+    structured_.forget();
     return QpStatus::Solved;
   }
 
@@ -85,11 +88,16 @@ class ActiveSet {
                                const VectorView& ru, result_type& result) {
     if (!data_.load(good_settings_, g, lb, ub, rl, ru, result)) return result.status;
     const detail::Budget budget(settings_, n_ + m_);
+    if (structured_.ready(data_) && structured_.solve(data_, settings_, budget, lb, ub, rl, ru, result)) {
+      follow(result);
+      return result.status;
+    }
     prepare();
     take_start();
     best_.forget();
     result.status = iterate(budget, result);
     report(lb, ub, rl, ru, result);
+    if (start_ == Start::Warm) structured_.warm_start(result.x);
     return result.status;
   }
 
@@ -100,6 +108,7 @@ class ActiveSet {
     if (start_ == Start::Cold) y_.head(m_).setConstant(Scalar(0));
     x_.head(n_) = x;
     start_ = Start::FromX;
+    structured_.warm_start(x);
     return true;
   }
 
@@ -112,10 +121,14 @@ class ActiveSet {
       state(i) = state(i + unknowns);
     }
     for (Index i = 0; rows > 0 && i + rows < m_; ++i) y_[i] = y_[i + rows];
+    structured_.shift(unknowns);
   }
 
   /// Forgets the active set: the next solve is cold.
-  void reset() { start_ = Start::Cold; }
+  void reset() {
+    start_ = Start::Cold;
+    structured_.reset();
+  }
 
  private:
   using Problem = detail::ProximalProblem<Scalar>;
@@ -130,12 +143,23 @@ class ActiveSet {
     problem_.reserve(n, m);
     proofs_.reserve(n, m);
     best_.reserve(n, m);
+    structured_.reserve(n, m);
     for (VectorX<Scalar>* v : {&D_, &q_, &x_, &old_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
     for (VectorX<Scalar>* v : {&E_, &y_, &old_y_, &delta_, &r2_, &m_work_}) v->setZero(m);
     n_ = data_.n();
     m_ = data_.m();
     prepared_ = false;
     reset();
+  }
+
+  /// Takes over what the structured method found, for solves that it cannot do.
+  void follow(const result_type& result) {
+    for (Index i = 0; i < n_; ++i) {
+      x_[i] = result.x[i];
+      state(i) = !(x_[i] > data_.lo()[i]) ? State::Lower : !(x_[i] < data_.hi()[i]) ? State::Upper : State::Free;
+    }
+    y_.head(m_) = result.row_multipliers;
+    start_ = Start::Warm;
   }
 
   /// Scales H and A afresh after either changed.
@@ -444,6 +468,7 @@ class ActiveSet {
   detail::ProblemData<Scalar> data_;
   detail::ProofSearch<Scalar> proofs_;
   detail::BestIterate<Scalar> best_;
+  detail::StructuredBox<Scalar> structured_;
   VectorX<Scalar> D_, q_, x_, old_x_, p_, n_work_, n_size_;
   VectorX<Scalar> E_, y_, old_y_, delta_, r2_, m_work_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);

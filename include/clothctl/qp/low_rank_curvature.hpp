@@ -34,8 +34,14 @@ bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> 
     const Index below = r - j - 1;
     if (below == 0) break;
     const Scalar inverse = Scalar(1) / c;
-    L.col(j).tail(below) = inverse * (L.col(j).tail(below) + (s * t) * v.tail(below));
-    v.tail(below) = c * v.tail(below) - t * L.col(j).tail(below);
+    const Scalar share = s * t * inverse;
+    Scalar* const column = &L.coeffRef(j + 1, j);
+    Scalar* const rest = &v.coeffRef(j + 1);
+    for (Index i = 0; i < below; ++i) {  // one pass over both
+      const Scalar changed = inverse * column[i] + share * rest[i];
+      rest[i] = c * rest[i] - t * changed;
+      column[i] = changed;
+    }
   }
   return true;
 }
