@@ -1,0 +1,116 @@
+#pragma once
+
+// What every solver of the comparison is seen through. An adapter turns this into its solver's own calls; conversions of
+// storage (row-major copies, sparse matrices, rows split by kind) happen in `prepare` and are not timed.
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "clothctl/core/types.hpp"
+
+namespace versus {
+
+using clothctl::Index;
+using Matrix = clothctl::MatrixX<double>;
+using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+using Vector = clothctl::VectorX<double>;
+
+/// What may change from frame to frame: min ½ xᵀHx + gᵀx, rl ≤ Ax ≤ ru, lb ≤ x ≤ ub.
+struct Vectors {
+  Vector g, lb, ub, rl, ru;
+};
+
+/// The matrices, and the vectors of the first solve.
+struct Problem {
+  Matrix H, A;
+  Vectors first;
+  /// Unknown i corresponds to unknown i + shift of the frame before, row i to row i + row_shift.
+  Index shift = 0, row_shift = 0;
+
+  Index n() const { return H.rows(); }
+  Index m() const { return A.rows(); }
+};
+
+/// What a solver says of its answer, in words common to all.
+enum class Verdict {
+  Solved,
+  Inaccurate,   ///< optimal to a loosened tolerance
+  Infeasible,   ///< no feasible point
+  Unbounded,    ///< falls without bound
+  Stopped,      ///< a limit, or numerical trouble
+  Refused,      ///< the data were called invalid
+  Unsupported,  ///< the solver's documented preconditions do not hold (H not positive definite)
+  NotRun
+};
+
+/// A primal-dual triple: Hx + g = Aᵀy + z, multipliers ≥ 0 at a lower bound.
+struct Answer {
+  Vector x, y, z;
+};
+
+/// How a solve may start.
+enum class Start {
+  Single,   ///< the only solve of its problem
+  First,    ///< the first of a sequence
+  Kept,     ///< with what the solve before left behind
+  Shifted,  ///< the same, moved by a frame
+};
+
+/// One solver. Made afresh for every cold problem and every pass over a sequence.
+class Solver {
+ public:
+  virtual ~Solver() = default;
+  /// Converts storage; not timed. False when the problem breaks a documented precondition.
+  virtual bool prepare(const Problem& problem) = 0;
+  /// Takes the matrices; timed in cold solves.
+  virtual void setup() = 0;
+  /// Solves; timed.
+  virtual Verdict solve(const Vectors& v, Start start) = 0;
+  /// Hands over the answer in the common sign convention; not timed.
+  virtual void read(Answer& answer) = 0;
+};
+
+/// A solver of the comparison and how to make it.
+struct Entry {
+  std::string name, version;
+  /// How warm frames are started: one line of the sequence tables each.
+  std::vector<Start> warm;
+  /// Makes one that gives up after so many seconds, where it can be told.
+  std::function<std::unique_ptr<Solver>(double)> make;
+};
+
+/// Tells whether H is positive definite with room to spare, as Goldfarb-Idnani solvers ask.
+bool is_positive_definite(const Matrix& H);
+
+/// Bounds with infinities replaced by ±big.
+inline Vector clip(const Vector& bounds, double big) { return bounds.cwiseMax(-big).cwiseMin(big); }
+
+/// Rows by kind, for solvers that take equalities apart; rows without any bound are left out. Kinds stay within a sequence.
+struct RowSplit {
+  std::vector<Index> equal, other;
+  Matrix A_equal, A_other;
+
+  void take(const Problem& p) {
+    equal.clear();
+    other.clear();
+    for (Index i = 0; i < p.m(); ++i) {
+      const double low = p.first.rl[i], high = p.first.ru[i];
+      if (low > -1e20 || high < 1e20) (low == high ? equal : other).push_back(i);
+    }
+    A_equal = p.A(equal, Eigen::all);
+    A_other = p.A(other, Eigen::all);
+  }
+};
+
+Entry clothctl_entry();
+Entry daqp_entry();
+Entry piqp_entry();
+Entry qpoases_entry();
+Entry osqp_entry();
+Entry proxqp_entry();
+Entry qpmad_entry();
+Entry eiquadprog_entry();
+
+}  // namespace versus
