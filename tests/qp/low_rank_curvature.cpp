@@ -20,16 +20,20 @@ TEMPLATE_TEST_CASE("a rank-one change gives the factor of the changed matrix, or
     const MatrixX<S> A = B * B.transpose() + MatrixX<S>::Identity(n, n);
     const VectorX<S> v = VectorX<S>::Random(n);
     MatrixX<S> L = Eigen::LLT<MatrixX<S>>(A).matrixL();
+    VectorX<S> d = L.diagonal().array().square();
+    for (Index j = 0; j < n; ++j) L.col(j) /= S(L(j, j));
+    const auto product = [&] {
+      const MatrixX<S> lower = L.template triangularView<Eigen::UnitLower>();
+      return MatrixX<S>(lower * d.asDiagonal() * lower.transpose());
+    };
     VectorX<S> work = v;
-    REQUIRE(detail::rank_one_change<S>(L, work, 1));
-    MatrixX<S> lower = L.template triangularView<Eigen::Lower>();
-    CHECK((lower * lower.transpose() - A - v * v.transpose()).norm() < tolerance * A.norm());
+    REQUIRE(detail::rank_one_change<S>(L, d, work, S(0.7)));
+    CHECK((product() - A - S(0.7) * v * v.transpose()).norm() < tolerance * A.norm());
     work = v;
-    REQUIRE(detail::rank_one_change<S>(L, work, -1));
-    lower = L.template triangularView<Eigen::Lower>();
-    CHECK((lower * lower.transpose() - A).norm() < S(20) * tolerance * A.norm());
+    REQUIRE(detail::rank_one_change<S>(L, d, work, S(-0.7)));
+    CHECK((product() - A).norm() < S(20) * tolerance * A.norm());
     work = S(100) * v;
-    CHECK_FALSE(detail::rank_one_change<S>(L, work, -1));
+    CHECK_FALSE(detail::rank_one_change<S>(L, d, work, S(-1)));
   }
 }
 

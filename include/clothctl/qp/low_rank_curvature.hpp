@@ -2,10 +2,10 @@
 
 // A Hessian that is diagonal plus low rank, as the box method sees it:
 //
-//   H = D + NᵀN,  D > 0 diagonal, N r×n          S = I + N_F D_F⁻¹ N_Fᵀ = L Lᵀ,  r×r
+//   H = D + NᵀN,  D > 0 diagonal, N r×n          S = I + N_F D_F⁻¹ N_Fᵀ = L diag(d) Lᵀ,  r×r
 //   H_FF⁻¹ = D_F⁻¹ - D_F⁻¹ N_Fᵀ S⁻¹ N_F D_F⁻¹      (Woodbury)
 //
-// An unknown joins or leaves F by a rank-one change of L, O(r²), whatever the size of F; a Newton step is O(r f + r²), a
+// An unknown joins or leaves F by a rank-one change of L and d, O(r²), whatever the size of F; a Newton step is O(r f + r²), a
 // gradient O(r n), and a breakpoint of a walk O(r), for q along it is q + D Δx + NᵀU with U = N Δx.
 
 #include <vector>
@@ -14,33 +14,29 @@
 
 namespace clothctl::detail {
 
-/// L Lᵀ ← L Lᵀ + sign v vᵀ in place for a lower L (r×r), by rotations (sign 1) or hyperbolic ones (sign -1); v is overwritten.
-/// Answers false where the result would not be definite: L is then spoilt. Complexity: O(r²).
+/// L diag(d) Lᵀ ← L diag(d) Lᵀ + weight v vᵀ in place for a unit lower L (r×r); v is overwritten. Answers false where the
+/// result would not be definite: the factor is then spoilt. Complexity: O(r²), one division a column.
+/// Reference: Gill, Golub, Murray, Saunders, Math. Comp. 28 (1974), method C1.
 template <RealScalar Scalar>
-bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> v, int sign) {
-  using std::sqrt;
+bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> d, Eigen::Ref<VectorX<Scalar>> v,
+                     Scalar weight) {
   const Index r = L.rows();
-  const Scalar s = Scalar(sign > 0 ? 1.0 : -1.0);
   for (Index j = 0; j < r; ++j) {
-    const Scalar a = L(j, j);
-    const Scalar b = v[j];
-    if (!(b < Scalar(0)) && !(b > Scalar(0))) continue;
-    const Scalar square = a * a + s * b * b;
-    if (!(square > Scalar(0))) return false;
-    const Scalar d = sqrt(square);
-    const Scalar c = d / a;
-    const Scalar t = b / a;
-    L(j, j) = d;
+    const Scalar p = v[j];
+    const Scalar old = d[j];
+    const Scalar next = old + weight * p * p;
+    if (!(next > Scalar(0))) return false;
+    const Scalar inverse = Scalar(1) / next;
+    const Scalar share = weight * p * inverse;
+    weight *= old * inverse;
+    d[j] = next;
     const Index below = r - j - 1;
     if (below == 0) break;
-    const Scalar inverse = Scalar(1) / c;
-    const Scalar share = s * t * inverse;
     Scalar* const column = &L.coeffRef(j + 1, j);
     Scalar* const rest = &v.coeffRef(j + 1);
-    for (Index i = 0; i < below; ++i) {  // one pass over both
-      const Scalar changed = inverse * column[i] + share * rest[i];
-      rest[i] = c * rest[i] - t * changed;
-      column[i] = changed;
+    for (Index i = 0; i < below; ++i) {
+      rest[i] -= p * column[i];
+      column[i] += share * rest[i];
     }
   }
   return true;
@@ -60,8 +56,8 @@ class LowRankCurvature {
   void reserve(Index n, Index r) {
     N_.setZero(r, n);
     L_.setZero(r, r);
-    for (Vector* v : {&D_, &inverse_, &column_}) v->setZero(n);
-    for (Vector* v : {&work_, &v_, &U_, &pivots_}) v->setZero(r);
+    for (Vector* v : {&D_, &inverse_}) v->setZero(n);
+    for (Vector* v : {&work_, &v_, &U_, &d_}) v->setZero(r);
     order_.assign(static_cast<std::size_t>(n), 0);
     place_.assign(static_cast<std::size_t>(n), -1);
     n_ = r_ = size_ = 0;
@@ -97,6 +93,7 @@ class LowRankCurvature {
     size_ = 0;
     updates_ = 0;
     L_.topLeftCorner(r_, r_).setIdentity();
+    d_.head(r_).setConstant(Scalar(1));
   }
   /// Whether so many changes are cheaper than a new factor of `kept` unknowns.
   bool few(Index changes, Index kept) const { return updates_ + changes <= kMostUpdates && kUpdateCost * changes <= kept + r_; }
@@ -146,8 +143,9 @@ class LowRankCurvature {
       work_.head(r_) += p[i] * column(i);
     }
     Eigen::Ref<Vector> s = work_.head(r_);
-    L_.topLeftCorner(r_, r_).template triangularView<Eigen::Lower>().solveInPlace(s);
-    L_.topLeftCorner(r_, r_).transpose().template triangularView<Eigen::Upper>().solveInPlace(s);
+    L_.topLeftCorner(r_, r_).template triangularView<Eigen::UnitLower>().solveInPlace(s);
+    s.array() /= d_.head(r_).array();
+    L_.topLeftCorner(r_, r_).transpose().template triangularView<Eigen::UnitUpper>().solveInPlace(s);
     for (Index k = 0; k < size_; ++k) {
       const Index i = order(k);
       p[i] -= inverse_[i] * column(i).dot(s);
@@ -206,10 +204,10 @@ class LowRankCurvature {
   auto column(Index i) const { return N_.col(i).head(r_); }
 
   void change(Index i, int sign) {
-    using std::sqrt;
     ++updates_;
-    work_.head(r_) = sqrt(inverse_[i]) * column(i);
-    if (!rank_one_change<Scalar>(L_.topLeftCorner(r_, r_), work_.head(r_), sign)) refactor();
+    work_.head(r_) = column(i);
+    const Scalar weight = sign > 0 ? inverse_[i] : Scalar(-inverse_[i]);
+    if (!rank_one_change<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_), work_.head(r_), weight)) refactor();
   }
 
   void refactor() {
@@ -222,12 +220,17 @@ class LowRankCurvature {
         if (weight < Scalar(0) || weight > Scalar(0)) L_.col(c).segment(c, r_ - c) += weight * N_.col(i).segment(c, r_ - c);
       }
     }
-    pivots_.head(r_) = L_.topLeftCorner(r_, r_).diagonal();
-    cholesky_in_place<Scalar>(L_.topLeftCorner(r_, r_), pivots_.head(r_), Scalar(0));  // S ≥ I: no pivot fails
+    d_.head(r_) = L_.topLeftCorner(r_, r_).diagonal();
+    cholesky_in_place<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_), Scalar(0));  // S ≥ I: no pivot fails
+    for (Index c = 0; c < r_; ++c) {
+      const Scalar root = L_(c, c);
+      L_.col(c).segment(c, r_ - c) *= Scalar(1) / root;
+      d_[c] = root * root;
+    }
   }
 
   Matrix N_, L_;
-  Vector D_, inverse_, column_, work_, v_, U_, pivots_;
+  Vector D_, inverse_, work_, v_, U_, d_;
   std::vector<Index> order_, place_;
   Scalar slope_ = Scalar(0), axial_ = Scalar(0), bend_ = Scalar(0), length_ = Scalar(0);
   Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, updates_ = 0;
