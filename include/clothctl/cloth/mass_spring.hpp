@@ -279,7 +279,8 @@ class MassSpring {
       }
       ws.factor.template solve<1>(ws.rhs);
       ++report.iterations;
-      if (!projected && iteration % 3 == 2) compression = std::min(Scalar(1), std::max(Scalar(0.25), Scalar(2) * compression));
+      if (!projected && iteration % 3 == 2)
+        compression = (std::min)(Scalar(1), (std::max)(Scalar(0.25), Scalar(2) * compression));
       const Scalar slope = as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
       const Scalar noise = Scalar(4) * epsilon * energy.size;
       const auto descends = [&](Scalar length) {

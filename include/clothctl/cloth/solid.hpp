@@ -69,7 +69,7 @@ Result<SpringNetwork<Scalar>> solid_network(const TetMesh<Scalar>& mesh, const S
     for (std::size_t i = 0; i < 4; ++i) {
       network.mass[corner[i]] += Scalar(0.25) * settings.density * volume;
       for (std::size_t j = i + 1; j < 4; ++j) {
-        const std::array<int, 2> edge{std::min(corner[i], corner[j]), std::max(corner[i], corner[j])};
+        const std::array<int, 2> edge{(std::min)(corner[i], corner[j]), (std::max)(corner[i], corner[j])};
         share[static_cast<std::size_t>(std::lower_bound(edges.begin(), edges.end(), edge) - edges.begin())] += volume;
       }
     }

@@ -30,7 +30,7 @@ struct QpsFields {
 struct QpsWords {
   explicit QpsWords(std::string_view line) {
     for (line = trimmed(line); !line.empty(); line = trimmed(line)) {
-      const std::size_t end = std::min(line.find_first_of(kSpaces), line.size());
+      const std::size_t end = (std::min)(line.find_first_of(kSpaces), line.size());
       if (count < word.size()) word[count] = line.substr(0, end);
       ++count;
       line.remove_prefix(end);

@@ -36,7 +36,7 @@ class TokenReader {
     }
     token_line_ = line_;
     if (place_ == text_.size()) return fail("the file ends in section " + in_quotes(where) + ", without 'end'");
-    const std::size_t last = std::min(text_.find_first_of(kBlank, place_), text_.size());
+    const std::size_t last = (std::min)(text_.find_first_of(kBlank, place_), text_.size());
     token = text_.substr(place_, last - place_);
     place_ = last;
     return true;

@@ -181,7 +181,7 @@ class ExactPredictor {
   void run_lanes(Index first, const PointsView<S>& x, const WindowRequest<S>& request, WindowResponse<S>& response) {
     using Lane = Eigen::Matrix<Inner, kLanes, 1>;
     const Index n = response_.vertex_count();
-    const Index used = std::min<Index>(kLanes, request.output_rows() - first);
+    const Index used = (std::min<Index>)(kLanes, request.output_rows() - first);
     const std::vector<unsigned char>& held = response_.held();
     const bool velocity_input = request.kind == InputKind::Velocity;
     const Inner dt = static_cast<Inner>(request.dt);

@@ -171,7 +171,7 @@ class ActiveSet {
     detail::equilibrate<Scalar>(problem_.H(), problem_.A(), D_.head(n_), E_.head(m_));
     problem_.At() = problem_.A().transpose();
     curvature_ = Scalar(0);
-    for (Index j = 0; j < n_; ++j) curvature_ = std::max(curvature_, problem_.H()(j, j));
+    for (Index j = 0; j < n_; ++j) curvature_ = (std::max)(curvature_, problem_.H()(j, j));
     prepared_ = true;
     weighted_ = false;
   }
@@ -187,7 +187,7 @@ class ActiveSet {
     };
     for (Index i = 0; i < n_; ++i) {
       problem_.g[i] = D_[i] * data_.g()[i];
-      steepest = std::max(steepest, Scalar(abs(problem_.g[i])));
+      steepest = (std::max)(steepest, Scalar(abs(problem_.g[i])));
       problem_.lo[i] = scaled(lo[i], Scalar(1) / D_[i]);
       problem_.hi[i] = scaled(hi[i], Scalar(1) / D_[i]);
       if (start_ == Start::Cold) x_[i] = Scalar(0);
@@ -195,7 +195,7 @@ class ActiveSet {
       const bool keep = start_ == Start::Warm && !fixed;
       if (keep && state(i) == State::Lower && detail::has_bound(lo[i])) x_[i] = lo[i];
       if (keep && state(i) == State::Upper && detail::has_bound(hi[i])) x_[i] = hi[i];
-      x_[i] = std::min(std::max(x_[i], lo[i]), hi[i]);
+      x_[i] = (std::min)((std::max)(x_[i], lo[i]), hi[i]);
       problem_.x[i] = x_[i] / D_[i];
       if (!keep || state(i) != State::Free) {
         state(i) = !(x_[i] > lo[i]) ? State::Lower : !(x_[i] < hi[i]) ? State::Upper : State::Free;
@@ -212,7 +212,7 @@ class ActiveSet {
     const Scalar least = Scalar(1e-30);
     const Scalar slope = steepest > least ? steepest : Scalar(1);
     const Scalar unit = curvature_ > least ? curvature_ : slope;
-    const Scalar mu_unit = Scalar(1) / std::max(unit, slope);
+    const Scalar mu_unit = Scalar(1) / (std::max)(unit, slope);
     const bool far = !weighted_ || start_ == Start::Cold || mu_unit > Scalar(64) * mu_unit_ || mu_unit < mu_unit_ / Scalar(64);
     if (far) {
       problem_.rho = Scalar(8) * half * unit;
@@ -259,7 +259,7 @@ class ActiveSet {
     }
     r.relative_stationarity = relative_error(r.stationarity, dual_scale);
     r.relative_feasibility = relative_error(r.feasibility, primal_scale);
-    r.relative_complementarity = relative_error(r.complementarity, std::max(Scalar(1), Scalar(abs(r.objective))));
+    r.relative_complementarity = relative_error(r.complementarity, (std::max)(Scalar(1), Scalar(abs(r.objective))));
     if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
     return r;
   }
@@ -289,13 +289,13 @@ class ActiveSet {
       problem_.factor.solve(q_, r2_, p_, delta_);
       for (Index k = 0; k < problem_.factor.free_size(); ++k) {
         const Index i = problem_.factor.unknown(k);
-        problem_.x[i] = std::min(std::max(Scalar(problem_.x[i] + p_[i]), problem_.lo[i]), problem_.hi[i]);
+        problem_.x[i] = (std::min)((std::max)(Scalar(problem_.x[i] + p_[i]), problem_.lo[i]), problem_.hi[i]);
       }
       for (Index k = 0; k < problem_.factor.row_size(); ++k) {
         const Index i = problem_.factor.row(k);
         Scalar y = problem_.y[i] + delta_[i];
-        if (!detail::has_bound(problem_.rl[i])) y = std::min(y, Scalar(0));
-        if (!detail::has_bound(problem_.ru[i])) y = std::max(y, Scalar(0));
+        if (!detail::has_bound(problem_.rl[i])) y = (std::min)(y, Scalar(0));
+        if (!detail::has_bound(problem_.ru[i])) y = (std::max)(y, Scalar(0));
         problem_.y[i] = y;
       }
       problem_.refresh_products();
@@ -335,7 +335,7 @@ class ActiveSet {
       const Scalar floor = Scalar(64) * scalar_traits<Scalar>::epsilon() * problem_.rho_ceiling;
       problem_.refresh_products();
       if (problem_.rho > floor) {
-        problem_.rho = std::max(floor, Scalar(problem_.rho / Scalar(16)));
+        problem_.rho = (std::max)(floor, Scalar(problem_.rho / Scalar(16)));
         problem_.factor.clear();
       }
     }
@@ -353,14 +353,14 @@ class ActiveSet {
     KktResiduals<Scalar> now = judge();
     if (excess(now) <= one) return QpStatus::Solved;
     keep(now);
-    Scalar tolerance = Scalar(1e-3) * std::max(curvature_, one / mu_unit_);
+    Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
     Scalar gap = scalar_traits<Scalar>::infinity();
     bool falling = false;  // a ray is known; what is left to find is a feasible point, without the objective's slope
     const auto seek = [&] {
       falling = true;
       problem_.g.head(n_).setConstant(zero);
-      for (Index j = 0; j < n_; ++j) problem_.x[j] = std::min(std::max(zero, problem_.lo[j]), problem_.hi[j]);
+      for (Index j = 0; j < n_; ++j) problem_.x[j] = (std::min)((std::max)(zero, problem_.lo[j]), problem_.hi[j]);
       for (Index j = 0; j < n_; ++j) {
         state(j) = !(problem_.x[j] > problem_.lo[j])   ? State::Lower
                    : !(problem_.x[j] < problem_.hi[j]) ? State::Upper
@@ -400,11 +400,11 @@ class ActiveSet {
         if (!falling) keep(now);
       }
       if (now.relative_feasibility > settings_.feasibility_tolerance && violation > Scalar(0.1) * gap) {
-        problem_.mu = std::max(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle || coarse ? sqrt(half) : half) * mu_unit_));
+        problem_.mu = (std::max)(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle || coarse ? sqrt(half) : half) * mu_unit_));
         problem_.factor.touch();
       }
       gap = violation;
-      tolerance = std::max(tolerance_floor, Scalar(0.05) * tolerance);
+      tolerance = (std::max)(tolerance_floor, Scalar(0.05) * tolerance);
     }
     return QpStatus::IterationLimit;
   }
@@ -430,7 +430,7 @@ class ActiveSet {
       problem_.y.head(m_) = best_.y().head(m_);
     }
     if (!all_finite(problem_.x.head(n_)) || !all_finite(problem_.y.head(m_))) {
-      for (Index i = 0; i < n_; ++i) problem_.x[i] = std::min(std::max(zero, problem_.lo[i]), problem_.hi[i]);
+      for (Index i = 0; i < n_; ++i) problem_.x[i] = (std::min)((std::max)(zero, problem_.lo[i]), problem_.hi[i]);
       problem_.y.head(m_).setConstant(zero);
       if (!infeasible && !unbounded && result.status != QpStatus::NonConvex) result.status = QpStatus::IterationLimit;
       problem_.factor.clear();

@@ -95,7 +95,7 @@ class BoxMethod {
   /// Answers whether it had to.
   bool give_up_broken(const Data& data) {
     if (all_finite(x_.head(n_))) return false;
-    for (Index i = 0; i < n_; ++i) x_[i] = std::min(std::max(Scalar(0), data.lo[i]), data.hi[i]);
+    for (Index i = 0; i < n_; ++i) x_[i] = (std::min)((std::max)(Scalar(0), data.lo[i]), data.hi[i]);
     curvature_.clear();
     reset();
     return true;
@@ -160,7 +160,7 @@ class BoxMethod {
     curvature_.add_product(x_, q_);
     gradient_scale_ = Scalar(1);
     for (Index j = 0; j < n_; ++j) {
-      gradient_scale_ = std::max(gradient_scale_, std::max(Scalar(abs(g()[j])), Scalar(abs(q_[j] - g()[j]))));
+      gradient_scale_ = (std::max)(gradient_scale_, (std::max)(Scalar(abs(g()[j])), Scalar(abs(q_[j] - g()[j]))));
     }
   }
 
@@ -168,7 +168,7 @@ class BoxMethod {
   Scalar dual_tolerance() const {
     const Scalar floor = Scalar(32) * scalar_traits<Scalar>::epsilon();
     const Scalar wanted = stationarity_tolerance_ / Scalar(64);
-    return gradient_scale_ * std::max(floor, wanted);
+    return gradient_scale_ * (std::max)(floor, wanted);
   }
 
   /// Brings the factor in line with the free states. Returns how many unknowns it took in; the dependent ones stay out.
@@ -229,7 +229,7 @@ class BoxMethod {
       const Index i = moving(k);
       const Scalar edge = p_[i] < Scalar(0) ? lo()[i] : hi()[i];
       if (!has_bound(edge) || (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0)))) continue;
-      limit_[i] = std::max(Scalar(0), Scalar((edge - x_[i]) / p_[i]));
+      limit_[i] = (std::max)(Scalar(0), Scalar((edge - x_[i]) / p_[i]));
       if (newton && limit_[i] < Scalar(1)) clipped = true;
       list_[static_cast<std::size_t>(hits++)] = i;
     }
@@ -279,7 +279,7 @@ class BoxMethod {
   void stay_inside(Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving(k);
-      x_[i] = std::min(std::max(x_[i], lo()[i]), hi()[i]);
+      x_[i] = (std::min)((std::max)(x_[i], lo()[i]), hi()[i]);
     }
   }
 
@@ -409,7 +409,7 @@ class BoxMethod {
         Scalar rest(0);
         bool wrong = false;
         for (Index i = 0; i < n_; ++i) {
-          if (state(i) == kFree) rest = std::max(rest, Scalar(abs(q_[i])));
+          if (state(i) == kFree) rest = (std::max)(rest, Scalar(abs(q_[i])));
           if (violation(i, tolerance) > Scalar(0)) wrong = true;
         }
         if ((!(rest > tolerance) && !wrong) || ++polishes > kPolishes) return QpStatus::Solved;

@@ -84,7 +84,7 @@ ProofCheck<Scalar> check_farkas(const Eigen::Ref<const VectorX<Scalar>>& y, Eige
     if (has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) {
       add_support(z[j], lo[j], hi[j], reach, value, size);
     } else {
-      check.error = std::max(check.error, Scalar(abs(z[j]) / (rounding * z_size[j])));
+      check.error = (std::max)(check.error, Scalar(abs(z[j]) / (rounding * z_size[j])));
       open_value += abs(z[j]) * reach;
     }
   }
@@ -113,7 +113,7 @@ ProofCheck<Scalar> check_ray(const Eigen::Ref<const VectorX<Scalar>>& d, const E
   Scalar slope(0);
   Scalar size(0);
   const auto demand = [&](const Scalar& value, const Scalar& terms, Scalar& error) {
-    if (value < Scalar(0) || value > Scalar(0)) error = std::max(error, Scalar(abs(value) / (rounding * terms)));
+    if (value < Scalar(0) || value > Scalar(0)) error = (std::max)(error, Scalar(abs(value) / (rounding * terms)));
   };
   for (Index j = 0; j < d.size(); ++j) {
     if (!is_finite(d[j]) || !is_finite(Hd[j])) return check;
@@ -127,7 +127,7 @@ ProofCheck<Scalar> check_ray(const Eigen::Ref<const VectorX<Scalar>>& d, const E
     if ((Ad[i] < Scalar(0) && has_bound(rl[i])) || (Ad[i] > Scalar(0) && has_bound(ru[i])))
       demand(Ad[i], Ad_size[i], check.row_error);
   }
-  check.error = std::max(check.error, check.row_error);
+  check.error = (std::max)(check.error, check.row_error);
   check.admissible = is_finite(size);
   check.promising = check.admissible && slope < -deciding_margin<Scalar>(d.size()) * size;
   check.proven = check.promising && check.error <= Scalar(1);

@@ -163,7 +163,7 @@ QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
     for (Index i = 0; i < n; ++i) {
       if (!is_finite(H(i, j))) return {bad, "Hessian entry is not finite", i + j * n};
     }
-    largest = std::max(largest, H(j, j));
+    largest = (std::max)(largest, H(j, j));
   }
   const Scalar rounding = scalar_traits<Scalar>::epsilon() * static_cast<Scalar>(n);
   const Scalar asymmetry = Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(static_cast<Scalar>(n));

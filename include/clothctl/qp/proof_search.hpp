@@ -53,10 +53,10 @@ class ProofSearch {
     const Index n = problem.unknowns();
     const Index m = problem.rows();
     Scalar largest(0);
-    for (Index i = 0; i < m; ++i) largest = std::max(largest, Scalar(abs(problem.y[i] - problem.yk[i])));
+    for (Index i = 0; i < m; ++i) largest = (std::max)(largest, Scalar(abs(problem.y[i] - problem.yk[i])));
     if (!(largest > Scalar(0)) || !is_finite(largest)) return false;
     Scalar reach(1);
-    for (Index j = 0; j < n; ++j) reach = std::max(reach, Scalar(abs(problem.x[j])));
+    for (Index j = 0; j < n; ++j) reach = (std::max)(reach, Scalar(abs(problem.x[j])));
     for (Index i = 0; i < m; ++i) y_[i] = (problem.yk[i] - problem.y[i]) / largest;
     r2_.head(m).setConstant(Scalar(0));
     Scalar last = scalar_traits<Scalar>::infinity();
@@ -96,7 +96,7 @@ class ProofSearch {
     for (Index j = 0; j < n; ++j) {
       d_[j] =
           problem.state[static_cast<std::size_t>(j)] == Problem::State::Free ? Scalar(problem.x[j] - problem.xk[j]) : Scalar(0);
-      largest = std::max(largest, Scalar(abs(d_[j])));
+      largest = (std::max)(largest, Scalar(abs(d_[j])));
     }
     if (!(largest > Scalar(0)) || !is_finite(largest)) return RayVerdict::None;
     d_.head(n) /= largest;
@@ -128,7 +128,7 @@ class ProofSearch {
   /// refresh_products afterwards.
   void go_to_far_minimum(Problem& problem) const {
     for (Index j = 0; j < problem.unknowns(); ++j) {
-      problem.x[j] = std::min(std::max(Scalar(problem.x[j] + step_ * d_[j]), problem.lo[j]), problem.hi[j]);
+      problem.x[j] = (std::min)((std::max)(Scalar(problem.x[j] + step_ * d_[j]), problem.lo[j]), problem.hi[j]);
     }
   }
 

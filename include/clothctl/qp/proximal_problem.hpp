@@ -91,7 +91,7 @@ class ProximalProblem {
   Scalar violation(Index i, const Vector& gradient) const {
     const State s = state[static_cast<std::size_t>(i)];
     if (s == State::Free || !(lo[i] < hi[i])) return Scalar(0);
-    return std::max(Scalar(0), s == State::Lower ? Scalar(-gradient[i]) : gradient[i]);
+    return (std::max)(Scalar(0), s == State::Lower ? Scalar(-gradient[i]) : gradient[i]);
   }
 
   /// Minimises φ until free gradient and sign violations are below `tolerance`. Adds set changes to `iterations`. Answers
@@ -109,7 +109,7 @@ class ProximalProblem {
       Scalar outside(0);
       Index worst = -1;
       for (Index i = 0; i < n_; ++i) {
-        if (state[static_cast<std::size_t>(i)] == State::Free) inside = std::max(inside, Scalar(abs(grad[i])));
+        if (state[static_cast<std::size_t>(i)] == State::Free) inside = (std::max)(inside, Scalar(abs(grad[i])));
         const Scalar v = violation(i, grad);
         if (v > outside) {
           outside = v;
@@ -253,7 +253,7 @@ class ProximalProblem {
       bend += kink.second;
     }
     if (!(bend > Scalar(0))) return end;
-    return std::min(end, Scalar(t - s / bend));
+    return (std::min)(end, Scalar(t - s / bend));
   }
 
   /// Walks along the bent path of the Newton direction. Returns true when it was one whole step within the present sets.
@@ -272,7 +272,7 @@ class ProximalProblem {
       b_.head(m_) += p_[i] * std::as_const(*this).A().col(i);
       const Scalar edge = p_[i] < Scalar(0) ? lo[i] : hi[i];
       if (!has_bound(edge)) continue;
-      limit_[i] = std::max(Scalar(0), Scalar((edge - x[i]) / p_[i]));
+      limit_[i] = (std::max)(Scalar(0), Scalar((edge - x[i]) / p_[i]));
       if (limit_[i] < Scalar(1)) whole = false;
       hits_[static_cast<std::size_t>(hits++)] = i;
     }
@@ -329,7 +329,7 @@ class ProximalProblem {
   void stay_inside(Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving_[static_cast<std::size_t>(k)];
-      x[i] = std::min(std::max(x[i], lo[i]), hi[i]);
+      x[i] = (std::min)((std::max)(x[i], lo[i]), hi[i]);
     }
   }
 

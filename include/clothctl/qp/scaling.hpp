@@ -37,7 +37,7 @@ void equilibrate(Eigen::Ref<MatrixX<Scalar>> H, Eigen::Ref<MatrixX<Scalar>> A, E
   const auto scale_rows = [&] {
     E.setConstant(Scalar(0));
     for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < m; ++i) E[i] = std::max(E[i], Scalar(abs(A(i, j)) * D[j]));
+      for (Index i = 0; i < m; ++i) E[i] = (std::max)(E[i], Scalar(abs(A(i, j)) * D[j]));
     }
     for (Index i = 0; i < m; ++i) E[i] = E[i] > Scalar(0) ? Scalar(1) / E[i] : Scalar(1);
   };
@@ -46,8 +46,8 @@ void equilibrate(Eigen::Ref<MatrixX<Scalar>> H, Eigen::Ref<MatrixX<Scalar>> A, E
     scale_rows();
     for (Index j = 0; j < n; ++j) {
       Scalar largest(0);
-      for (Index i = 0; i < n; ++i) largest = std::max(largest, Scalar(abs(H(i, j)) * D[i]));
-      for (Index i = 0; i < m; ++i) largest = std::max(largest, Scalar(abs(A(i, j)) * E[i]));
+      for (Index i = 0; i < n; ++i) largest = (std::max)(largest, Scalar(abs(H(i, j)) * D[i]));
+      for (Index i = 0; i < m; ++i) largest = (std::max)(largest, Scalar(abs(A(i, j)) * E[i]));
       if (largest > Scalar(0)) D[j] = sqrt(D[j] / largest);
     }
   }

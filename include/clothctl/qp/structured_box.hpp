@@ -30,7 +30,7 @@ class StructuredBox {
 
   /// Makes room for n unknowns and m rows. Allocates.
   void reserve(Index n, Index m) {
-    method_.curvature().reserve(n, std::min(n, m));
+    method_.curvature().reserve(n, (std::min)(n, m));
     method_.reserve(n);
     Ut_.setZero(m, m);
     Q_.setZero(m, m);
@@ -56,7 +56,7 @@ class StructuredBox {
   }
 
   /// Solves a problem that is ready and fills the result but for its ray. Answers false when the answer is not good enough,
-  /// and another method should go on from `result.x`. `lb`, `ub`, `rl`, `ru`: the caller's bounds. Never allocates.
+  /// and another method should take over. `lb`, `ub`, `rl`, `ru`: the caller's bounds. Never allocates.
   bool solve(const Data& data, const QpSettings<Scalar>& settings, const Budget& budget, const Eigen::Ref<const Vector>& lb,
              const Eigen::Ref<const Vector>& ub, const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
              QpResult<Scalar>& result) {
@@ -125,7 +125,7 @@ class StructuredBox {
       Index first = m, last = -1, entries = 0;
       for (Index i = 0; i < m; ++i) {
         if (!nonzero(data.A()(i, j))) continue;
-        first = std::min(first, i);
+        first = (std::min)(first, i);
         last = i;
         ++entries;
       }
@@ -169,7 +169,7 @@ class StructuredBox {
     for (Index i = 0; i < m; ++i) {
       for (Index j = 0; j < m; ++j) Q_(i, j) = data.H()(owner(i), owner(j));
       pivot_[i] = Q_(i, i);
-      largest = std::max(largest, pivot_[i]);
+      largest = (std::max)(largest, pivot_[i]);
     }
     const Scalar least = static_cast<Scalar>(m) * scalar_traits<Scalar>::epsilon() * largest;
     Ut_.topLeftCorner(m, m).setConstant(Scalar(0));

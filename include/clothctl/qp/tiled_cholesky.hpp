@@ -20,11 +20,11 @@ template <RealScalar Scalar>
 void subtract_outer(Eigen::Ref<MatrixX<Scalar>> C, const Eigen::Ref<const MatrixX<Scalar>>& P,
                     const Eigen::Ref<const MatrixX<Scalar>>& Q) {
   for (Index j = 0; j < C.cols(); j += kTile) {
-    const Index nj = std::min(kTile, C.cols() - j);
+    const Index nj = (std::min)(kTile, C.cols() - j);
     for (Index k = 0; k < P.cols(); k += kTile) {
-      const Index nk = std::min(kTile, P.cols() - k);
+      const Index nk = (std::min)(kTile, P.cols() - k);
       for (Index i = 0; i < C.rows(); i += kTile) {
-        const Index ni = std::min(kTile, C.rows() - i);
+        const Index ni = (std::min)(kTile, C.rows() - i);
         C.block(i, j, ni, nj).noalias() -= P.block(i, k, ni, nk) * Q.block(j, k, nj, nk).transpose();
       }
     }
@@ -38,7 +38,7 @@ Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A, const Eigen::Ref<const Ve
   using std::sqrt;
   const Index n = A.rows();
   for (Index j = 0; j < n; j += kTile) {
-    const Index nj = std::min(kTile, n - j);
+    const Index nj = (std::min)(kTile, n - j);
     if (j > 0) subtract_outer<Scalar>(A.block(j, j, n - j, nj), A.block(j, 0, n - j, j), A.block(j, 0, nj, j));
     for (Index c = j; c < j + nj; ++c) {
       const Scalar pivot = A(c, c);
@@ -57,10 +57,10 @@ Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A, const Eigen::Ref<const Ve
 template <RealScalar Scalar>
 void right_solve(const Eigen::Ref<const MatrixX<Scalar>>& L, Eigen::Ref<MatrixX<Scalar>> X) {
   for (Index j = 0; j < L.rows(); j += kTile) {
-    const Index nj = std::min(kTile, L.rows() - j);
+    const Index nj = (std::min)(kTile, L.rows() - j);
     if (j > 0) subtract_outer<Scalar>(X.middleCols(j, nj), X.leftCols(j), L.block(j, 0, nj, j));
     for (Index i = 0; i < X.rows(); i += kTile) {
-      const Index ni = std::min(kTile, X.rows() - i);
+      const Index ni = (std::min)(kTile, X.rows() - i);
       Eigen::Block<Eigen::Ref<MatrixX<Scalar>>> tile = X.block(i, j, ni, nj);
       L.block(j, j, nj, nj).transpose().template triangularView<Eigen::Upper>().template solveInPlace<Eigen::OnTheRight>(tile);
     }

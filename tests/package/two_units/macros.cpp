@@ -1,6 +1,8 @@
-// Headers of some systems define min and max as macros. Those of the folders below do not mind.
+// Headers of some systems define min and max as macros. Ours do not mind.
 
+#include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -16,12 +18,16 @@
 #include <initializer_list>
 #include <limits>
 #include <memory>
+#include <numbers>
 #include <numeric>
+#include <optional>
+#include <set>
 #include <span>
 #include <string>
 #include <string_view>
 #include <system_error>
 #include <type_traits>
+#include <unordered_map>
 #include <utility>
 #include <variant>
 #include <vector>
@@ -29,7 +35,5 @@
 #define min(a, b) (((a) < (b)) ? (a) : (b))
 #define max(a, b) (((a) > (b)) ? (a) : (b))
 
-#include <clothctl/core.hpp>
+#include <clothctl/clothctl.hpp>
 #include <clothctl/io.hpp>
-#include <clothctl/math.hpp>
-#include <clothctl/mesh.hpp>
