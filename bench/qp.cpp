@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <random>
+#include <string>
 #include <vector>
 
 #include "clothctl/qp/active_set.hpp"
@@ -121,15 +122,20 @@ struct Sequence {
   }
 };
 
+/// Ends a benchmark whose solver did not answer `Solved`, with the status as the reason.
+void expect_solved(benchmark::State& state, QpStatus status) {
+  if (status != QpStatus::Solved) state.SkipWithError(std::string(to_string(status)).c_str());
+}
+
 template <class Scalar>
 void box_cold(benchmark::State& state) {
   const BoxProblem<Scalar> p(state.range(0));
   BoxActiveSet<Scalar> solver;
   QpResult<Scalar> result;
-  if (solver.set_hessian(p.H) != QpStatus::Solved) state.SkipWithError("refused");
+  expect_solved(state, solver.set_hessian(p.H));
   for (auto _ : state) {
     solver.reset();
-    if (solver.solve(p.g, p.lb, p.ub, result) != QpStatus::Solved) state.SkipWithError("not solved");
+    expect_solved(state, solver.solve(p.g, p.lb, p.ub, result));
   }
   state.counters["rounds"] = result.iterations;
   state.counters["free"] = static_cast<double>(solver.free_count());
@@ -141,10 +147,11 @@ void rows_cold(benchmark::State& state) {
   ActiveSet<Scalar> solver;
   QpResult<Scalar> result;
   solver.reserve(p.H.rows(), p.A.rows());
-  if (solver.set_hessian(p.H) != QpStatus::Solved || solver.set_rows(p.A) != QpStatus::Solved) state.SkipWithError("refused");
+  expect_solved(state, solver.set_hessian(p.H));
+  expect_solved(state, solver.set_rows(p.A));
   for (auto _ : state) {
     solver.reset();
-    if (solver.solve(p.g, p.lb, p.ub, p.rl, p.ru, result) != QpStatus::Solved) state.SkipWithError("not solved");
+    expect_solved(state, solver.solve(p.g, p.lb, p.ub, p.rl, p.ru, result));
   }
   state.counters["rounds"] = result.iterations;
 }
@@ -157,13 +164,12 @@ void rows_warm(benchmark::State& state) {
   ActiveSet<double> solver;
   QpResult<double> result;
   solver.reserve(p.H.rows(), p.A.rows());
-  if (solver.set_hessian(p.H) != QpStatus::Solved || solver.set_rows(p.A) != QpStatus::Solved) state.SkipWithError("refused");
+  expect_solved(state, solver.set_hessian(p.H));
+  expect_solved(state, solver.set_rows(p.A));
   bool first = false;
   for (auto _ : state) {
     first = !first;
-    if (solver.solve(first ? p.g : other, p.lb, p.ub, p.rl, p.ru, result) != QpStatus::Solved) {
-      state.SkipWithError("not solved");
-    }
+    expect_solved(state, solver.solve(first ? p.g : other, p.lb, p.ub, p.rl, p.ru, result));
   }
   state.counters["rounds"] = result.iterations;
 }
@@ -173,21 +179,19 @@ void sequence_warm(benchmark::State& state) {
   const Sequence sequence(state.range(0), 60);
   BoxActiveSet<double> solver;
   QpResult<double> result;
-  if (solver.set_hessian(sequence.H) != QpStatus::Solved) state.SkipWithError("refused");
+  expect_solved(state, solver.set_hessian(sequence.H));
   std::size_t frame = sequence.g.size();
   double rounds = 0;
   for (auto _ : state) {
     if (frame == sequence.g.size()) {
       state.PauseTiming();
       solver.reset();
-      if (solver.solve(sequence.g[0], sequence.lb, sequence.ub, result) != QpStatus::Solved) state.SkipWithError("not solved");
+      expect_solved(state, solver.solve(sequence.g[0], sequence.lb, sequence.ub, result));
       frame = 1;
       state.ResumeTiming();
     }
     solver.shift(Sequence::kUnknowns);
-    if (solver.solve(sequence.g[frame++], sequence.lb, sequence.ub, result) != QpStatus::Solved) {
-      state.SkipWithError("not solved");
-    }
+    expect_solved(state, solver.solve(sequence.g[frame++], sequence.lb, sequence.ub, result));
     rounds += result.iterations;
   }
   state.counters["rounds"] = benchmark::Counter(rounds, benchmark::Counter::kAvgIterations);
@@ -199,10 +203,10 @@ void box_again(benchmark::State& state) {
   const BoxProblem<double> p(state.range(0));
   BoxActiveSet<double> solver;
   QpResult<double> result;
-  if (solver.set_hessian(p.H) != QpStatus::Solved) state.SkipWithError("refused");
-  if (solver.solve(p.g, p.lb, p.ub, result) != QpStatus::Solved) state.SkipWithError("not solved");
+  expect_solved(state, solver.set_hessian(p.H));
+  expect_solved(state, solver.solve(p.g, p.lb, p.ub, result));
   for (auto _ : state) {
-    if (solver.solve(p.g, p.lb, p.ub, result) != QpStatus::Solved) state.SkipWithError("not solved");
+    expect_solved(state, solver.solve(p.g, p.lb, p.ub, result));
   }
   state.counters["rounds"] = result.iterations;
 }
@@ -212,7 +216,7 @@ void box_set_hessian(benchmark::State& state) {
   BoxActiveSet<double> solver;
   solver.reserve(p.H.rows());
   for (auto _ : state) {
-    if (solver.set_hessian(p.H) != QpStatus::Solved) state.SkipWithError("refused");
+    expect_solved(state, solver.set_hessian(p.H));
   }
 }
 
@@ -221,7 +225,8 @@ void general_set_matrices(benchmark::State& state) {
   ActiveSet<double> solver;
   solver.reserve(p.H.rows(), p.A.rows());
   for (auto _ : state) {
-    if (solver.set_hessian(p.H) != QpStatus::Solved || solver.set_rows(p.A) != QpStatus::Solved) state.SkipWithError("refused");
+    expect_solved(state, solver.set_hessian(p.H));
+    expect_solved(state, solver.set_rows(p.A));
   }
 }
 
@@ -231,8 +236,8 @@ void box_one_update(benchmark::State& state) {
   const BoxProblem<double> p(state.range(0));
   BoxActiveSet<double> solver;
   QpResult<double> result;
-  if (solver.set_hessian(p.H) != QpStatus::Solved) state.SkipWithError("refused");
-  if (solver.solve(p.g, p.lb, p.ub, result) != QpStatus::Solved) state.SkipWithError("not solved");
+  expect_solved(state, solver.set_hessian(p.H));
+  expect_solved(state, solver.solve(p.g, p.lb, p.ub, result));
   Index chosen = 0;
   for (Index i = 0; i < p.g.size() / 2; ++i) {
     if (result.x[i] > 0.25 && result.x[i] < 0.75) chosen = i;
@@ -245,7 +250,7 @@ void box_one_update(benchmark::State& state) {
     closed = !closed;
     lb[chosen] = closed ? optimum[chosen] : 0.0;
     ub[chosen] = closed ? optimum[chosen] : 1.0;
-    if (solver.solve(p.g, lb, ub, result) != QpStatus::Solved) state.SkipWithError("not solved");
+    expect_solved(state, solver.solve(p.g, lb, ub, result));
     rounds += result.iterations;
   }
   state.counters["rounds"] = benchmark::Counter(rounds, benchmark::Counter::kAvgIterations);

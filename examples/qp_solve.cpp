@@ -3,8 +3,6 @@
 //   qp_solve HS118.qpt --solution hs118.txt        formats: clothctl/io/qpt.hpp, clothctl/io/qps.hpp
 //   qp_solve sequence.qpt --json --out frames.csv
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -19,6 +17,7 @@
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/qp/box_active_set.hpp"
 #include "support/options.hpp"
+#include "support/timing.hpp"
 
 namespace {
 
@@ -61,15 +60,12 @@ std::string lower_case_end(const std::string& path) {
 }
 
 QpProblem read_problem(const std::string& path) {
-  const clothctl::Result<std::string> text = clothctl::read_file(path);
-  if (!text) refuse(text.error());
+  const std::string text = must(clothctl::read_file(path));
   const std::string end = lower_case_end(path);
-  const std::size_t first = text->find_first_not_of(" \t\r\n");
-  const bool starts_as_qpt = first != std::string::npos && text->compare(first, 3, "qpt") == 0;
+  const std::size_t first = text.find_first_not_of(" \t\r\n");
+  const bool starts_as_qpt = first != std::string::npos && text.compare(first, 3, "qpt") == 0;
   const bool is_qps = end == ".qps" || end == ".mps" || (end != ".qpt" && !starts_as_qpt);
-  clothctl::Result<QpProblem> problem = is_qps ? clothctl::parse_qps(*text, path) : clothctl::parse_qpt(*text, path);
-  if (!problem) refuse(problem.error());
-  return std::move(problem).value();
+  return must(is_qps ? clothctl::parse_qps(text, path) : clothctl::parse_qpt(text, path));
 }
 
 /// One solve and what an independent check says of it.
@@ -243,15 +239,9 @@ bool is_right(const Answer& a, const QpReference& expected, double r) {
   return std::abs(a.objective - *expected.objective) <= kAccepted * std::max({1.0, std::abs(*expected.objective), std::abs(r)});
 }
 
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[std::min(values.size() - 1, static_cast<std::size_t>(q * static_cast<double>(values.size())))];
-}
-
 void print(const nlohmann::ordered_json& figures, bool json) {
   if (json) {
-    std::printf("%s\n", figures.dump().c_str());
+    std::printf("%s\n", figures.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     return;
   }
   for (const auto& [key, value] : figures.items()) {
@@ -260,20 +250,29 @@ void print(const nlohmann::ordered_json& figures, bool json) {
   }
 }
 
-void add_residuals(nlohmann::ordered_json& j, const clothctl::KktResiduals<double>& k, bool known) {
-  const auto number = [&](double v) { return known ? nlohmann::ordered_json(v) : nlohmann::ordered_json(); };
-  j["kkt_stationarity"] = number(k.relative_stationarity);
-  j["kkt_feasibility"] = number(k.relative_feasibility);
-  j["kkt_complementarity"] = number(k.relative_complementarity);
-  j["kkt_stationarity_absolute"] = number(k.stationarity);
-  j["kkt_feasibility_absolute"] = number(k.feasibility);
-  j["kkt_complementarity_absolute"] = number(k.complementarity);
+/// The figures that one program and a sequence have in common; what is not known is null.
+nlohmann::ordered_json figures_of(const QpProblem& problem, const std::string& status, const Answer& a, bool kkt_known) {
+  const auto number = [](double v, bool known) { return known ? nlohmann::ordered_json(v) : nlohmann::ordered_json(); };
+  nlohmann::ordered_json j;
+  j["status"] = status;
+  j["objective"] = number(a.objective, a.has_point);
+  j["kkt_stationarity"] = number(a.kkt.relative_stationarity, kkt_known);
+  j["kkt_feasibility"] = number(a.kkt.relative_feasibility, kkt_known);
+  j["kkt_complementarity"] = number(a.kkt.relative_complementarity, kkt_known);
+  j["kkt_stationarity_absolute"] = number(a.kkt.stationarity, kkt_known);
+  j["kkt_feasibility_absolute"] = number(a.kkt.feasibility, kkt_known);
+  j["kkt_complementarity_absolute"] = number(a.kkt.complementarity, kkt_known);
+  j["iterations"] = a.iterations;
+  j["seconds"] = a.seconds;
+  j["name"] = problem.name;
+  j["n"] = problem.n();
+  j["m"] = problem.m();
+  j["solver"] = problem.m() == 0 ? "BoxActiveSet" : "ActiveSet";
+  return j;
 }
 
 void write(const std::string& path, const std::string& text) {
-  if (path.empty()) return;
-  const clothctl::Result<std::size_t> written = clothctl::write_file(path, text);
-  if (!written) refuse(written.error());
+  if (!path.empty()) must(clothctl::write_file(path, text));
 }
 
 constexpr const char* kTableHead =
@@ -293,16 +292,7 @@ int solve_single(const QpProblem& problem, const Request& o) {
   const Answer a = solve_cold(problem, problem, o);
   const bool right = is_right(a, problem.reference, problem.r);
   if (a.status == QpStatus::InvalidData) refuse(o.file + ": " + a.note);
-  nlohmann::ordered_json j;
-  j["status"] = to_string(a.status);
-  j["objective"] = a.has_point ? nlohmann::ordered_json(a.objective) : nlohmann::ordered_json();
-  add_residuals(j, a.kkt, a.has_point);
-  j["iterations"] = a.iterations;
-  j["seconds"] = a.seconds;
-  j["name"] = problem.name;
-  j["n"] = problem.n();
-  j["m"] = problem.m();
-  j["solver"] = problem.m() == 0 ? "BoxActiveSet" : "ActiveSet";
+  nlohmann::ordered_json j = figures_of(problem, std::string(to_string(a.status)), a, a.has_point);
   if (a.proof_residual) j["proof_residual"] = *a.proof_residual;
   if (a.proof_value) j["proof_value"] = *a.proof_value;
   if (!a.note.empty()) j["note"] = a.note;
@@ -315,8 +305,8 @@ int solve_single(const QpProblem& problem, const Request& o) {
   return right ? 0 : 1;
 }
 
-/// Adds what one way of solving a sequence took, and answers with the number of frames that it got right.
-Index add_times(nlohmann::ordered_json& j, const std::string& way, const QpProblem& problem, const std::vector<Answer>& all) {
+/// Adds what one way of solving a sequence took, and the number of frames that it got right.
+void add_times(nlohmann::ordered_json& j, const std::string& way, const QpProblem& problem, const std::vector<Answer>& all) {
   Index right = 0;
   std::vector<double> ms, iterations;
   for (std::size_t t = 0; t < all.size(); ++t) {
@@ -329,20 +319,16 @@ Index add_times(nlohmann::ordered_json& j, const std::string& way, const QpProbl
   j[way + "_p99_ms"] = quantile(ms, 0.99);
   j[way + "_iterations_median"] = quantile(iterations, 0.5);
   j[way + "_right"] = right;
-  return right;
 }
 
 int solve_sequence(const QpProblem& problem, const Request& o) {
   const std::size_t count = problem.frames.size();
   std::vector<Answer> cold, warm;
-  const auto start = std::chrono::steady_clock::now();
-  bool shown = false;
+  Progress progress;
   for (std::size_t t = 0; t < count; ++t) {
     cold.push_back(solve_cold(problem, problem.frames[t], o));
     if (cold.back().status == QpStatus::InvalidData) refuse(o.file + ": frame " + std::to_string(t) + ": " + cold.back().note);
-    if (isatty(2) == 0 || std::chrono::steady_clock::now() - start < std::chrono::seconds(2)) continue;
-    std::fprintf(stderr, "\rframe %zu of %zu", t + 1, count);
-    shown = true;
+    progress.show(static_cast<long>(t + 1), static_cast<long>(count));
   }
   Solver solver(problem, o);
   for (int pass = 0; pass < o.passes; ++pass) {
@@ -353,20 +339,20 @@ int solve_sequence(const QpProblem& problem, const Request& o) {
       warm[t].seconds = std::min(warm[t].seconds, seconds);
     }
   }
-  if (shown) std::fprintf(stderr, "\r\033[K");
+  progress.clear();
 
   clothctl::QpSolution solution{problem.name, problem.n(), problem.m(), {}, {}};
-  clothctl::KktResiduals<double> worst;
+  Answer whole;  // the last objective, the worst residuals, and the sums of all
+  whole.has_point = warm.back().has_point;
+  whole.objective = warm.back().objective;
   std::string table = kTableHead, status = "solved", note;
   Index right_both = 0;
-  int iterations = 0;
-  double seconds = 0;
   for (std::size_t t = 0; t < count; ++t) {
     const QpReference& expected = problem.frames[t].reference;
     const bool right = is_right(warm[t], expected, problem.r) && is_right(cold[t], expected, problem.r);
     right_both += right ? 1 : 0;
-    iterations += warm[t].iterations;
-    seconds += warm[t].seconds + cold[t].seconds;
+    whole.iterations += warm[t].iterations;
+    whole.seconds += warm[t].seconds + cold[t].seconds;
     for (const Answer* a : {&cold[t], &warm[t]}) {
       const bool good = is_right(*a, expected, problem.r);
       if (!good && note.empty()) {
@@ -375,27 +361,15 @@ int solve_sequence(const QpProblem& problem, const Request& o) {
                (a->note.empty() ? "" : ", " + a->note);
       }
       if (!a->has_point) continue;
-      const auto raise = [&](double clothctl::KktResiduals<double>::*part) {
-        worst.*part = std::max(worst.*part, a->kkt.*part);
-      };
       using K = clothctl::KktResiduals<double>;
       for (auto part : {&K::stationarity, &K::feasibility, &K::complementarity, &K::relative_stationarity,
                         &K::relative_feasibility, &K::relative_complementarity})
-        raise(part);
+        whole.kkt.*part = std::max(whole.kkt.*part, a->kkt.*part);
     }
     table += table_row(t, warm[t], cold[t], expected, right);
     solution.frames.push_back(warm[t].reference);
   }
-  nlohmann::ordered_json j;
-  j["status"] = status;
-  j["objective"] = warm.back().has_point ? nlohmann::ordered_json(warm.back().objective) : nlohmann::ordered_json();
-  add_residuals(j, worst, true);
-  j["iterations"] = iterations;
-  j["seconds"] = seconds;
-  j["name"] = problem.name;
-  j["n"] = problem.n();
-  j["m"] = problem.m();
-  j["solver"] = problem.m() == 0 ? "BoxActiveSet" : "ActiveSet";
+  nlohmann::ordered_json j = figures_of(problem, status, whole, true);
   j["frames"] = count;
   j["frames_right"] = right_both;
   add_times(j, "cold", problem, cold);
@@ -431,13 +405,7 @@ int main(int argc, char** argv) {
   app.add_option("--passes", o.passes, "Sequences: warm times are the least of this many passes")
       ->check(between(1, 1000))
       ->capture_default_str();
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& e) {
-    return app.exit(e);
-  } catch (const CLI::ParseError& e) {
-    refuse(std::string(e.what()) + " (see --help)");
-  }
+  parse(app, argc, argv);
   const QpProblem problem = read_problem(o.file);
   return problem.frames.empty() ? solve_single(problem, o) : solve_sequence(problem, o);
 }

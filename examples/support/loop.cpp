@@ -1,7 +1,5 @@
 #include "support/loop.hpp"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <chrono>
 #include <cstdio>
@@ -13,6 +11,7 @@
 #include "clothctl/io/csv.hpp"
 #include "clothctl/io/html_player.hpp"
 #include "clothctl/mpc/planner.hpp"
+#include "support/timing.hpp"
 
 namespace program {
 
@@ -28,35 +27,6 @@ struct Summary {
   double mean_error_m = 0, p95_error_m = 0, max_error_m = 0;
   double frame_ms_median = 0, frame_ms_p99 = 0, plant_ms_median = 0;
   double agreement = 0, prediction_error_m = 0, qp_iterations_median = 0, cone_violation_max = 0, hand_speed_max = 0;
-};
-
-/// The value below which a share `q` of the values lies.
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  return values[std::min(values.size() - 1, static_cast<std::size_t>(q * static_cast<double>(values.size())))];
-}
-
-double milliseconds(std::chrono::steady_clock::time_point from) {
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - from).count();
-}
-
-/// A progress line on a terminal, for work over two seconds.
-class Progress {
- public:
-  void show(Index done, Index all) {
-    if (isatty(2) == 0 || milliseconds(start_) < 2000 || milliseconds(last_) < 100) return;
-    last_ = std::chrono::steady_clock::now();
-    std::fprintf(stderr, "\rframe %ld of %ld", static_cast<long>(done), static_cast<long>(all));
-    shown_ = true;
-  }
-  ~Progress() {
-    if (shown_) std::fprintf(stderr, "\r\033[K");
-  }
-
- private:
-  std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now(), last_ = start_;
-  bool shown_ = false;
 };
 
 nlohmann::ordered_json to_json(const Summary& s, const Scene& scene, const Options& o) {
@@ -234,6 +204,7 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
     ++summary.frames;
     record(frame + 1);
   }
+  progress.clear();
   summary.scored_frames = static_cast<Index>(errors.size()) / features;
   double total = 0;
   for (double e : errors) total += e;
@@ -251,6 +222,9 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
 
   const bool done = summary.status == "finished";
   const nlohmann::ordered_json json = to_json(summary, scene, o);
+  const auto json_text = [&json](int indent) {
+    return json.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
+  };
   if (!o.out.empty()) {
     std::error_code failure;
     std::filesystem::create_directories(o.out, failure);
@@ -271,7 +245,7 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
     recorder.scene().figures.push_back({"Fastest hand", number});
     must(recorder.write(o.out + "/player.html"));
     must(csv.write(o.out + "/trajectory.csv"));
-    must(clothctl::write_file(o.out + "/summary.json", json.dump(2) + "\n"));
+    must(clothctl::write_file(o.out + "/summary.json", json_text(2) + "\n"));
   }
   if (!o.json) {
     std::printf("%s: %ld frames, mean error %.2f mm, 95 %% below %.2f mm, max %.2f mm\n", summary.status.c_str(),
@@ -281,7 +255,7 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
                 summary.frame_ms_p99, summary.plant_ms_median, summary.agreement);
     if (!o.out.empty()) std::printf("open %s/player.html\n", o.out.c_str());
   } else {
-    std::printf("%s\n", json.dump().c_str());
+    std::printf("%s\n", json_text(-1).c_str());
   }
   return done ? 0 : 1;
 }

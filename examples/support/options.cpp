@@ -64,7 +64,7 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
   app.add_option("--out", o.out, "Folder for player.html, trajectory.csv and summary.json (made if missing)")->check(named);
 }
 
-void parse(CLI::App& app, Options& o, int argc, char** argv) {
+void parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {
@@ -72,6 +72,10 @@ void parse(CLI::App& app, Options& o, int argc, char** argv) {
   } catch (const CLI::ParseError& e) {
     refuse(std::string(e.what()) + " (see --help)");
   }
+}
+
+void parse(CLI::App& app, Options& o, int argc, char** argv) {
+  parse(app, argc, argv);
   o.dt_given = app.count("--dt") > 0;
   o.friction_given = app.count("--friction") > 0;
 }

@@ -7,12 +7,22 @@
 #include <cstdio>
 #include <cstdlib>
 #include <string>
+#include <utility>
 #include <vector>
+
+#include "clothctl/core/result.hpp"
 
 namespace program {
 
 /// Ends the program for bad input.
 [[noreturn]] void refuse(const std::string& reason);
+
+/// The value of a result, or the end of the program for what went wrong.
+template <class T>
+T must(clothctl::Result<T> result) {
+  if (!result) refuse(result.error());
+  return std::move(result).value();
+}
 
 /// What the user asked for. Fields that a program does not offer keep their defaults.
 struct Options {
@@ -48,6 +58,8 @@ CLI::Validator between(double least, double most);
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks, const std::string& task_help);
 
 /// Parses; --help exits 0, a bad command line exits 2 with one line.
+void parse(CLI::App& app, int argc, char** argv);
+/// The same for a program with `add_common`.
 void parse(CLI::App& app, Options& o, int argc, char** argv);
 
 }  // namespace program

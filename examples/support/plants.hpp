@@ -97,12 +97,6 @@ struct Body {
   clothctl::AirSettings<double> air = {};
 };
 
-template <class T>
-T must(clothctl::Result<T> result) {
-  if (!result) refuse(result.error());
-  return std::move(result).value();
-}
-
 inline bool is_implicit(const std::string& plant) { return plant == "one-solve" || plant == "newton"; }
 
 /// The plant that `name` asks for; `drag` replaces the body's (settling).

@@ -2,7 +2,6 @@
 
 #include <vector>
 
-#include "laws/executor_laws.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
@@ -12,9 +11,4 @@ TEST_CASE("the serial executor runs every block once, in order", "[executor]") {
   const SerialExecutor executor;
   executor.for_each_block(5, [&seen](Index block) { seen.push_back(block); });
   CHECK(seen == std::vector<Index>{0, 1, 2, 3, 4});
-}
-
-TEST_CASE("the serial executor obeys the laws of executors", "[executor]") {
-  SerialExecutor executor;
-  clothctl_test::check_executor_laws(executor);
 }

@@ -70,6 +70,27 @@ TEST_CASE("what is wrong is named with file, line and value", "[csv]") {
   }
 }
 
+TEST_CASE("an infinity is its word, with or without a sign", "[csv]") {
+  using clothctl::io_detail::parse_infinity;
+  const double infinity = clothctl::scalar_traits<double>::infinity();
+  for (const std::string word : {"inf", "infinity", "oo"}) {
+    for (const std::string sign : {"", "+", "-"}) {
+      double value = 3;
+      CHECK(parse_infinity(sign + word, word, value));
+      CHECK(value == (sign == "-" ? -infinity : infinity));
+    }
+  }
+  for (const std::string text : {"", "+", "-", "in", "infi", "Inf", "INF", "infinity", " inf", "inf ", "--inf", "++inf",
+                                 "+-inf", "-+inf", "- inf", "nan", "1e999", "0"}) {
+    double value = 3;
+    INFO(text);
+    CHECK_FALSE(parse_infinity(text, "inf", value));
+    CHECK(value == 3);  // as it was
+  }
+  double value = 3;
+  CHECK_FALSE(parse_infinity("inf", "infinity", value));
+}
+
 TEST_CASE("a message stays one short printable line whatever the file holds", "[csv]") {
   std::mt19937 engine(1);
   std::uniform_int_distribution<int> byte(0, 255);

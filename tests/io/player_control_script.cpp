@@ -11,10 +11,9 @@ using clothctl::PlayerRecorder;
 using clothctl::PlayerScene;
 using clothctl::Points;
 using clothctl_test::check_in_page;
+using clothctl_test::page_of;
 
 namespace {
-
-std::string page_of(PlayerScene scene = {}) { return *clothctl_test::swinging_sheet(std::move(scene)).page(); }
 
 /// The whole script started with an address, then what a test adds.
 std::string started(const std::string& hash, const char* checks) {

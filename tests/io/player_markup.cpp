@@ -75,7 +75,7 @@ TEST_CASE("every class of the skeleton and of the scripts has its style", "[play
 
 TEST_CASE("tags match, and all that can be pressed says what it does", "[player_markup]") {
   // Reading the page insists on matching tags.
-  clothctl_test::check_in_page(*clothctl_test::swinging_sheet().page(), R"js(
+  clothctl_test::check_in_page(clothctl_test::page_of(), R"js(
 const tagged = name => elements.filter(e => e.tagName === name);
 for (const button of tagged('BUTTON')) {
   check('type of ' + button.attributes.title, button.attributes.type === 'button');

@@ -37,7 +37,7 @@ const words = () => pen.calls.filter(c => c[0] === 'fillText').map(c => c[1]);
 }
 
 /// `frames` frames of `features` features that are `error` off.
-std::string page_of(int frames, Index features, double error, PlayerScene scene = {}) {
+std::string page_with_error(int frames, Index features, double error, PlayerScene scene = {}) {
   PlayerRecorder recorder(std::move(scene), 0, features, 0);
   const Points<double> none(3, 0), target = Points<double>::Zero(3, features);
   Points<double> actual = target;
@@ -53,7 +53,7 @@ TEST_CASE("the plot script stays inside the page", "[player_plot_script]") {
 }
 
 TEST_CASE("ticks are round, start at zero and fill the range", "[player_plot_script]") {
-  check_in_page(page_of(2, 1, 0.1), with(R"js(
+  check_in_page(page_with_error(2, 1, 0.1), with(R"js(
 for (let limit = .003; limit < 3e4; limit *= 1.13) {
   for (const count of [2, 3.2, 7, 10]) {
     const { step, out } = ticks(limit, count), last = out[out.length - 1];
@@ -70,9 +70,9 @@ check('texts', tickText(.5, .5) === '0.5' && tickText(20, 10) === '20' && tickTe
 
 TEST_CASE("errors are shown in millimetres below a metre, with digits that tell them apart", "[player_plot_script]") {
   const auto shows = [](double error, const std::string& text) {
-    check_in_page(page_of(2, 1, error), with("") +
-                                            "check(shown(largestError) + unitName, shown(largestError) + unitName === '" +
-                                            text + "');\ncheck('unknown', shown(NaN) === '–');\n");
+    check_in_page(page_with_error(2, 1, error),
+                  with("") + "check(shown(largestError) + unitName, shown(largestError) + unitName === '" + text +
+                      "');\ncheck('unknown', shown(NaN) === '–');\n");
   };
   shows(0.04, "40.0mm");
   shows(0.4, "400mm");
@@ -83,7 +83,7 @@ TEST_CASE("errors are shown in millimetres below a metre, with digits that tell 
 }
 
 TEST_CASE("curves stand where frame and error put them", "[player_plot_script]") {
-  check_in_page(*clothctl_test::swinging_sheet().page(), with(R"js(
+  check_in_page(clothctl_test::page_of(), with(R"js(
 const [first] = stretches(0), [second] = stretches(1), place = mm => 128 - mm / (40 * 1.06) * 120;
 near('from side to side', first.slice(0, F).map(p => p[0]), [40, 227.5, 415, 602.5, 790]);
 near('20 mm', first.slice(0, F).map(p => p[1]), Array(F).fill(place(20)), 1e-3);
@@ -105,7 +105,7 @@ near('sharp on a fine screen', [plot.width, plot.height], [1600, 300]);
 TEST_CASE("frames that are not scored are shaded", "[player_plot_script]") {
   PlayerScene scene;
   scene.scored_frames = 3;
-  check_in_page(*clothctl_test::swinging_sheet(scene).page(), with(R"js(
+  check_in_page(clothctl_test::page_of(scene), with(R"js(
 paintPlot();
 const [shade] = pen.calls.filter(c => c[0] === 'fillRect');
 near('from the last scored frame to the right', [shade[1], shade[1] + shade[3]], [plotX(2, 800), 790]);
@@ -133,7 +133,7 @@ check('no marker there', !pen.calls.slice(-12).some(c => c[0] === 'arc'));
 TEST_CASE("one frame and errors of zero are drawn without bad numbers", "[player_plot_script]") {
   for (const int frames : {1, 2}) {
     for (const double error : {0.0, 1e-12, 1e6, std::numeric_limits<double>::quiet_NaN()}) {
-      check_in_page(page_of(frames, 1, error), with(R"js(
+      check_in_page(page_with_error(frames, 1, error), with(R"js(
 for (const width of [0, 30, 800]) {
   plot.clientWidth = width;
   paintPlot();
@@ -147,7 +147,7 @@ check('numbers', pen.calls.every(c => c.every(x => typeof x !== 'number' || Numb
 TEST_CASE("the legend names up to eight features, counts more, and hides without any", "[player_plot_script]") {
   PlayerScene scene;
   scene.feature_names = {"<b>left</b>"};
-  check_in_page(page_of(2, 2, 0.0125, scene), with(R"js(
+  check_in_page(page_with_error(2, 2, 0.0125, scene), with(R"js(
 buildLegend();
 paintPlot();
 check($('legend').textContent, $('legend').textContent === '<b>left</b>12.5 mmfeature 112.5 mmmean12.5 mm');
@@ -155,12 +155,12 @@ check('no words on the curves', !pen.calls.some(c => c[0] === 'fillText' && /mea
 check('unit', $('plot-unit').textContent === '(mm)');
 near('swatches', document.querySelectorAll('[data-feature]').map(s => s.dataset.feature), [0, 1], 0);
 )js"));
-  check_in_page(page_of(2, 9, 0.0125), with(R"js(
+  check_in_page(page_with_error(2, 9, 0.0125), with(R"js(
 buildLegend();
 paintPlot();
 check('many', $('legend').textContent === '9 features, largest 12.5 mmmean12.5 mm' && !$('plot-card').hidden);
 )js"));
-  check_in_page(page_of(2, 0, 0), with(R"js(
+  check_in_page(page_with_error(2, 0, 0), with(R"js(
 buildLegend();
 paintPlot();
 check('none', $('plot-card').hidden && pen.calls.length === 0);

@@ -14,10 +14,9 @@ using clothctl::PlayerScene;
 using clothctl::Points;
 using namespace clothctl::io_detail;
 using clothctl_test::check_in_page;
+using clothctl_test::page_of;
 
 namespace {
-
-std::string page_of(PlayerScene scene = {}) { return *clothctl_test::swinging_sheet(std::move(scene)).page(); }
 
 // Constants are their names. Uniforms and attributes are those that the sources declare. A draw checks that each of them was
 // given since its program was chosen, in its type and finite, and that no buffer ends early.

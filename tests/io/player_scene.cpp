@@ -23,7 +23,7 @@ TEST_CASE("a scene's defaults are 50 frames a second, forces in newton, every fr
 }
 
 TEST_CASE("a scene of defaults makes a page that plays", "[player_scene]") {
-  const std::string page = *clothctl_test::swinging_sheet().page();
+  const std::string page = clothctl_test::page_of();
   clothctl_test::check_in_page(page, clothctl_test::all_scripts() + R"js(
 check('title', document.title === 'Motion' && $('title').textContent === 'Motion');
 check('hidden', $('subtitle').hidden && $('figures-card').hidden && !$('plot-card').hidden);
@@ -41,7 +41,7 @@ TEST_CASE("all of a scene is shown, as text", "[player_scene]") {
   scene.arrow_name = "Pull <u>";
   scene.arrow_unit = "mN";
   scene.dt = 0.5;
-  const std::string page = *clothctl_test::swinging_sheet(scene).page();
+  const std::string page = clothctl_test::page_of(scene);
   clothctl_test::check_in_page(page, clothctl_test::all_scripts() + R"js(
 check('title', document.title === 'Sheet <b>1</b>' && $('title').textContent === document.title);
 check('subtitle', $('subtitle').textContent === '50 g/m² & more' && !$('subtitle').hidden);

@@ -14,10 +14,9 @@ using clothctl::PlayerScene;
 using clothctl::Points;
 using namespace clothctl::io_detail;
 using clothctl_test::check_in_page;
+using clothctl_test::page_of;
 
 namespace {
-
-std::string page_of(PlayerScene scene = {}) { return *clothctl_test::swinging_sheet(std::move(scene)).page(); }
 
 /// The scripts up to the geometry, then what a test adds.
 std::string with(const char* checks) {

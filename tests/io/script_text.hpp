@@ -9,6 +9,7 @@
 #include <regex>
 #include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "clothctl/io/file.hpp"
@@ -83,6 +84,9 @@ inline clothctl::PlayerRecorder swinging_sheet(clothctl::PlayerScene scene = {})
   }
   return recorder;
 }
+
+/// The page of that sheet in a scene.
+inline std::string page_of(clothctl::PlayerScene scene = {}) { return *swinging_sheet(std::move(scene)).page(); }
 
 /// A stand-in for the browser: reads `pageText` into elements (and insists on matching tags), and offers what the scripts
 /// use. `screen()` lets a screen refresh pass. `check` and `near` note what fails; `finish` prints it.

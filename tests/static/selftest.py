@@ -69,7 +69,6 @@ Scalar twice(Scalar x) {
     "tests/static/boxed.cpp": '#include "clothctl/clothctl.hpp"\n#include "static/explicit_scalar.hpp"\n'
     "template clothctl_test::ExplicitDouble clothctl::twice(clothctl_test::ExplicitDouble);\n",
     "tests/static/long_headers.txt": "# none\n",
-    "tests/static/tested_with.txt": "# none\n",
     "examples/quickstart.cpp": "int main() { return 0; }\n",
     "README.md": "# x\n\n```cpp\nint main() { return 0; }\n```\n",
 }
@@ -78,7 +77,7 @@ NUMBER = "include/clothctl/core/number.hpp"
 TWICE = "include/clothctl/math/twice.hpp"
 TWICE_UNIT = ["--unit", "unit.cpp"]
 
-# (what is broken, check, arguments, file, text to replace, replacement, words that the report must hold)
+# (what is broken, check, arguments, file, text to replace, replacement or None for no file at all, words of the report)
 CASES = [
     ("a folder includes one to its right", "check_layers.py", [], NUMBER, "#include <vector>", '#include <vector>\n#include "clothctl/mesh/grid.hpp"', "mesh is right of core"),
     ("folders of one brace include each other", "check_layers.py", [], "include/clothctl/qp/solver.hpp", "math/twice", "mesh/grid", "stand in one brace"),
@@ -93,7 +92,8 @@ CASES = [
     ("a member has no comment", "check_docs.py", [], NUMBER, "  /// The numbers.\n", "", "'Numbers::values' has no doc comment"),
     ("an enumerator has no comment", "check_docs.py", [], NUMBER, "  /// Blue.\n", "", "enumerator 'Blue' has no doc comment"),
     ("a struct has only a plain comment", "check_docs.py", [], NUMBER, "/// A list", "// A list", "'Numbers' has no doc comment"),
-    ("a header has no test", "check_mirror.py", [], "tests/math/twice.cpp", "clothctl/math/twice.hpp", "clothctl/core/number.hpp", None),
+    ("a header has no test", "check_mirror.py", [], "tests/math/twice.cpp", "", None, "has no tests/math/twice.cpp"),
+    ("a test does not include its header", "check_mirror.py", [], "tests/math/twice.cpp", "clothctl/math/twice.hpp", "clothctl/core/number.hpp", "does not include clothctl/math/twice.hpp"),
     ("a header grows over 500 lines", "check_length.py", [], TWICE, "namespace clothctl {", "namespace clothctl {\n" + "constexpr int k = 0;\n" * 520, "over 500"),
     ("a header throws", "check_purity.py", [], TWICE, "return", "if (x < x) throw 1;\n  return", "throws"),
     ("a header prints", "check_purity.py", [], TWICE, "return", 'std::printf("x");\n  return', "prints"),
@@ -179,7 +179,7 @@ def main():
             real = options.root / "include" / "clothctl" / "core" / name
             TREE["include/clothctl/core/" + name] = real.read_text(encoding="utf-8")
             TREE["include/clothctl/core.hpp"] += f'#include "clothctl/core/{name}"\n'
-            TREE["tests/core/" + name.replace(".hpp", ".cpp")] = ""
+            TREE["tests/core/" + name.replace(".hpp", ".cpp")] = f'#include "clothctl/core/{name}"\n'
         for name in (".clang-format",):
             shutil.copy(options.root / name, root / name)
         restore()
@@ -197,15 +197,14 @@ def main():
             if old not in text:
                 failures.append(f"{what}: nothing to break in {file}")
                 continue
-            (root / file).write_text(text.replace(old, new, 1), encoding="utf-8")
-            if script == "check_mirror.py":
+            if new is None:
                 (root / file).unlink()
+            else:
+                (root / file).write_text(text.replace(old, new, 1), encoding="utf-8")
             code, output = run(script, arguments_, root)
             if code != 1 or (words and words not in output):
                 failures.append(f"{what}: {script} did not notice (exit code {code}):\n{output}")
                 continue
-            if script == "check_mirror.py":
-                restore()
             shown += 1
             print(f"noticed: {what} ({script})")
 

@@ -1,6 +1,7 @@
 // Our QP solvers beside those that were found when this was built: the same problems in the same process, interleaved, thread
 // CPU time, every answer judged on the unscaled data.
 
+#include <CLI/CLI.hpp>
 #include <algorithm>
 #include <cstdio>
 #include <cstdlib>
@@ -15,68 +16,53 @@ namespace {
 
 using versus::Entry;
 
-constexpr const char* kUsage =
-    "usage: bench_versus_qp --data FOLDER [--sets mm,a,b,c,d,e] [--solvers NAMES] [--passes 3] [--block 0] [--time-limit 10]\n"
-    "                       [--json FILE]\n"
-    "  FOLDER holds maros_meszaros/*.qpt and synthetic/*.qpt; e are the sequences\n"
-    "  --block N       frames of a sequence that a solver does in a row before the next takes its turn; 0 means all\n"
-    "  --time-limit S  seconds after which a solver is told to give up, and a pass over a sequence ends\n";
+using Names = std::vector<std::string>;
 
 struct Options {
-  std::string data, sets = "mm,a,b,c,d,e", solvers, json;
+  std::string data, json;
+  Names sets{"mm", "a", "b", "c", "d", "e"}, solvers;
   versus::RunSettings run;
 };
 
 [[noreturn]] void refuse(const std::string& message) {
-  std::fprintf(stderr, "bench_versus_qp: %s\n%s", message.c_str(), kUsage);
+  std::fprintf(stderr, "bench_versus_qp: %s\n", message.c_str());
   std::exit(2);
 }
 
-double number(const std::string& option, const std::string& text, double least, double most) {
-  char* end = nullptr;
-  const double value = std::strtod(text.c_str(), &end);
-  if (text.empty() || *end != '\0' || !(value >= least && value <= most)) refuse(option + ": '" + text + "' is out of range");
-  return value;
-}
-
-Options parse(const std::vector<std::string>& words) {
+Options parse(int argc, char** argv) {
   Options o;
-  for (std::size_t i = 0; i < words.size(); i += 2) {
-    const std::string& option = words[i];
-    if (option == "--help") {
-      std::fputs(kUsage, stdout);
-      std::exit(0);
-    }
-    if (i + 1 == words.size()) refuse(option + " needs a value");
-    const std::string& value = words[i + 1];
-    if (option == "--data") {
-      o.data = value;
-    } else if (option == "--sets") {
-      o.sets = value;
-    } else if (option == "--solvers") {
-      o.solvers = value;
-    } else if (option == "--json") {
-      o.json = value;
-    } else if (option == "--passes") {
-      o.run.passes = static_cast<int>(number(option, value, 1, 1000));
-    } else if (option == "--block") {
-      o.run.block = static_cast<versus::Index>(number(option, value, 0, 1e6));
-    } else if (option == "--time-limit") {
-      o.run.time_limit = number(option, value, 1e-3, 1e5);
-    } else {
-      refuse(option + " is not an option");
-    }
+  CLI::App app{"Our QP solvers beside others: the same problems in one process, interleaved, thread CPU time, answers judged."};
+  app.add_option("--data", o.data, "Folder with maros_meszaros/*.qpt and synthetic/*.qpt")->required();
+  app.add_option("--sets", o.sets, "Problems: mm is Maros-Meszaros, a to e synthetic; e are the sequences")
+      ->delimiter(',')
+      ->check(CLI::IsMember(o.sets))
+      ->capture_default_str();
+  app.add_option("--solvers", o.solvers, "Solvers by name (default: all that were built in)")->delimiter(',');
+  app.add_option("--passes", o.run.passes, "Times are the least of this many passes")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--block", o.run.block,
+                 "Frames of a sequence that a solver does in a row before the next takes its turn; 0 means all")
+      ->check(CLI::Range(0, 1000000))
+      ->capture_default_str();
+  app.add_option("--time-limit", o.run.time_limit,
+                 "Seconds after which a solver is told to give up, and a pass over a sequence ends")
+      ->check(CLI::Range(1e-3, 1e5))
+      ->capture_default_str();
+  app.add_option("--json", o.json, "File for the figures");
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& e) {
+    std::exit(app.exit(e));
+  } catch (const CLI::ParseError& e) {
+    refuse(std::string(e.what()) + " (see --help)");
   }
-  if (o.data.empty()) refuse("--data is missing");
   return o;
 }
 
-/// Whether a comma-separated list holds a word.
-bool holds(const std::string& list, const std::string& word) {
-  return ("," + list + ",").find("," + word + ",") != std::string::npos;
-}
+bool holds(const Names& names, const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); }
 
-std::vector<Entry> entries(const std::string& chosen) {
+std::vector<Entry> entries(const Names& chosen) {
   std::vector<Entry> all{versus::clothctl_entry()};
 #ifdef VERSUS_DAQP_VERSION
   all.push_back(versus::daqp_entry());
@@ -104,7 +90,7 @@ std::vector<Entry> entries(const std::string& chosen) {
   for (const Entry& e : all) {
     if (holds(chosen, e.name)) some.push_back(e);
   }
-  if (some.empty()) refuse("--solvers: none of '" + chosen + "' is built in");
+  if (some.empty()) refuse("--solvers: none of '" + CLI::detail::join(chosen) + "' is built in");
   return some;
 }
 
@@ -124,7 +110,7 @@ std::vector<std::string> files(const std::filesystem::path& folder, const std::s
 }  // namespace
 
 int main(int argc, char** argv) {
-  const Options options = parse(std::vector<std::string>(argv + 1, argv + argc));
+  const Options options = parse(argc, argv);
   const std::filesystem::path data(options.data);
   versus::Report report;
   report.entries = entries(options.solvers);

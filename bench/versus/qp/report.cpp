@@ -1,11 +1,8 @@
 #include "report.hpp"
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <initializer_list>
-
-#include "clothctl/core/number_text.hpp"
+#include <nlohmann/json.hpp>
 
 namespace versus {
 
@@ -31,71 +28,42 @@ std::string short_text(double value) {
   return text;
 }
 
-std::string quoted(const std::string& text) {
-  std::string out = "\"";
-  for (const char c : text) {
-    if (c == '"' || c == '\\') out += '\\';
-    out += static_cast<unsigned char>(c) < 0x20 ? ' ' : c;
-  }
-  return out + "\"";
-}
+using Json = nlohmann::ordered_json;
 
-std::string number(double value) { return std::isfinite(value) ? clothctl::number_text(value) : "null"; }
-
-using Member = std::pair<const char*, std::string>;
-
-std::string object(std::initializer_list<Member> members) {
-  std::string out = "{";
-  for (const Member& m : members) {
-    if (out.size() > 1) out += ", ";
-    out.append(quoted(m.first)).append(": ").append(m.second);
-  }
-  return out + "}";
-}
-
-std::string array(const std::vector<std::string>& items, const char* separator) {
-  std::string out = "[";
-  for (const std::string& item : items) {
-    if (out.size() > 1) out += ",";
-    out.append(separator).append(item);
-  }
-  return out + "]";
-}
-
-std::string to_json(const SetResult& r) {
-  std::vector<std::string> problems;
+Json to_json(const SetResult& r) {
+  Json problems = Json::array();
   for (const SingleResult& p : r.problems) {
-    problems.push_back(object({{"problem", quoted(p.problem)},
-                               {"verdict", quoted(std::string(to_string(p.verdict)))},
-                               {"right", p.judgement.right ? "true" : "false"},
-                               {"false_status", p.judgement.false_status ? "true" : "false"},
-                               {"kkt_stationarity", number(p.judgement.residuals.relative_stationarity)},
-                               {"kkt_feasibility", number(p.judgement.residuals.relative_feasibility)},
-                               {"kkt_complementarity", number(p.judgement.residuals.relative_complementarity)},
-                               {"cold_ms", number(1e3 * p.seconds)}}));
+    problems.push_back({{"problem", p.problem},
+                        {"verdict", to_string(p.verdict)},
+                        {"right", p.judgement.right},
+                        {"false_status", p.judgement.false_status},
+                        {"kkt_stationarity", p.judgement.residuals.relative_stationarity},
+                        {"kkt_feasibility", p.judgement.residuals.relative_feasibility},
+                        {"kkt_complementarity", p.judgement.residuals.relative_complementarity},
+                        {"cold_ms", 1e3 * p.seconds}});
   }
-  return object({{"solver", quoted(r.solver)},
-                 {"solved", std::to_string(r.right())},
-                 {"absolute", std::to_string(r.absolute())},
-                 {"false_statuses", std::to_string(r.false_statuses())},
-                 {"mean_ms", number(1e3 * r.mean(false))},
-                 {"mean_solved_ms", number(1e3 * r.mean(true))},
-                 {"slowest_ms", number(1e3 * r.slowest())},
-                 {"problems", array(problems, "\n      ")}});
+  return {{"solver", r.solver},
+          {"solved", r.right()},
+          {"absolute", r.absolute()},
+          {"false_statuses", r.false_statuses()},
+          {"mean_ms", 1e3 * r.mean(false)},
+          {"mean_solved_ms", 1e3 * r.mean(true)},
+          {"slowest_ms", 1e3 * r.slowest()},
+          {"problems", problems}};
 }
 
-std::string to_json(const LaneResult& lane, double own) {
-  return object({{"solver", quoted(lane.solver)},
-                 {"start", quoted(name_of(lane.start))},
-                 {"frames", std::to_string(lane.frames)},
-                 {"right", std::to_string(lane.right)},
-                 {"false_statuses", std::to_string(lane.false_statuses)},
-                 {"cold_median_ms", number(1e3 * lane.cold_median())},
-                 {"warm_median_ms", number(1e3 * lane.warm_median())},
-                 {"warm_p99_ms", number(1e3 * lane.warm_p99())},
-                 {"ratio", number(lane.warm_median() / own)},
-                 {"finished", lane.finished ? "true" : "false"},
-                 {"first_miss", quoted(lane.first_miss)}});
+Json to_json(const LaneResult& lane, double own) {
+  return {{"solver", lane.solver},
+          {"start", name_of(lane.start)},
+          {"frames", lane.frames},
+          {"right", lane.right},
+          {"false_statuses", lane.false_statuses},
+          {"cold_median_ms", 1e3 * lane.cold_median()},
+          {"warm_median_ms", 1e3 * lane.warm_median()},
+          {"warm_p99_ms", 1e3 * lane.warm_p99()},
+          {"ratio", lane.warm_median() / own},
+          {"finished", lane.finished},
+          {"first_miss", lane.first_miss}};
 }
 
 }  // namespace
@@ -145,31 +113,28 @@ void print_sequence(const SequenceReport& report) {
 }
 
 std::string to_json(const Report& report) {
-  std::vector<std::string> solvers, sets, sequences;
-  for (const Entry& e : report.entries) solvers.push_back(object({{"name", quoted(e.name)}, {"version", quoted(e.version)}}));
+  Json solvers = Json::array(), sets = Json::array(), sequences = Json::array();
+  for (const Entry& e : report.entries) solvers.push_back({{"name", e.name}, {"version", e.version}});
   for (const auto& [name, results] : report.sets) {
-    std::vector<std::string> items;
+    Json items = Json::array();
     for (const SetResult& r : results) items.push_back(to_json(r));
-    sets.push_back(object({{"set", quoted(name)}, {"results", array(items, "\n    ")}}));
+    sets.push_back({{"set", name}, {"results", items}});
   }
   for (const SequenceReport& s : report.sequences) {
-    std::vector<std::string> items;
+    Json items = Json::array();
     for (const LaneResult& lane : s.lanes) {
       if (lane.frames > 0) items.push_back(to_json(lane, own_median(s.lanes)));
     }
-    sequences.push_back(object({{"sequence", quoted(s.name)},
-                                {"n", std::to_string(s.n)},
-                                {"m", std::to_string(s.m)},
-                                {"results", array(items, "\n    ")}}));
+    sequences.push_back({{"sequence", s.name}, {"n", s.n}, {"m", s.m}, {"results", items}});
   }
-  return object({{"solvers", array(solvers, "\n  ")},
-                 {"passes", std::to_string(report.settings.passes)},
-                 {"time_limit_s", number(report.settings.time_limit)},
-                 {"block", std::to_string(report.settings.block)},
-                 {"tolerance", number(kTolerance)},
-                 {"sets", array(sets, "\n  ")},
-                 {"sequences", array(sequences, "\n  ")}}) +
-         "\n";
+  const Json all{{"solvers", solvers},
+                 {"passes", report.settings.passes},
+                 {"time_limit_s", report.settings.time_limit},
+                 {"block", report.settings.block},
+                 {"tolerance", kTolerance},
+                 {"sets", sets},
+                 {"sequences", sequences}};
+  return all.dump(1, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
 }  // namespace versus

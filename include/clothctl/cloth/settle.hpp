@@ -33,13 +33,13 @@ template <class Plant, RealScalar Scalar>
 requires ClothPlant<Plant, Scalar>
 [[nodiscard]] SettleReport<Scalar> settle(Plant& plant, const std::vector<int>& held, Scalar dt, Scalar seconds,
                                           Scalar rest_speed = Scalar(0)) {
+  using std::floor;
   using std::sqrt;
   using Traits = plant_traits<Plant>;
   const Scalar zero = Scalar(0);
   SettleReport<Scalar> report;
   if (!is_finite(dt) || !is_finite(seconds) || !is_finite(rest_speed)) return report;
   if (!(zero < dt) || !(zero < seconds) || rest_speed < zero) return report;
-  using std::floor;
   Scalar frames = floor(seconds / dt + Scalar(0.5));
   if (frames < Scalar(1)) frames = Scalar(1);
   if (!(frames < Scalar(1e9))) return report;

@@ -84,6 +84,15 @@ inline std::string parse_number(std::string_view cell, double& value) {
   return {};
 }
 
+/// Whether the text is `word` with or without a sign, and then the infinity that it stands for.
+inline bool parse_infinity(std::string_view text, std::string_view word, double& value) {
+  const bool negative = !text.empty() && text[0] == '-';
+  if (negative || (!text.empty() && text[0] == '+')) text.remove_prefix(1);
+  if (text != word) return false;
+  value = negative ? -scalar_traits<double>::infinity() : scalar_traits<double>::infinity();
+  return true;
+}
+
 /// The column of a cell for a message: its name where there is a header, else its number from 1.
 inline std::string column_text(const CsvTable& table, std::size_t column) {
   if (!table.header.empty()) return "column " + in_quotes(table.header[column]);

@@ -378,18 +378,25 @@ class Planner {
       }
     }
     request_.plan = result.plan;
-    request_.applied = result.plan.col(0);
-    request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
     has_plan_ = true;
     take_path();
     if (settings_.input == GripInput::Force) {
       for (Index k = 0; k < horizon; ++k) basis_.finger_forces(qp_.frame(k, p), finger_plan_[static_cast<std::size_t>(k)]);
+    }
+    send(result);
+    result.status = status;
+  }
+
+  /// Fills the input with the first frame of the plan, and notes it as applied.
+  void send(PlanResult<Scalar>& result) {
+    request_.applied = result.plan.col(0);
+    request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
+    if (settings_.input == GripInput::Force) {
       send_forces(result);
       send_path(result);
     } else {
       command_poses(result);
     }
-    result.status = status;
   }
 
   /// The velocities of the held vertices that the plan promises.
@@ -451,14 +458,7 @@ class Planner {
       for (Index i = 0; i < feature_count_; ++i) result.predicted.template block<3, 1>(3 * i, k) = features_.col(i);
     }
     result.patch_residual = Scalar(0);
-    request_.applied = result.plan.col(0);
-    request_.has_applied = settings_.input != GripInput::Force || settings_.command == Command::Force;
-    if (settings_.input == GripInput::Force) {
-      send_forces(result);
-      send_path(result);
-    } else {
-      command_poses(result);
-    }
+    send(result);
     has_last_ = false;
     qp_.reset();
     return PlanStatus::Failed;

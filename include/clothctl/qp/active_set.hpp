@@ -170,6 +170,7 @@ class ActiveSet {
     problem_.A() = data_.A();
     detail::equilibrate<Scalar>(problem_.H(), problem_.A(), D_.head(n_), E_.head(m_));
     problem_.At() = problem_.A().transpose();
+    problem_.index();
     curvature_ = Scalar(0);
     for (Index j = 0; j < n_; ++j) curvature_ = (std::max)(curvature_, problem_.H()(j, j));
     prepared_ = true;
@@ -215,10 +216,11 @@ class ActiveSet {
     const Scalar mu_unit = Scalar(1) / (std::max)(unit, slope);
     const bool far = !weighted_ || start_ == Start::Cold || mu_unit > Scalar(64) * mu_unit_ || mu_unit < mu_unit_ / Scalar(64);
     if (far) {
-      problem_.rho = Scalar(8) * half * unit;
-      problem_.mu = Scalar(1e-2) * mu_unit;
+      // A cold start takes its first steps close to x and falls to the lasting weight: far fewer bounds are met in vain.
+      rho_unit_ = Scalar(8) * half * unit;
+      problem_.rho = (std::max)(rho_unit_, Scalar(1e-2) * unit);
+      problem_.mu = Scalar(0.1) * mu_unit;
       problem_.rho_ceiling = unit;
-      rho_unit_ = problem_.rho;
       mu_unit_ = mu_unit;
       weighted_ = true;
       problem_.factor.clear();
@@ -376,7 +378,6 @@ class ActiveSet {
       const typename Problem::Outcome outcome = problem_.minimise(tolerance, result.iterations, budget);
       if (outcome == Problem::Outcome::Concave) return QpStatus::NonConvex;
       problem_.refresh_products();
-      problem_.update_multipliers();
       now = judge();
       const Scalar violation = now.feasibility;
       if (falling && now.relative_feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
@@ -402,6 +403,10 @@ class ActiveSet {
       if (now.relative_feasibility > settings_.feasibility_tolerance && violation > Scalar(0.1) * gap) {
         problem_.mu = (std::max)(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle || coarse ? sqrt(half) : half) * mu_unit_));
         problem_.factor.touch();
+      }
+      if (problem_.rho > rho_unit_) {
+        problem_.rho = (std::max)(rho_unit_, Scalar(0.03) * problem_.rho);
+        problem_.factor.clear();
       }
       gap = violation;
       tolerance = (std::max)(tolerance_floor, Scalar(0.05) * tolerance);
@@ -461,7 +466,7 @@ class ActiveSet {
     if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
   }
 
-  static constexpr int kOuterLimit = 200, kGentle = 15;
+  static constexpr int kOuterLimit = 200, kGentle = 3;
 
   QpSettings<Scalar> settings_;
   Problem problem_;

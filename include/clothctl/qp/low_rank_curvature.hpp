@@ -56,6 +56,8 @@ class LowRankCurvature {
   void reserve(Index n, Index r) {
     N_.setZero(r, n);
     L_.setZero(r, r);
+    S_.setZero(r, r);
+    in_S_.assign(static_cast<std::size_t>(n), 0);
     for (Vector* v : {&D_, &inverse_}) v->setZero(n);
     for (Vector* v : {&work_, &v_, &U_, &d_}) v->setZero(r);
     order_.assign(static_cast<std::size_t>(n), 0);
@@ -67,6 +69,7 @@ class LowRankCurvature {
     clear();
     n_ = n;
     r_ = r;
+    summed_ = kMostSummed;
     for (Index i = 0; i < n; ++i) place_[static_cast<std::size_t>(i)] = -1;
   }
   /// N, r×n, to be filled.
@@ -92,11 +95,15 @@ class LowRankCurvature {
     for (Index k = 0; k < size_; ++k) place_[static_cast<std::size_t>(order(k))] = -1;
     size_ = 0;
     updates_ = 0;
+    summed_ = kMostSummed;
     L_.topLeftCorner(r_, r_).setIdentity();
     d_.head(r_).setConstant(Scalar(1));
   }
-  /// Whether so many changes are cheaper than a new factor of `kept` unknowns.
-  bool few(Index changes, Index kept) const { return updates_ + changes <= kMostUpdates && kUpdateCost * changes <= kept + r_; }
+  /// Whether so many changes of the factor are cheaper than bringing S, and then its factor, to the set with `kept` unknowns.
+  bool few(Index changes, Index kept) const {
+    const Index to_sum = (std::min)(kept, static_cast<Index>(updates_) + changes);
+    return updates_ + changes <= kMostUpdates && kUpdateCost * changes <= to_sum + r_ / 2;
+  }
 
   /// Takes unknown i into the free set.
   void append(Index i) {
@@ -199,7 +206,7 @@ class LowRankCurvature {
   }
 
  private:
-  static constexpr Index kMostUpdates = 300, kUpdateCost = 8;
+  static constexpr Index kMostUpdates = 300, kUpdateCost = 3, kMostSummed = 4000;
 
   auto column(Index i) const { return N_.col(i).head(r_); }
 
@@ -210,16 +217,39 @@ class LowRankCurvature {
     if (!rank_one_change<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_), work_.head(r_), weight)) refactor();
   }
 
+  /// S += weight · N_i N_iᵀ, lower triangle.
+  void sum(Index i, const Scalar& weight) {
+    for (Index c = 0; c < r_; ++c) {
+      const Scalar w = N_(c, i) * weight;
+      if (w < Scalar(0) || w > Scalar(0)) S_.col(c).segment(c, r_ - c) += w * N_.col(i).segment(c, r_ - c);
+    }
+  }
+
+  /// Brings S to the free set: by what changed since, or from the start when that is less or when rounding may have gathered.
+  void sum_up() {
+    Index changes = 0;
+    for (Index i = 0; i < n_; ++i) changes += (place(i) >= 0) != (in_S_[static_cast<std::size_t>(i)] != 0) ? 1 : 0;
+    const bool afresh = summed_ + changes > kMostSummed || changes > size_;
+    if (afresh) {
+      S_.topLeftCorner(r_, r_).setIdentity();
+      std::fill(in_S_.begin(), in_S_.end(), char(0));
+      summed_ = 0;
+    } else {
+      summed_ += changes;
+    }
+    for (Index i = 0; i < n_; ++i) {
+      char& in = in_S_[static_cast<std::size_t>(i)];
+      const char wanted = place(i) >= 0 ? char(1) : char(0);
+      if (in == wanted) continue;
+      in = wanted;
+      sum(i, wanted != 0 ? inverse_[i] : Scalar(-inverse_[i]));
+    }
+  }
+
   void refactor() {
     updates_ = 0;
-    L_.topLeftCorner(r_, r_).setIdentity();
-    for (Index k = 0; k < size_; ++k) {
-      const Index i = order(k);
-      for (Index c = 0; c < r_; ++c) {
-        const Scalar weight = N_(c, i) * inverse_[i];
-        if (weight < Scalar(0) || weight > Scalar(0)) L_.col(c).segment(c, r_ - c) += weight * N_.col(i).segment(c, r_ - c);
-      }
-    }
+    sum_up();
+    L_.topLeftCorner(r_, r_) = S_.topLeftCorner(r_, r_);
     d_.head(r_) = L_.topLeftCorner(r_, r_).diagonal();
     cholesky_in_place<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_), Scalar(0));  // S ≥ I: no pivot fails
     for (Index c = 0; c < r_; ++c) {
@@ -229,11 +259,12 @@ class LowRankCurvature {
     }
   }
 
-  Matrix N_, L_;
+  Matrix N_, L_, S_;
+  std::vector<char> in_S_;  // the unknowns in S_
   Vector D_, inverse_, work_, v_, U_, d_;
   std::vector<Index> order_, place_;
   Scalar slope_ = Scalar(0), axial_ = Scalar(0), bend_ = Scalar(0), length_ = Scalar(0);
-  Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, updates_ = 0;
+  Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, updates_ = 0, summed_ = kMostSummed;
 };
 
 }  // namespace clothctl::detail

@@ -69,8 +69,8 @@ class ProofSearch {
           y_[i] = Scalar(0);
         }
         if (!(y_[i] < Scalar(0)) && !(y_[i] > Scalar(0))) continue;
-        z_.head(n) -= v * problem.At().col(i);
-        z_size_.head(n) += abs(v) * problem.At().col(i).cwiseAbs();
+        problem.columns_of_At().add(i, -v, z_);
+        problem.columns_of_At().add_size(i, v, z_size_);
       }
       residual_.head(n) = z_.head(n);
       const ProofCheck<Scalar> check =
@@ -168,10 +168,10 @@ class ProofSearch {
     for (Index j = 0; j < n; ++j) {
       const Scalar d = d_[j];
       if (!(d < Scalar(0)) && !(d > Scalar(0))) continue;
-      hd_.head(n) += d * problem.H().col(j);
-      hd_size_.head(n) += abs(d) * problem.H().col(j).cwiseAbs();
-      ad_.head(m) += d * problem.A().col(j);
-      ad_size_.head(m) += abs(d) * problem.A().col(j).cwiseAbs();
+      problem.columns_of_H().add(j, d, hd_);
+      problem.columns_of_H().add_size(j, d, hd_size_);
+      problem.columns_of_A().add(j, d, ad_);
+      problem.columns_of_A().add_size(j, d, ad_size_);
     }
   }
 
@@ -179,10 +179,10 @@ class ProofSearch {
   void refine(Problem& problem) {
     const Index n = problem.unknowns();
     residual_.head(n) = hd_.head(n);
-    const RowFactor<Scalar>& factor = problem.factor;
+    const KktFactor<Scalar>& factor = problem.factor;
     for (Index k = 0; k < factor.row_size(); ++k) {
       const Index i = factor.row(k);
-      if (eta_[i] < Scalar(0) || eta_[i] > Scalar(0)) residual_.head(n) -= eta_[i] * problem.At().col(i);
+      if (eta_[i] < Scalar(0) || eta_[i] > Scalar(0)) problem.columns_of_At().add(i, -eta_[i], residual_);
       const bool leaves = (ad_[i] < Scalar(0) && has_bound(problem.rl[i])) || (ad_[i] > Scalar(0) && has_bound(problem.ru[i]));
       r2_[i] = leaves ? ad_[i] : Scalar(0);
     }

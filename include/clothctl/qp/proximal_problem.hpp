@@ -16,8 +16,9 @@
 #include <vector>
 
 #include "clothctl/qp/budget.hpp"
+#include "clothctl/qp/columns.hpp"
+#include "clothctl/qp/kkt_factor.hpp"
 #include "clothctl/qp/problem.hpp"
-#include "clothctl/qp/row_factor.hpp"
 
 namespace clothctl::detail {
 
@@ -37,19 +38,34 @@ class ProximalProblem {
     rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
     columns_.assign(static_cast<std::size_t>(n * m), Scalar(0));
     for (Vector* v : {&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_, &last_x_, &last_slope_}) v->setZero(n);
-    for (Vector* v : {&rl, &ru, &y, &yk, &ax, &b_, &delta_, &zero_rows_, &last_y_}) v->setZero(m);
+    for (Vector* v : {&rl, &ru, &y, &yk, &ax, &moved_, &below_, &above_, &b_, &delta_, &zero_rows_, &last_y_}) v->setZero(m);
     state.assign(static_cast<std::size_t>(n), State::Lower);
     moving_.assign(static_cast<std::size_t>(n), 0);
     hits_.assign(static_cast<std::size_t>(n), 0);
     kinks_.assign(static_cast<std::size_t>(2 * m), {Scalar(0), Scalar(0)});
     factor.reserve(n, m);
+    h_.reserve(n, n);
+    a_.reserve(m, n);
+    at_.reserve(n, m);
     n_ = m_ = 0;
   }
-  /// Sets the problem's size, within what was reserved.
+  /// Sets the problem's size, within what was reserved. H, A and Aᵀ are to be written then.
   void resize(Index n, Index m) {
     n_ = n;
     m_ = m;
-    factor.clear();
+    factor.reset();
+    h_.view(hessian_.data(), n, n);
+    a_.view(rows_.data(), m, n);
+    at_.view(columns_.data(), n, m);
+  }
+  /// Makes use of zeros in H, A and Aᵀ, which must not change until the next `resize`.
+  void index() {
+    constexpr Index kSmall = 40;
+    if (n_ + m_ < kSmall) return;
+    h_.list(hessian_.data(), n_, n_);
+    a_.list(rows_.data(), m_, n_);
+    at_.list(columns_.data(), n_, m_);
+    factor.choose(h_, a_, at_);
   }
 
   Index unknowns() const { return n_; }
@@ -60,29 +76,33 @@ class ProximalProblem {
   ConstMap H() const { return {hessian_.data(), n_, n_}; }
   ConstMap A() const { return {rows_.data(), m_, n_}; }
   ConstMap At() const { return {columns_.data(), n_, m_}; }
+  const Columns<Scalar>& columns_of_H() const { return h_; }
+  const Columns<Scalar>& columns_of_A() const { return a_; }
+  const Columns<Scalar>& columns_of_At() const { return at_; }
 
-  /// hx = H x and ax = A x from scratch.
+  /// hx = H x and ax = A x from scratch; the rows' moves are counted from here.
   void refresh_products() {
     hx.head(n_).setConstant(Scalar(0));
     ax.head(m_).setConstant(Scalar(0));
     for (Index j = 0; j < n_; ++j) {
       if (!(x[j] < Scalar(0)) && !(x[j] > Scalar(0))) continue;
-      hx.head(n_) += x[j] * std::as_const(*this).H().col(j);
-      ax.head(m_) += x[j] * std::as_const(*this).A().col(j);
+      h_.add(j, x[j], hx);
+      a_.add(j, x[j], ax);
     }
+    anchor();
   }
 
   /// out = H x + g - Aᵀ y for the present x, y.
   void reduced_gradient(Vector& out) const {
     out.head(n_) = hx.head(n_) + g.head(n_);
     for (Index i = 0; i < m_; ++i) {
-      if (y[i] < Scalar(0) || y[i] > Scalar(0)) out.head(n_) -= y[i] * At().col(i);
+      if (y[i] < Scalar(0) || y[i] > Scalar(0)) at_.add(i, -y[i], out);
     }
   }
 
-  /// y(x) and ∇φ from ax and hx.
+  /// y(x) and ∇φ from hx and from how far the rows moved since `refresh_products`.
   void update_multipliers() {
-    for (Index i = 0; i < m_; ++i) y[i] = multiplier(i, ax[i] - mu * yk[i]);
+    for (Index i = 0; i < m_; ++i) y[i] = multiplier(i);
     reduced_gradient(grad);
     grad.head(n_) += rho * (x.head(n_) - xk.head(n_));
   }
@@ -94,9 +114,10 @@ class ProximalProblem {
     return (std::max)(Scalar(0), s == State::Lower ? Scalar(-gradient[i]) : gradient[i]);
   }
 
-  /// Minimises φ until free gradient and sign violations are below `tolerance`. Adds set changes to `iterations`. Answers
+  /// Minimises φ from x until free gradient and sign violations are below `wanted`, or below their rounding. hx and ax must
+  /// be fresh. Adds set changes to `iterations`. Answers
   /// Broken when no factor can be had: numbers are not finite, or lie beyond the range of the scalar.
-  Outcome minimise(const Scalar& tolerance, int& iterations, const Budget& budget) {
+  Outcome minimise(const Scalar& wanted, int& iterations, const Budget& budget) {
     using std::abs;
     if (!usable_weights()) return Outcome::Broken;
     update_multipliers();
@@ -105,6 +126,7 @@ class ProximalProblem {
     int settled = 0;
     int idle = 0;
     for (;;) {
+      const Scalar tolerance = (std::max)(wanted, rounding());
       Scalar inside(0);
       Scalar outside(0);
       Index worst = -1;
@@ -161,8 +183,8 @@ class ProximalProblem {
         std::as_const(*this).H(), std::as_const(*this).At(), rho, mu,
         [this](Index i) { return state[static_cast<std::size_t>(i)] == State::Free; },
         [this](Index i) {
-          const Scalar v = ax[i] - mu * yk[i];
-          return !(rl[i] < ru[i]) || v < rl[i] || v > ru[i];
+          const Scalar v = position(i);
+          return !(rl[i] < ru[i]) || v < below_[i] || v > above_[i];
         },
         changed);
   }
@@ -170,14 +192,33 @@ class ProximalProblem {
   Vector g, lo, hi, x, xk, hx, grad;
   Vector rl, ru, y, yk, ax;
   std::vector<State> state;
-  RowFactor<Scalar> factor;
+  KktFactor<Scalar> factor;
   Scalar rho = Scalar(0), mu = Scalar(1), rho_ceiling = Scalar(1);
 
  private:
   static constexpr int kStalls = 8, kIdle = 60, kTries = 40;
 
-  Scalar multiplier(Index i, const Scalar& v) const {
-    return v < rl[i] ? (rl[i] - v) / mu : v > ru[i] ? (ru[i] - v) / mu : Scalar(0);
+  /// Takes the rows' edges from where x stands now: with small moves, y = (edge - A x)/μ is not drowned by the rounding of A x.
+  void anchor() {
+    for (Index i = 0; i < m_; ++i) {
+      below_[i] = has_bound(rl[i]) ? Scalar(rl[i] - ax[i]) : rl[i];
+      above_[i] = has_bound(ru[i]) ? Scalar(ru[i] - ax[i]) : ru[i];
+      moved_[i] = Scalar(0);
+    }
+  }
+
+  /// Ax - μ y_k, from the anchor.
+  Scalar position(Index i) const { return moved_[i] - mu * yk[i]; }
+
+  Scalar multiplier(Index i) const {
+    const Scalar v = position(i);
+    return v < below_[i] ? (below_[i] - v) / mu : v > above_[i] ? (above_[i] - v) / mu : Scalar(0);
+  }
+
+  /// What rounding leaves in the multipliers.
+  Scalar rounding() const {
+    if (m_ == 0) return Scalar(0);
+    return Scalar(8) * scalar_traits<Scalar>::epsilon() * Scalar(moved_.head(m_).cwiseAbs().maxCoeff()) / mu;
   }
 
   bool usable_weights() const { return is_finite(rho) && is_finite(mu) && rho > Scalar(0) && mu > Scalar(0); }
@@ -205,7 +246,7 @@ class ProximalProblem {
     for (Index i = 0; i < m_; ++i) {
       const Scalar term = Scalar(0.5) * mu * (y[i] + last_y_[i]) * (y[i] - last_y_[i]);
       change += term;
-      if (term < Scalar(0) || term > Scalar(0)) size += abs(y[i] + last_y_[i]) * abs(ax[i]);
+      if (term < Scalar(0) || term > Scalar(0)) size += abs(y[i] + last_y_[i]) * abs(moved_[i]);
       last_y_[i] = y[i];
     }
     if (fresh_) {
@@ -227,9 +268,9 @@ class ProximalProblem {
       const Scalar b = b_[i];
       if (!(b < Scalar(0)) && !(b > Scalar(0))) continue;
       const Scalar stiffness = b * b / mu;
-      const Scalar v = ax[i] - mu * yk[i];
+      const Scalar v = position(i);
       const bool equality = !(rl[i] < ru[i]);
-      if (equality || v < rl[i] || v > ru[i]) bend += stiffness;
+      if (equality || v < below_[i] || v > above_[i]) bend += stiffness;
       if (equality) continue;
       const auto kink = [&](const Scalar& edge, bool inwards) {
         if (!has_bound(edge)) return;
@@ -238,8 +279,8 @@ class ProximalProblem {
         if (!(t > Scalar(0)) && inwards) return;  // on the edge, moving in: was not counted
         kinks_[static_cast<std::size_t>(kinks++)] = {t, inwards ? Scalar(-stiffness) : stiffness};
       };
-      kink(rl[i], b > Scalar(0));
-      kink(ru[i], b < Scalar(0));
+      kink(below_[i], b > Scalar(0));
+      kink(above_[i], b < Scalar(0));
     }
     std::sort(kinks_.begin(), kinks_.begin() + kinks, [](const Kink& a, const Kink& c) { return a.first < c.first; });
     Scalar t(0);
@@ -268,8 +309,8 @@ class ProximalProblem {
       const Index i = factor.unknown(k);
       moving_[static_cast<std::size_t>(k)] = i;
       if (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0))) continue;
-      w_.head(n_) += p_[i] * std::as_const(*this).H().col(i);
-      b_.head(m_) += p_[i] * std::as_const(*this).A().col(i);
+      h_.add(i, p_[i], w_);
+      a_.add(i, p_[i], b_);
       const Scalar edge = p_[i] < Scalar(0) ? lo[i] : hi[i];
       if (!has_bound(edge)) continue;
       limit_[i] = (std::max)(Scalar(0), Scalar((edge - x[i]) / p_[i]));
@@ -277,8 +318,10 @@ class ProximalProblem {
       hits_[static_cast<std::size_t>(hits++)] = i;
     }
     for (Index i = 0; whole && i < m_; ++i) {
-      const Scalar v = ax[i] - mu * yk[i];
-      if (rl[i] < ru[i] && ((v < rl[i]) != (v + b_[i] < rl[i]) || (v > ru[i]) != (v + b_[i] > ru[i]))) whole = false;
+      if (!(rl[i] < ru[i])) continue;
+      const Scalar v = position(i);
+      const Scalar ahead = v + b_[i];
+      if ((v < below_[i]) != (ahead < below_[i]) || (v > above_[i]) != (ahead > above_[i])) whole = false;
     }
     if (whole) {
       advance(Scalar(1), count);
@@ -296,7 +339,7 @@ class ProximalProblem {
         slope += smooth_slope(i) * p_[i];
         curvature += (w_[i] + rho * p_[i]) * p_[i];
       }
-      for (Index i = 0; i < m_; ++i) slope -= multiplier(i, ax[i] - mu * yk[i]) * b_[i];
+      for (Index i = 0; i < m_; ++i) slope -= multiplier(i) * b_[i];
       if (!(slope < Scalar(0))) break;
       const Index next = hit < hits ? hits_[static_cast<std::size_t>(hit)] : Index(-1);
       const Scalar end = next >= 0 ? Scalar(limit_[next] - t) : big;
@@ -308,8 +351,8 @@ class ProximalProblem {
       const bool down = p_[next] < Scalar(0);
       x[next] = down ? lo[next] : hi[next];
       state[static_cast<std::size_t>(next)] = down ? State::Lower : State::Upper;
-      w_.head(n_) -= p_[next] * std::as_const(*this).H().col(next);
-      b_.head(m_) -= p_[next] * std::as_const(*this).A().col(next);
+      h_.add(next, -p_[next], w_);
+      a_.add(next, -p_[next], b_);
       p_[next] = Scalar(0);
     }
     stay_inside(count);
@@ -322,7 +365,7 @@ class ProximalProblem {
       x[i] += step * p_[i];
     }
     hx.head(n_) += step * w_.head(n_);
-    ax.head(m_) += step * b_.head(m_);
+    moved_.head(m_) += step * b_.head(m_);
   }
 
   /// Rounding must not leave the box.
@@ -335,7 +378,8 @@ class ProximalProblem {
 
   using Kink = std::pair<Scalar, Scalar>;
   std::vector<Scalar> hessian_, rows_, columns_;
-  Vector p_, w_, limit_, b_, delta_, zero_rows_, last_x_, last_slope_, last_y_;
+  Columns<Scalar> h_, a_, at_;
+  Vector p_, w_, limit_, b_, moved_, below_, above_, delta_, zero_rows_, last_x_, last_slope_, last_y_;
   Scalar total_ = Scalar(0), least_ = Scalar(0);
   std::vector<Index> moving_, hits_;
   std::vector<Kink> kinks_;

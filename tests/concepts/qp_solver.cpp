@@ -1,21 +1,12 @@
-// The archetypes satisfy their concepts and lack the rest; a solver from elsewhere joins through the trait alone; other types
-// are no solvers, and asking is no error.
+// A solver from elsewhere joins through the trait alone and is held to the laws; other types are no solvers, and asking is no
+// error.
 
-#include <type_traits>
+#include "clothctl/concepts/qp_solver.hpp"
 
-#include "archetypes/qp_solver.hpp"
+#include "clothctl/qp/active_set.hpp"
+#include "clothctl/qp/box_active_set.hpp"
 #include "laws/qp_solver_laws.hpp"
 #include "support/catch.hpp"
-
-using namespace clothctl;
-using namespace clothctl_test;
-
-static_assert(BoxQpSolver<BoxQpSolverArchetype<float>, float> && BoxQpSolver<BoxQpSolverArchetype<double>, double>);
-static_assert(QpSolver<QpSolverArchetype<float>, float> && QpSolver<QpSolverArchetype<double>, double>);
-static_assert(!WarmStartable<BoxQpSolverArchetype<double>> && !WarmStartable<QpSolverArchetype<double>>);
-static_assert(!QpSolver<BoxQpSolverArchetype<double>> && !BoxQpSolver<QpSolverArchetype<double>>);
-static_assert(!BoxQpSolver<int> && !QpSolver<int> && !WarmStartable<int> && !QpSolver<void*> && !BoxQpSolver<double>);
-static_assert(!std::is_copy_constructible_v<QpSolverArchetype<double>>);
 
 namespace other_engine {
 
@@ -61,9 +52,50 @@ struct qp_solver_traits<other_engine::Sweeper> {
 
 }  // namespace clothctl
 
+using namespace clothctl;
+using namespace clothctl_test;
+
 static_assert(BoxQpSolver<other_engine::Sweeper> && !QpSolver<other_engine::Sweeper> && !WarmStartable<other_engine::Sweeper>);
 
-TEST_CASE("the law of solved holds for an adapted solver and catches one that only claims it", "[archetypes]") {
+namespace {
+
+// All of a bound solver but one thing each.
+struct Base {
+  using result_type = QpResult<double>;
+  void reserve(Index) {}
+  QpStatus set_hessian(const MatrixX<double>&) { return QpStatus::Solved; }
+  QpStatus solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {
+    return QpStatus::Solved;
+  }
+};
+struct NoResultType : Base {
+ private:
+  using result_type = void;
+};
+struct SilentSolve : Base {
+  void solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {}
+};
+struct BoolHessian : Base {
+  bool set_hessian(const MatrixX<double>&) { return true; }
+};
+struct NoReserve {
+  using result_type = QpResult<double>;
+  QpStatus set_hessian(const MatrixX<double>&) { return QpStatus::Solved; }
+  QpStatus solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {
+    return QpStatus::Solved;
+  }
+};
+
+}  // namespace
+
+static_assert(BoxQpSolver<Base> && !QpSolver<Base> && !WarmStartable<Base>);
+static_assert(!BoxQpSolver<NoResultType> && !BoxQpSolver<SilentSolve> && !BoxQpSolver<BoolHessian> && !BoxQpSolver<NoReserve>);
+static_assert(BoxQpSolver<BoxActiveSet<float>, float> && WarmStartable<BoxActiveSet<double>> &&
+              !QpSolver<BoxActiveSet<double>>);
+static_assert(QpSolver<ActiveSet<float>, float> && WarmStartable<ActiveSet<double>> && !QpSolver<ActiveSet<float>, double>);
+static_assert(!BoxQpSolver<int> && !QpSolver<int> && !WarmStartable<int> && !QpSolver<void*> && !BoxQpSolver<double>);
+
+TEST_CASE("the law of solved holds for an adapted solver and catches one that only claims it", "[qp_solver]") {
   std::mt19937 random(31);
   const KnownQp<double> q = draw_qp<double>({.n = 8}, random);
   QpSession<double, other_engine::Sweeper> session;
@@ -73,17 +105,4 @@ TEST_CASE("the law of solved holds for an adapted solver and catches one that on
   other.g[0] += 1.0;
   other.x[0] += 1.0;  // a known solution that is none: the law must object
   CHECK(qp_law_solved(session, other, 1e-7) != "");
-}
-
-TEST_CASE("the least solvers run through the session", "[archetypes]") {
-  BoxQpSolverArchetype<double> box(0);
-  QpSolverArchetype<double> rows(0);
-  QpResultArchetype<double> result;
-  const VectorX<double> v = VectorX<double>::Zero(3), w = VectorX<double>::Zero(2);
-  using Box = qp_solver_traits<BoxQpSolverArchetype<double>>;
-  using Rows = qp_solver_traits<QpSolverArchetype<double>>;
-  CHECK(Box::solve(box, v, v, v, result) == QpStatus::IterationLimit);
-  CHECK(Box::solution(result).size() == 3);
-  CHECK(Rows::solve(rows, v, v, v, w, w, result) == QpStatus::IterationLimit);
-  CHECK(Rows::row_multipliers(result).size() == 2);
 }

@@ -1,0 +1,28 @@
+// The archetypes of QP solvers satisfy their concepts and lack the rest.
+
+#include <type_traits>
+
+#include "archetypes/qp_solver.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+static_assert(BoxQpSolver<BoxQpSolverArchetype<float>, float> && BoxQpSolver<BoxQpSolverArchetype<double>, double>);
+static_assert(QpSolver<QpSolverArchetype<float>, float> && QpSolver<QpSolverArchetype<double>, double>);
+static_assert(!WarmStartable<BoxQpSolverArchetype<double>> && !WarmStartable<QpSolverArchetype<double>>);
+static_assert(!QpSolver<BoxQpSolverArchetype<double>> && !BoxQpSolver<QpSolverArchetype<double>>);
+static_assert(!std::is_copy_constructible_v<QpSolverArchetype<double>>);
+
+TEST_CASE("the least solvers run through the session", "[archetypes]") {
+  BoxQpSolverArchetype<double> box(0);
+  QpSolverArchetype<double> rows(0);
+  QpResultArchetype<double> result;
+  const VectorX<double> v = VectorX<double>::Zero(3), w = VectorX<double>::Zero(2);
+  using Box = qp_solver_traits<BoxQpSolverArchetype<double>>;
+  using Rows = qp_solver_traits<QpSolverArchetype<double>>;
+  CHECK(Box::solve(box, v, v, v, result) == QpStatus::IterationLimit);
+  CHECK(Box::solution(result).size() == 3);
+  CHECK(Rows::solve(rows, v, v, v, w, w, result) == QpStatus::IterationLimit);
+  CHECK(Rows::row_multipliers(result).size() == 2);
+}

@@ -1,0 +1,193 @@
+// Fields of a line of QPS: words in free form, columns in fixed form, which may be left out, and what is said of wrong ones.
+
+#include "clothctl/io/qps_fields.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "support/catch.hpp"
+
+using clothctl::io_detail::qps_bound_has_value;
+using clothctl::io_detail::qps_fixed_fields;
+using clothctl::io_detail::qps_free_fields;
+using clothctl::io_detail::QpsFields;
+using clothctl::io_detail::QpsWords;
+
+namespace {
+
+using Splitter = std::string(const std::string&, std::string_view, QpsFields&);
+
+/// The fields as one text: type, name, then each pair; or what is wrong.
+std::string fields(Splitter& split, const std::string& section, std::string_view line) {
+  QpsFields f;
+  if (const std::string wrong = split(section, line, f); !wrong.empty()) return wrong;
+  std::string out = std::string(f.type) + "|" + std::string(f.name);
+  for (std::size_t k = 0; k < f.pairs; ++k) out += "|" + std::string(f.key[k]) + "=" + std::string(f.value[k]);
+  return out;
+}
+std::string free_fields(const std::string& section, std::string_view line) { return fields(qps_free_fields, section, line); }
+std::string fixed_fields(const std::string& section, std::string_view line) { return fields(qps_fixed_fields, section, line); }
+
+/// A line with texts from the given columns on, the first is 1.
+std::string line_of(const std::vector<std::pair<std::size_t, std::string>>& texts) {
+  std::string line;
+  for (const auto& [column, text] : texts) {
+    if (line.size() + 1 < column) line.resize(column - 1, ' ');
+    line.replace(column - 1, text.size(), text);
+  }
+  return line;
+}
+
+/// All six fields of the fixed form, each as wide as it may be.
+const std::string kFull =
+    line_of({{2, "UP"}, {5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}, {40, "SECOND78"}, {50, "210987654321"}});
+
+}  // namespace
+
+TEST_CASE("a line's words stand between blanks of any kind", "[qps_fields]") {
+  const std::string line = " \tone  two\v3\fa,b\r";
+  const QpsWords words(line);
+  CHECK(words.count == 4);
+  CHECK(words.word == std::array<std::string_view, 6>{"one", "two", "3", "a,b", "", ""});
+  CHECK(words.word[0].data() == line.data() + 2);  // a view, no copy
+  CHECK(QpsWords("").count == 0);
+  CHECK(QpsWords(" \t ").count == 0);
+  CHECK(QpsWords("x").count == 1);
+}
+
+TEST_CASE("words beyond the sixth are counted, not kept", "[qps_fields]") {
+  const QpsWords words("a b c d e f g h");
+  CHECK(words.count == 8);
+  CHECK(words.word == std::array<std::string_view, 6>{"a", "b", "c", "d", "e", "f"});
+}
+
+TEST_CASE("bounds that open a side come without a number", "[qps_fields]") {
+  for (const std::string_view type : {"FR", "MI", "PL"}) CHECK_FALSE(qps_bound_has_value(type));
+  for (const std::string_view type : {"LO", "UP", "FX", "BV", "fr", "F", "FRX", ""}) CHECK(qps_bound_has_value(type));
+}
+
+TEST_CASE("free form: rows have a type and a name", "[qps_fields]") {
+  CHECK(free_fields("ROWS", " N  cost ") == "N|cost|=");
+  CHECK(free_fields("ROWS", "\tE\trow1\t") == "E|row1|=");
+  CHECK(free_fields("ROWS", " ") == "expected a type and a name, found 0 fields");
+  CHECK(free_fields("ROWS", " cost") == "expected a type and a name, found 1 fields");
+  CHECK(free_fields("ROWS", " N MY COST") == "expected a type and a name, found 3 fields");
+}
+
+TEST_CASE("free form: columns and entries of matrices have a name and one or two pairs", "[qps_fields]") {
+  for (const std::string section : {"COLUMNS", "QUADOBJ", "QMATRIX", "QSECTION"}) {
+    CHECK(free_fields(section, " x r1 1.5") == "|x|r1=1.5");
+    CHECK(free_fields(section, " x  r1  1.5  r2  -2 ") == "|x|r1=1.5|r2=-2");
+    for (const auto& [line, count] : {std::pair<std::string, std::string>(" ", "0"),
+                                      {" x", "1"},
+                                      {" x r1", "2"},
+                                      {" x r1 1 r2", "4"},
+                                      {" x r1 1 r2 2 r3", "6"},
+                                      {" x r1 1 r2 2 r3 3", "7"}}) {
+      CHECK(free_fields(section, line) == "expected a name, then one or two names with numbers, found " + count + " fields");
+    }
+  }
+}
+
+TEST_CASE("free form: right-hand sides and ranges may leave out the name of the set", "[qps_fields]") {
+  for (const std::string section : {"RHS", "RANGES"}) {
+    CHECK(free_fields(section, " set r1 1") == "|set|r1=1");
+    CHECK(free_fields(section, " set r1 1 r2 2") == "|set|r1=1|r2=2");
+    CHECK(free_fields(section, " r1 1") == "||r1=1");
+    CHECK(free_fields(section, " r1 1 r2 2") == "||r1=1|r2=2");
+    for (const auto& [line, count] : {std::pair<std::string, std::string>(" ", "0"), {" r1", "1"}, {" set r1 1 r2 2 r3", "6"}})
+      CHECK(free_fields(section, line) == "expected a name, then one or two names with numbers, found " + count + " fields");
+  }
+}
+
+TEST_CASE("free form: bounds may leave out the name of the set and, where none counts, the number", "[qps_fields]") {
+  CHECK(free_fields("BOUNDS", " UP set x 4") == "UP|set|x=4");
+  CHECK(free_fields("BOUNDS", " UP x 4") == "UP||x=4");
+  CHECK(free_fields("BOUNDS", " FR set x") == "FR|set|x=");
+  CHECK(free_fields("BOUNDS", " FR x") == "FR||x=");
+  CHECK(free_fields("BOUNDS", " MI set x 0") == "MI|set|x=");
+  CHECK(free_fields("BOUNDS", " XX set x 4") == "XX|set|x=4");  // the type is judged elsewhere
+  const std::string expected = "expected a type, a set, a column and a value, found ";
+  CHECK(free_fields("BOUNDS", " ") == expected + "0 fields");
+  CHECK(free_fields("BOUNDS", " FR") == expected + "1 fields");
+  CHECK(free_fields("BOUNDS", " UP x") == expected + "2 fields");
+  CHECK(free_fields("BOUNDS", " UP set x 4 5") == expected + "5 fields");
+  CHECK(free_fields("BOUNDS", " FR set x 0 0") == expected + "5 fields");
+}
+
+TEST_CASE("fixed form: fields fill their columns to the last", "[qps_fields]") {
+  CHECK(fixed_fields("BOUNDS", kFull) == "UP|NAME5678|KEY45678=123456789012|SECOND78=210987654321");
+  QpsFields f;
+  REQUIRE(qps_fixed_fields("BOUNDS", kFull, f).empty());
+  CHECK(f.value[1].data() == kFull.data() + 49);  // a view, no copy
+  CHECK(fixed_fields("RHS", line_of({{15, "KEY45678"}, {25, "1"}})) == "||KEY45678=1");
+}
+
+TEST_CASE("fixed form: blanks around fields are no part of them, those within are", "[qps_fields]") {
+  const std::string line = line_of({{5, " COL A"}, {15, "MY  ROW"}, {33, "-1.5"}, {41, "B  C"}, {61, "2"}});
+  CHECK(fixed_fields("COLUMNS", line) == "|COL A|MY  ROW=-1.5|B  C=2");
+  CHECK(fixed_fields("COLUMNS", line + std::string(30, ' ')) == "|COL A|MY  ROW=-1.5|B  C=2");
+  for (const std::string section : {"ROWS", "BOUNDS"}) {
+    CHECK(fixed_fields(section, line_of({{2, "N"}, {5, "MY COST"}})) == "N|MY COST|=");
+    CHECK(fixed_fields(section, line_of({{3, "N"}, {5, "MY COST"}})) == "N|MY COST|=");
+  }
+}
+
+TEST_CASE("fixed form: there is a second pair where either half of it is", "[qps_fields]") {
+  const std::string one = line_of({{5, "X"}, {15, "R1"}, {25, "1"}});
+  CHECK(fixed_fields("COLUMNS", one) == "|X|R1=1");
+  CHECK(fixed_fields("COLUMNS", one + std::string(60, ' ')) == "|X|R1=1");
+  CHECK(fixed_fields("COLUMNS", one + line_of({{15, "R2"}})) == "|X|R1=1|R2=");
+  CHECK(fixed_fields("COLUMNS", one + line_of({{25, "2"}})) == "|X|R1=1|=2");
+}
+
+TEST_CASE("fixed form: nothing may stand between the columns of the fields", "[qps_fields]") {
+  constexpr std::size_t kBetween[] = {1, 4, 13, 14, 23, 24, 37, 38, 39, 48, 49, 62, 80, 200};
+  for (const std::size_t column : kBetween) {
+    std::string line = kFull;
+    if (line.size() < column) line.resize(column, ' ');
+    REQUIRE(line[column - 1] == ' ');
+    line[column - 1] = '#';
+    INFO("column " << column);
+    CHECK(fixed_fields("BOUNDS", line) == "'#' stands between the columns of the fields");
+    // Also where the line ends there.
+    CHECK(fixed_fields("BOUNDS", line.substr(0, column)) == "'#' stands between the columns of the fields");
+  }
+  CHECK(fixed_fields("COLUMNS", line_of({{5, "X"}, {36, "12345"}})) == "'234' stands between the columns of the fields");
+  const std::string tail(100, 'z');
+  CHECK(fixed_fields("BOUNDS", kFull + tail) == "'" + tail.substr(0, 40) + "…' stands between the columns of the fields");
+}
+
+TEST_CASE("fixed form: rows and bounds have a type, other lines have none", "[qps_fields]") {
+  const std::string typed = line_of({{2, "UP"}, {5, "NAME"}}), plain = line_of({{5, "NAME"}});
+  for (const std::string section : {"ROWS", "BOUNDS"}) {
+    CHECK(fixed_fields(section, typed) == "UP|NAME|=");
+    CHECK(fixed_fields(section, plain) == "no type in columns 2 and 3");
+    CHECK(fixed_fields(section, "") == "no type in columns 2 and 3");
+  }
+  for (const std::string section : {"COLUMNS", "RHS", "RANGES", "QUADOBJ", "QMATRIX", "QSECTION"}) {
+    CHECK(fixed_fields(section, plain) == "|NAME|=");
+    CHECK(fixed_fields(section, typed) == "'UP' stands in columns 2 and 3");
+    CHECK(fixed_fields(section, "") == "||=");
+  }
+}
+
+TEST_CASE("fixed form: a line that ends early holds what stands before its end", "[qps_fields]") {
+  const std::size_t first[] = {1, 4, 14, 24, 39, 49}, end[] = {3, 12, 22, 36, 47, 61};
+  for (std::size_t length = 2; length <= kFull.size(); ++length) {
+    std::array<std::string, 6> part;
+    for (std::size_t k = 0; k < 6; ++k) {
+      const std::size_t last = std::min(end[k], length);
+      if (first[k] < last) part[k] = kFull.substr(first[k], last - first[k]);
+    }
+    std::string expected = part[0] + "|" + part[1] + "|" + part[2] + "=" + part[3];
+    if (!part[4].empty()) expected += "|" + part[4] + "=" + part[5];
+    INFO(length);
+    CHECK(fixed_fields("BOUNDS", std::string_view(kFull).substr(0, length)) == expected);
+  }
+}

@@ -1,0 +1,263 @@
+// Programs and solutions as QPT text: which words are written, that zeros and what frames share are left out, and that the
+// reader finds the same numbers again.
+
+#include "clothctl/io/qpt_text.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <random>
+#include <string>
+
+#include "clothctl/io/qpt.hpp"
+#include "support/catch.hpp"
+
+using clothctl::Index;
+using clothctl::parse_qpt;
+using clothctl::parse_qpt_solution;
+using clothctl::QpProblem;
+using clothctl::QpReference;
+using clothctl::QpSequenceFrame;
+using clothctl::QpSolution;
+using clothctl::qpt_solution_text;
+using clothctl::qpt_text;
+using clothctl::Result;
+using Matrix = Eigen::MatrixXd;
+using Vector = Eigen::VectorXd;
+
+namespace {
+
+const double kInfinity = clothctl::scalar_traits<double>::infinity();
+
+void check_same(const QpReference& a, const QpReference& b) {
+  CHECK(a.status == b.status);
+  CHECK(a.objective == b.objective);
+  CHECK(a.unique == b.unique);
+  CHECK(a.x == b.x);
+  CHECK(a.y == b.y);
+  CHECK(a.z == b.z);
+  CHECK(a.ray == b.ray);
+  CHECK(a.farkas_y == b.farkas_y);
+  CHECK(a.farkas_z == b.farkas_z);
+}
+
+void check_same(const QpSequenceFrame& a, const QpSequenceFrame& b) {
+  CHECK(a.g == b.g);
+  CHECK(a.rl == b.rl);
+  CHECK(a.ru == b.ru);
+  CHECK(a.lb == b.lb);
+  CHECK(a.ub == b.ub);
+  check_same(a.reference, b.reference);
+}
+
+/// Writes, reads and compares.
+void check_reads_back(const QpProblem& a) {
+  const Result<QpProblem> b = parse_qpt(qpt_text(a), "f.qpt");
+  INFO((b ? std::string() : b.error()));
+  REQUIRE(b.has_value());
+  CHECK(a.name == b->name);
+  CHECK(a.r == b->r);
+  CHECK(a.H == b->H);
+  CHECK(a.A == b->A);
+  CHECK(a.shift == b->shift);
+  check_same(static_cast<const QpSequenceFrame&>(a), static_cast<const QpSequenceFrame&>(*b));
+  REQUIRE(a.frames.size() == b->frames.size());
+  for (std::size_t t = 0; t < a.frames.size(); ++t) check_same(a.frames[t], b->frames[t]);
+}
+
+void check_reads_back(const QpSolution& a) {
+  const Result<QpSolution> b = parse_qpt_solution(qpt_solution_text(a), "s.txt");
+  INFO((b ? std::string() : b.error()));
+  REQUIRE(b.has_value());
+  CHECK(a.name == b->name);
+  CHECK(a.n == b->n);
+  CHECK(a.m == b->m);
+  check_same(a.reference, b->reference);
+  REQUIRE(a.frames.size() == b->frames.size());
+  for (std::size_t t = 0; t < a.frames.size(); ++t) check_same(a.frames[t], b->frames[t]);
+}
+
+/// Three unknowns, two rows, bounds of every kind, a whole answer.
+QpProblem single() {
+  QpProblem p;
+  p.name = "tiny";
+  p.r = -1.5;
+  p.H = (Matrix(3, 3) << 2, 0, -0.5, 0, 4, 0, -0.5, 0, 1).finished();
+  p.g = (Vector(3) << -3, 0, 1e-3).finished();
+  p.A = (Matrix(2, 3) << 1, 1, 0, 0, 0, -2).finished();
+  p.rl = (Vector(2) << -kInfinity, 1).finished();
+  p.ru = (Vector(2) << 4, 1).finished();
+  p.lb = (Vector(3) << 0, -kInfinity, -1).finished();
+  p.ub = (Vector(3) << kInfinity, kInfinity, 2.5).finished();
+  p.reference.status = "optimal";
+  p.reference.objective = -7.25;
+  p.reference.unique = true;
+  p.reference.x = (Vector(3) << 1, 2, -0.5).finished();
+  p.reference.y = (Vector(2) << 0, -1).finished();
+  p.reference.z = (Vector(3) << 0, 0, 0.5).finished();
+  return p;
+}
+
+/// Two unknowns, one row; frames that change nothing, gradient and rows, and bounds.
+QpProblem sequence() {
+  QpProblem p;
+  p.name = "moves";
+  p.H = (Matrix(2, 2) << 2, 1, 1, 3).finished();
+  p.g = (Vector(2) << 0, 5).finished();
+  p.A = (Matrix(1, 2) << 1, -1).finished();
+  p.rl = Vector::Zero(1);
+  p.ru = Vector::Ones(1);
+  p.lb = Vector::Zero(2);
+  p.ub = (Vector(2) << 1, 2).finished();
+  p.shift = 1;
+  p.frames.assign(3, {p.g, p.rl, p.ru, p.lb, p.ub, {}});
+  p.frames[0].reference.status = "optimal";
+  p.frames[0].reference.objective = 1;
+  p.frames[1].g = (Vector(2) << -1, 0).finished();
+  p.frames[1].rl[0] = -1;
+  p.frames[1].ru[0] = 2;
+  p.frames[1].reference.status = "infeasible";
+  p.frames[2].ub.setZero();
+  p.frames[2].reference.objective = -4;
+  return p;
+}
+
+QpSolution solution() {
+  std::mt19937 engine(3);
+  std::normal_distribution<double> normal;
+  QpSolution out{"drawn", 4, 2, {}, {}};
+  out.reference.status = "iteration_limit";
+  out.reference.objective = normal(engine) * 1e-200;
+  for (Vector* v : {&out.reference.x, &out.reference.z, &out.reference.farkas_z, &out.reference.ray})
+    *v = Vector::NullaryExpr(4, [&] { return normal(engine); });
+  for (Vector* v : {&out.reference.y, &out.reference.farkas_y})
+    *v = Vector::NullaryExpr(2, [&] { return 1e9 * normal(engine); });
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("a program is written section by section, without its zeros", "[qpt_text]") {
+  CHECK(qpt_text(single()) ==
+        "qpt 1\nname tiny\nn 3\nm 2\nr -1.5\n"
+        "H 4\n0 0 2\n0 2 -0.5\n1 1 4\n2 2 1\n"
+        "g 2\n0 -3\n2 0.001\n"
+        "A 3\n0 0 1\n0 1 1\n1 2 -2\n"
+        "rows 2\n-inf 4\n1 1\n"
+        "cols 3\n0 inf\n-inf inf\n-1 2.5\n"
+        "status optimal\nobjective -7.25\nunique 1\n"
+        "x 3\n1 2 -0.5\ny 2\n0 -1\nz 3\n0 0 0.5\nend\n");
+}
+
+TEST_CASE("a sequence writes of each frame its gradient and what differs from the base", "[qpt_text]") {
+  CHECK(qpt_text(sequence()) ==
+        "qpt 1\nname moves\nn 2\nm 1\nr 0\nH 3\n0 0 2\n0 1 1\n1 1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 1\n"
+        "cols 2\n0 1\n0 2\nframes 3\nshift 1\n"
+        "frame 0\ng 1\n1 5\nstatus optimal\nobjective 1\n"
+        "frame 1\ng 1\n0 -1\nrows 1\n-1 2\nstatus infeasible\n"
+        "frame 2\ng 1\n1 5\ncols 2\n0 0\n0 0\nobjective -4\nend\n");
+}
+
+TEST_CASE("each of a frame's bounds that differs is written", "[qpt_text]") {
+  for (Vector QpSequenceFrame::*side :
+       {&QpSequenceFrame::rl, &QpSequenceFrame::ru, &QpSequenceFrame::lb, &QpSequenceFrame::ub}) {
+    QpProblem p = sequence();
+    p.frames.resize(1);
+    (p.frames[0].*side)[0] = 0.25;
+    check_reads_back(p);
+  }
+}
+
+TEST_CASE("the least program has an unknown and its bounds", "[qpt_text]") {
+  QpProblem p;
+  p.H.setZero(1, 1);
+  p.g.setZero(1);
+  p.A.setZero(0, 1);
+  p.lb = p.ub = Vector::Constant(1, 3);
+  CHECK(qpt_text(p) == "qpt 1\nname unnamed\nn 1\nm 0\nr 0\nH 0\ng 0\nA 0\nrows 0\ncols 1\n3 3\nend\n");
+  p.name = "unnamed";
+  check_reads_back(p);
+}
+
+TEST_CASE("a proof is written with the status it proves", "[qpt_text]") {
+  QpSolution s{"p", 2, 1, {}, {}};
+  s.reference.status = "infeasible";
+  s.reference.farkas_y = Vector::Constant(1, -1);
+  s.reference.farkas_z = (Vector(2) << 1, 0).finished();
+  CHECK(qpt_solution_text(s) == "qpt 1\nname p\nn 2\nm 1\nstatus infeasible\nfarkas_y 1\n-1\nfarkas_z 2\n1 0\nend\n");
+  s.reference = {};
+  s.reference.status = "unbounded";
+  s.reference.unique = false;
+  s.reference.x = Vector::Zero(2);
+  s.reference.ray = (Vector(2) << 0.5, -1).finished();
+  CHECK(qpt_solution_text(s) == "qpt 1\nname p\nn 2\nm 1\nstatus unbounded\nunique 0\nx 2\n0 0\nray 2\n0.5 -1\nend\n");
+}
+
+TEST_CASE("the solution of a sequence holds the answer of each frame", "[qpt_text]") {
+  QpSolution s{"p", 1, 0, {}, {}};
+  s.frames.resize(3);
+  s.frames[0].status = "solved";
+  s.frames[0].objective = 0.5;
+  s.frames[2].x = Vector::Ones(1);
+  CHECK(qpt_solution_text(s) ==
+        "qpt 1\nname p\nn 1\nm 0\nframes 3\nframe 0\nstatus solved\nobjective 0.5\nframe 1\nframe 2\nx 1\n1\nend\n");
+}
+
+TEST_CASE("white space in a name becomes an underscore, no name a word", "[qpt_text]") {
+  const auto written = [](const std::string& name) {
+    const std::string text = qpt_solution_text({name, 1, 0, {}, {}});
+    REQUIRE(text.rfind("qpt 1\nname ", 0) == 0);
+    return text.substr(11, text.find('\n', 11) - 11);
+  };
+  CHECK(written("plain-name.1") == "plain-name.1");
+  CHECK(written("a name\twith\nblanks\r\v\f") == "a_name_with_blanks___");
+  CHECK(written(" ") == "_");
+  CHECK(written("é") == "é");
+  CHECK(written("") == "unnamed");
+  CHECK(written("end") == "end");
+  check_reads_back(QpSolution{"end", 1, 0, {}, {}});
+}
+
+TEST_CASE("written programs, sequences and solutions read back as they were", "[qpt_text]") {
+  check_reads_back(single());
+  check_reads_back(sequence());
+  check_reads_back(solution());
+  QpSolution moves = solution();
+  moves.frames = {moves.reference, {}, moves.reference};
+  moves.reference = {};
+  check_reads_back(moves);
+}
+
+TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
+  std::mt19937 engine(5);
+  const auto draw = [&] {
+    std::uniform_real_distribution<double> digits(1, 10);
+    std::uniform_int_distribution<int> kind(0, 5), exponent(-300, 300);
+    if (kind(engine) == 0) return 0.0;
+    if (kind(engine) == 0) return kind(engine) < 3 ? std::numeric_limits<double>::max() : -std::numeric_limits<double>::min();
+    return (kind(engine) < 3 ? -1 : 1) * digits(engine) * std::pow(10.0, exponent(engine));
+  };
+  for (int trial = 0; trial < 60; ++trial) {
+    const Index n = 1 + trial % 7, m = trial % 5;
+    QpProblem p;
+    p.name = "trial_" + std::to_string(trial);
+    p.r = draw();
+    p.g = Vector::NullaryExpr(n, draw);
+    p.A = Matrix::NullaryExpr(m, n, draw);
+    p.H = Matrix::NullaryExpr(n, n, draw);
+    p.H.triangularView<Eigen::StrictlyLower>() = p.H.transpose();
+    // A lower bound may be anything that is no +inf to the reader, an upper one anything that is no -inf.
+    const auto low = [&] { return trial % 3 == 0 ? -kInfinity : std::min(draw(), 1e20); };
+    const auto high = [&] { return trial % 4 == 0 ? kInfinity : std::max(draw(), -1e20); };
+    p.rl = Vector::NullaryExpr(m, low);
+    p.ru = Vector::NullaryExpr(m, high);
+    p.lb = Vector::NullaryExpr(n, low);
+    p.ub = Vector::NullaryExpr(n, high);
+    for (int t = 0; t < trial % 4; ++t) {
+      p.frames.push_back({Vector::NullaryExpr(n, draw), p.rl, Vector::NullaryExpr(m, high), p.lb, p.ub, {}});
+      p.frames.back().reference.objective = draw();
+    }
+    if (!p.frames.empty()) p.shift = trial % (n + 1);
+    check_reads_back(p);
+  }
+}

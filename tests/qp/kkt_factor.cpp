@@ -1,0 +1,88 @@
+#include "clothctl/qp/kkt_factor.hpp"
+
+#include <random>
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give the same steps", "[qp]") {
+  std::mt19937 random(21);
+  std::normal_distribution<double> normal;
+  const Index n = 90, m = 40;
+  for (const bool sparse : {true, false}) {
+    MatrixX<double> H = MatrixX<double>::Zero(n, n), A = MatrixX<double>::Zero(m, n);
+    for (Index i = 0; i < n; ++i) {
+      H(i, i) = 2.0;
+      if (i > 0) H(i, i - 1) = H(i - 1, i) = -0.9;
+    }
+    for (Index i = 0; i < m; ++i) {
+      for (Index j = 2 * i; j < (sparse ? 2 * i + 3 : n); ++j) A(i, j) = normal(random);
+    }
+    const MatrixX<double> At = A.transpose();
+    detail::Columns<double> h, a, at;
+    h.reserve(n, n);
+    a.reserve(m, n);
+    at.reserve(n, m);
+    h.list(H.data(), n, n);
+    a.list(A.data(), m, n);
+    at.list(At.data(), n, m);
+    detail::KktFactor<double> chosen, dense;
+    chosen.reserve(n, m);
+    dense.reserve(n, m);
+    chosen.choose(h, a, at);
+    CHECK(chosen.sparse() == sparse);
+    CHECK_FALSE(dense.sparse());
+    const auto is_free = [](Index i) { return i % 5 != 1; };
+    const auto is_active = [](Index i) { return i % 3 != 0; };
+    const VectorX<double> r1 = VectorX<double>::LinSpaced(n, -1.0, 2.0), r2 = VectorX<double>::LinSpaced(m, 1.0, -1.0);
+    VectorX<double> p[2], delta[2];
+    int which = 0;
+    for (detail::KktFactor<double>* factor : {&chosen, &dense}) {
+      bool changed = false;
+      REQUIRE(factor->sync(H, At, 1e-3, 1e-2, is_free, is_active, changed));
+      CHECK(changed);
+      CHECK(factor->free_size() == 72);
+      CHECK(factor->row_size() == 26);
+      for (Index k = 0; k < factor->free_size(); ++k) REQUIRE(is_free(factor->unknown(k)));
+      for (Index k = 0; k < factor->row_size(); ++k) REQUIRE(is_active(factor->row(k)));
+      p[which] = VectorX<double>::Zero(n);
+      delta[which] = VectorX<double>::Zero(m);
+      factor->solve(r1, r2, p[which], delta[which]);
+      ++which;
+      factor->touch();
+      REQUIRE(factor->sync(H, At, 1e-3, 1e-1, is_free, is_active, changed));
+      CHECK_FALSE(changed);
+    }
+    CHECK((p[0] - p[1]).norm() < 1e-10 * p[1].norm());
+    CHECK((delta[0] - delta[1]).norm() < 1e-10 * delta[1].norm());
+    chosen.reset();
+    CHECK_FALSE(chosen.sparse());
+  }
+}
+
+TEST_CASE("a failure is told apart by where it lay, in both factors", "[qp]") {
+  const Index n = 60;
+  MatrixX<double> H = MatrixX<double>::Identity(n, n);
+  H(3, 3) = -1.0;
+  const MatrixX<double> A = MatrixX<double>::Zero(0, n), At = A.transpose();
+  detail::Columns<double> h, a, at;
+  h.reserve(n, n);
+  a.reserve(0, n);
+  at.reserve(n, 0);
+  h.list(H.data(), n, n);
+  a.list(A.data(), 0, n);
+  at.list(At.data(), n, 0);
+  for (const bool sparse : {true, false}) {
+    detail::KktFactor<double> factor;
+    factor.reserve(n, 0);
+    if (sparse) factor.choose(h, a, at);
+    CHECK(factor.sparse() == sparse);
+    bool changed = false;
+    const auto all = [](Index) { return true; };
+    CHECK_FALSE(factor.sync(H, At, 1e-3, 1.0, all, all, changed));
+    CHECK(factor.free_failed());
+    factor.clear();
+    CHECK(factor.sync(H, At, 2.0, 1.0, all, all, changed));
+  }
+}
