@@ -7,6 +7,7 @@
 #include "clothctl/qp/box_method.hpp"
 #include "clothctl/qp/budget.hpp"
 #include "clothctl/qp/certificate.hpp"
+#include "clothctl/qp/closest_point.hpp"
 #include "clothctl/qp/columns.hpp"
 #include "clothctl/qp/dense_curvature.hpp"
 #include "clothctl/qp/free_set_factor.hpp"

@@ -219,6 +219,60 @@ TEST_CASE("QPS: what is wrong is named with file, line and value", "[qps]") {
   CHECK(refusal(with(" b b 3", "ROWS")) == "f.qps:47: ROWS is given twice");
 }
 
+TEST_CASE("QPS: a missing end is told at the last line, a line break begins one more", "[qps]") {
+  const std::string what = "the file ends without ENDATA";
+  CHECK(refusal("ROWS") == "f.qps:1: " + what);
+  CHECK(refusal("ROWS\n N o") == "f.qps:2: " + what);
+  CHECK(refusal("ROWS\n N o\n") == "f.qps:3: " + what);
+  CHECK(refusal("ROWS\n N o\n\n* no end") == "f.qps:4: " + what);
+  CHECK(refusal("\n\n  ") == "f.qps:3: " + what);
+  CHECK(parsed("ROWS\n N o\nCOLUMNS\n x o 1\nENDATA").g[0] == 1);
+}
+
+TEST_CASE("QPS: a section's name is shown short and printable", "[qps]") {
+  const std::string longest(100000, 'A');
+  const std::string unknown = "f.qps:1: '" + longest.substr(0, 40) + "…' is not a section that is read";
+  for (const std::string rest : {"", " b", " b c d e f g"}) CHECK(refusal(longest + rest + "\n") == unknown);
+  CHECK(refusal("NA\x1bME x\n") == "f.qps:1: 'NA?ME' is not a section that is read");
+  CHECK(refusal("\x7f\n") == "f.qps:1: '?' is not a section that is read");
+  CHECK(refusal("rooms r\n") == "f.qps:1: 'rooms' is not a section that is read");
+  CHECK(refusal("rows " + longest + "\n") ==
+        "f.qps:1: ROWS: '" + longest.substr(0, 40) + "…' stands in the section's first line");
+}
+
+TEST_CASE("QPS: a number that is refused is shown as it stands in the file", "[qps]") {
+  const auto refused = [](const std::string& number) { return refusal(with("a least 2", "a least " + number)); };
+  const std::string at = "f.qps:17: COLUMNS: 'least': ";
+  CHECK(refused("ABCD") == at + "'ABCD' is not a number");
+  CHECK(refused("1D") == at + "'1D' is not a number");
+  CHECK(refused("1D999") == at + "'1D999' is out of the range of a double");
+  CHECK(refused("-1d+999") == at + "'-1d+999' is out of the range of a double");
+  CHECK(refused("NaN") == at + "'NaN' is not finite");
+  CHECK(refused("+Infinity") == at + "'+Infinity' is not finite");
+  CHECK(refused("DDD\x1b") == at + "'DDD?' is not a number");
+  CHECK(refusal("ROWS\n N  o\nCOLUMNS\n    x         o\n", QpsForm::Fixed) ==
+        "f.qps:4: COLUMNS: 'o': found an empty cell, expected a number");
+}
+
+TEST_CASE("QPS: fields that nothing asks for are refused in both forms", "[qps]") {
+  const std::string fixed =
+      "ROWS\n N  o         @\n L  r\nCOLUMNS\n    x         o                  1.0\n"
+      "BOUNDS\n UP bnd       x                  5.0   #\nENDATA\n";
+  const auto filled = [&](const std::string& row, const std::string& bound) {
+    std::string text = fixed;
+    text.replace(text.find('@'), 1, row);
+    return text.replace(text.find('#'), 1, bound);
+  };
+  for (const QpsForm form : {QpsForm::Free, QpsForm::Fixed}) CHECK(parsed(filled("", ""), form).ub[0] == 5);
+  const std::string at_row = "f.qps:2: ROWS: ", at_bound = "f.qps:7: BOUNDS: ";
+  CHECK(refusal(filled("r", ""), QpsForm::Fixed) == at_row + "'r' stands in columns 15 to 22, expected nothing there");
+  CHECK(refusal(filled("", "y"), QpsForm::Fixed) == at_bound + "'y' stands in columns 40 to 47, expected nothing there");
+  CHECK(refusal(filled("r", "")) == at_row + "expected a type and a name, found 3 fields");
+  CHECK(refusal(filled("", "y")) == at_bound + "expected a type, a set, a column and a value, found 5 fields");
+  CHECK(refusal(filled("r", ""), QpsForm::Detect) != "accepted");
+  CHECK(refusal(filled("", "y"), QpsForm::Detect) != "accepted");
+}
+
 TEST_CASE("QPS: a QPS program written as QPT is the same program", "[qps]") {
   const QpProblem p = parsed(kFree);
   const Result<QpProblem> q = clothctl::parse_qpt(clothctl::qpt_text(p), "f.qpt");
@@ -238,7 +292,7 @@ TEST_CASE("QPS: no prefix and no spoilt byte crashes the reader of QPS", "[qps]"
   const auto judged = [](const std::string& text) {
     for (const QpsForm form : {QpsForm::Detect, QpsForm::Fixed}) {
       const std::string message = refusal(text, form);
-      if (message != "accepted") clothctl_test::check_refusal(message, "f.qps", text + "\n");  // its end: a line more
+      if (message != "accepted") clothctl_test::check_refusal(message, "f.qps", text);
     }
   };
   clothctl_test::for_each_prefix(kFree, [&](const std::string& prefix) {

@@ -43,9 +43,10 @@ std::string line_of(const std::vector<std::pair<std::size_t, std::string>>& text
   return line;
 }
 
-/// All six fields of the fixed form, each as wide as it may be.
-const std::string kFull =
-    line_of({{2, "UP"}, {5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}, {40, "SECOND78"}, {50, "210987654321"}});
+/// All fields of a bound and of two pairs in fixed form, each as wide as it may be.
+const std::string kBound = line_of({{2, "UP"}, {5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}});
+const std::string kPairs =
+    line_of({{5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}, {40, "SECOND78"}, {50, "210987654321"}});
 
 }  // namespace
 
@@ -121,10 +122,11 @@ TEST_CASE("free form: bounds may leave out the name of the set and, where none c
 }
 
 TEST_CASE("fixed form: fields fill their columns to the last", "[qps_fields]") {
-  CHECK(fixed_fields("BOUNDS", kFull) == "UP|NAME5678|KEY45678=123456789012|SECOND78=210987654321");
+  CHECK(fixed_fields("BOUNDS", kBound) == "UP|NAME5678|KEY45678=123456789012");
+  CHECK(fixed_fields("COLUMNS", kPairs) == "|NAME5678|KEY45678=123456789012|SECOND78=210987654321");
   QpsFields f;
-  REQUIRE(qps_fixed_fields("BOUNDS", kFull, f).empty());
-  CHECK(f.value[1].data() == kFull.data() + 49);  // a view, no copy
+  REQUIRE(qps_fixed_fields("COLUMNS", kPairs, f).empty());
+  CHECK(f.value[1].data() == kPairs.data() + 49);  // a view, no copy
   CHECK(fixed_fields("RHS", line_of({{15, "KEY45678"}, {25, "1"}})) == "||KEY45678=1");
 }
 
@@ -149,18 +151,34 @@ TEST_CASE("fixed form: there is a second pair where either half of it is", "[qps
 TEST_CASE("fixed form: nothing may stand between the columns of the fields", "[qps_fields]") {
   constexpr std::size_t kBetween[] = {1, 4, 13, 14, 23, 24, 37, 38, 39, 48, 49, 62, 80, 200};
   for (const std::size_t column : kBetween) {
-    std::string line = kFull;
+    std::string line = kPairs;
     if (line.size() < column) line.resize(column, ' ');
     REQUIRE(line[column - 1] == ' ');
     line[column - 1] = '#';
     INFO("column " << column);
-    CHECK(fixed_fields("BOUNDS", line) == "'#' stands between the columns of the fields");
+    CHECK(fixed_fields("COLUMNS", line) == "'#' stands between the columns of the fields");
     // Also where the line ends there.
-    CHECK(fixed_fields("BOUNDS", line.substr(0, column)) == "'#' stands between the columns of the fields");
+    CHECK(fixed_fields("COLUMNS", line.substr(0, column)) == "'#' stands between the columns of the fields");
   }
   CHECK(fixed_fields("COLUMNS", line_of({{5, "X"}, {36, "12345"}})) == "'234' stands between the columns of the fields");
   const std::string tail(100, 'z');
-  CHECK(fixed_fields("BOUNDS", kFull + tail) == "'" + tail.substr(0, 40) + "…' stands between the columns of the fields");
+  CHECK(fixed_fields("COLUMNS", kPairs + tail) == "'" + tail.substr(0, 40) + "…' stands between the columns of the fields");
+}
+
+TEST_CASE("fixed form: a row ends with its name, a bound with its value", "[qps_fields]") {
+  const std::string row = line_of({{2, "N"}, {5, "MY COST"}});
+  CHECK(fixed_fields("ROWS", row + std::string(60, ' ')) == "N|MY COST|=");
+  CHECK(fixed_fields("BOUNDS", kBound + std::string(60, ' ')) == "UP|NAME5678|KEY45678=123456789012");
+  constexpr std::size_t kFirst[] = {15, 25, 40, 50};
+  const std::string range[] = {"15 to 22", "25 to 36", "40 to 47", "50 to 61"};
+  for (std::size_t k = 0; k < 4; ++k) {
+    const std::string more = line_of({{kFirst[k], "MORE"}});
+    const std::string wrong = "'MORE' stands in columns " + range[k] + ", expected nothing there";
+    CHECK(fixed_fields("ROWS", row + more.substr(row.size())) == wrong);
+    if (k >= 2) CHECK(fixed_fields("BOUNDS", kBound + more.substr(kBound.size())) == wrong);
+  }
+  // As in free form, a bound that opens a side may come with a number.
+  CHECK(fixed_fields("BOUNDS", line_of({{2, "FR"}, {15, "X"}, {25, "0"}})) == "FR||X=0");
 }
 
 TEST_CASE("fixed form: rows and bounds have a type, other lines have none", "[qps_fields]") {
@@ -179,15 +197,17 @@ TEST_CASE("fixed form: rows and bounds have a type, other lines have none", "[qp
 
 TEST_CASE("fixed form: a line that ends early holds what stands before its end", "[qps_fields]") {
   const std::size_t first[] = {1, 4, 14, 24, 39, 49}, end[] = {3, 12, 22, 36, 47, 61};
-  for (std::size_t length = 2; length <= kFull.size(); ++length) {
-    std::array<std::string, 6> part;
-    for (std::size_t k = 0; k < 6; ++k) {
-      const std::size_t last = std::min(end[k], length);
-      if (first[k] < last) part[k] = kFull.substr(first[k], last - first[k]);
+  for (const auto& [section, line] : {std::pair<std::string, std::string>("BOUNDS", kBound), {"COLUMNS", kPairs}}) {
+    for (std::size_t length = 2; length <= line.size(); ++length) {
+      std::array<std::string, 6> part;
+      for (std::size_t k = 0; k < 6; ++k) {
+        const std::size_t last = std::min(end[k], length);
+        if (first[k] < last) part[k] = std::string(clothctl::io_detail::trimmed(line.substr(first[k], last - first[k])));
+      }
+      std::string expected = part[0] + "|" + part[1] + "|" + part[2] + "=" + part[3];
+      if (!part[4].empty()) expected += "|" + part[4] + "=" + part[5];
+      INFO(section << " " << length);
+      CHECK(fixed_fields(section, std::string_view(line).substr(0, length)) == expected);
     }
-    std::string expected = part[0] + "|" + part[1] + "|" + part[2] + "=" + part[3];
-    if (!part[4].empty()) expected += "|" + part[4] + "=" + part[5];
-    INFO(length);
-    CHECK(fixed_fields("BOUNDS", std::string_view(kFull).substr(0, length)) == expected);
   }
 }

@@ -228,6 +228,114 @@ TEST_CASE("written programs, sequences and solutions read back as they were", "[
   check_reads_back(moves);
 }
 
+TEST_CASE("a number that is not finite is written, and refused when read", "[qpt_text]") {
+  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), kInfinity, -kInfinity}) {
+    const auto check_refused = [](const QpProblem& p, const std::string& place) {
+      const Result<QpProblem> read = parse_qpt(qpt_text(p), "f");
+      INFO((read ? std::string("accepted") : read.error()) << ", expected: " << place);
+      CHECK_FALSE(read.has_value());
+      if (!read) CHECK(read.error().find(": " + place) != std::string::npos);
+    };
+    QpProblem p = single();
+    p.r = bad;
+    check_refused(p, "r: ");
+    for (Index i = 0; i < 3; ++i) {
+      p = single();
+      p.g[i] = bad;
+      check_refused(p, "g(" + std::to_string(i) + "): ");
+      for (Index j = 0; j < 3; ++j) {  // in either triangle
+        p = single();
+        p.H(i, j) = bad;
+        check_refused(p, "H(" + std::to_string(std::min(i, j)) + "," + std::to_string(std::max(i, j)) + "): ");
+      }
+      for (Index k = 0; k < 2; ++k) {
+        p = single();
+        p.A(k, i) = bad;
+        check_refused(p, "A(" + std::to_string(k) + "," + std::to_string(i) + "): ");
+      }
+    }
+    p = single();
+    p.reference.x[1] = bad;
+    check_refused(p, "x(1): ");
+    p = single();
+    p.reference.objective = bad;
+    check_refused(p, "objective: ");
+    p = sequence();
+    p.frames[1].g[0] = bad;
+    check_refused(p, "g(0): ");
+  }
+  for (Vector QpSequenceFrame::*side :
+       {&QpSequenceFrame::rl, &QpSequenceFrame::ru, &QpSequenceFrame::lb, &QpSequenceFrame::ub}) {
+    QpProblem base = sequence(), moved = sequence();
+    (base.*side)[0] = (moved.frames[2].*side)[0] = std::numeric_limits<double>::quiet_NaN();
+    CHECK_FALSE(parse_qpt(qpt_text(base), "f").has_value());
+    CHECK_FALSE(parse_qpt(qpt_text(moved), "f").has_value());
+  }
+}
+
+TEST_CASE("no frame takes over an answer of the base program that it does not have", "[qpt_text]") {
+  QpProblem p = sequence();
+  p.reference.status = "optimal";
+  p.reference.objective = 12;
+  p.reference.unique = true;
+  p.reference.x = (Vector(2) << 0, 1).finished();
+  p.frames[1].reference.objective = 3;
+  const auto read_back = [&] {
+    Result<QpProblem> read = parse_qpt(qpt_text(p), "f.qpt");
+    INFO((read ? std::string() : read.error()));
+    REQUIRE(read.has_value());
+    for (std::size_t t = 0; t < p.frames.size(); ++t) check_same(p.frames[t], read->frames[t]);
+    return std::move(read).value();
+  };
+  const QpProblem no_status = read_back();  // the last frame has none
+  CHECK(no_status.reference.status.empty());
+  CHECK(no_status.reference.objective == 12);
+  CHECK(no_status.reference.unique == true);
+  CHECK(no_status.reference.x == p.reference.x);
+  p.frames[1].reference.objective.reset();
+  CHECK_FALSE(read_back().reference.objective.has_value());
+  for (QpSequenceFrame& frame : p.frames) frame.reference = {"unbounded", -1.0, {}, {}, {}, {}, {}, {}, {}};
+  check_reads_back(p);
+  p.frames[2].reference.objective.reset();
+  const QpProblem no_objective = read_back();
+  CHECK(no_objective.reference.status == "optimal");
+  CHECK_FALSE(no_objective.reference.objective.has_value());
+}
+
+TEST_CASE("what the format has no words for is lost, as documented", "[qpt_text]") {
+  const auto read_back = [](const QpProblem& p) {
+    Result<QpProblem> read = parse_qpt(qpt_text(p), "f.qpt");
+    REQUIRE(read.has_value());
+    return std::move(read).value();
+  };
+  QpProblem p = single();
+  p.maximise = true;
+  p.shift = 2;
+  p.name = "";
+  p.row_names = {"r0", "r1"};
+  p.column_names = {"a", "b", "c"};
+  p.g[1] = -0.0;
+  p.lb[0] = -0.0;
+  QpProblem read = read_back(p);
+  CHECK_FALSE(read.maximise);
+  CHECK(read.shift == 0);
+  CHECK(read.name == "unnamed");
+  CHECK(read.row_names.empty());
+  CHECK(read.column_names.empty());
+  CHECK_FALSE(std::signbit(read.g[1]));
+  CHECK(std::signbit(read.lb[0]));
+  p = sequence();
+  p.frames[0].reference.unique = true;
+  p.frames[0].reference.x = Vector::Zero(2);
+  p.frames[0].reference.z = Vector::Zero(2);
+  read = read_back(p);
+  CHECK(read.shift == 1);
+  p.frames[0].reference = {"optimal", 1.0, {}, {}, {}, {}, {}, {}, {}};
+  check_same(read.frames[0], p.frames[0]);
+  p.frames[0].lb[0] = -0.0;  // the base program's is 0
+  CHECK(std::signbit(read_back(p).frames[0].lb[0]));
+}
+
 TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
   std::mt19937 engine(5);
   const auto draw = [&] {

@@ -74,6 +74,11 @@ TEMPLATE_TEST_CASE("the first triangle off the mesh is named with its vertex", "
       CHECK(s.check(kVertices) == "triangle 1 holds vertex " + std::to_string(off) + " off the mesh");
     }
   }
+  PlannerSetup<S> s = setup<S>();
+  s.triangles[2] = {4, 78, -2};  // of several wrong vertices the first
+  CHECK(s.check(kVertices) == "triangle 2 holds vertex 78 off the mesh");
+  s.triangles[0] = {77, 78, 79};
+  CHECK(s.check(kVertices) == "triangle 0 holds vertex 77 off the mesh");
 }
 
 TEMPLATE_TEST_CASE("there are as many anchors as grips, or none", "[mpc][plan_types]", float, double) {

@@ -653,3 +653,85 @@ TEST_CASE("an exhausted budget gives a point within the bounds", "[qp]") {
   }
   CHECK(r.feasibility > 0.0);
 }
+
+TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solution", "[qp]", float, double) {
+  using S = TestType;
+  std::mt19937 random(91);
+  int unique_ones = 0;
+  for (int trial = 0; trial < 60; ++trial) {
+    QpFamily family;
+    family.n = 4 + trial % 20;
+    family.m = trial % 13;
+    family.active = 0.4;
+    family.equalities = 0.3;
+    const KnownQp<S> q = draw_qp<S>(family, random);
+    ActiveSet<S> first, second, both;
+    QpResult<S> cold, warm;
+    for (ActiveSet<S>* s : {&first, &second, &both}) {
+      REQUIRE(s->set_hessian(q.H) == QpStatus::Solved);
+      REQUIRE(s->set_rows(q.A) == QpStatus::Solved);
+    }
+    REQUIRE(first.solve(q.g, q.lb, q.ub, q.rl, q.ru, cold) == QpStatus::Solved);
+    for (Index i = 0; i < family.m; ++i) {
+      const QpSide side = cold.row_sides[static_cast<std::size_t>(i)];
+      const S y = cold.row_multipliers[i];
+      CHECK((side == QpSide::Upper) == (y < S(0)));
+      if (q.rl[i] < q.ru[i]) CHECK((side == QpSide::Between) == (y == S(0)));
+    }
+    for (Index j = 0; j < family.n; ++j) {
+      const QpSide side = cold.bound_sides[static_cast<std::size_t>(j)];
+      if (side == QpSide::Lower) CHECK(cold.x[j] == q.lb[j]);
+      if (side == QpSide::Upper) CHECK(cold.x[j] == q.ub[j]);
+      if (side == QpSide::Between) CHECK((q.lb[j] < cold.x[j] && cold.x[j] < q.ub[j]));
+    }
+    // With more active rows than free unknowns the multipliers do not follow from the sets alone.
+    const auto count = [](const std::vector<QpSide>& sides, QpSide side) {
+      return std::count(sides.begin(), sides.end(), side);
+    };
+    const bool unique = count(cold.bound_sides, QpSide::Between) + count(cold.row_sides, QpSide::Between) >= family.m;
+    unique_ones += unique ? 1 : 0;
+    REQUIRE(second.warm_start(cold.bound_sides, cold.row_sides));
+    REQUIRE(second.solve(q.g, q.lb, q.ub, q.rl, q.ru, warm) == QpStatus::Solved);
+    if (unique) CHECK(warm.iterations == 0);
+    CHECK(double((warm.x - q.x).norm()) <= (sizeof(S) == 8 ? 1e-6 : 2e-2) * (1.0 + double(q.x.norm())));
+    REQUIRE(both.warm_start(cold.x, cold.bound_sides, cold.row_sides));
+    REQUIRE(both.solve(q.g, q.lb, q.ub, q.rl, q.ru, warm) == QpStatus::Solved);
+    if (unique) CHECK(warm.iterations == 0);
+  }
+  CHECK(unique_ones > 40);
+}
+
+TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are refused", "[qp]") {
+  std::mt19937 random(92);
+  std::uniform_int_distribution<int> three(-1, 1);
+  for (int trial = 0; trial < 60; ++trial) {
+    QpFamily family;
+    family.n = 5 + trial % 17;
+    family.m = 1 + trial % 9;
+    const KnownQp<double> q = draw_qp<double>(family, random);
+    ActiveSet<double> solver;
+    REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
+    REQUIRE(solver.set_rows(q.A) == QpStatus::Solved);
+    std::vector<QpSide> bounds(static_cast<std::size_t>(family.n)), rows(static_cast<std::size_t>(family.m));
+    for (QpSide& s : bounds) s = static_cast<QpSide>(three(random));
+    for (QpSide& s : rows) s = static_cast<QpSide>(three(random));
+    REQUIRE(solver.warm_start(bounds, rows));
+    QpResult<double> result;
+    REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result) == QpStatus::Solved);
+    CHECK(result.objective == Approx(q.objective()).epsilon(1e-7).margin(1e-7));
+    // Refused starts leave the solver at its solution.
+    bounds[0] = static_cast<QpSide>(3);
+    CHECK_FALSE(solver.warm_start(bounds, rows));
+    bounds.pop_back();
+    CHECK_FALSE(solver.warm_start(bounds, rows));
+    bounds.assign(static_cast<std::size_t>(family.n), QpSide::Lower);
+    VectorX<double> x = VectorX<double>::Zero(family.n);
+    x[1] = std::numeric_limits<double>::quiet_NaN();
+    CHECK_FALSE(solver.warm_start(x, bounds, rows));
+    CHECK_FALSE(solver.warm_start(VectorX<double>::Zero(family.n + 1), bounds, rows));
+    rows.push_back(QpSide::Upper);
+    CHECK_FALSE(solver.warm_start(bounds, rows));
+    REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result) == QpStatus::Solved);
+    CHECK(result.iterations == 0);
+  }
+}

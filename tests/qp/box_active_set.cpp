@@ -353,3 +353,34 @@ TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives
     CHECK(iterations < 59 * 4);  // warm frames take a few rounds each
   }
 }
+
+TEST_CASE("an active set starts the bound solver, alone and with x", "[qp]") {
+  std::mt19937 random(93);
+  for (int trial = 0; trial < 40; ++trial) {
+    QpFamily family;
+    family.n = 3 + trial % 30;
+    const KnownQp<double> q = draw_qp<double>(family, random);
+    BoxActiveSet<double> first, second;
+    QpResult<double> cold, warm;
+    REQUIRE(first.set_hessian(q.H) == QpStatus::Solved);
+    REQUIRE(second.set_hessian(q.H) == QpStatus::Solved);
+    REQUIRE(first.solve(q.g, q.lb, q.ub, cold) == QpStatus::Solved);
+    REQUIRE(second.warm_start(cold.bound_sides));
+    REQUIRE(second.solve(q.g, q.lb, q.ub, warm) == QpStatus::Solved);
+    CHECK(warm.iterations == 0);
+    CHECK((warm.x - cold.x).norm() <= 1e-9 * (1.0 + cold.x.norm()));
+    second.reset();
+    REQUIRE(second.warm_start(cold.x, cold.bound_sides));
+    REQUIRE(second.solve(q.g, q.lb, q.ub, warm) == QpStatus::Solved);
+    CHECK(warm.iterations == 0);
+    std::vector<QpSide> bad(static_cast<std::size_t>(family.n), QpSide::Upper);
+    REQUIRE(second.warm_start(bad));  // open bounds among them
+    REQUIRE(second.solve(q.g, q.lb, q.ub, warm) == QpStatus::Solved);
+    CHECK(warm.objective == Approx(cold.objective).epsilon(1e-9).margin(1e-9));
+    bad[0] = static_cast<QpSide>(-2);
+    CHECK_FALSE(second.warm_start(bad));
+    CHECK_FALSE(second.warm_start(cold.x, bad));
+    bad.pop_back();
+    CHECK_FALSE(second.warm_start(bad));
+  }
+}

@@ -72,17 +72,18 @@ inline void split_cells(std::string_view line, std::vector<std::string_view>& ce
   }
 }
 
-/// Parses one cell; answers with what is wrong with it, "" where nothing is.
-inline std::string parse_number(std::string_view cell, double& value) {
+/// Parses one cell; answers with what is wrong with it, "" where nothing is. `shown` stands for the cell there.
+inline std::string parse_number(std::string_view cell, double& value, std::string_view shown) {
   if (cell.empty()) return "found an empty cell, expected a number";
   std::string_view digits = cell;
   if (digits.size() > 1 && digits[0] == '+' && digits[1] != '-' && digits[1] != '+') digits.remove_prefix(1);
   const std::from_chars_result end = std::from_chars(digits.data(), digits.data() + digits.size(), value);
-  if (end.ec == std::errc::result_out_of_range) return in_quotes(cell) + " is out of the range of a double";
-  if (end.ec != std::errc() || end.ptr != digits.data() + digits.size()) return in_quotes(cell) + " is not a number";
-  if (!is_finite(value)) return in_quotes(cell) + " is not finite";
+  if (end.ec == std::errc::result_out_of_range) return in_quotes(shown) + " is out of the range of a double";
+  if (end.ec != std::errc() || end.ptr != digits.data() + digits.size()) return in_quotes(shown) + " is not a number";
+  if (!is_finite(value)) return in_quotes(shown) + " is not finite";
   return {};
 }
+inline std::string parse_number(std::string_view cell, double& value) { return parse_number(cell, value, cell); }
 
 /// Whether the text is `word` with or without a sign, and then the infinity that it stands for.
 inline bool parse_infinity(std::string_view text, std::string_view word, double& value) {

@@ -58,20 +58,18 @@ class QpsParser {
   QpsParser(std::string_view text, std::string name, bool fixed) : text_(text), file_(std::move(name)), fixed_(fixed) {}
 
   bool parse() {
-    for (line_ = 1; !text_.empty(); ++line_) {
+    for (line_ = 1;; ++line_) {
       const std::size_t end = text_.find('\n');
       std::string_view line = text_.substr(0, end);
-      text_.remove_prefix(end == std::string_view::npos ? text_.size() : end + 1);
       line = line.substr(0, line.find_last_not_of(kSpaces) + 1);
-      if (line.empty() || line[0] == '*') continue;
-      if (kSpaces.find(line[0]) == std::string_view::npos) {
-        if (!head(line)) return false;
+      if (!line.empty() && line[0] != '*') {
+        const bool of_section = kSpaces.find(line[0]) != std::string_view::npos;
+        if (!(of_section ? data(line) : head(line))) return false;
         if (section_ == "ENDATA") return finish();
-      } else if (!data(line)) {
-        return false;
       }
+      if (end == std::string_view::npos) return fail("the file ends without ENDATA");
+      text_.remove_prefix(end + 1);
     }
-    return fail("the file ends without ENDATA");
   }
 
   std::string error;
@@ -97,15 +95,25 @@ class QpsParser {
     return false;
   }
 
+  static std::string upper_case(std::string_view word) {
+    std::string out(word);
+    for (char& c : out) c = 'a' <= c && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+    return out;
+  }
+
   bool head(std::string_view line) {
     const QpsWords words(line);
-    section_ = std::string(words.word[0]);
-    for (char& c : section_) c = 'a' <= c && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+    section_ = upper_case(words.word[0]);
     set_known_ = false;
     if (section_ == "NAME") {
       problem.name = std::string(trimmed(line.substr(4)));
       return once();
     }
+    bool known = false;
+    for (const std::string_view name :
+         {"OBJSENSE", "ROWS", "COLUMNS", "RHS", "RANGES", "BOUNDS", "QUADOBJ", "QMATRIX", "QSECTION", "ENDATA"})
+      known = known || section_ == name;
+    if (!known) return fail(in_quotes(words.word[0]) + " is not a section that is read");
     const std::size_t most = section_ == "OBJSENSE" || section_ == "QSECTION" ? 2 : 1;
     if (words.count > most) return fail(section_ + ": " + in_quotes(words.word[most]) + " stands in the section's first line");
     if (section_ == "OBJSENSE") return once() && (words.count < 2 || sense(words.word[1]));
@@ -114,10 +122,7 @@ class QpsParser {
       quadratic_ = section_;
       return true;
     }
-    for (const std::string_view known : {"ROWS", "COLUMNS", "RHS", "RANGES", "BOUNDS", "ENDATA"}) {
-      if (section_ == known) return once();
-    }
-    return fail(in_quotes(words.word[0]) + " is not a section that is read");
+    return once();
   }
   bool once() {
     if (std::find(sections_.begin(), sections_.end(), section_) != sections_.end()) return fail(section_ + " is given twice");
@@ -126,8 +131,7 @@ class QpsParser {
   }
 
   bool sense(std::string_view word) {
-    std::string upper(word.substr(0, 12));
-    for (char& c : upper) c = 'a' <= c && c <= 'z' ? static_cast<char>(c - 'a' + 'A') : c;
+    const std::string upper = upper_case(word);
     problem.maximise = upper == "MAX" || upper == "MAXIMIZE" || upper == "MAXIMISE";
     return problem.maximise || upper == "MIN" || upper == "MINIMIZE" || upper == "MINIMISE" ||
            fail("OBJSENSE: " + in_quotes(word) + " is not MIN or MAX");
@@ -182,16 +186,9 @@ class QpsParser {
   bool number(std::string_view name, std::string_view text, double& value, bool open) {
     std::string digits(text);
     for (char& c : digits) c = c == 'D' || c == 'd' ? 'e' : 'A' <= c && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    if (open) {
-      const std::size_t sign = !digits.empty() && (digits[0] == '-' || digits[0] == '+') ? 1 : 0;
-      const std::string_view bare = std::string_view(digits).substr(sign);
-      if (bare == "inf" || bare == "infinity") {
-        value = digits[0] == '-' ? -scalar_traits<double>::infinity() : scalar_traits<double>::infinity();
-        return true;
-      }
-    }
-    if (parse_number(digits, value).empty()) return true;
-    return fail(section_ + ": " + in_quotes(name) + ": " + parse_number(text.empty() ? text : digits, value));
+    if (open && (parse_infinity(digits, "inf", value) || parse_infinity(digits, "infinity", value))) return true;
+    const std::string wrong = parse_number(digits, value, text);
+    return wrong.empty() || fail(section_ + ": " + in_quotes(name) + ": " + wrong);
   }
 
   bool row(const QpsFields& f) {

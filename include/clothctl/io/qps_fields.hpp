@@ -91,6 +91,12 @@ inline std::string qps_fixed_fields(const std::string& section, std::string_view
   const bool typed = section == "ROWS" || section == "BOUNDS";
   if (typed && field[0].empty()) return "no type in columns 2 and 3";
   if (!typed && !field[0].empty()) return in_quotes(field[0]) + " stands in columns 2 and 3";
+  for (std::size_t k = section == "ROWS" ? 2 : section == "BOUNDS" ? 4 : 6; k < field.size(); ++k) {
+    if (!field[k].empty()) {
+      return in_quotes(field[k]) + " stands in columns " + std::to_string(kFirst[k] + 1) + " to " + std::to_string(kEnd[k]) +
+             ", expected nothing there";
+    }
+  }
   f.type = field[0];
   f.name = field[1];
   f.key = {field[2], field[4]};

@@ -206,12 +206,15 @@ class QptParser : public TokenReader {
     return true;
   }
 
+  Index frames_read() const { return static_cast<Index>(solution_ ? solution.frames.size() : problem.frames.size()); }
+
   bool start_frame() {
     if (!in_frame_ && !complete()) return false;
     if (frames_ < 1) return fail("'frame' comes before 'frames'");
-    const Index known = static_cast<Index>(solution_ ? solution.frames.size() : problem.frames.size());
+    const Index known = frames_read();
     if (known == frames_) return fail("a frame after the last of " + std::to_string(frames_));
-    if (!count("frame", known, known, known_frame_)) return false;
+    Index number = 0;
+    if (!count("frame", known, known, number)) return false;
     if ((known + 1) * (3 * n_ + 2 * m_) > kLargestQpEntries)
       return fail("frame " + std::to_string(known) + ": more than " + std::to_string(kLargestQpEntries) + " numbers in frames");
     in_frame_ = true;
@@ -236,8 +239,8 @@ class QptParser : public TokenReader {
 
   bool finish() {
     if (!in_frame_ && !complete()) return false;
-    const Index known = static_cast<Index>(solution_ ? solution.frames.size() : problem.frames.size());
-    if (known != frames_) return fail("expected " + std::to_string(frames_) + " frames, found " + std::to_string(known));
+    if (frames_read() != frames_)
+      return fail("expected " + std::to_string(frames_) + " frames, found " + std::to_string(frames_read()));
     if (!at_end("end")) return false;
     if (solution_) {
       solution.name = problem.name;
@@ -255,10 +258,11 @@ class QptParser : public TokenReader {
     }
     return true;
   }
+
   bool solution_;
   std::string last_ = "qpt";  // the section being read
   std::set<std::string> seen_;
-  Index n_ = 0, m_ = 0, frames_ = 0, known_frame_ = 0;
+  Index n_ = 0, m_ = 0, frames_ = 0;
   bool sized_ = false, in_frame_ = false;
   std::vector<QpEntry> hessian_, rows_;
   std::vector<double> triangle_;

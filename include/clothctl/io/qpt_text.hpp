@@ -11,11 +11,14 @@
 //
 // and for a sequence `frames K`, then `frame T` before the answer of each frame.
 
+#include <bit>
 #include <cstddef>
+#include <cstdint>
 #include <string>
 #include <string_view>
 
 #include "clothctl/core/number_text.hpp"
+#include "clothctl/core/scalar.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/io/csv.hpp"
 #include "clothctl/io/qp_problem.hpp"
@@ -36,20 +39,22 @@ class QptText {
     std::string list;
     Index count = 0;
     for (Index i = 0; i < g.size(); ++i) {
-      if (!(g[i] < 0) && !(g[i] > 0)) continue;
+      if (is_zero(g[i])) continue;
       ++count;
       list += std::to_string(i) + " " + number_text(g[i]) + "\n";
     }
     text += "g " + std::to_string(count) + "\n" + list;
   }
+  /// The entries of A; of H those of the upper triangle, or where it is not finite the one across the diagonal.
   void entries(const char* key, const MatrixX<double>& M, bool upper) {
     std::string list;
     Index count = 0;
     for (Index i = 0; i < M.rows(); ++i) {
       for (Index j = upper ? i : 0; j < M.cols(); ++j) {
-        if (!(M(i, j) < 0) && !(M(i, j) > 0)) continue;
+        const double& value = upper && !is_finite(M(j, i)) ? M(j, i) : M(i, j);
+        if (is_zero(value)) continue;
         ++count;
-        list += std::to_string(i) + " " + std::to_string(j) + " " + number_text(M(i, j)) + "\n";
+        list += std::to_string(i) + " " + std::to_string(j) + " " + number_text(value) + "\n";
       }
     }
     text += std::string(key) + " " + std::to_string(count) + "\n" + list;
@@ -73,6 +78,7 @@ class QptText {
   std::string text;
 
  private:
+  static bool is_zero(const double& value) { return is_finite(value) && !(value < 0) && !(value > 0); }
   void values(const char* key, const VectorX<double>& v) {
     if (v.size() == 0) return;
     text += std::string(key) + " " + std::to_string(v.size()) + "\n";
@@ -80,10 +86,23 @@ class QptText {
   }
 };
 
+/// Whether two vectors hold the same bits, which -ffast-math cannot misjudge.
+inline bool same_bits(const VectorX<double>& a, const VectorX<double>& b) {
+  if (a.size() != b.size()) return false;
+  for (Index i = 0; i < a.size(); ++i) {
+    if (std::bit_cast<std::uint64_t>(a[i]) != std::bit_cast<std::uint64_t>(b[i])) return false;
+  }
+  return true;
+}
+
 }  // namespace io_detail
 
-/// Writes a program or a sequence as QPT text, which `parse_qpt` reads back as the same numbers; white space in its name
-/// becomes `_`, names of rows and columns are left out. Allocates.
+/// Writes a program or a sequence as QPT text, which `parse_qpt` reads back as the same numbers; of H the upper triangle. What
+/// `parse_qpt` refuses, such as NaN, is written all the same and refused when read. The format has no words for these, they
+/// are lost: `maximise` (the minimum is written), names of rows and columns, white space in the name (`_` instead; an empty
+/// name becomes `unnamed`), signs of zeros in H, g and A, `shift` without frames, and of a frame's reference all but status and
+/// objective. The base program's status is left out where any frame has none, for that frame would take it over; so is its
+/// objective. Allocates. Complexity: O(n² + mn), and O(n + m) a frame.
 inline std::string qpt_text(const QpProblem& problem) {
   io_detail::QptText out;
   out.head(problem.name, problem.n(), problem.m());
@@ -93,15 +112,22 @@ inline std::string qpt_text(const QpProblem& problem) {
   out.entries("A", problem.A, false);
   out.pairs("rows", problem.rl, problem.ru);
   out.pairs("cols", problem.lb, problem.ub);
-  out.answer(problem.reference);
+  QpReference base = problem.reference;
+  for (const QpSequenceFrame& frame : problem.frames) {
+    if (frame.reference.status.empty()) base.status.clear();
+    if (!frame.reference.objective) base.objective.reset();
+  }
+  out.answer(base);
   if (!problem.frames.empty())
     out.text += "frames " + std::to_string(problem.frames.size()) + "\nshift " + std::to_string(problem.shift) + "\n";
   for (std::size_t t = 0; t < problem.frames.size(); ++t) {
     const QpSequenceFrame& frame = problem.frames[t];
     out.text += "frame " + std::to_string(t) + "\n";
     out.gradient(frame.g);
-    if (frame.rl != problem.rl || frame.ru != problem.ru) out.pairs("rows", frame.rl, frame.ru);
-    if (frame.lb != problem.lb || frame.ub != problem.ub) out.pairs("cols", frame.lb, frame.ub);
+    if (!io_detail::same_bits(frame.rl, problem.rl) || !io_detail::same_bits(frame.ru, problem.ru))
+      out.pairs("rows", frame.rl, frame.ru);
+    if (!io_detail::same_bits(frame.lb, problem.lb) || !io_detail::same_bits(frame.ub, problem.ub))
+      out.pairs("cols", frame.lb, frame.ub);
     QpReference brief;
     brief.status = frame.reference.status;
     brief.objective = frame.reference.objective;
@@ -110,7 +136,8 @@ inline std::string qpt_text(const QpProblem& problem) {
   return out.text + "end\n";
 }
 
-/// Writes a solution as QPT text, which `parse_qpt_solution` reads back. Allocates.
+/// Writes a solution as QPT text, which `parse_qpt_solution` reads back as the same numbers; its name becomes one word as by
+/// `qpt_text`. Values that are not finite are written, and refused when read. Allocates.
 inline std::string qpt_solution_text(const QpSolution& solution) {
   io_detail::QptText out;
   out.head(solution.name, solution.n, solution.m);

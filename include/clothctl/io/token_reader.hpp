@@ -31,11 +31,7 @@ class TokenReader {
 
   /// The next token; `where` names the section for the message at the end of the file.
   bool next(std::string_view& token, const std::string& where) {
-    while (place_ < text_.size() && kBlank.find(text_[place_]) != std::string_view::npos) {
-      if (text_[place_++] == '\n') ++line_;
-    }
-    token_line_ = line_;
-    if (place_ == text_.size()) return fail("the file ends in section " + in_quotes(where) + ", without 'end'");
+    if (!skip_blank()) return fail("the file ends in section " + in_quotes(where) + ", without 'end'");
     const std::size_t last = (std::min)(text_.find_first_of(kBlank, place_), text_.size());
     token = text_.substr(place_, last - place_);
     place_ = last;
@@ -64,11 +60,7 @@ class TokenReader {
   bool number(const std::string& what, double& value, bool open = false) {
     std::string_view token;
     if (!next(token, what)) return false;
-    const std::string_view bare = token.substr(token[0] == '-' || token[0] == '+' ? 1 : 0);
-    if (open && bare == "inf") {
-      value = token[0] == '-' ? -scalar_traits<double>::infinity() : scalar_traits<double>::infinity();
-      return true;
-    }
+    if (open && parse_infinity(token, "inf", value)) return true;
     const std::string wrong = parse_number(token, value);
     return wrong.empty() || fail(what + ": " + wrong);
   }
@@ -82,11 +74,7 @@ class TokenReader {
 
   /// Whether nothing but white space is left; else an error that names what is.
   bool at_end(const std::string& after) {
-    while (place_ < text_.size() && kBlank.find(text_[place_]) != std::string_view::npos) {
-      if (text_[place_++] == '\n') ++line_;
-    }
-    token_line_ = line_;
-    if (place_ == text_.size()) return true;
+    if (!skip_blank()) return true;
     const std::string_view rest = text_.substr(place_);
     return fail(in_quotes(rest.substr(0, rest.find_first_of(kBlank))) + " after " + in_quotes(after));
   }
@@ -98,6 +86,15 @@ class TokenReader {
 
  private:
   static constexpr std::string_view kBlank = " \t\r\v\f\n";
+
+  /// Goes to the next token; false where there is none.
+  bool skip_blank() {
+    for (; place_ < text_.size() && kBlank.find(text_[place_]) != std::string_view::npos; ++place_) {
+      if (text_[place_] == '\n') ++line_;
+    }
+    token_line_ = line_;
+    return place_ < text_.size();
+  }
 
   std::string_view text_;
   std::string file_, error_;

@@ -61,7 +61,7 @@ struct PlannerSetup {
     if (problem.empty()) problem = check_grips(grips, vertices);
     for (std::size_t t = 0; problem.empty() && t < triangles.size(); ++t) {
       for (int v : triangles[t]) {
-        if (v < 0 || v >= vertices)
+        if (problem.empty() && (v < 0 || v >= vertices))
           problem = "triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) + " off the mesh";
       }
     }

@@ -13,7 +13,10 @@
 // Reference: Rockafellar, Math. Oper. Res. 1 (1976); Hermans, Themelis, Patrinos, QPALM (2022) for inner Newton steps.
 
 #include <algorithm>
+#include <span>
+#include <vector>
 
+#include "clothctl/qp/closest_point.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem_data.hpp"
 #include "clothctl/qp/proof_search.hpp"
@@ -88,7 +91,10 @@ class ActiveSet {
                                const VectorView& ru, result_type& result) {
     if (!data_.load(good_settings_, g, lb, ub, rl, ru, result)) return result.status;
     const detail::Budget budget(settings_, n_ + m_);
-    if (structured_.ready(data_) && structured_.solve(data_, settings_, budget, lb, ub, rl, ru, result)) {
+    const bool structured = structured_.ready(data_);
+    if (structured && start_ == Start::FromX) structured_.warm_start(x_.head(n_));
+    if (structured && start_ == Start::FromSides) structured_.warm_start(x_.head(n_), sides());
+    if (structured && structured_.solve(data_, settings_, budget, lb, ub, rl, ru, result)) {
       follow(result);
       return result.status;
     }
@@ -96,6 +102,7 @@ class ActiveSet {
     take_start();
     best_.forget();
     result.status = iterate(budget, result);
+    if (result.status == QpStatus::PrimalInfeasible && settings_.closest_point) approach(budget, result);
     report(lb, ub, rl, ru, result);
     if (start_ == Start::Warm) structured_.warm_start(result.x);
     return result.status;
@@ -108,7 +115,29 @@ class ActiveSet {
     if (start_ == Start::Cold) y_.head(m_).setConstant(Scalar(0));
     x_.head(n_) = x;
     start_ = Start::FromX;
-    structured_.warm_start(x);
+    return true;
+  }
+
+  /// Makes the next solve start from an active set, one side for each unknown and each row: that of a result, or the caller's
+  /// own guess. Where it is the optimal one, x and the multipliers follow from one factorisation. Sides that a bound does not
+  /// offer count as Between. Answers false, and changes nothing, for another size or a value that is no side.
+  [[nodiscard]] bool warm_start(std::span<const QpSide> bounds, std::span<const QpSide> rows) {
+    if (n_ == 0 || static_cast<Index>(bounds.size()) != n_ || static_cast<Index>(rows.size()) != m_) return false;
+    if (!detail::are_sides(bounds) || !detail::are_sides(rows)) return false;
+    if (start_ == Start::Cold) {
+      x_.head(n_).setConstant(Scalar(0));
+      y_.head(m_).setConstant(Scalar(0));
+    }
+    std::copy(bounds.begin(), bounds.end(), sides_of_unknowns_.begin());
+    std::copy(rows.begin(), rows.end(), sides_of_rows_.begin());
+    start_ = Start::FromSides;
+    return true;
+  }
+
+  /// Makes the next solve start from an active set, and from x (n) for the unknowns that are Between.
+  [[nodiscard]] bool warm_start(const VectorView& x, std::span<const QpSide> bounds, std::span<const QpSide> rows) {
+    if (x.size() != n_ || !all_finite(x) || !warm_start(bounds, rows)) return false;
+    x_.head(n_) = x;
     return true;
   }
 
@@ -133,9 +162,11 @@ class ActiveSet {
  private:
   using Problem = detail::ProximalProblem<Scalar>;
   using State = typename Problem::State;
-  enum class Start { Cold, FromX, Warm };
+  enum class Start { Cold, FromX, FromSides, Warm };
 
   State& state(Index i) { return problem_.state[static_cast<std::size_t>(i)]; }
+
+  std::span<const QpSide> sides() const { return {sides_of_unknowns_.data(), static_cast<std::size_t>(n_)}; }
 
   /// Sizes everything but the data to the room that the data have.
   void reserve_work() {
@@ -144,6 +175,9 @@ class ActiveSet {
     proofs_.reserve(n, m);
     best_.reserve(n, m);
     structured_.reserve(n, m);
+    closest_.reserve(n, m);
+    sides_of_unknowns_.assign(static_cast<std::size_t>(n), QpSide::Between);
+    sides_of_rows_.assign(static_cast<std::size_t>(m), QpSide::Between);
     for (VectorX<Scalar>* v : {&D_, &q_, &x_, &old_x_, &p_, &n_work_, &n_size_}) v->setZero(n);
     for (VectorX<Scalar>* v : {&E_, &y_, &old_y_, &delta_, &r2_, &m_work_}) v->setZero(m);
     n_ = data_.n();
@@ -193,7 +227,8 @@ class ActiveSet {
       problem_.hi[i] = scaled(hi[i], Scalar(1) / D_[i]);
       if (start_ == Start::Cold) x_[i] = Scalar(0);
       const bool fixed = !(lo[i] < hi[i]);
-      const bool keep = start_ == Start::Warm && !fixed;
+      if (start_ == Start::FromSides) state(i) = static_cast<State>(sides_of_unknowns_[static_cast<std::size_t>(i)]);
+      const bool keep = (start_ == Start::Warm || start_ == Start::FromSides) && !fixed;
       if (keep && state(i) == State::Lower && detail::has_bound(lo[i])) x_[i] = lo[i];
       if (keep && state(i) == State::Upper && detail::has_bound(hi[i])) x_[i] = hi[i];
       x_[i] = (std::min)((std::max)(x_[i], lo[i]), hi[i]);
@@ -206,8 +241,10 @@ class ActiveSet {
       problem_.rl[i] = scaled(data_.rl()[i], E_[i]);
       problem_.ru[i] = scaled(data_.ru()[i], E_[i]);
       if (start_ == Start::Cold) y_[i] = Scalar(0);
+      if (start_ == Start::FromSides) take_side(i);
       problem_.y[i] = y_[i] / E_[i];
     }
+    from_sides_ = start_ == Start::FromSides;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     // Smaller numbers count as zero: they are far below every tolerance, and ρ would underflow.
     const Scalar least = Scalar(1e-30);
@@ -218,8 +255,8 @@ class ActiveSet {
     if (far) {
       // A cold start takes its first steps close to x and falls to the lasting weight: far fewer bounds are met in vain.
       rho_unit_ = Scalar(8) * half * unit;
-      problem_.rho = (std::max)(rho_unit_, Scalar(1e-2) * unit);
-      problem_.mu = Scalar(0.1) * mu_unit;
+      problem_.rho = start_ == Start::Cold ? (std::max)(rho_unit_, Scalar(1e-2) * unit) : rho_unit_;
+      problem_.mu = (start_ == Start::FromSides ? sqrt(half) : Scalar(0.1)) * mu_unit;
       problem_.rho_ceiling = unit;
       mu_unit_ = mu_unit;
       weighted_ = true;
@@ -229,6 +266,26 @@ class ActiveSet {
       problem_.factor.clear();
     }
     start_ = Start::Warm;
+  }
+
+  /// Gives row i a multiplier that shows the side it was given: the sign is what counts.
+  void take_side(Index i) {
+    const QpSide side = sides_of_rows_[static_cast<std::size_t>(i)];
+    const Scalar sign = side == QpSide::Lower ? Scalar(1) : Scalar(-1);
+    const bool offered = detail::has_bound(side == QpSide::Lower ? data_.rl()[i] : data_.ru()[i]);
+    if (side == QpSide::Between || !offered) {
+      y_[i] = Scalar(0);
+    } else if (!(y_[i] * sign > Scalar(0))) {
+      y_[i] = sign * Scalar(1e-30);
+    }
+  }
+
+  /// Solves for x and y on the sets that the start names.
+  KktResiduals<Scalar> refine_sides(const KktResiduals<Scalar>& now) {
+    const bool good = problem_.sync_rows([this](Index i) {
+      return !(problem_.rl[i] < problem_.ru[i]) || problem_.y[i] > Scalar(0) || problem_.y[i] < Scalar(0);
+    });
+    return good ? refine(now) : now;
   }
 
   /// Unscaled residuals of the present (x, y), z chosen from the gradient by position and sign; q_ holds the scaled gradient.
@@ -319,6 +376,7 @@ class ActiveSet {
   /// Asks whether y - yk proves infeasibility, and hands the proof to the result in the caller's units.
   bool check_infeasible(result_type& result) {
     if (!proofs_.infeasible(problem_)) return false;
+    if (proven_) return true;
     for (Index i = 0; i < m_; ++i) result.row_multipliers[i] = proofs_.farkas_rows()[i] * E_[i];
     for (Index j = 0; j < n_; ++j) result.bound_multipliers[j] = proofs_.farkas_bounds()[j] / D_[j];
     result.ray.setConstant(Scalar(0));
@@ -353,6 +411,7 @@ class ActiveSet {
     const bool coarse = scalar_traits<Scalar>::epsilon() > Scalar(1e-12);  // y(x) = …/μ would drown in rounding
     problem_.refresh_products();
     KktResiduals<Scalar> now = judge();
+    if (from_sides_ && excess(now) > one) now = refine_sides(now);
     if (excess(now) <= one) return QpStatus::Solved;
     keep(now);
     Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
@@ -421,6 +480,41 @@ class ActiveSet {
     return QpStatus::Solved;
   }
 
+  /// After PrimalInfeasible: goes to the closest feasible point, and from there to the least objective among the closest
+  /// points. The proof in the result stays.
+  void approach(const detail::Budget& budget, result_type& result) {
+    for (Index i = 0; i < m_; ++i) {  // distances count in the caller's units
+      problem_.A().row(i) *= Scalar(1) / E_[i];
+      problem_.rl[i] = data_.rl()[i];
+      problem_.ru[i] = data_.ru()[i];
+    }
+    problem_.At() = problem_.A().transpose();
+    for (Index j = 0; j < n_; ++j) {
+      if (!is_finite(problem_.x[j])) problem_.x[j] = Scalar(0);
+      problem_.x[j] = (std::min)((std::max)(problem_.x[j], problem_.lo[j]), problem_.hi[j]);
+    }
+    const bool least = closest_.find(problem_, budget, result.iterations);
+    result.row_shifts = closest_.shifts().head(m_);
+    x_.head(n_) = D_.head(n_).cwiseProduct(problem_.x.head(n_));
+    prepared_ = false;
+    prepare();
+    if (!least) {
+      result.message = "the budget ended before the closest point was found";
+      return;
+    }
+    start_ = Start::FromX;
+    y_.head(m_).setConstant(Scalar(0));
+    take_start();
+    for (Index i = 0; i < m_; ++i) {
+      if (detail::has_bound(problem_.rl[i])) problem_.rl[i] -= result.row_shifts[i] * E_[i];
+      if (detail::has_bound(problem_.ru[i])) problem_.ru[i] -= result.row_shifts[i] * E_[i];
+    }
+    proven_ = true;
+    const QpStatus status = iterate(budget, result);
+    proven_ = false;
+    if (status != QpStatus::Solved) problem_.x.head(n_) = x_.head(n_).cwiseQuotient(D_.head(n_));
+  }
+
   /// Fills the result in the caller's units; the definition has the last word on "Solved".
   void report(const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru, result_type& result) {
     const Scalar zero(0);
@@ -463,6 +557,7 @@ class ActiveSet {
       result.bound_multipliers = n_size_.head(n_);
       result.row_multipliers = y_.head(m_);
     }
+    if (!infeasible && !unbounded) detail::note_sides<Scalar>(data_.lo(), data_.hi(), data_.rl(), data_.ru(), result);
     if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
   }
 
@@ -474,12 +569,14 @@ class ActiveSet {
   detail::ProofSearch<Scalar> proofs_;
   detail::BestIterate<Scalar> best_;
   detail::StructuredBox<Scalar> structured_;
+  detail::ClosestPoint<Scalar> closest_;
+  std::vector<QpSide> sides_of_unknowns_, sides_of_rows_;
   VectorX<Scalar> D_, q_, x_, old_x_, p_, n_work_, n_size_;
   VectorX<Scalar> E_, y_, old_y_, delta_, r2_, m_work_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
   Index n_ = 0, m_ = 0;
   Start start_ = Start::Cold;
-  bool good_settings_ = true, prepared_ = false, weighted_ = false;
+  bool good_settings_ = true, prepared_ = false, weighted_ = false, from_sides_ = false, proven_ = false;
 };
 
 }  // namespace clothctl

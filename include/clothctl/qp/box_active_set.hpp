@@ -3,6 +3,8 @@
 // Bound-constrained QP with a dense Hessian: box_method.hpp on the caller's data, and an independent judge of what it finds.
 // Cost per round O(f² + n f); factor updates O(f²) an unknown, or f³/3 in tiles when many change.
 
+#include <span>
+
 #include "clothctl/qp/box_method.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem_data.hpp"
@@ -70,6 +72,21 @@ class BoxActiveSet {
     return true;
   }
 
+  /// Makes the next solve start from an active set, one side for each unknown: that of a result, or the caller's own guess.
+  /// Sides that a bound does not offer count as Between. Answers false, and changes nothing, for another size or a value that
+  /// is no side.
+  [[nodiscard]] bool warm_start(std::span<const QpSide> bounds) {
+    if (data_.n() == 0 || static_cast<Index>(bounds.size()) != data_.n() || !detail::are_sides(bounds)) return false;
+    method_.warm_start_sides([&](Index i) { return bounds[static_cast<std::size_t>(i)]; });
+    return true;
+  }
+
+  /// Makes the next solve start from an active set, and from x (n) for the unknowns that are Between.
+  [[nodiscard]] bool warm_start(const VectorView& x, std::span<const QpSide> bounds) {
+    if (static_cast<Index>(bounds.size()) != data_.n() || !detail::are_sides(bounds) || !warm_start(x)) return false;
+    return warm_start(bounds);
+  }
+
   /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the tail repeats the last block.
   void shift(Index unknowns) { method_.shift(unknowns); }
 
@@ -99,6 +116,7 @@ class BoxActiveSet {
       result.ray = method_.ray().head(n);
     } else {
       result.ray.setConstant(Scalar(0));
+      detail::note_sides<Scalar>(data.lo, data.hi, none, none, result);
     }
   }
 

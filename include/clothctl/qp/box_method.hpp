@@ -107,6 +107,14 @@ class BoxMethod {
     start_ = Start::FromX;
   }
 
+  /// Makes the next solve start from an active set: side_of(i) of unknown i. x stays where it is between its bounds.
+  template <class SideOf>
+  void warm_start_sides(SideOf side_of) {
+    if (start_ == Start::Cold) x_.head(n_).setConstant(Scalar(0));
+    for (Index i = 0; i < n_; ++i) state(i) = static_cast<State>(side_of(i));
+    start_ = Start::Warm;
+  }
+
   /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the tail repeats the last block.
   void shift(Index unknowns) {
     if (unknowns <= 0) return;

@@ -10,12 +10,24 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 #include <string>
+#include <vector>
 
 #include "clothctl/core/status.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl {
+
+/// Where an unknown or a row stands between its bounds. An active set is one of these for each.
+enum class QpSide : signed char {
+  /// At its lower bound, or fixed.
+  Lower = -1,
+  /// Free: no bound holds it.
+  Between = 0,
+  /// At its upper bound.
+  Upper = 1
+};
 
 /// Tolerances and budget of a QP solve. Tolerances hold for the caller's own (unscaled) data, relative to problem
 /// magnitude as in `kkt_residuals`.
@@ -41,6 +53,11 @@ struct QpSettings {
   double (*clock)(void* context) = nullptr;
   /// What `clock` is given.
   void* clock_context = nullptr;
+
+  /// Whether a solve that ends as PrimalInfeasible goes on to the closest feasible point: x then minimises the objective
+  /// among the points of the least Σ s² with rl ≤ A x + s ≤ ru, lb ≤ x ≤ ub, and the shifts s are in the result. Only for
+  /// ActiveSet; the scale of rows weighs them.
+  bool closest_point = false;
 
   /// Checks the values. Returns an empty string, or a line that names the first bad one.
   std::string check() const {
@@ -68,6 +85,13 @@ struct QpResult {
   VectorX<Scalar> row_multipliers;
   /// With DualInfeasible: a direction d, n, in which the objective falls and no bound is ever met; else zero.
   VectorX<Scalar> ray;
+  /// With PrimalInfeasible and QpSettings::closest_point: the least shifts s (m) that let Ax + s keep the row bounds; else
+  /// zero.
+  VectorX<Scalar> row_shifts;
+  /// The active set of the bounds, n: what may be given to warm_start. All Between with an infeasible or unbounded problem.
+  std::vector<QpSide> bound_sides;
+  /// The active set of the rows, m: those with a multiplier, and equalities.
+  std::vector<QpSide> row_sides;
   /// How the solve ended.
   QpStatus status = QpStatus::InvalidData;
   /// Rounds in which the active set changed; 0 when the warm set was already optimal.
@@ -80,7 +104,8 @@ struct QpResult {
   Scalar complementarity = Scalar(0);
   /// ½ xᵀHx + gᵀx.
   Scalar objective = Scalar(0);
-  /// With InvalidData: what was refused (static text); else empty.
+  /// With InvalidData: what was refused; with row_shifts that are not the least, that the budget ended (static text); else
+  /// empty.
   const char* message = "";
   /// With InvalidData: index of the first refused entry (column-major in a matrix), or -1.
   Index invalid_index = -1;
@@ -91,6 +116,9 @@ struct QpResult {
     bound_multipliers.setZero(n);
     row_multipliers.setZero(m);
     ray.setZero(n);
+    row_shifts.setZero(m);
+    bound_sides.assign(static_cast<std::size_t>(n), QpSide::Between);
+    row_sides.assign(static_cast<std::size_t>(m), QpSide::Between);
   }
 };
 
@@ -146,6 +174,12 @@ Scalar bound_multiplier(const Scalar& q, const Scalar& x, const Scalar& lo, cons
   if (!(x > lo)) return (std::max)(Scalar(0), q);
   if (!(x < hi)) return (std::min)(Scalar(0), q);
   return Scalar(0);
+}
+
+/// Whether every value is a side.
+inline bool are_sides(std::span<const QpSide> sides) {
+  return std::all_of(sides.begin(), sides.end(),
+                     [](QpSide s) { return s == QpSide::Lower || s == QpSide::Between || s == QpSide::Upper; });
 }
 
 /// Looks for the first entry of H that makes it no Hessian of a convex program: not finite, not symmetric (beyond the rounding

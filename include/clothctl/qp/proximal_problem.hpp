@@ -177,6 +177,15 @@ class ProximalProblem {
     }
   }
 
+  /// Brings the factor to the free unknowns and to the rows that `is_active` names, whatever x and y are.
+  template <class IsActive>
+  bool sync_rows(IsActive is_active) {
+    bool changed = false;
+    return factor.sync(
+        std::as_const(*this).H(), std::as_const(*this).At(), rho, mu,
+        [this](Index i) { return state[static_cast<std::size_t>(i)] == State::Free; }, is_active, changed);
+  }
+
   /// Brings the factor to the present sets.
   bool sync(bool& changed) {
     return factor.sync(

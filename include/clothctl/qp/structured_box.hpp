@@ -11,6 +11,7 @@
 // coefficients d are such a case. Structure is looked for once for H and A; c, g' and the answer cost O(nnz(A) + m²) a solve.
 
 #include <algorithm>
+#include <span>
 #include <vector>
 
 #include "clothctl/qp/box_method.hpp"
@@ -71,6 +72,7 @@ class StructuredBox {
                                   result.row_multipliers, result.bound_multipliers);
     const bool claimed = result.status == QpStatus::Solved;
     conclude(r, settings, result);
+    note_sides<Scalar>(data.lo(), data.hi(), data.rl(), data.ru(), result);
     return result.status == QpStatus::Solved || !claimed;
   }
 
@@ -79,6 +81,12 @@ class StructuredBox {
     if (!found_) return;
     for (Index k = 0; k < count_; ++k) g_[k] = x[full(k)];
     method_.warm_start(g_.head(count_));
+  }
+  /// Makes the next solve start from an active set of the whole problem, one side for each unknown, and from x between bounds.
+  void warm_start(const Eigen::Ref<const Vector>& x, std::span<const QpSide> sides) {
+    warm_start(x);
+    if (!found_) return;
+    method_.warm_start_sides([&](Index k) { return sides[static_cast<std::size_t>(full(k))]; });
   }
   /// Moves the active set on by so many unknowns of the whole problem, where its pattern repeats after them; elsewhere the set
   /// stays.

@@ -42,6 +42,30 @@ void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
   }
 }
 
+/// Writes the active set that x and the multipliers in the result show, for loaded bounds lo, hi of the unknowns and rl, ru of
+/// the rows.
+template <RealScalar Scalar>
+void note_sides(const VectorX<Scalar>& lo, const VectorX<Scalar>& hi, const VectorX<Scalar>& rl, const VectorX<Scalar>& ru,
+                QpResult<Scalar>& result) {
+  const Scalar zero(0);
+  for (Index j = 0; j < result.x.size(); ++j) {
+    QpSide& side = result.bound_sides[static_cast<std::size_t>(j)];
+    const Scalar z = result.bound_multipliers[j];
+    if (!(lo[j] < hi[j])) {
+      side = z < zero ? QpSide::Upper : QpSide::Lower;
+    } else {
+      side = !(result.x[j] > lo[j]) ? QpSide::Lower : !(result.x[j] < hi[j]) ? QpSide::Upper : QpSide::Between;
+    }
+  }
+  for (Index i = 0; i < result.row_multipliers.size(); ++i) {
+    const Scalar y = result.row_multipliers[i];
+    const bool fixed = !(rl[i] < ru[i]);
+    result.row_sides[static_cast<std::size_t>(i)] = y < zero            ? QpSide::Upper
+                                                    : y > zero || fixed ? QpSide::Lower
+                                                                        : QpSide::Between;
+  }
+}
+
 /// The best iterate of a solve. Order when none is optimal: first those that pass for inaccurate solutions, by their excess;
 /// then by violation, and by excess where that is within its tolerance.
 template <RealScalar Scalar>

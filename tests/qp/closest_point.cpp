@@ -1,0 +1,166 @@
+#include "clothctl/qp/closest_point.hpp"
+
+#include <random>
+
+#include "clothctl/qp/active_set.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+template <class S>
+struct Contradiction {
+  MatrixX<S> H, A;
+  VectorX<S> g, lb, ub, rl, ru;
+
+  Contradiction(Index n, Index m, std::mt19937& random) {
+    std::normal_distribution<double> normal;
+    const auto draw = [&](Index rows, Index columns) {
+      MatrixX<S> M(rows, columns);
+      for (Index k = 0; k < M.size(); ++k) M.data()[k] = static_cast<S>(normal(random));
+      return M;
+    };
+    const MatrixX<S> J = draw(n / 2 + 1, n);
+    H = J.transpose() * J;
+    A = draw(m, n);
+    if (m > 2) A.row(1) = S(3) * A.row(0);
+    g = draw(n, 1);
+    lb = -draw(n, 1).cwiseAbs() - VectorX<S>::Ones(n);
+    ub = draw(n, 1).cwiseAbs();
+    rl = S(3) * draw(m, 1);
+    ru = rl + draw(m, 1).cwiseAbs();
+    for (Index i = 0; i < m; ++i) {
+      if (i % 4 == 1) ru[i] = rl[i];
+      if (i % 4 == 2) rl[i] = -scalar_traits<S>::infinity();
+    }
+  }
+
+  // Violation of rl ≤ Ax + s ≤ ru and of the bounds, and the slope of ½|s|² that no bound holds.
+  double error(const VectorX<S>& x, const VectorX<S>& s) const {
+    const VectorX<S> ax = A * x, slope = -(A.transpose() * s);
+    double worst = 0;
+    for (Index i = 0; i < A.rows(); ++i) {
+      if (!is_unbounded(rl[i])) worst = std::max(worst, double(rl[i] - ax[i] - s[i]));
+      if (!is_unbounded(ru[i])) worst = std::max(worst, double(ax[i] + s[i] - ru[i]));
+    }
+    for (Index j = 0; j < x.size(); ++j) {
+      worst = std::max(worst, std::max(double(lb[j] - x[j]), double(x[j] - ub[j])));
+      double way = -double(slope[j]);  // downhill
+      const double edge = sizeof(S) == 8 ? 1e-7 : 1e-3;
+      if (double(x[j] - lb[j]) < edge) way = std::max(0.0, way);
+      if (double(ub[j] - x[j]) < edge) way = std::min(0.0, way);
+      worst = std::max(worst, std::abs(way));
+    }
+    return worst;
+  }
+};
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("infeasible problems go to the closest point when asked to", "[qp]", float, double) {
+  using S = TestType;
+  const double tolerance = sizeof(S) == 8 ? 1e-6 : 2e-2;
+  std::mt19937 random(77);
+  int infeasible = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    const Contradiction<S> q(2 + static_cast<Index>(random() % 15), 3 + static_cast<Index>(random() % 20), random);
+    QpSettings<S> settings;
+    settings.closest_point = true;
+    ActiveSet<S> solver(settings), plain;
+    QpResult<S> result, proof;
+    for (ActiveSet<S>* s : {&solver, &plain}) {
+      REQUIRE(s->set_hessian(q.H) == QpStatus::Solved);
+      REQUIRE(s->set_rows(q.A) == QpStatus::Solved);
+    }
+    const QpStatus status = solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result);
+    REQUIRE(plain.solve(q.g, q.lb, q.ub, q.rl, q.ru, proof) == status);
+    if (status != QpStatus::PrimalInfeasible) {
+      CHECK(result.row_shifts.cwiseAbs().maxCoeff() == S(0));
+      continue;
+    }
+    ++infeasible;
+    CHECK(std::string(result.message).empty());
+    CHECK(result.row_multipliers == proof.row_multipliers);
+    CHECK(result.bound_multipliers == proof.bound_multipliers);
+    CHECK(proof.row_shifts.cwiseAbs().maxCoeff() == S(0));
+    CHECK(q.error(result.x, result.row_shifts) < tolerance * (1.0 + double(q.A.cwiseAbs().maxCoeff())));
+    if (sizeof(S) == 4) continue;
+    // The least objective among the closest points: moving x within them never helps.
+    const VectorX<S> width = VectorX<S>::Constant(q.A.rows(), S(1e-8));
+    QpResult<S> best;
+    (void)plain.solve(q.g, q.lb, q.ub, q.rl - result.row_shifts - width, q.ru - result.row_shifts + width, best);
+    const S objective = result.x.dot(S(0.5) * (q.H * result.x) + q.g);
+    CHECK(objective <= best.objective + S(1e-4) * (S(1) + std::abs(best.objective)));
+  }
+  CHECK(infeasible > 100);
+}
+
+TEST_CASE("contradicting rows meet in the middle, weighed by their scale", "[qp]") {
+  for (const double scale : {1.0, 2.0}) {
+    QpSettings<double> settings;
+    settings.closest_point = true;
+    ActiveSet<double> solver(settings);
+    MatrixX<double> A(2, 2);
+    A << 1.0, 0.0, scale, 0.0;
+    const double inf = scalar_traits<double>::infinity();
+    VectorX<double> g(2), lb(2), ub(2), rl(2), ru(2);
+    g << 0.0, -3.0;
+    lb.setConstant(-10.0);
+    ub.setConstant(inf);
+    rl << 3.0, -inf;
+    ru << inf, scale;
+    REQUIRE(solver.set_hessian(MatrixX<double>::Identity(2, 2)) == QpStatus::Solved);
+    REQUIRE(solver.set_rows(A) == QpStatus::Solved);
+    QpResult<double> result;
+    REQUIRE(solver.solve(g, lb, ub, rl, ru, result) == QpStatus::PrimalInfeasible);
+    const double x = (3.0 + scale * scale) / (1.0 + scale * scale);  // least (3 - x)² + scale² (x - 1)²
+    CHECK(result.x[0] == Approx(x));
+    CHECK(result.x[1] == Approx(3.0));
+    CHECK(result.row_shifts[0] == Approx(3.0 - x));
+    CHECK(result.row_shifts[1] == Approx(scale * (1.0 - x)));
+    // The next feasible solve is as good as a cold one.
+    rl[0] = 0.5;
+    REQUIRE(solver.solve(g, lb, ub, rl, ru, result) == QpStatus::Solved);
+    CHECK(result.x[0] == Approx(0.5));
+    CHECK(result.row_shifts.norm() == 0.0);
+  }
+}
+
+TEST_CASE("the way to the closest point keeps to the budget and off the heap", "[qp]") {
+  std::mt19937 random(5);
+  const Contradiction<double> q(40, 60, random);
+  QpSettings<double> settings;
+  settings.closest_point = true;
+  ActiveSet<double> solver(settings);
+  REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
+  REQUIRE(solver.set_rows(q.A) == QpStatus::Solved);
+  QpResult<double> result;
+  REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result) == QpStatus::PrimalInfeasible);
+  const int rounds = result.iterations;
+  const long before = clothctl_test::allocations();
+  const QpStatus again = solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result);
+  const long taken = clothctl_test::allocations() - before;
+  CHECK(again == QpStatus::PrimalInfeasible);
+  if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+
+  ActiveSet<double> plain;
+  QpResult<double> proof;
+  REQUIRE(plain.set_hessian(q.H) == QpStatus::Solved);
+  REQUIRE(plain.set_rows(q.A) == QpStatus::Solved);
+  REQUIRE(plain.solve(q.g, q.lb, q.ub, q.rl, q.ru, proof) == QpStatus::PrimalInfeasible);
+  REQUIRE(proof.iterations < rounds);
+  settings.max_iterations = proof.iterations + 1;
+  ActiveSet<double> short_of_time(settings);
+  REQUIRE(short_of_time.set_hessian(q.H) == QpStatus::Solved);
+  REQUIRE(short_of_time.set_rows(q.A) == QpStatus::Solved);
+  REQUIRE(short_of_time.solve(q.g, q.lb, q.ub, q.rl, q.ru, result) == QpStatus::PrimalInfeasible);
+  CHECK(std::string(result.message) == "the budget ended before the closest point was found");
+  CHECK(result.iterations <= settings.max_iterations);
+  const VectorX<double> reached = q.A * result.x + result.row_shifts;
+  for (Index i = 0; i < q.A.rows(); ++i) {
+    CHECK(reached[i] <= q.ru[i] + 1e-9);
+    if (!is_unbounded(q.rl[i])) CHECK(reached[i] >= q.rl[i] - 1e-9);
+  }
+}
