@@ -42,7 +42,7 @@ class BoxMethod {
 
   /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
   void reserve(Index n) {
-    for (Vector* v : {&x_, &q_, &p_, &scale_, &limit_, &last_x_, &last_q_}) v->setZero(n);
+    for (Vector* v : {&x_, &q_, &p_, &scale_, &limit_, &last_x_, &last_q_, &product_, &product_at_}) v->setZero(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
@@ -60,6 +60,7 @@ class BoxMethod {
     if (curvature_.unknowns() != n_) reset();
     n_ = curvature_.unknowns();
     curvature_.clear();
+    product_known_ = false;
     for (Index j = 0; j < n_; ++j) {
       const Scalar own = curvature_.diagonal(j);
       scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
@@ -97,6 +98,7 @@ class BoxMethod {
     if (all_finite(x_.head(n_))) return false;
     for (Index i = 0; i < n_; ++i) x_[i] = (std::min)((std::max)(Scalar(0), data.lo[i]), data.hi[i]);
     curvature_.clear();
+    product_known_ = false;
     reset();
     return true;
   }
@@ -161,14 +163,43 @@ class BoxMethod {
   /// Status of an unknown that is not in the factor, from where it stands.
   void place_by_x(Index i) { state(i) = !(x_[i] > lo()[i]) ? kLower : !(x_[i] < hi()[i]) ? kUpper : kParked; }
 
-  /// q = g + H x, from scratch.
+  /// q = g + H x; the product comes from scratch, or was made so for this very x.
   void refresh_gradient() {
+    if (!product_known_ || moved_from_product() > 0) {
+      product_.head(n_).setConstant(Scalar(0));
+      curvature_.add_product(x_, product_);
+      product_at_.head(n_) = x_.head(n_);
+      product_known_ = all_finite(x_.head(n_));
+    }
+    take_gradient(product_);
+  }
+
+  /// q = g + H x at the start of a solve: where few unknowns moved since the last one, only their part of the product is new.
+  void start_gradient() {
+    const Index moved = product_known_ ? moved_from_product() : n_;
+    if (moved == 0 || 4 * moved > n_) {
+      refresh_gradient();
+      return;
+    }
+    last_x_.head(n_) = x_.head(n_) - product_at_.head(n_);
+    last_q_.head(n_) = product_.head(n_);
+    curvature_.add_product(last_x_, last_q_);
+    take_gradient(last_q_);
+  }
+
+  /// The number of unknowns that are not where `product_` was made.
+  Index moved_from_product() const {
+    Index moved = 0;
+    for (Index j = 0; j < n_; ++j) moved += x_[j] < product_at_[j] || x_[j] > product_at_[j] ? 1 : 0;
+    return moved;
+  }
+
+  void take_gradient(const Vector& product) {
     using std::abs;
-    q_.head(n_) = g().head(n_);
-    curvature_.add_product(x_, q_);
+    q_.head(n_) = g().head(n_) + product.head(n_);
     gradient_scale_ = Scalar(1);
     for (Index j = 0; j < n_; ++j) {
-      gradient_scale_ = (std::max)(gradient_scale_, (std::max)(Scalar(abs(g()[j])), Scalar(abs(q_[j] - g()[j]))));
+      gradient_scale_ = (std::max)(gradient_scale_, (std::max)(Scalar(abs(g()[j])), Scalar(abs(product[j]))));
     }
   }
 
@@ -391,7 +422,7 @@ class BoxMethod {
 
   QpStatus iterate(const Budget& budget, int& iterations) {
     using std::abs;
-    refresh_gradient();
+    start_gradient();
     int stalls = 0;
     int polishes = 0;
     bool first = true;
@@ -441,12 +472,14 @@ class BoxMethod {
 
   Curvature curvature_;
   Vector x_, q_, p_, scale_, limit_, last_x_, last_q_;
+  Vector product_, product_at_;  // H x from scratch, and that x
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
   const Data* data_ = nullptr;
   Scalar stationarity_tolerance_ = Scalar(0), gradient_scale_ = Scalar(1), total_ = Scalar(0), least_ = Scalar(0);
   Index n_ = 0;
   Start start_ = Start::Cold;
+  bool product_known_ = false;
 };
 
 }  // namespace clothctl::detail
