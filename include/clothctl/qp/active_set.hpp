@@ -408,7 +408,6 @@ class ActiveSet {
     const Scalar zero(0);
     const Scalar one(1);
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
-    const bool coarse = scalar_traits<Scalar>::epsilon() > Scalar(1e-12);  // y(x) = …/μ would drown in rounding
     problem_.refresh_products();
     KktResiduals<Scalar> now = judge();
     if (from_sides_ && excess(now) > one) now = refine_sides(now);
@@ -460,7 +459,7 @@ class ActiveSet {
         if (!falling) keep(now);
       }
       if (now.relative_feasibility > settings_.feasibility_tolerance && violation > Scalar(0.1) * gap) {
-        problem_.mu = (std::max)(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle || coarse ? sqrt(half) : half) * mu_unit_));
+        problem_.mu = (std::max)(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle ? sqrt(half) : half) * mu_unit_));
         problem_.factor.touch();
       }
       if (problem_.rho > rho_unit_) {

@@ -1,7 +1,8 @@
 #pragma once
 
 // The factor of the regularised optimality equations over changing sets: dense (row_factor.hpp), or sparse (sparse_factor.hpp)
-// where the zeros of H and A make that cheaper.
+// where the zeros of H and A make that cheaper. A pivot of the sparse factor can fail by rounding alone; the dense one then
+// takes over, for its first block is H_FF + ρ I itself and shows whether curvature is to blame.
 
 #include "clothctl/qp/row_factor.hpp"
 #include "clothctl/qp/sparse_factor.hpp"
@@ -62,8 +63,11 @@ class KktFactor {
   template <class IsFree, class IsActive>
   bool sync(const MatrixView& H, const MatrixView& At, const Scalar& rho, const Scalar& mu, IsFree is_free, IsActive is_active,
             bool& changed) {
-    return is_sparse_ ? sparse_.sync(rho, mu, is_free, is_active, changed)
-                      : dense_.sync(H, At, rho, mu, is_free, is_active, changed);
+    if (is_sparse_) {
+      if (sparse_.sync(rho, mu, is_free, is_active, changed)) return true;
+      is_sparse_ = false;
+    }
+    return dense_.sync(H, At, rho, mu, is_free, is_active, changed);
   }
 
   /// Tells whether the last failure lay at an unknown (else at a row).
