@@ -104,3 +104,22 @@ TEST_CASE("a walk whose unknowns stop one by one has the slope, curvature and gr
   curvature.end_walk(moving, n, p, q);
   CHECK((q - start - H * x).norm() < 1e-11 * (H * x).norm());
 }
+
+TEST_CASE("a new matrix is not mistaken for the old one when the free set is the same", "[qp][low_rank]") {
+  const Index n = 20, r = 4;
+  detail::LowRankCurvature<double> curvature;
+  curvature.reserve(n, r);
+  std::vector<Index> wanted;
+  for (Index i = 0; i < n; i += 2) wanted.push_back(i);
+  for (const unsigned seed : {8u, 9u, 10u}) {
+    const FactoredHessian<double> given(n, r, seed);
+    const MatrixX<double> H = given.dense();
+    given.fill(curvature);
+    curvature.renew(wanted, static_cast<Index>(wanted.size()));
+    const VectorX<double> q = VectorX<double>::LinSpaced(n, -1.0, 1.0);
+    VectorX<double> p = VectorX<double>::Zero(n);
+    curvature.newton(q, p);
+    const VectorX<double> back = H * p + q;
+    for (Index i : wanted) CHECK(std::abs(back[i]) < 1e-10);
+  }
+}

@@ -99,9 +99,16 @@ class ActiveSet {
       return result.status;
     }
     prepare();
+    const bool warm = start_ != Start::Cold;
     take_start();
     best_.forget();
     result.status = iterate(budget, result);
+    const bool stuck = result.status == QpStatus::IterationLimit && budget.after(result.iterations) == QpStatus::Solved;
+    if (warm && stuck) {  // a start that leads nowhere is forgotten
+      start_ = Start::Cold;
+      take_start();
+      result.status = iterate(budget, result);
+    }
     if (result.status == QpStatus::PrimalInfeasible && settings_.closest_point) approach(budget, result);
     report(lb, ub, rl, ru, result);
     if (start_ == Start::Warm) structured_.warm_start(result.x);
@@ -296,16 +303,17 @@ class ActiveSet {
     using detail::relative_error;
     KktResiduals<Scalar> r;
     Scalar dual_scale(1);
-    Scalar primal_scale(1);
+    Scalar farthest(1);
     for (Index j = 0; j < n_; ++j) {
       const Scalar hx = problem_.hx[j];
       raise_error(dual_scale, Scalar(abs(hx) / D_[j]));
       raise_error(dual_scale, Scalar(abs(problem_.g[j]) / D_[j]));
       raise_error(dual_scale, Scalar(abs(hx + problem_.g[j] - q_[j]) / D_[j]));
-      raise_error(primal_scale, Scalar(abs(problem_.x[j]) * D_[j]));
+      raise_error(farthest, Scalar(abs(problem_.x[j]) * D_[j]));
       raise_error(r.stationarity, Scalar(abs(q_[j] - bound_multiplier(j)) / D_[j]));
       r.objective += (Scalar(0.5) * hx + problem_.g[j]) * problem_.x[j];
     }
+    Scalar primal_scale = farthest;
     for (Index i = 0; i < m_; ++i) {
       raise_error(primal_scale, Scalar(abs(problem_.ax[i]) / E_[i]));
       const Scalar y = problem_.y[i];
@@ -320,6 +328,7 @@ class ActiveSet {
     r.relative_feasibility = relative_error(r.feasibility, primal_scale);
     r.relative_complementarity = relative_error(r.complementarity, (std::max)(Scalar(1), Scalar(abs(r.objective))));
     if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
+    if (farthest > detail::largest_bound<Scalar>()) r.relative_feasibility = scalar_traits<Scalar>::infinity();
     return r;
   }
 
@@ -437,7 +446,7 @@ class ActiveSet {
       if (outcome == Problem::Outcome::Concave) return QpStatus::NonConvex;
       problem_.refresh_products();
       now = judge();
-      const Scalar violation = now.feasibility;
+      const Scalar violation = detail::row_excess(now, settings_);
       if (falling && now.relative_feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
       if (!falling) keep(now);
       if (outcome == Problem::Outcome::TimeSpent) return QpStatus::TimeLimit;
@@ -458,7 +467,7 @@ class ActiveSet {
         if (!falling && excess(now) <= one) return QpStatus::Solved;
         if (!falling) keep(now);
       }
-      if (now.relative_feasibility > settings_.feasibility_tolerance && violation > Scalar(0.1) * gap) {
+      if (detail::row_excess(now, settings_) > one && violation > Scalar(0.1) * gap) {
         problem_.mu = (std::max)(Scalar(0.1) * problem_.mu, Scalar((outer < kGentle ? sqrt(half) : half) * mu_unit_));
         problem_.factor.touch();
       }

@@ -229,7 +229,7 @@ class LowRankCurvature {
   void sum_up() {
     Index changes = 0;
     for (Index i = 0; i < n_; ++i) changes += (place(i) >= 0) != (in_S_[static_cast<std::size_t>(i)] != 0) ? 1 : 0;
-    const bool afresh = summed_ + changes > kMostSummed || changes > size_;
+    const bool afresh = summed_ >= kMostSummed || summed_ + changes > kMostSummed || changes > size_;
     if (afresh) {
       S_.topLeftCorner(r_, r_).setIdentity();
       std::fill(in_S_.begin(), in_S_.end(), char(0));

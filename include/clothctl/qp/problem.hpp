@@ -141,6 +141,12 @@ Scalar no_bound() {
   return Scalar(2e38);
 }
 
+/// Bounds beyond this are none; so a point beyond it is no solution.
+template <RealScalar Scalar>
+Scalar largest_bound() {
+  return Scalar(1e20);
+}
+
 /// Copies bounds, replacing unbounded values by ±no_bound. Returns the first refused index, or -1: NaN, crossed, or +inf
 /// below / -inf above.
 template <RealScalar Scalar>

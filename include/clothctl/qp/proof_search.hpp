@@ -6,8 +6,9 @@
 //   x_{k+1} - x_k  ->  ray:          refined towards H d = 0 and A d = 0 on the active rows
 //
 // with the factor of the regularised problem, until what is left is the rounding of the sums themselves. Anything larger is not
-// believed: a problem whose only solutions lie far out, or that is nearly flat, has no proof. Scaling is by powers of two, so a
-// relative test here is the same test on the caller's numbers.
+// believed: a problem whose only solutions lie far out, or that is nearly flat, has no proof. Differences hold traces of rows
+// and unknowns that have no part in the proof, and a trace alone in a sum never cancels: entries below a threshold, coarse at
+// first, count as zero. Scaling is by powers of two, so a relative test here is the same test on the caller's numbers.
 
 #include <algorithm>
 #include <cmath>
@@ -57,32 +58,11 @@ class ProofSearch {
     if (!(largest > Scalar(0)) || !is_finite(largest)) return false;
     Scalar reach(1);
     for (Index j = 0; j < n; ++j) reach = (std::max)(reach, Scalar(abs(problem.x[j])));
-    for (Index i = 0; i < m; ++i) y_[i] = (problem.yk[i] - problem.y[i]) / largest;
-    r2_.head(m).setConstant(Scalar(0));
-    Scalar last = scalar_traits<Scalar>::infinity();
-    for (int step = 0; step < kSteps; ++step) {
-      z_.head(n).setConstant(Scalar(0));
-      z_size_.head(n).setConstant(Scalar(0));
-      for (Index i = 0; i < m; ++i) {
-        const Scalar v = y_[i];
-        if (!has_bound(v > Scalar(0) ? problem.ru[i] : problem.rl[i]) && abs(v) < certificate_tolerance<Scalar>()) {
-          y_[i] = Scalar(0);
-        }
-        if (!(y_[i] < Scalar(0)) && !(y_[i] > Scalar(0))) continue;
-        problem.columns_of_At().add(i, -v, z_);
-        problem.columns_of_At().add_size(i, v, z_size_);
-      }
-      residual_.head(n) = z_.head(n);
-      const ProofCheck<Scalar> check =
-          check_farkas<Scalar>(y_.head(m), z_.head(n), z_size_.head(n), problem.rl.head(m), problem.ru.head(m),
-                               problem.lo.head(n), problem.hi.head(n), Scalar(16) * reach);
-      if (check.proven) return true;
-      if (step > 1 && (!check.promising || !worth_a_step(check.error, last))) return false;
-      last = check.error;
-      bool changed = false;
-      if (step == 0 && !problem.sync(changed)) return false;
-      problem.factor.solve(residual_, r2_, p_, delta_);
-      for (Index k = 0; k < problem.factor.row_size(); ++k) y_[problem.factor.row(k)] += delta_[problem.factor.row(k)];
+    bool synced = false;
+    Scalar threshold = coarsest();
+    for (int level = 0; level < kLevels; ++level, threshold *= threshold) {
+      for (Index i = 0; i < m; ++i) y_[i] = (problem.yk[i] - problem.y[i]) / largest;
+      if (refine_farkas(problem, threshold, reach, synced)) return true;
     }
     return false;
   }
@@ -91,37 +71,23 @@ class ProofSearch {
   RayVerdict unbounded(Problem& problem) {
     using std::abs;
     const Index n = problem.unknowns();
-    const Index m = problem.rows();
     Scalar largest(0);
-    for (Index j = 0; j < n; ++j) {
-      d_[j] =
-          problem.state[static_cast<std::size_t>(j)] == Problem::State::Free ? Scalar(problem.x[j] - problem.xk[j]) : Scalar(0);
-      largest = (std::max)(largest, Scalar(abs(d_[j])));
-    }
+    const auto moved = [&](Index j) {
+      const bool free = problem.state[static_cast<std::size_t>(j)] == Problem::State::Free;
+      return free ? Scalar(problem.x[j] - problem.xk[j]) : Scalar(0);
+    };
+    for (Index j = 0; j < n; ++j) largest = (std::max)(largest, Scalar(abs(moved(j))));
     if (!(largest > Scalar(0)) || !is_finite(largest)) return RayVerdict::None;
-    d_.head(n) /= largest;
-    eta_.head(m).setConstant(Scalar(0));
-    const Scalar loose = Scalar(64) * certificate_tolerance<Scalar>() / (Scalar(4) * summation_error<Scalar>(n));
-    Scalar last = scalar_traits<Scalar>::infinity();
-    for (int step = 0; step < kSteps; ++step) {
-      for (Index j = 0; j < n; ++j) {
-        const bool leaves = has_bound(d_[j] < Scalar(0) ? problem.lo[j] : problem.hi[j]);
-        if (leaves && abs(d_[j]) < Scalar(64) * certificate_tolerance<Scalar>()) d_[j] = Scalar(0);
-      }
-      multiply(problem);
-      const ProofCheck<Scalar> check =
-          check_ray<Scalar>(d_.head(n), hd_.head(n), ad_.head(m), hd_size_.head(n), ad_size_.head(m), problem.g.head(n),
-                            problem.rl.head(m), problem.ru.head(m), problem.lo.head(n), problem.hi.head(n));
-      if (check.proven) return RayVerdict::Proven;
-      if (!check.admissible || !(check.row_error <= loose)) return RayVerdict::None;
-      if (!check.promising || !(check.error <= loose)) break;
-      if (!worth_a_step(check.error, last)) break;
-      last = check.error;
-      bool changed = false;
-      if (step == 0 && !problem.sync(changed)) return RayVerdict::None;
-      refine(problem);
+    bool synced = false;
+    bool near = false;
+    Scalar threshold = coarsest();
+    for (int level = 0; level < kLevels; ++level, threshold *= threshold) {
+      for (Index j = 0; j < n; ++j) d_[j] = moved(j) / largest;
+      const RayVerdict verdict = refine_ray(problem, threshold, synced);
+      if (verdict == RayVerdict::Proven) return verdict;
+      near = verdict == RayVerdict::FarMinimum;
     }
-    return has_far_minimum(problem) ? RayVerdict::FarMinimum : RayVerdict::None;
+    return near && has_far_minimum(problem) ? RayVerdict::FarMinimum : RayVerdict::None;
   }
 
   /// After FarMinimum: moves x to the minimum of the objective along `direction()`, as far as the bounds of x let it. Call
@@ -133,7 +99,78 @@ class ProofSearch {
   }
 
  private:
-  static constexpr int kSteps = 10, kHeldBack = 16;
+  static constexpr int kSteps = 10, kHeldBack = 16, kLevels = 3;
+
+  /// The first threshold; its square and the square of that follow.
+  static Scalar coarsest() {
+    using std::sqrt;
+    return sqrt(sqrt(certificate_tolerance<Scalar>()));
+  }
+
+  /// Refines y_ towards a proof of infeasibility.
+  bool refine_farkas(Problem& problem, const Scalar& threshold, const Scalar& reach, bool& synced) {
+    using std::abs;
+    const Index n = problem.unknowns();
+    const Index m = problem.rows();
+    r2_.head(m).setConstant(Scalar(0));
+    Scalar last = scalar_traits<Scalar>::infinity();
+    for (int step = 0; step < kSteps; ++step) {
+      z_.head(n).setConstant(Scalar(0));
+      z_size_.head(n).setConstant(Scalar(0));
+      for (Index i = 0; i < m; ++i) {
+        const Scalar v = y_[i];
+        if (abs(v) < threshold) y_[i] = Scalar(0);
+        if (!(y_[i] < Scalar(0)) && !(y_[i] > Scalar(0))) continue;
+        problem.columns_of_At().add(i, -v, z_);
+        problem.columns_of_At().add_size(i, v, z_size_);
+      }
+      residual_.head(n) = z_.head(n);
+      const ProofCheck<Scalar> check =
+          check_farkas<Scalar>(y_.head(m), z_.head(n), z_size_.head(n), problem.rl.head(m), problem.ru.head(m),
+                               problem.lo.head(n), problem.hi.head(n), Scalar(16) * reach);
+      if (check.proven) return true;
+      if (step > 1 && (!check.promising || !worth_a_step(check.error, last))) return false;
+      last = check.error;
+      if (!synchronise(problem, synced)) return false;
+      problem.factor.solve(residual_, r2_, p_, delta_);
+      for (Index k = 0; k < problem.factor.row_size(); ++k) y_[problem.factor.row(k)] += delta_[problem.factor.row(k)];
+    }
+    return false;
+  }
+
+  /// Brings the factor to the sets, once.
+  bool synchronise(Problem& problem, bool& synced) {
+    bool changed = false;
+    if (!synced) synced = problem.sync(changed);
+    return synced;
+  }
+
+  /// Refines d_ towards a ray: Proven, FarMinimum where it is nearly one, or None.
+  RayVerdict refine_ray(Problem& problem, const Scalar& threshold, bool& synced) {
+    using std::abs;
+    const Index n = problem.unknowns();
+    const Index m = problem.rows();
+    eta_.head(m).setConstant(Scalar(0));
+    const Scalar loose = Scalar(64) * certificate_tolerance<Scalar>() / (Scalar(4) * summation_error<Scalar>(n));
+    Scalar last = scalar_traits<Scalar>::infinity();
+    for (int step = 0; step < kSteps; ++step) {
+      for (Index j = 0; j < n; ++j) {
+        if (abs(d_[j]) < threshold) d_[j] = Scalar(0);
+      }
+      multiply(problem);
+      const ProofCheck<Scalar> check =
+          check_ray<Scalar>(d_.head(n), hd_.head(n), ad_.head(m), hd_size_.head(n), ad_size_.head(m), problem.g.head(n),
+                            problem.rl.head(m), problem.ru.head(m), problem.lo.head(n), problem.hi.head(n));
+      if (check.proven) return RayVerdict::Proven;
+      if (!check.admissible || (step > 1 && !(check.row_error <= loose))) return RayVerdict::None;
+      if (!check.promising || (step > 1 && !(check.error <= loose))) break;
+      if (step > 1 && !worth_a_step(check.error, last)) break;
+      last = check.error;
+      if (!synchronise(problem, synced)) return RayVerdict::None;
+      refine(problem);
+    }
+    return RayVerdict::FarMinimum;
+  }
 
   /// Errors halve from step to step; near the rounding limit they wander, and another step may hit.
   static bool worth_a_step(const Scalar& error, const Scalar& last) { return error < Scalar(0.5) * last || error < Scalar(8); }
@@ -153,7 +190,7 @@ class ProofSearch {
     if (!(slope < Scalar(0)) || !(curvature > Scalar(2) * summation_error<Scalar>(n) * size)) return false;
     if (!(curvature < Scalar(kHeldBack) * problem.rho * d_.head(n).squaredNorm())) return false;
     step_ = -slope / curvature;
-    return is_finite(step_);
+    return is_finite(step_) && step_ < largest_bound<Scalar>();
   }
 
   /// hd = H d, ad = A d and the sizes of their terms.

@@ -23,6 +23,13 @@ Scalar excess(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings)
                                Scalar(r.relative_complementarity / settings.complementarity_tolerance)));
 }
 
+/// The same of what rows have a part in: violation and complementarity.
+template <RealScalar Scalar>
+Scalar row_excess(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
+  return (std::max)(Scalar(r.relative_feasibility / settings.feasibility_tolerance),
+                    Scalar(r.relative_complementarity / settings.complementarity_tolerance));
+}
+
 /// Writes the residuals of the caller's data into the result, and the status that they allow: Solved, IterationLimit and
 /// TimeLimit follow the excess, other statuses stay.
 template <RealScalar Scalar>
@@ -33,7 +40,8 @@ void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
   result.objective = r.objective;
   const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::TimeLimit;
   if (result.status != QpStatus::Solved && !unfinished) return;
-  const Scalar away = excess(r, settings);
+  const bool far = result.x.size() > 0 && !(result.x.cwiseAbs().maxCoeff() < largest_bound<Scalar>());
+  const Scalar away = far ? scalar_traits<Scalar>::infinity() : excess(r, settings);
   if (!unfinished && away <= Scalar(1)) return;
   if (away <= Scalar(kLooseTolerances)) {
     result.status = QpStatus::SolvedInaccurate;
