@@ -42,7 +42,9 @@ class BoxMethod {
 
   /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
   void reserve(Index n) {
-    for (Vector* v : {&x_, &q_, &p_, &scale_, &limit_, &last_x_, &last_q_, &product_, &product_at_}) v->setZero(n);
+    for (Vector* v :
+         {&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_, &work_, &ray_, &product_, &product_at_})
+      v->setZero(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
@@ -64,6 +66,7 @@ class BoxMethod {
     for (Index j = 0; j < n_; ++j) {
       const Scalar own = curvature_.diagonal(j);
       scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
+      root_[j] = own > Scalar(0) ? sqrt(own) : Scalar(0);
     }
   }
 
@@ -72,7 +75,7 @@ class BoxMethod {
   /// H x + g of the last refresh, n entries in use.
   const Vector& gradient() const { return q_; }
   /// The direction of the last DualInfeasible, n entries in use.
-  const Vector& ray() const { return last_x_; }
+  const Vector& ray() const { return ray_; }
 
   /// Solves; answers Solved (as far as the method can tell), what ran out, NonConvex or DualInfeasible, and adds rounds with a
   /// change of the active set to `iterations`. Never allocates.
@@ -133,7 +136,7 @@ class BoxMethod {
   using State = signed char;
   static constexpr State kLower = -1, kFree = 0, kUpper = 1, kParked = 2;  // parked: inside, but dependent on the free set
   enum class Start { Cold, FromX, Warm };
-  enum class Walk { Full, Clipped, Unbounded, Concave };
+  enum class Walk { Full, Clipped, Unbounded, Concave, Ray };
 
   State& state(Index i) { return state_[static_cast<std::size_t>(i)]; }
   Index list(Index k) const { return list_[static_cast<std::size_t>(k)]; }
@@ -197,17 +200,16 @@ class BoxMethod {
   void take_gradient(const Vector& product) {
     using std::abs;
     q_.head(n_) = g().head(n_) + product.head(n_);
-    gradient_scale_ = Scalar(1);
+    // What counts as zero in q_j: relative to the largest term of any, and to what its own terms can be, |H_jk x_k| ≤
+    // √H_jj √H_kk |x_k|, so that scaling an unknown changes nothing.
+    Scalar largest(1);
     for (Index j = 0; j < n_; ++j) {
-      gradient_scale_ = (std::max)(gradient_scale_, (std::max)(Scalar(abs(g()[j])), Scalar(abs(product[j]))));
+      largest = (std::max)(largest, (std::max)(Scalar(abs(g()[j])), Scalar(abs(product[j]))));
     }
-  }
-
-  /// What counts as zero in a multiplier or reduced gradient.
-  Scalar dual_tolerance() const {
-    const Scalar floor = Scalar(32) * scalar_traits<Scalar>::epsilon();
-    const Scalar wanted = stationarity_tolerance_ / Scalar(64);
-    return gradient_scale_ * (std::max)(floor, wanted);
+    const Scalar length = root_.head(n_).dot(x_.head(n_).cwiseAbs());
+    const Scalar relative =
+        (std::max)(Scalar(32) * scalar_traits<Scalar>::epsilon(), Scalar(stationarity_tolerance_ / Scalar(64)));
+    for (Index j = 0; j < n_; ++j) zero_[j] = relative * (std::min)(largest, Scalar(abs(g()[j]) + length * root_[j]));
   }
 
   /// Brings the factor in line with the free states. Returns how many unknowns it took in; the dependent ones stay out.
@@ -323,20 +325,19 @@ class BoxMethod {
   }
 
   /// Violation of the sign condition on q_i, scaled by curvature; 0 where it holds.
-  Scalar violation(Index i, const Scalar& tolerance) {
+  Scalar violation(Index i) {
     using std::abs;
     if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);
     const Scalar q = state(i) == kLower ? -q_[i] : state(i) == kUpper ? q_[i] : Scalar(abs(q_[i]));
-    return q > tolerance ? q * scale_[i] : Scalar(0);
+    return q > zero_[i] ? q * scale_[i] : Scalar(0);
   }
 
   /// Frees unknowns whose multiplier has the wrong sign: all, or only the worst. Returns the worst one, or -1.
   Index release(bool one) {
-    const Scalar tolerance = dual_tolerance();
     Index worst = -1;
     Scalar most(0);
     for (Index i = 0; i < n_; ++i) {
-      const Scalar v = violation(i, tolerance);
+      const Scalar v = violation(i);
       if (v > most) {
         most = v;
         worst = i;
@@ -344,7 +345,7 @@ class BoxMethod {
     }
     if (worst < 0) return worst;
     for (Index i = 0; i < n_; ++i) {
-      if (one ? i == worst : violation(i, tolerance) > Scalar(0)) state(i) = kFree;
+      if (one ? i == worst : violation(i) > Scalar(0)) state(i) = kFree;
     }
     return worst;
   }
@@ -363,40 +364,69 @@ class BoxMethod {
     }
     moving_[static_cast<std::size_t>(f)] = i;
     p_[i] = sign;
+    flatten(f + 1);
+    if (verify_ray(f + 1)) return Walk::Ray;
     const Walk outcome = walk(f + 1, false);
-    if (outcome != Walk::Unbounded) {
-      if (x_[i] > lo()[i] && x_[i] < hi()[i]) state(i) = kFree;
-    }
+    if (x_[i] > lo()[i] && x_[i] < hi()[i]) state(i) = kFree;
     return outcome;
   }
 
-  /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, to the rounding of the product, and
-  /// falls; if so leaves it in last_x_. The part in the factor is refined towards H p = 0.
-  bool verify_ray(Index count) {
-    using std::abs;
+  /// Refines p over moving_[0 … count-1] towards H p = 0 in the factor's rows: its curvature is then that of H, not of the
+  /// factor's rounding.
+  void flatten(Index count) {
     FreeSetFactor<Scalar>& factor = curvature_.factor();
-    bool bent = false;  // an unknown of the factor met its bound: no refinement
-    for (Index k = 0; k < factor.size(); ++k) bent = bent || state(factor.order(k)) != kFree;
-    const Vector none;
-    constexpr int kSteps = 3;
-    for (int step = 0; step < kSteps; ++step) {
-      last_x_.head(n_).setConstant(Scalar(0));
-      last_q_.head(n_).setConstant(Scalar(0));
-      limit_.head(n_).setConstant(Scalar(0));
-      for (Index k = 0; k < count; ++k) {
-        const Index i = moving(k);
-        last_x_[i] = p_[i];
-        last_q_.head(n_) += p_[i] * curvature_.H().col(i);
-        limit_.head(n_) += abs(p_[i]) * curvature_.H().col(i).cwiseAbs();
-      }
-      const ProofCheck<Scalar> check = check_ray<Scalar>(last_x_.head(n_), last_q_.head(n_), none, limit_.head(n_), none,
-                                                         g().head(n_), none, none, lo().head(n_), hi().head(n_));
-      if (check.proven) return true;
-      if (!check.promising || bent) return false;
-      for (Index k = 0; k < factor.size(); ++k) limit_[k] = last_q_[factor.order(k)];
+    constexpr int kSteps = 2;
+    for (int step = 0; step < kSteps && factor.size() > 0; ++step) {
+      work_.head(n_).setConstant(Scalar(0));
+      for (Index k = 0; k < count; ++k) work_.head(n_) += p_[moving(k)] * curvature_.H().col(moving(k));
+      for (Index k = 0; k < factor.size(); ++k) limit_[k] = work_[factor.order(k)];
       factor.solve_lower(limit_);
       factor.solve_upper(limit_);
       for (Index k = 0; k < factor.size(); ++k) p_[factor.order(k)] -= limit_[k];
+    }
+  }
+
+  /// Tells whether an unknown of the factor has met its bound.
+  bool met_bound() {
+    for (Index k = 0; k < curvature_.size(); ++k) {
+      if (state(curvature_.order(k)) != kFree) return true;
+    }
+    return false;
+  }
+
+  /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, to the rounding of the product, and
+  /// falls; if so leaves it in ray_. Entries below a threshold, coarse at first, count as zero: alone in a row they would
+  /// never cancel. The part in the factor is refined towards H p = 0.
+  bool verify_ray(Index count) {
+    using std::abs;
+    FreeSetFactor<Scalar>& factor = curvature_.factor();
+    Scalar largest(0);
+    for (Index k = 0; k < count; ++k) largest = (std::max)(largest, Scalar(abs(p_[moving(k)])));
+    if (!(largest > Scalar(0)) || !is_finite(largest)) return false;
+    const Vector none;
+    Scalar threshold = coarsest_trace<Scalar>();
+    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
+      ray_.head(n_).setConstant(Scalar(0));
+      for (Index k = 0; k < count; ++k) ray_[moving(k)] = p_[moving(k)] / largest;
+      constexpr int kSteps = 4;
+      for (int step = 0; step < kSteps; ++step) {
+        work_.head(n_).setConstant(Scalar(0));
+        limit_.head(n_).setConstant(Scalar(0));
+        for (Index k = 0; k < count; ++k) {
+          const Index i = moving(k);
+          if (abs(ray_[i]) < threshold) ray_[i] = Scalar(0);
+          work_.head(n_) += ray_[i] * curvature_.H().col(i);
+          limit_.head(n_) += abs(ray_[i]) * curvature_.H().col(i).cwiseAbs();
+        }
+        const ProofCheck<Scalar> check = check_ray<Scalar>(ray_.head(n_), work_.head(n_), none, limit_.head(n_), none,
+                                                           g().head(n_), none, none, lo().head(n_), hi().head(n_));
+        if (check.proven) return true;
+        if (!check.promising) break;
+        for (Index k = 0; k < factor.size(); ++k) limit_[k] = work_[factor.order(k)];
+        factor.solve_lower(limit_);
+        factor.solve_upper(limit_);
+        for (Index k = 0; k < factor.size(); ++k) ray_[factor.order(k)] -= limit_[k];
+      }
     }
     return false;
   }
@@ -420,9 +450,19 @@ class BoxMethod {
     return true;
   }
 
-  QpStatus iterate(const Budget& budget, int& iterations) {
+  /// Tells whether the gradient vanishes on the free unknowns and has the right sign on the others.
+  bool optimal() {
     using std::abs;
+    for (Index i = 0; i < n_; ++i) {
+      if (state(i) == kFree && !(abs(q_[i]) <= zero_[i])) return false;
+      if (violation(i) > Scalar(0)) return false;
+    }
+    return true;
+  }
+
+  QpStatus iterate(const Budget& budget, int& iterations) {
     start_gradient();
+    if (optimal()) return QpStatus::Solved;
     int stalls = 0;
     int polishes = 0;
     bool first = true;
@@ -444,14 +484,7 @@ class BoxMethod {
       const Index worst = stuck || stalls > 2 * kStalls ? Index(-1) : release(stalls > kStalls);
       if (worst < 0) {
         refresh_gradient();
-        const Scalar tolerance = dual_tolerance();
-        Scalar rest(0);
-        bool wrong = false;
-        for (Index i = 0; i < n_; ++i) {
-          if (state(i) == kFree) rest = (std::max)(rest, Scalar(abs(q_[i])));
-          if (violation(i, tolerance) > Scalar(0)) wrong = true;
-        }
-        if ((!(rest > tolerance) && !wrong) || ++polishes > kPolishes) return QpStatus::Solved;
+        if (optimal() || ++polishes > kPolishes) return QpStatus::Solved;
         if (polishes > 1) curvature_.clear();
         continue;
       }
@@ -460,8 +493,9 @@ class BoxMethod {
       if constexpr (!Curvature::kDefinite) {
         const Walk outcome = flat_step(worst);
         if (outcome == Walk::Concave) return QpStatus::NonConvex;
+        if (outcome == Walk::Ray) return QpStatus::DualInfeasible;
         if (outcome != Walk::Unbounded) continue;
-        if (verify_ray(curvature_.size() + 1)) return QpStatus::DualInfeasible;
+        if (met_bound()) continue;  // on from there, with what is still free
       }
       stuck = first = true;  // no further way down that rounding does not hide: the residuals will tell
     }
@@ -471,12 +505,12 @@ class BoxMethod {
   static constexpr int kPolishes = 4;
 
   Curvature curvature_;
-  Vector x_, q_, p_, scale_, limit_, last_x_, last_q_;
+  Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_, work_, ray_;
   Vector product_, product_at_;  // H x from scratch, and that x
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
   const Data* data_ = nullptr;
-  Scalar stationarity_tolerance_ = Scalar(0), gradient_scale_ = Scalar(1), total_ = Scalar(0), least_ = Scalar(0);
+  Scalar stationarity_tolerance_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
   Index n_ = 0;
   Start start_ = Start::Cold;
   bool product_known_ = false;

@@ -20,6 +20,16 @@ Scalar certificate_tolerance() {
   return half * sqrt(half);
 }
 
+/// Levels of the threshold below which entries of a proof count as zero.
+inline constexpr int kTraceLevels = 3;
+
+/// The first threshold, relative to the largest entry; its square and the square of that follow.
+template <RealScalar Scalar>
+Scalar coarsest_trace() {
+  using std::sqrt;
+  return sqrt(sqrt(certificate_tolerance<Scalar>()));
+}
+
 /// Adds max over [lower, upper] of v t to `value` and its size to `size`. An infinite side counts through `reach`, a bound
 /// on |t| that any useful solution keeps, so that rounding alone does not spoil a proof.
 template <RealScalar Scalar>

@@ -59,8 +59,8 @@ class ProofSearch {
     Scalar reach(1);
     for (Index j = 0; j < n; ++j) reach = (std::max)(reach, Scalar(abs(problem.x[j])));
     bool synced = false;
-    Scalar threshold = coarsest();
-    for (int level = 0; level < kLevels; ++level, threshold *= threshold) {
+    Scalar threshold = coarsest_trace<Scalar>();
+    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
       for (Index i = 0; i < m; ++i) y_[i] = (problem.yk[i] - problem.y[i]) / largest;
       if (refine_farkas(problem, threshold, reach, synced)) return true;
     }
@@ -80,8 +80,8 @@ class ProofSearch {
     if (!(largest > Scalar(0)) || !is_finite(largest)) return RayVerdict::None;
     bool synced = false;
     bool near = false;
-    Scalar threshold = coarsest();
-    for (int level = 0; level < kLevels; ++level, threshold *= threshold) {
+    Scalar threshold = coarsest_trace<Scalar>();
+    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
       for (Index j = 0; j < n; ++j) d_[j] = moved(j) / largest;
       const RayVerdict verdict = refine_ray(problem, threshold, synced);
       if (verdict == RayVerdict::Proven) return verdict;
@@ -99,13 +99,7 @@ class ProofSearch {
   }
 
  private:
-  static constexpr int kSteps = 10, kHeldBack = 16, kLevels = 3;
-
-  /// The first threshold; its square and the square of that follow.
-  static Scalar coarsest() {
-    using std::sqrt;
-    return sqrt(sqrt(certificate_tolerance<Scalar>()));
-  }
+  static constexpr int kSteps = 10, kHeldBack = 16;
 
   /// Refines y_ towards a proof of infeasibility.
   bool refine_farkas(Problem& problem, const Scalar& threshold, const Scalar& reach, bool& synced) {
