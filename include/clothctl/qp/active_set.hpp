@@ -304,8 +304,13 @@ class ActiveSet {
     KktResiduals<Scalar> r;
     Scalar dual_scale(1);
     Scalar farthest(1);
+    Scalar wrong(0), off(0), slopes(0), places(0);  // the same errors and their sizes in scaled space
     for (Index j = 0; j < n_; ++j) {
       const Scalar hx = problem_.hx[j];
+      raise_error(wrong, Scalar(abs(q_[j] - bound_multiplier(j))));
+      raise_error(slopes,
+                  (std::max)(Scalar(abs(hx)), (std::max)(Scalar(abs(problem_.g[j])), Scalar(abs(hx + problem_.g[j] - q_[j])))));
+      raise_error(places, Scalar(abs(problem_.x[j])));
       raise_error(dual_scale, Scalar(abs(hx) / D_[j]));
       raise_error(dual_scale, Scalar(abs(problem_.g[j]) / D_[j]));
       raise_error(dual_scale, Scalar(abs(hx + problem_.g[j] - q_[j]) / D_[j]));
@@ -321,9 +326,13 @@ class ActiveSet {
       const Scalar above = problem_.ax[i] - problem_.ru[i];
       if (detail::has_bound(problem_.rl[i])) raise_error(r.feasibility, Scalar(below / E_[i]));
       if (detail::has_bound(problem_.ru[i])) raise_error(r.feasibility, Scalar(above / E_[i]));
+      if (detail::has_bound(problem_.rl[i])) raise_error(off, below);
+      if (detail::has_bound(problem_.ru[i])) raise_error(off, above);
+      raise_error(places, Scalar(abs(problem_.ax[i])));
       const Scalar edge = y > Scalar(0) ? below : above;
       if (!is_finite(y) || y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
     }
+    sharp_ = wrong <= settings_.stationarity_tolerance * slopes && off <= settings_.feasibility_tolerance * places;
     r.relative_stationarity = relative_error(r.stationarity, dual_scale);
     r.relative_feasibility = relative_error(r.feasibility, primal_scale);
     r.relative_complementarity = relative_error(r.complementarity, (std::max)(Scalar(1), Scalar(abs(r.objective))));
@@ -425,6 +434,7 @@ class ActiveSet {
     Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
     Scalar gap = scalar_traits<Scalar>::infinity();
+    int patience = 0;  // steps after the answer passed, for what its largest terms hide: until it passes in scaled space too
     bool falling = false;  // a ray is known; what is left to find is a feasible point, without the objective's slope
     const auto seek = [&] {
       falling = true;
@@ -451,7 +461,7 @@ class ActiveSet {
       if (!falling) keep(now);
       if (outcome == Problem::Outcome::TimeSpent) return QpStatus::TimeLimit;
       if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
-      if (!falling && excess(now) <= one) return finish(now);
+      if (!falling && excess(now) <= one && (sharp_ || ++patience > kPatience)) return finish(now);
       if (!(now.relative_feasibility <= settings_.feasibility_tolerance) && check_infeasible(result)) {
         return QpStatus::PrimalInfeasible;
       }
@@ -464,7 +474,7 @@ class ActiveSet {
       if (problem_.sync(changed)) {
         now = refine(judge());
         if (falling && now.relative_feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
-        if (!falling && excess(now) <= one) return QpStatus::Solved;
+        if (!falling && excess(now) <= one && (sharp_ || ++patience > kPatience)) return QpStatus::Solved;
         if (!falling) keep(now);
       }
       if (detail::row_excess(now, settings_) > one && violation > Scalar(0.1) * gap) {
@@ -569,7 +579,7 @@ class ActiveSet {
     if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
   }
 
-  static constexpr int kOuterLimit = 200, kGentle = 3;
+  static constexpr int kOuterLimit = 200, kGentle = 3, kPatience = 8;
 
   QpSettings<Scalar> settings_;
   Problem problem_;
@@ -584,7 +594,7 @@ class ActiveSet {
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
   Index n_ = 0, m_ = 0;
   Start start_ = Start::Cold;
-  bool good_settings_ = true, prepared_ = false, weighted_ = false, from_sides_ = false, proven_ = false;
+  bool good_settings_ = true, prepared_ = false, weighted_ = false, from_sides_ = false, proven_ = false, sharp_ = false;
 };
 
 }  // namespace clothctl

@@ -202,14 +202,12 @@ class BoxMethod {
     q_.head(n_) = g().head(n_) + product.head(n_);
     // What counts as zero in q_j: relative to the largest term of any, and to what its own terms can be, |H_jk x_k| ≤
     // √H_jj √H_kk |x_k|, so that scaling an unknown changes nothing.
-    Scalar largest(1);
-    for (Index j = 0; j < n_; ++j) {
-      largest = (std::max)(largest, (std::max)(Scalar(abs(g()[j])), Scalar(abs(product[j]))));
-    }
+    const Scalar slope = g().head(n_).cwiseAbs().maxCoeff(), bend = product.head(n_).cwiseAbs().maxCoeff();
+    const Scalar largest = (std::max)(Scalar(1), (std::max)(slope, bend));
     const Scalar length = root_.head(n_).dot(x_.head(n_).cwiseAbs());
     const Scalar relative =
         (std::max)(Scalar(32) * scalar_traits<Scalar>::epsilon(), Scalar(stationarity_tolerance_ / Scalar(64)));
-    for (Index j = 0; j < n_; ++j) zero_[j] = relative * (std::min)(largest, Scalar(abs(g()[j]) + length * root_[j]));
+    zero_.head(n_) = relative * (g().head(n_).cwiseAbs() + length * root_.head(n_)).cwiseMin(largest);
   }
 
   /// Brings the factor in line with the free states. Returns how many unknowns it took in; the dependent ones stay out.
