@@ -331,6 +331,7 @@ class ActiveSet {
       raise_error(places, Scalar(abs(problem_.ax[i])));
       const Scalar edge = y > Scalar(0) ? below : above;
       if (!is_finite(y) || y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
+      r.complementarity += scalar_traits<Scalar>::epsilon() * abs(y * problem_.ax[i]);  // the slack is known no better
     }
     sharp_ = wrong <= settings_.stationarity_tolerance * slopes && off <= settings_.feasibility_tolerance * places;
     r.relative_stationarity = relative_error(r.stationarity, dual_scale);
@@ -543,6 +544,7 @@ class ActiveSet {
     const bool unfinished = result.status == QpStatus::IterationLimit || result.status == QpStatus::TimeLimit ||
                             result.status == QpStatus::NonConvex;
     if (unfinished && best_.known()) {
+      if (best_.away() <= Scalar(1)) result.status = QpStatus::Solved;
       problem_.x.head(n_) = best_.x().head(n_);
       problem_.y.head(m_) = best_.y().head(m_);
     }

@@ -42,9 +42,8 @@ void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
   if (result.status != QpStatus::Solved && !unfinished) return;
   const bool far = result.x.size() > 0 && !(result.x.cwiseAbs().maxCoeff() < largest_bound<Scalar>());
   const Scalar away = far ? scalar_traits<Scalar>::infinity() : excess(r, settings);
-  if (away <= Scalar(1)) {
-    result.status = QpStatus::Solved;
-  } else if (away <= Scalar(kLooseTolerances)) {
+  if (!unfinished && away <= Scalar(1)) return;
+  if (away <= Scalar(kLooseTolerances)) {
     result.status = QpStatus::SolvedInaccurate;
   } else if (!unfinished) {
     result.status = QpStatus::IterationLimit;
@@ -91,6 +90,8 @@ class BestIterate {
   void forget() { rank_ = {}; }
   /// Whether there is one.
   bool known() const { return is_finite(rank_.excess); }
+  /// How many tolerances it is away.
+  const Scalar& away() const { return rank_.excess; }
   /// Its unknowns; as many as were offered are in use.
   const VectorX<Scalar>& x() const { return x_; }
   /// Its row multipliers.
