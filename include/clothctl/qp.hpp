@@ -20,6 +20,7 @@
 #include "clothctl/qp/proof_search.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
 #include "clothctl/qp/row_factor.hpp"
+#include "clothctl/qp/scaled_judge.hpp"
 #include "clothctl/qp/scaling.hpp"
 #include "clothctl/qp/sparse_factor.hpp"
 #include "clothctl/qp/structured_box.hpp"

@@ -782,3 +782,25 @@ TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are ref
     CHECK(result.iterations == 0);
   }
 }
+
+TEST_CASE("a shift moves the active set that a warm start gave", "[qp]") {
+  const Index n = 6;
+  const MatrixX<double> I = MatrixX<double>::Identity(n, n);
+  VectorX<double> g(n), lb = VectorX<double>::Constant(n, -10.0), ub = -lb;
+  VectorX<double> rl = VectorX<double>::Constant(n, -1.0), ru = -rl;
+  g << -3.0, 0.5, 2.0, -0.5, 4.0, -2.0;
+  ActiveSet<double> first, second;
+  QpResult<double> result;
+  for (ActiveSet<double>* s : {&first, &second}) {
+    REQUIRE(s->set_hessian(I) == QpStatus::Solved);
+    REQUIRE(s->set_rows(I) == QpStatus::Solved);
+  }
+  REQUIRE(first.solve(g, lb, ub, rl, ru, result) == QpStatus::Solved);
+  REQUIRE(second.warm_start(result.bound_sides, result.row_sides));
+  second.shift(1, 1);
+  const VectorX<double> last = g.tail(1);
+  g.head(n - 1) = g.tail(n - 1).eval();
+  g.tail(1) = last;
+  REQUIRE(second.solve(g, lb, ub, rl, ru, result) == QpStatus::Solved);
+  CHECK(result.iterations == 0);
+}

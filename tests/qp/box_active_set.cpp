@@ -384,3 +384,19 @@ TEST_CASE("an active set starts the bound solver, alone and with x", "[qp]") {
     CHECK_FALSE(second.warm_start(bad));
   }
 }
+
+TEST_CASE("a far move of one unknown does not round the others' gradients away", "[qp]") {
+  MatrixX<double> H = MatrixX<double>::Identity(4, 4);
+  for (Index j = 1; j < 4; ++j) H(0, j) = H(j, 0) = 0.3;
+  VectorX<double> g(4), lb(4), ub(4);
+  g << -1e17, 0.5, 0.5, 0.5;
+  lb << -1e19, -1.0, -1.0, -1.0;
+  ub << 1e19, 10.0, 10.0, 10.0;
+  BoxActiveSet<double> solver;
+  QpResult<double> result;
+  REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+  REQUIRE(solver.solve(g, lb, ub, result) == QpStatus::Solved);
+  g[0] = lb[0] = ub[0] = 0.0;
+  REQUIRE(solver.solve(g, lb, ub, result) == QpStatus::Solved);
+  for (Index j = 1; j < 4; ++j) CHECK(result.x[j] == Approx(-0.5));
+}

@@ -18,13 +18,13 @@ void join(Graph& g, int a, int b) {
   g[static_cast<std::size_t>(b)].insert(a);
 }
 
-bool order(detail::MinimumDegree& degree, const Graph& g, double work = 1e18) {
+bool order(detail::MinimumDegree& degree, const Graph& g, double work = 1e18, Index fill = 1 << 20) {
   degree.start(static_cast<Index>(g.size()));
   for (const std::set<int>& neighbours : g) {
     for (int i : neighbours) degree.neighbour(i);
     degree.close();
   }
-  return degree.order(work);
+  return degree.order(work, fill);
 }
 
 // Eliminates by the definition and answers the number of entries of each column.
@@ -122,6 +122,9 @@ TEST_CASE("too much fill or work is refused, the next graph is not", "[qp]") {
   const double work = degree.work();
   CHECK_FALSE(order(degree, sheet, work - 1));
   CHECK(order(degree, sheet, work));
+  const int fill = degree.fill();
+  CHECK_FALSE(order(degree, sheet, 1e18, fill - 1));
+  CHECK(order(degree, sheet, 1e18, fill));
 }
 
 TEST_CASE("the same graph gets the same order, without allocating", "[qp]") {

@@ -21,6 +21,7 @@
 #include "clothctl/qp/problem_data.hpp"
 #include "clothctl/qp/proof_search.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
+#include "clothctl/qp/scaled_judge.hpp"
 #include "clothctl/qp/scaling.hpp"
 #include "clothctl/qp/structured_box.hpp"
 #include "clothctl/qp/verdict.hpp"
@@ -155,8 +156,12 @@ class ActiveSet {
     for (Index i = 0; unknowns > 0 && i + unknowns < n_; ++i) {
       x_[i] = x_[i + unknowns];
       state(i) = state(i + unknowns);
+      sides_of_unknowns_[static_cast<std::size_t>(i)] = sides_of_unknowns_[static_cast<std::size_t>(i + unknowns)];
     }
-    for (Index i = 0; rows > 0 && i + rows < m_; ++i) y_[i] = y_[i + rows];
+    for (Index i = 0; rows > 0 && i + rows < m_; ++i) {
+      y_[i] = y_[i + rows];
+      sides_of_rows_[static_cast<std::size_t>(i)] = sides_of_rows_[static_cast<std::size_t>(i + rows)];
+    }
     structured_.shift(unknowns);
   }
 
@@ -295,56 +300,11 @@ class ActiveSet {
     return good ? refine(now) : now;
   }
 
-  /// Unscaled residuals of the present (x, y), z chosen from the gradient by position and sign; q_ holds the scaled gradient.
+  /// Residuals of the present (x, y); q_ holds the scaled gradient afterwards.
   KktResiduals<Scalar> judge() {
-    using std::abs;
-    problem_.reduced_gradient(q_);
-    using detail::raise_error;
-    using detail::relative_error;
-    KktResiduals<Scalar> r;
-    Scalar dual_scale(1);
-    Scalar farthest(1);
-    Scalar wrong(0), off(0), slopes(0), places(0);  // the same errors and their sizes in scaled space
-    for (Index j = 0; j < n_; ++j) {
-      const Scalar hx = problem_.hx[j];
-      raise_error(wrong, Scalar(abs(q_[j] - bound_multiplier(j))));
-      raise_error(slopes,
-                  (std::max)(Scalar(abs(hx)), (std::max)(Scalar(abs(problem_.g[j])), Scalar(abs(hx + problem_.g[j] - q_[j])))));
-      raise_error(places, Scalar(abs(problem_.x[j])));
-      raise_error(dual_scale, Scalar(abs(hx) / D_[j]));
-      raise_error(dual_scale, Scalar(abs(problem_.g[j]) / D_[j]));
-      raise_error(dual_scale, Scalar(abs(hx + problem_.g[j] - q_[j]) / D_[j]));
-      raise_error(farthest, Scalar(abs(problem_.x[j]) * D_[j]));
-      raise_error(r.stationarity, Scalar(abs(q_[j] - bound_multiplier(j)) / D_[j]));
-      r.objective += (Scalar(0.5) * hx + problem_.g[j]) * problem_.x[j];
-    }
-    Scalar primal_scale = farthest;
-    for (Index i = 0; i < m_; ++i) {
-      raise_error(primal_scale, Scalar(abs(problem_.ax[i]) / E_[i]));
-      const Scalar y = problem_.y[i];
-      const Scalar below = problem_.rl[i] - problem_.ax[i];
-      const Scalar above = problem_.ax[i] - problem_.ru[i];
-      if (detail::has_bound(problem_.rl[i])) raise_error(r.feasibility, Scalar(below / E_[i]));
-      if (detail::has_bound(problem_.ru[i])) raise_error(r.feasibility, Scalar(above / E_[i]));
-      if (detail::has_bound(problem_.rl[i])) raise_error(off, below);
-      if (detail::has_bound(problem_.ru[i])) raise_error(off, above);
-      raise_error(places, Scalar(abs(problem_.ax[i])));
-      const Scalar edge = y > Scalar(0) ? below : above;
-      if (!is_finite(y) || y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
-      r.complementarity += scalar_traits<Scalar>::epsilon() * abs(y * problem_.ax[i]);  // the slack is known no better
-    }
-    sharp_ = wrong <= settings_.stationarity_tolerance * slopes && off <= settings_.feasibility_tolerance * places;
-    r.relative_stationarity = relative_error(r.stationarity, dual_scale);
-    r.relative_feasibility = relative_error(r.feasibility, primal_scale);
-    r.relative_complementarity = relative_error(r.complementarity, (std::max)(Scalar(1), Scalar(abs(r.objective))));
-    if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
-    if (farthest > detail::largest_bound<Scalar>()) r.relative_feasibility = scalar_traits<Scalar>::infinity();
-    return r;
-  }
-
-  /// The part of the scaled gradient q_j that an active bound may carry.
-  Scalar bound_multiplier(Index j) const {
-    return detail::bound_multiplier(q_[j], problem_.x[j], problem_.lo[j], problem_.hi[j]);
+    const detail::ScaledJudgement<Scalar> judgement = detail::judge_scaled(problem_, D_, E_, settings_, q_);
+    sharp_ = judgement.sharp;
+    return judgement.residuals;
   }
 
   Scalar excess(const KktResiduals<Scalar>& r) const { return detail::excess(r, settings_); }
@@ -518,7 +478,7 @@ class ActiveSet {
     prepared_ = false;
     prepare();
     if (!least) {
-      result.message = "the budget ended before the closest point was found";
+      result.message = "the closest point was not found: the budget ended, or rounding stopped progress";
       return;
     }
     start_ = Start::FromX;
@@ -531,7 +491,9 @@ class ActiveSet {
     proven_ = true;
     const QpStatus status = iterate(budget, result);
     proven_ = false;
-    if (status != QpStatus::Solved) problem_.x.head(n_) = x_.head(n_).cwiseQuotient(D_.head(n_));
+    if (status == QpStatus::Solved) return;
+    problem_.x.head(n_) = x_.head(n_).cwiseQuotient(D_.head(n_));
+    result.message = "x is a closest point, but not the one of the least objective: that is unbounded, or the budget ended";
   }
 
   /// Fills the result in the caller's units; the definition has the last word on "Solved".
@@ -563,7 +525,7 @@ class ActiveSet {
       result.x[j] = x_[j];
       n_work_[j] = problem_.hx[j] / D_[j];                       // Hx
       p_[j] = (problem_.hx[j] + problem_.g[j] - q_[j]) / D_[j];  // Aᵀy
-      n_size_[j] = bound_multiplier(j) / D_[j];
+      n_size_[j] = detail::bound_multiplier(q_[j], problem_.x[j], problem_.lo[j], problem_.hi[j]) / D_[j];
     }
     for (Index i = 0; i < m_; ++i) {
       y_[i] = E_[i] * problem_.y[i];

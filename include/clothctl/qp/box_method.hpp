@@ -460,7 +460,10 @@ class BoxMethod {
 
   QpStatus iterate(const Budget& budget, int& iterations) {
     start_gradient();
-    if (optimal()) return QpStatus::Solved;
+    if (optimal()) {  // the product of a few moves may be rounded by how far they went
+      refresh_gradient();
+      if (optimal()) return QpStatus::Solved;
+    }
     int stalls = 0;
     int polishes = 0;
     bool first = true;

@@ -31,8 +31,8 @@ class ClosestPoint {
   const Vector& shifts() const { return shifts_; }
 
   /// Minimises the distance from the present x, which must be finite, over the rows and bounds in `problem`. H, g, the weights
-  /// and the multipliers of the problem are overwritten. Answers false when the budget ended first: the shifts are then those
-  /// of the point reached. Never allocates.
+  /// and the multipliers of the problem are overwritten. Answers false when the budget or rounding ended it: the shifts are
+  /// then those of the point reached. Never allocates.
   bool find(Problem& problem, const Budget& budget, int& iterations) {
     const Index n = problem.unknowns(), m = problem.rows();
     problem.H().setConstant(Scalar(0));

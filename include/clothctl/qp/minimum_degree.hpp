@@ -43,9 +43,10 @@ class MinimumDegree {
   /// Ends the present node.
   void close() { first_[static_cast<std::size_t>(++node_)] = used_; }
 
-  /// Finds the order. Answers false when the factor would hold more than the reserved fill, or take more than `work`
-  /// operations Σ |L_p|². Never allocates.
-  bool order(double work) {
+  /// Finds the order. Answers false when the factor would hold more than `fill` entries, of which there must be room for, or
+  /// take more than `work` operations Σ |L_p|². Never allocates.
+  bool order(double work, Index fill) {
+    most_ = (std::min)(static_cast<int>(fill), static_cast<int>(cliques_.size()));
     for (int i = 0; i <= nodes_; ++i) {
       at(head_, i) = -1;
       at(mark_, i) = -1;
@@ -110,7 +111,7 @@ class MinimumDegree {
     at(mark_, p) = p;
     const auto take = [&](int i) {
       if (at(mark_, i) == p) return true;
-      if (fill_ == static_cast<int>(cliques_.size())) return false;
+      if (fill_ == most_) return false;
       at(mark_, i) = p;
       at(cliques_, fill_++) = i;
       return true;
@@ -188,7 +189,7 @@ class MinimumDegree {
   std::vector<int> first_, elements_, variables_, list_;      // node i: its elements, then its variables, from first_[i]
   std::vector<int> cliques_, clique_first_, size_, outside_;  // element e: its members; those outside the present one
   std::vector<int> mark_, degree_, next_, previous_, head_, order_, scratch_;
-  int nodes_ = 0, node_ = 0, used_ = 0, fill_ = 0;
+  int nodes_ = 0, node_ = 0, used_ = 0, fill_ = 0, most_ = 0;
   double work_ = 0;
 };
 

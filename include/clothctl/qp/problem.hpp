@@ -75,8 +75,8 @@ struct QpSettings {
 /// What a QP solve answers. Its vectors allocate when the problem's size changes, never between solves of one size.
 template <RealScalar Scalar>
 struct QpResult {
-  /// The minimiser, n; with IterationLimit and TimeLimit the best iterate: within its bounds, rows may be violated as far as
-  /// `feasibility` says; zero-sized before the first solve.
+  /// The minimiser, n; InvalidData sets it to zero; with IterationLimit and TimeLimit the best iterate: within its bounds, rows
+  /// may be violated as far as `feasibility` says; zero-sized before the first solve.
   VectorX<Scalar> x;
   /// Multipliers z of the bounds, n. With PrimalInfeasible: the bound part of the Farkas pair (see row_multipliers).
   VectorX<Scalar> bound_multipliers;
@@ -104,8 +104,8 @@ struct QpResult {
   Scalar complementarity = Scalar(0);
   /// ½ xᵀHx + gᵀx.
   Scalar objective = Scalar(0);
-  /// With InvalidData: what was refused; with row_shifts that are not the least, that the budget ended (static text); else
-  /// empty.
+  /// With InvalidData: what was refused; with QpSettings::closest_point: what kept x or the shifts from being the least (static
+  /// text); else empty.
   const char* message = "";
   /// With InvalidData: index of the first refused entry (column-major in a matrix), or -1.
   Index invalid_index = -1;

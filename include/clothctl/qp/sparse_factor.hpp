@@ -29,7 +29,7 @@ class SparseFactor {
   void reserve(Index n, Index m) {
     const Index nodes = n + m;
     const Index edges = n * n / 4 + n * m / 2;
-    const Index fill = n * nodes / 8;
+    const Index fill = most_fill(n, m);
     degree_.reserve(nodes, edges, fill);
     const std::size_t count = static_cast<std::size_t>(nodes);
     for (std::vector<int>* v : {&place_, &column_, &length_, &parent_, &mark_, &path_, &upper_start_}) v->assign(count + 1, 0);
@@ -63,7 +63,7 @@ class SparseFactor {
       for (int k = At.start(i); k < At.start(i + 1); ++k) degree_.neighbour(At.row(k));
       degree_.close();
     }
-    if (!degree_.order(work)) return false;
+    if (!degree_.order(work, most_fill(n_, m_))) return false;
     int entries = 0;
     for (int k = 0; k < nodes(); ++k) place(degree_.node(k)) = k;
     for (int k = 0; k < nodes(); ++k) {
@@ -176,6 +176,7 @@ class SparseFactor {
   }
 
  private:
+  static Index most_fill(Index n, Index m) { return n * (n + m) / 8; }
   static int& at(std::vector<int>& v, int i) { return v[static_cast<std::size_t>(i)]; }
   int nodes() const { return static_cast<int>(n_ + m_); }
   int& place(int node) { return place_[static_cast<std::size_t>(node)]; }

@@ -1,0 +1,71 @@
+#pragma once
+
+// Residuals of an iterate of the proximal problem, in the caller's units and in scaled space. The caller's are relative to the
+// largest terms of all, as in kkt.hpp, and decide; where unknowns differ by many orders of magnitude they hide errors of the
+// small ones, which the scaled ones show.
+
+#include <algorithm>
+
+#include "clothctl/qp/kkt.hpp"
+#include "clothctl/qp/proximal_problem.hpp"
+
+namespace clothctl::detail {
+
+/// What a judge says of an iterate.
+template <RealScalar Scalar>
+struct ScaledJudgement {
+  /// Unscaled residuals; complementarity counts the rounding of A x as slack.
+  KktResiduals<Scalar> residuals;
+  /// Whether stationarity and feasibility hold in scaled space too.
+  bool sharp = false;
+};
+
+/// Judges (x, y) of a problem with fresh products and scales D (n), E (m): x = D x̂, y = E ŷ. z is chosen from the gradient by
+/// position and sign; `gradient` receives Ĥx̂ + ĝ - Âᵀŷ. Points beyond 1e20 do not pass. Never allocates.
+template <RealScalar Scalar>
+ScaledJudgement<Scalar> judge_scaled(const ProximalProblem<Scalar>& problem, const VectorX<Scalar>& D, const VectorX<Scalar>& E,
+                                     const QpSettings<Scalar>& settings, VectorX<Scalar>& gradient) {
+  using std::abs;
+  problem.reduced_gradient(gradient);
+  ScaledJudgement<Scalar> judgement;
+  KktResiduals<Scalar>& r = judgement.residuals;
+  Scalar dual_scale(1), farthest(1);
+  Scalar wrong(0), off(0), slopes(0), places(0);  // the same errors and their sizes in scaled space
+  for (Index j = 0; j < problem.unknowns(); ++j) {
+    const Scalar hx = problem.hx[j], g = problem.g[j], aty = hx + g - gradient[j];
+    const Scalar z = bound_multiplier(gradient[j], problem.x[j], problem.lo[j], problem.hi[j]);
+    const Scalar error = abs(gradient[j] - z);
+    raise_error(wrong, error);
+    raise_error(r.stationarity, Scalar(error / D[j]));
+    for (const Scalar& term : {hx, g, aty}) {
+      raise_error(slopes, Scalar(abs(term)));
+      raise_error(dual_scale, Scalar(abs(term) / D[j]));
+    }
+    raise_error(places, Scalar(abs(problem.x[j])));
+    raise_error(farthest, Scalar(abs(problem.x[j]) * D[j]));
+    r.objective += (Scalar(0.5) * hx + g) * problem.x[j];
+  }
+  Scalar primal_scale = farthest;
+  for (Index i = 0; i < problem.rows(); ++i) {
+    const Scalar ax = problem.ax[i], y = problem.y[i];
+    const Scalar below = problem.rl[i] - ax, above = ax - problem.ru[i];
+    raise_error(places, Scalar(abs(ax)));
+    raise_error(primal_scale, Scalar(abs(ax) / E[i]));
+    if (has_bound(problem.rl[i])) raise_error(off, below);
+    if (has_bound(problem.ru[i])) raise_error(off, above);
+    if (has_bound(problem.rl[i])) raise_error(r.feasibility, Scalar(below / E[i]));
+    if (has_bound(problem.ru[i])) raise_error(r.feasibility, Scalar(above / E[i]));
+    const Scalar edge = y > Scalar(0) ? below : above;
+    if (!is_finite(y) || y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
+    r.complementarity += scalar_traits<Scalar>::epsilon() * abs(y * ax);  // the slack is known no better
+  }
+  judgement.sharp = wrong <= settings.stationarity_tolerance * slopes && off <= settings.feasibility_tolerance * places;
+  r.relative_stationarity = relative_error(r.stationarity, dual_scale);
+  r.relative_feasibility = relative_error(r.feasibility, primal_scale);
+  r.relative_complementarity = relative_error(r.complementarity, (std::max)(Scalar(1), Scalar(abs(r.objective))));
+  if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
+  if (farthest > largest_bound<Scalar>()) r.relative_feasibility = scalar_traits<Scalar>::infinity();
+  return judgement;
+}
+
+}  // namespace clothctl::detail
