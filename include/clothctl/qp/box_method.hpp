@@ -12,7 +12,8 @@
 //
 // Finite: step 2 only shrinks F, and between two visits of step 3 the objective falls strictly, since q_F = 0 there and
 // dropping an unknown that points outward only steepens the descent. A freed unknown that depends on F (zero pivot) gives
-// a direction d with H d = 0 and qᵀd < 0: walk along it to the first bound; if there is none the problem is unbounded.
+// a direction d with H d = 0 and qᵀd < 0 (flat_direction.hpp): walk along it to the first bound; if there is none the problem
+// is unbounded.
 // How H is kept, multiplied and factored is the curvature's business (dense_curvature.hpp, low_rank_curvature.hpp).
 // Reference: primal active sets, Nocedal and Wright (2006) §16.5; projected Newton, Bertsekas, SIAM J. Control Optim. 20
 // (1982).
@@ -21,8 +22,7 @@
 #include <vector>
 
 #include "clothctl/qp/budget.hpp"
-#include "clothctl/qp/certificate.hpp"
-#include "clothctl/qp/dense_curvature.hpp"
+#include "clothctl/qp/flat_direction.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::detail {
@@ -42,9 +42,9 @@ class BoxMethod {
 
   /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
   void reserve(Index n) {
-    for (Vector* v :
-         {&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_, &work_, &ray_, &product_, &product_at_})
+    for (Vector* v : {&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_, &product_, &product_at_})
       v->setZero(n);
+    flat_.reserve(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
@@ -75,7 +75,7 @@ class BoxMethod {
   /// H x + g of the last refresh, n entries in use.
   const Vector& gradient() const { return q_; }
   /// The direction of the last DualInfeasible, n entries in use.
-  const Vector& ray() const { return ray_; }
+  const Vector& ray() const { return flat_.ray(); }
 
   /// Solves; answers Solved (as far as the method can tell), what ran out, NonConvex or DualInfeasible, and adds rounds with a
   /// change of the active set to `iterations`. Never allocates.
@@ -350,81 +350,17 @@ class BoxMethod {
 
   /// Follows the flat direction that unknown i opens when it depends on the free set.
   Walk flat_step(Index i) {
-    FreeSetFactor<Scalar>& factor = curvature_.factor();
-    const Index f = factor.size();
-    factor.append(curvature_.H(), i, Scalar(0), Scalar(2));  // always refused: leaves L⁻¹ H_Fi behind
-    const Scalar sign = q_[i] > Scalar(0) ? Scalar(-1) : Scalar(1);
-    limit_.head(f) = factor.column().head(f);
-    factor.solve_upper(limit_);
-    for (Index k = 0; k < f; ++k) {
-      moving_[static_cast<std::size_t>(k)] = factor.order(k);
-      p_[factor.order(k)] = -sign * limit_[k];
-    }
-    moving_[static_cast<std::size_t>(f)] = i;
-    p_[i] = sign;
-    flatten(f + 1);
-    if (verify_ray(f + 1)) return Walk::Ray;
-    const Walk outcome = walk(f + 1, false);
+    const Index count = flat_.open(curvature_, i, Scalar(q_[i] > Scalar(0) ? -1 : 1), moving_, p_);
+    if (flat_.is_ray(curvature_, moving_, count, p_, g(), lo(), hi())) return Walk::Ray;
+    const Walk outcome = walk(count, false);
     if (x_[i] > lo()[i] && x_[i] < hi()[i]) state(i) = kFree;
     return outcome;
-  }
-
-  /// Refines p over moving_[0 … count-1] towards H p = 0 in the factor's rows: its curvature is then that of H, not of the
-  /// factor's rounding.
-  void flatten(Index count) {
-    FreeSetFactor<Scalar>& factor = curvature_.factor();
-    constexpr int kSteps = 2;
-    for (int step = 0; step < kSteps && factor.size() > 0; ++step) {
-      work_.head(n_).setConstant(Scalar(0));
-      for (Index k = 0; k < count; ++k) work_.head(n_) += p_[moving(k)] * curvature_.H().col(moving(k));
-      for (Index k = 0; k < factor.size(); ++k) limit_[k] = work_[factor.order(k)];
-      factor.solve_lower(limit_);
-      factor.solve_upper(limit_);
-      for (Index k = 0; k < factor.size(); ++k) p_[factor.order(k)] -= limit_[k];
-    }
   }
 
   /// Tells whether an unknown of the factor has met its bound.
   bool met_bound() {
     for (Index k = 0; k < curvature_.size(); ++k) {
       if (state(curvature_.order(k)) != kFree) return true;
-    }
-    return false;
-  }
-
-  /// Tells whether the direction p over moving_[0 … count-1] is flat in every row of H, to the rounding of the product, and
-  /// falls; if so leaves it in ray_. Entries below a threshold, coarse at first, count as zero: alone in a row they would
-  /// never cancel. The part in the factor is refined towards H p = 0.
-  bool verify_ray(Index count) {
-    using std::abs;
-    FreeSetFactor<Scalar>& factor = curvature_.factor();
-    Scalar largest(0);
-    for (Index k = 0; k < count; ++k) largest = (std::max)(largest, Scalar(abs(p_[moving(k)])));
-    if (!(largest > Scalar(0)) || !is_finite(largest)) return false;
-    const Vector none;
-    Scalar threshold = coarsest_trace<Scalar>();
-    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
-      ray_.head(n_).setConstant(Scalar(0));
-      for (Index k = 0; k < count; ++k) ray_[moving(k)] = p_[moving(k)] / largest;
-      constexpr int kSteps = 4;
-      for (int step = 0; step < kSteps; ++step) {
-        work_.head(n_).setConstant(Scalar(0));
-        limit_.head(n_).setConstant(Scalar(0));
-        for (Index k = 0; k < count; ++k) {
-          const Index i = moving(k);
-          if (abs(ray_[i]) < threshold) ray_[i] = Scalar(0);
-          work_.head(n_) += ray_[i] * curvature_.H().col(i);
-          limit_.head(n_) += abs(ray_[i]) * curvature_.H().col(i).cwiseAbs();
-        }
-        const ProofCheck<Scalar> check = check_ray<Scalar>(ray_.head(n_), work_.head(n_), none, limit_.head(n_), none,
-                                                           g().head(n_), none, none, lo().head(n_), hi().head(n_));
-        if (check.proven) return true;
-        if (!check.promising) break;
-        for (Index k = 0; k < factor.size(); ++k) limit_[k] = work_[factor.order(k)];
-        factor.solve_lower(limit_);
-        factor.solve_upper(limit_);
-        for (Index k = 0; k < factor.size(); ++k) ray_[factor.order(k)] -= limit_[k];
-      }
     }
     return false;
   }
@@ -506,7 +442,8 @@ class BoxMethod {
   static constexpr int kPolishes = 4;
 
   Curvature curvature_;
-  Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_, work_, ray_;
+  FlatDirection<Scalar> flat_;
+  Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_;
   Vector product_, product_at_;  // H x from scratch, and that x
   std::vector<State> state_;
   std::vector<Index> list_, moving_;

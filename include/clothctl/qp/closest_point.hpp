@@ -50,7 +50,7 @@ class ClosestPoint {
     problem.factor.clear();
     const Scalar least_rho = Scalar(64) * scalar_traits<Scalar>::epsilon() * steepest;
     bool done = false;
-    for (int step = 0; step < kSteps && !done; ++step) {
+    for (int step = 0; step < kSteps; ++step) {
       problem.xk.head(n) = problem.x.head(n);
       problem.refresh_products();
       const Scalar wanted =
@@ -60,6 +60,7 @@ class ClosestPoint {
       if (outcome != Problem::Outcome::Minimised) break;
       problem.update_multipliers();
       done = steepest_way_down(problem) <= Scalar(4) * wanted;
+      if (done) break;
       problem.rho = (std::max)(least_rho, Scalar(0.25) * problem.rho);
       problem.factor.clear();
     }
@@ -67,7 +68,33 @@ class ClosestPoint {
       const Scalar below = problem.rl[i] - problem.ax[i], above = problem.ru[i] - problem.ax[i];
       shifts_[i] = below > Scalar(0) ? below : above < Scalar(0) ? above : Scalar(0);
     }
+    pull_ = size(problem, false);
+    problem.reduced_gradient(slope_);
     return done;
+  }
+
+  /// After `find`: shrinks the bounds of `problem`, whose row i is E_i times as long as it was then, to the closest points.
+  /// Rows that are apart become equalities at their shift and unknowns that the distance presses on a bound stay there, as at
+  /// every closest point: left as inequalities they would leave a set without interior, whose multipliers have no bound.
+  void hold(Problem& problem, const Vector& E) const {
+    using std::abs;
+    using std::sqrt;
+    const Scalar part = sqrt(scalar_traits<Scalar>::epsilon());  // below it, what `find` leaves
+    const Index n = problem.unknowns(), m = problem.rows();
+    const Scalar farthest = m > 0 ? Scalar(shifts_.head(m).cwiseAbs().maxCoeff()) : Scalar(0);
+    for (Index i = 0; i < m; ++i) {
+      const Scalar shift = shifts_[i] * E[i];
+      if (has_bound(problem.rl[i])) problem.rl[i] -= shift;
+      if (has_bound(problem.ru[i])) problem.ru[i] -= shift;
+      if (!(abs(shifts_[i]) > part * farthest)) continue;
+      (shift > Scalar(0) ? problem.ru[i] : problem.rl[i]) = shift > Scalar(0) ? problem.rl[i] : problem.ru[i];
+    }
+    for (Index j = 0; j < n; ++j) {
+      if (!(abs(slope_[j]) > part * pull_)) continue;
+      const bool at_lower = !(problem.x[j] > problem.lo[j]), at_upper = !(problem.x[j] < problem.hi[j]);
+      if (at_lower && slope_[j] > Scalar(0)) problem.hi[j] = problem.lo[j];
+      if (at_upper && slope_[j] < Scalar(0)) problem.lo[j] = problem.hi[j];
+    }
   }
 
  private:
@@ -105,6 +132,7 @@ class ClosestPoint {
   }
 
   Vector slope_, shifts_;
+  Scalar pull_ = Scalar(0);  // largest sum of the terms of a slope
 };
 
 }  // namespace clothctl::detail

@@ -22,7 +22,8 @@
 
 namespace clothctl::detail {
 
-/// Data, iterate and factor of the proximal subproblem, in scaled space. Members are plain: ActiveSet is the only user.
+/// Data, iterate and factor of the proximal subproblem, in scaled space. Members are plain: the method around it is the only
+/// user.
 template <RealScalar Scalar>
 class ProximalProblem {
  public:
@@ -58,7 +59,7 @@ class ProximalProblem {
     a_.view(rows_.data(), m, n);
     at_.view(columns_.data(), n, m);
   }
-  /// Makes use of zeros in H, A and Aᵀ, which must not change until the next `resize`.
+  /// Makes use of zeros in H, A and Aᵀ; to be called again after they change.
   void index() {
     constexpr Index kSmall = 40;
     if (n_ + m_ < kSmall) return;
@@ -115,8 +116,8 @@ class ProximalProblem {
   }
 
   /// Minimises φ from x until free gradient and sign violations are below `wanted`, or below their rounding. hx and ax must
-  /// be fresh. Adds set changes to `iterations`. Answers
-  /// Broken when no factor can be had: numbers are not finite, or lie beyond the range of the scalar.
+  /// be fresh. Adds set changes to `iterations`. Answers Broken when no factor can be had: numbers are not finite, or lie
+  /// beyond the range of the scalar.
   Outcome minimise(const Scalar& wanted, int& iterations, const Budget& budget) {
     using std::abs;
     if (!usable_weights()) return Outcome::Broken;
@@ -181,21 +182,16 @@ class ProximalProblem {
   template <class IsActive>
   bool sync_rows(IsActive is_active) {
     bool changed = false;
-    return factor.sync(
-        std::as_const(*this).H(), std::as_const(*this).At(), rho, mu,
-        [this](Index i) { return state[static_cast<std::size_t>(i)] == State::Free; }, is_active, changed);
+    return sync_sets(is_active, changed);
   }
 
   /// Brings the factor to the present sets.
   bool sync(bool& changed) {
-    return factor.sync(
-        std::as_const(*this).H(), std::as_const(*this).At(), rho, mu,
-        [this](Index i) { return state[static_cast<std::size_t>(i)] == State::Free; },
-        [this](Index i) {
-          const Scalar v = position(i);
-          return !(rl[i] < ru[i]) || v < below_[i] || v > above_[i];
-        },
-        changed);
+    const auto is_active = [this](Index i) {
+      const Scalar v = position(i);
+      return !(rl[i] < ru[i]) || v < below_[i] || v > above_[i];
+    };
+    return sync_sets(is_active, changed);
   }
 
   Vector g, lo, hi, x, xk, hx, grad;
@@ -206,6 +202,13 @@ class ProximalProblem {
 
  private:
   static constexpr int kStalls = 8, kIdle = 60, kTries = 40;
+
+  template <class IsActive>
+  bool sync_sets(IsActive is_active, bool& changed) {
+    const auto is_free = [this](Index i) { return state[static_cast<std::size_t>(i)] == State::Free; };
+    const ProximalProblem& self = *this;
+    return factor.sync(self.H(), self.At(), rho, mu, is_free, is_active, changed);
+  }
 
   /// Takes the rows' edges from where x stands now: with small moves, y = (edge - A x)/μ is not drowned by the rounding of A x.
   void anchor() {
