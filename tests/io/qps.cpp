@@ -6,20 +6,20 @@
 
 #include "clothctl/io/qpt.hpp"
 #include "clothctl/io/qpt_text.hpp"
+#include "io/qpt_programs.hpp"
 #include "io/spoilt_text.hpp"
 #include "support/catch.hpp"
+#include "support/reading.hpp"
 
 using clothctl::parse_qps;
 using clothctl::QpProblem;
 using clothctl::QpsForm;
-using clothctl::Result;
+using namespace clothctl_test;
 using namespace std::string_literals;
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
 namespace {
-
-const double kInfinity = clothctl::scalar_traits<double>::infinity();
 
 // Every section. Seven unknowns for the seven kinds of bounds.
 const std::string kFree =
@@ -41,23 +41,12 @@ const std::string kFree =
     "ENDATA\n";
 
 std::string refusal(const std::string& text, QpsForm form = QpsForm::Free) {
-  const Result<QpProblem> problem = parse_qps(text, "f.qps", form);
-  return problem ? "accepted" : problem.error();
+  return refusal_of(parse_qps(text, "f.qps", form));
 }
 
-std::string with(const std::string& from, const std::string& to) {
-  std::string text = kFree;
-  const std::size_t place = text.find(from);
-  REQUIRE(place != std::string::npos);
-  return text.replace(place, from.size(), to);
-}
+std::string with(const std::string& from, const std::string& to) { return replaced(kFree, from, to); }
 
-QpProblem parsed(const std::string& text, QpsForm form = QpsForm::Detect) {
-  Result<QpProblem> problem = parse_qps(text, "f.qps", form);
-  INFO((problem ? std::string() : problem.error()));
-  REQUIRE(problem.has_value());
-  return std::move(problem).value();
-}
+QpProblem parsed(const std::string& text, QpsForm form = QpsForm::Detect) { return value_of(parse_qps(text, "f.qps", form)); }
 
 /// A program of unknowns x, y (0 ≤) and one row, with further lines.
 std::string small(const std::string& bounds, const std::string& rest = "") {
@@ -195,8 +184,7 @@ TEST_CASE("QPS: fixed form: names with blanks, empty set names", "[qps]") {
     CHECK(p.H(1, 0) == 0.5);
   }
   CHECK(refusal(fixed) == "f.qps:3: ROWS: expected a type and a name, found 3 fields");
-  std::string late = fixed;
-  late.replace(late.find("  MY COST            3.0"), 2, "12");
+  const std::string late = replaced(fixed, "  MY COST            3.0", "12MY COST            3.0");
   CHECK(refusal(late, QpsForm::Fixed).find("f.qps:9: RHS: '12' stands between the columns of the fields") == 0);
 }
 
@@ -259,9 +247,7 @@ TEST_CASE("QPS: fields that nothing asks for are refused in both forms", "[qps]"
       "ROWS\n N  o         @\n L  r\nCOLUMNS\n    x         o                  1.0\n"
       "BOUNDS\n UP bnd       x                  5.0   #\nENDATA\n";
   const auto filled = [&](const std::string& row, const std::string& bound) {
-    std::string text = fixed;
-    text.replace(text.find('@'), 1, row);
-    return text.replace(text.find('#'), 1, bound);
+    return replaced(replaced(fixed, "@", row), "#", bound);
   };
   for (const QpsForm form : {QpsForm::Free, QpsForm::Fixed}) CHECK(parsed(filled("", ""), form).ub[0] == 5);
   const std::string at_row = "f.qps:2: ROWS: ", at_bound = "f.qps:7: BOUNDS: ";
@@ -274,30 +260,21 @@ TEST_CASE("QPS: fields that nothing asks for are refused in both forms", "[qps]"
 }
 
 TEST_CASE("QPS: a QPS program written as QPT is the same program", "[qps]") {
-  const QpProblem p = parsed(kFree);
-  const Result<QpProblem> q = clothctl::parse_qpt(clothctl::qpt_text(p), "f.qpt");
-  REQUIRE(q.has_value());
-  CHECK(q->name == "every_section");
-  CHECK(q->r == p.r);
-  CHECK(q->H == p.H);
-  CHECK(q->A == p.A);
-  CHECK(q->g == p.g);
-  CHECK(q->rl == p.rl);
-  CHECK(q->ru == p.ru);
-  CHECK(q->lb == p.lb);
-  CHECK(q->ub == p.ub);
+  QpProblem p = parsed(kFree);
+  p.name = "every_section";
+  check_same(value_of(clothctl::parse_qpt(clothctl::qpt_text(p), "f.qpt")), p);
 }
 
 TEST_CASE("QPS: no prefix and no spoilt byte crashes the reader of QPS", "[qps]") {
   const auto judged = [](const std::string& text) {
     for (const QpsForm form : {QpsForm::Detect, QpsForm::Fixed}) {
       const std::string message = refusal(text, form);
-      if (message != "accepted") clothctl_test::check_refusal(message, "f.qps", text);
+      if (message != "accepted") check_refusal(message, "f.qps", text);
     }
   };
-  clothctl_test::for_each_prefix(kFree, [&](const std::string& prefix) {
+  for_each_prefix(kFree, [&](const std::string& prefix) {
     judged(prefix);
     CHECK(refusal(prefix) != "accepted");
   });
-  clothctl_test::for_each_spoilt(kFree, "0123456789-+.einfNaUPH *\n\t\0\xff"s, 11, 15000, judged);
+  for_each_spoilt(kFree, "0123456789-+.einfNaUPH *\n\t\0\xff"s, 11, 15000, judged);
 }

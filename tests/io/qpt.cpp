@@ -7,30 +7,22 @@
 #include <string>
 
 #include "clothctl/io/csv.hpp"
+#include "io/qpt_programs.hpp"
 #include "io/spoilt_text.hpp"
 #include "support/catch.hpp"
+#include "support/reading.hpp"
 #include "support/shared_data.hpp"
 
 using clothctl::parse_qpt;
 using clothctl::parse_qpt_solution;
 using clothctl::QpProblem;
 using clothctl::QpSolution;
-using clothctl::Result;
+using namespace clothctl_test;
 using namespace std::string_literals;
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
 namespace {
-
-const std::string kSingle =
-    "qpt 1\nname tiny\nn 3\nm 2\nr -1.5\n"
-    "H 4\n0 0 2\n0 2 -0.5\n1 1 4\n2 2 1\n"
-    "g 2\n0 -3\n2 1e-3\n"
-    "A 3\n0 0 1\n0 1 1\n1 2 -2\n"
-    "rows 2\n-inf 4\n1 1\n"
-    "cols 3\n0 inf\n-inf inf\n-1 2.5\n"
-    "status optimal\nobjective -7.25\nunique 1\n"
-    "x 3\n1 2 -0.5\ny 2\n0 -1\nz 3\n0 0 0.5\nend\n";
 
 const std::string kSequence =
     "qpt 1\nname moves\nn 2\nm 1\nHdense 2\n2\n1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 1\ncols 2\n0 1\n0 2\n"
@@ -39,87 +31,44 @@ const std::string kSequence =
     "frame 1\ng 1\n0 -1\nrows 1\n-1 2\nstatus infeasible\n"
     "frame 2\ncols 2\n0 0\n0 0\nobjective -4\nend\n";
 
-std::string refusal(const std::string& text) {
-  const Result<QpProblem> problem = parse_qpt(text, "f.qpt");
-  return problem ? "accepted" : problem.error();
-}
+std::string refusal(const std::string& text) { return refusal_of(parse_qpt(text, "f.qpt")); }
 
-/// kSingle with the first `from` replaced.
-std::string with(const std::string& from, const std::string& to) {
-  std::string text = kSingle;
-  const std::size_t place = text.find(from);
-  REQUIRE(place != std::string::npos);
-  return text.replace(place, from.size(), to);
-}
+std::string with(const std::string& from, const std::string& to) { return replaced(kSingleProgram, from, to); }
 
 /// Either accepted, or refused with a line that says where.
 void check_judged(const std::string& text) {
   const std::string message = refusal(text);
-  if (message != "accepted") clothctl_test::check_refusal(message, "f.qpt", text);
+  if (message != "accepted") check_refusal(message, "f.qpt", text);
 }
 
 }  // namespace
 
 TEST_CASE("QPT: every section of a single program is read", "[qpt]") {
-  const Result<QpProblem> p = parse_qpt(kSingle, "f.qpt");
-  REQUIRE(p.has_value());
-  CHECK(p->name == "tiny");
-  CHECK(p->n() == 3);
-  CHECK(p->m() == 2);
-  CHECK(p->r == -1.5);
-  CHECK(p->H == (Matrix(3, 3) << 2, 0, -0.5, 0, 4, 0, -0.5, 0, 1).finished());
-  CHECK(p->g == (Vector(3) << -3, 0, 1e-3).finished());
-  CHECK(p->A == (Matrix(2, 3) << 1, 1, 0, 0, 0, -2).finished());
-  const double infinity = clothctl::scalar_traits<double>::infinity();
-  CHECK(p->rl == Vector((Vector(2) << -infinity, 1).finished()));
-  CHECK(p->ru == (Vector(2) << 4, 1).finished());
-  CHECK(p->lb == (Vector(3) << 0, -infinity, -1).finished());
-  CHECK(p->ub == (Vector(3) << infinity, infinity, 2.5).finished());
-  CHECK(p->reference.status == "optimal");
-  CHECK(p->reference.objective == -7.25);
-  CHECK(p->reference.unique == true);
-  CHECK(p->reference.x == (Vector(3) << 1, 2, -0.5).finished());
-  CHECK(p->reference.y == (Vector(2) << 0, -1).finished());
-  CHECK(p->reference.z == (Vector(3) << 0, 0, 0.5).finished());
-  CHECK(p->frames.empty());
-  CHECK_FALSE(p->maximise);
+  const QpProblem p = value_of(parse_qpt(kSingleProgram, "f.qpt"));
+  check_same(p, single_program());
+  CHECK(p.n() == 3);
+  CHECK(p.m() == 2);
+  CHECK_FALSE(p.maximise);
 }
 
 TEST_CASE("QPT: frames take from the base program what they do not give", "[qpt]") {
-  const Result<QpProblem> p = parse_qpt(kSequence, "f.qpt");
-  REQUIRE(p.has_value());
-  CHECK(p->H == (Matrix(2, 2) << 2, 1, 1, 3).finished());
-  CHECK(p->shift == 1);
-  REQUIRE(p->frames.size() == 3);
-  CHECK(p->frames[0].g == p->g);
-  CHECK(p->frames[0].reference.objective == 1);
-  CHECK(p->frames[1].g == (Vector(2) << -1, 0).finished());
-  CHECK(p->frames[1].rl[0] == -1);
-  CHECK(p->frames[1].ub == p->ub);
-  CHECK(p->frames[1].reference.status == "infeasible");
-  CHECK_FALSE(p->frames[1].reference.objective.has_value());
-  CHECK(p->frames[2].g == p->g);
-  CHECK(p->frames[2].rl == p->rl);
-  CHECK(p->frames[2].ub == Vector::Zero(2));
-  CHECK(p->frames[2].reference.objective == -4);
+  check_same(value_of(parse_qpt(kSequence, "f.qpt")), program_sequence());
 }
 
 TEST_CASE("QPT: proofs are read, crossed bounds are taken, matrices and rows may be left out", "[qpt]") {
-  const Result<QpProblem> p =
-      parse_qpt("qpt 1 n 2 m 1 A 1 0 0 1 rows 1 3 2 cols 2 0 1 5 inf status infeasible farkas_y 1 -1 farkas_z 2 1 0 end", "f");
-  REQUIRE(p.has_value());
-  CHECK(p->H == Matrix::Zero(2, 2));
-  CHECK(p->reference.farkas_y[0] == -1);
-  CHECK(p->reference.farkas_z == (Vector(2) << 1, 0).finished());
-  CHECK(p->rl[0] == 3);
-  CHECK(p->ru[0] == 2);
-  const Result<QpProblem> q = parse_qpt("qpt 1 n 2 cols 2 0 inf 1 0 status unbounded x 2 0 0 ray 2 1 0 end", "f");
-  REQUIRE(q.has_value());
-  CHECK(q->m() == 0);
-  CHECK(q->A.cols() == 2);
-  CHECK(q->reference.ray == (Vector(2) << 1, 0).finished());
-  CHECK(q->lb[1] == 1);
-  CHECK(q->ub[1] == 0);
+  const QpProblem p = value_of(
+      parse_qpt("qpt 1 n 2 m 1 A 1 0 0 1 rows 1 3 2 cols 2 0 1 5 inf status infeasible farkas_y 1 -1 farkas_z 2 1 0 end", "f"));
+  CHECK(p.H == Matrix::Zero(2, 2));
+  CHECK(p.reference.farkas_y[0] == -1);
+  CHECK(p.reference.farkas_z == (Vector(2) << 1, 0).finished());
+  CHECK(p.rl[0] == 3);
+  CHECK(p.ru[0] == 2);
+  const QpProblem q = value_of(parse_qpt("qpt 1 n 2 cols 2 0 inf 1 0 status unbounded x 2 0 0 ray 2 1 0 end", "f"));
+  CHECK(q.m() == 0);
+  CHECK(q.A.cols() == 2);
+  CHECK(q.reference.ray == (Vector(2) << 1, 0).finished());
+  CHECK(q.lb[1] == 1);
+  CHECK(q.ub[1] == 0);
 }
 
 TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
@@ -164,10 +113,7 @@ TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
 }
 
 TEST_CASE("QPT: what is wrong in a sequence is named", "[qpt]") {
-  const auto changed = [](const std::string& from, const std::string& to) {
-    std::string text = kSequence;
-    return refusal(text.replace(text.find(from), from.size(), to));
-  };
+  const auto changed = [](const std::string& from, const std::string& to) { return refusal(replaced(kSequence, from, to)); };
   CHECK(changed("frames 3", "frames 4") == "f.qpt:34: expected 4 frames, found 3");
   CHECK(changed("frames 3", "frames 2") == "f.qpt:29: a frame after the last of 2");
   CHECK(changed("frames 3", "frames 99999999999") == "f.qpt:18: frames: '99999999999' is not within 1 to 67108864");
@@ -188,30 +134,25 @@ TEST_CASE("QPT: frames that would fill the memory are refused", "[qpt]") {
 }
 
 TEST_CASE("QPT: a solution holds answers of any status, and no data", "[qpt]") {
-  const Result<QpSolution> one =
-      parse_qpt_solution("qpt 1 name p n 2 m 1 status time_limit objective -0.5 x 2 1 2 y 1 3 z 2 4 5 end", "s.txt");
-  REQUIRE(one.has_value());
-  CHECK(one->name == "p");
-  CHECK(one->n == 2);
-  CHECK(one->m == 1);
-  CHECK(one->reference.status == "time_limit");
-  CHECK(one->reference.objective == -0.5);
-  CHECK(one->reference.x == Vector(Vector::LinSpaced(2, 1, 2)));
-  CHECK(one->reference.y[0] == 3);
-  CHECK(one->reference.z == Vector(Vector::LinSpaced(2, 4, 5)));
-  CHECK(one->frames.empty());
-  const Result<QpSolution> moves = parse_qpt_solution("qpt 1 n 1 frames 2 frame 0 status solved x 1 3 frame 1 end", "s.txt");
-  REQUIRE(moves.has_value());
-  REQUIRE(moves->frames.size() == 2);
-  CHECK(moves->frames[0].status == "solved");
-  CHECK(moves->frames[0].x[0] == 3);
-  CHECK(moves->frames[1].status.empty());
-  CHECK(moves->frames[1].x.size() == 0);
-  const auto refused = [](const std::string& text) {
-    const Result<QpSolution> solution = parse_qpt_solution(text, "s.txt");
-    return solution ? "accepted" : solution.error();
-  };
-  CHECK(refused(kSingle) == "s.txt:6: 'H' does not belong into a solution");
+  const QpSolution one =
+      value_of(parse_qpt_solution("qpt 1 name p n 2 m 1 status time_limit objective -0.5 x 2 1 2 y 1 3 z 2 4 5 end", "s.txt"));
+  CHECK(one.name == "p");
+  CHECK(one.n == 2);
+  CHECK(one.m == 1);
+  CHECK(one.reference.status == "time_limit");
+  CHECK(one.reference.objective == -0.5);
+  CHECK(one.reference.x == Vector(Vector::LinSpaced(2, 1, 2)));
+  CHECK(one.reference.y[0] == 3);
+  CHECK(one.reference.z == Vector(Vector::LinSpaced(2, 4, 5)));
+  CHECK(one.frames.empty());
+  const QpSolution moves = value_of(parse_qpt_solution("qpt 1 n 1 frames 2 frame 0 status solved x 1 3 frame 1 end", "s.txt"));
+  REQUIRE(moves.frames.size() == 2);
+  CHECK(moves.frames[0].status == "solved");
+  CHECK(moves.frames[0].x[0] == 3);
+  CHECK(moves.frames[1].status.empty());
+  CHECK(moves.frames[1].x.size() == 0);
+  const auto refused = [](const std::string& text) { return refusal_of(parse_qpt_solution(text, "s.txt")); };
+  CHECK(refused(kSingleProgram) == "s.txt:6: 'H' does not belong into a solution");
   CHECK(refused("qpt 1 n 2\ncols 2 0 1 0 1 end") == "s.txt:2: 'cols' does not belong into a solution");
   CHECK(refused("qpt 1 n 2\nx 2 1 inf end") == "s.txt:2: x(1): 'inf' is not finite");
   CHECK(refused("qpt 1 n 2 frames 1 end") == "s.txt:1: expected 1 frames, found 0");
@@ -220,26 +161,25 @@ TEST_CASE("QPT: a solution holds answers of any status, and no data", "[qpt]") {
 
 TEST_CASE("QPT: no prefix and no spoilt byte crashes the reader", "[qpt]") {
   const std::string bytes = "0123456789-+.einfNaH g\n\t\0\xff"s;
-  for (const std::string& text : {kSingle, kSequence}) {
-    clothctl_test::for_each_prefix(text, [](const std::string& prefix) {
+  for (const std::string& text : {kSingleProgram, kSequence}) {
+    for_each_prefix(text, [](const std::string& prefix) {
       check_judged(prefix);
       CHECK(refusal(prefix) != "accepted");
     });
-    clothctl_test::for_each_spoilt(text, bytes, 7, 20000, check_judged);
+    for_each_spoilt(text, bytes, 7, 20000, check_judged);
   }
 }
 
 TEST_CASE("QPT: the reference data have the sizes that their index gives", "[qpt]") {
-  const std::string folder = clothctl_test::shared_path("data/qp");
+  const std::string folder = shared_path("data/qp");
   if (folder.empty()) {
     WARN("no shared data: the reference programs are not read");
     return;
   }
   int read = 0;
   for (const std::string set : {"maros_meszaros", "synthetic"}) {
-    const Result<std::string> index = clothctl::read_file(folder + "/" + set + "/index.csv");
-    REQUIRE(index.has_value());
-    std::istringstream lines(*index);
+    const std::string index = value_of(clothctl::read_file(folder + "/" + set + "/index.csv"));
+    std::istringstream lines(index);
     std::string line;
     std::getline(lines, line);
     std::vector<std::string_view> head_cells;
@@ -251,17 +191,16 @@ TEST_CASE("QPT: the reference data have the sizes that their index gives", "[qpt
       REQUIRE(cells.size() == head_cells.size());
       std::map<std::string_view, std::string> row;
       for (std::size_t c = 0; c < cells.size(); ++c) row[head_cells[c]] = std::string(cells[c]);
-      const Result<QpProblem> p = clothctl::read_qpt(folder + "/" + set + "/" + row["name"] + ".qpt");
-      INFO(row["name"] << (p ? std::string() : p.error()));
-      REQUIRE(p.has_value());
-      CHECK(p->name == row["name"]);
-      CHECK(p->n() == std::stol(row["n"]));
-      CHECK(p->m() == std::stol(row["m"]));
-      CHECK((p->H.array() != 0).count() == std::stol(row["nnzH"]));
-      CHECK((p->A.array() != 0).count() == std::stol(row["nnzA"]));
-      CHECK(p->H == p->H.transpose());
-      if (set == "synthetic") CHECK(static_cast<long>(p->frames.size()) == std::stol(row["frames"]));
-      if (set == "synthetic" && p->frames.empty()) CHECK(p->reference.status == row["status"]);
+      INFO(row["name"]);
+      const QpProblem p = value_of(clothctl::read_qpt(folder + "/" + set + "/" + row["name"] + ".qpt"));
+      CHECK(p.name == row["name"]);
+      CHECK(p.n() == std::stol(row["n"]));
+      CHECK(p.m() == std::stol(row["m"]));
+      CHECK((p.H.array() != 0).count() == std::stol(row["nnzH"]));
+      CHECK((p.A.array() != 0).count() == std::stol(row["nnzA"]));
+      CHECK(p.H == p.H.transpose());
+      if (set == "synthetic") CHECK(static_cast<long>(p.frames.size()) == std::stol(row["frames"]));
+      if (set == "synthetic" && p.frames.empty()) CHECK(p.reference.status == row["status"]);
       ++read;
     }
   }

@@ -10,117 +10,33 @@
 #include <string>
 
 #include "clothctl/io/qpt.hpp"
+#include "io/qpt_programs.hpp"
 #include "support/catch.hpp"
+#include "support/reading.hpp"
 
 using clothctl::Index;
 using clothctl::parse_qpt;
 using clothctl::parse_qpt_solution;
 using clothctl::QpProblem;
-using clothctl::QpReference;
 using clothctl::QpSequenceFrame;
 using clothctl::QpSolution;
 using clothctl::qpt_solution_text;
 using clothctl::qpt_text;
-using clothctl::Result;
+using namespace clothctl_test;
 using Matrix = Eigen::MatrixXd;
 using Vector = Eigen::VectorXd;
 
 namespace {
 
-const double kInfinity = clothctl::scalar_traits<double>::infinity();
+/// Where the bounds of a frame stand.
+constexpr Vector QpSequenceFrame::*kSides[] = {&QpSequenceFrame::rl, &QpSequenceFrame::ru, &QpSequenceFrame::lb,
+                                               &QpSequenceFrame::ub};
 
-void check_same(const QpReference& a, const QpReference& b) {
-  CHECK(a.status == b.status);
-  CHECK(a.objective == b.objective);
-  CHECK(a.unique == b.unique);
-  CHECK(a.x == b.x);
-  CHECK(a.y == b.y);
-  CHECK(a.z == b.z);
-  CHECK(a.ray == b.ray);
-  CHECK(a.farkas_y == b.farkas_y);
-  CHECK(a.farkas_z == b.farkas_z);
-}
-
-void check_same(const QpSequenceFrame& a, const QpSequenceFrame& b) {
-  CHECK(a.g == b.g);
-  CHECK(a.rl == b.rl);
-  CHECK(a.ru == b.ru);
-  CHECK(a.lb == b.lb);
-  CHECK(a.ub == b.ub);
-  check_same(a.reference, b.reference);
-}
+QpProblem read_back(const QpProblem& p) { return value_of(parse_qpt(qpt_text(p), "f.qpt")); }
 
 /// Writes, reads and compares.
-void check_reads_back(const QpProblem& a) {
-  const Result<QpProblem> b = parse_qpt(qpt_text(a), "f.qpt");
-  INFO((b ? std::string() : b.error()));
-  REQUIRE(b.has_value());
-  CHECK(a.name == b->name);
-  CHECK(a.r == b->r);
-  CHECK(a.H == b->H);
-  CHECK(a.A == b->A);
-  CHECK(a.shift == b->shift);
-  check_same(static_cast<const QpSequenceFrame&>(a), static_cast<const QpSequenceFrame&>(*b));
-  REQUIRE(a.frames.size() == b->frames.size());
-  for (std::size_t t = 0; t < a.frames.size(); ++t) check_same(a.frames[t], b->frames[t]);
-}
-
-void check_reads_back(const QpSolution& a) {
-  const Result<QpSolution> b = parse_qpt_solution(qpt_solution_text(a), "s.txt");
-  INFO((b ? std::string() : b.error()));
-  REQUIRE(b.has_value());
-  CHECK(a.name == b->name);
-  CHECK(a.n == b->n);
-  CHECK(a.m == b->m);
-  check_same(a.reference, b->reference);
-  REQUIRE(a.frames.size() == b->frames.size());
-  for (std::size_t t = 0; t < a.frames.size(); ++t) check_same(a.frames[t], b->frames[t]);
-}
-
-/// Three unknowns, two rows, bounds of every kind, a whole answer.
-QpProblem single() {
-  QpProblem p;
-  p.name = "tiny";
-  p.r = -1.5;
-  p.H = (Matrix(3, 3) << 2, 0, -0.5, 0, 4, 0, -0.5, 0, 1).finished();
-  p.g = (Vector(3) << -3, 0, 1e-3).finished();
-  p.A = (Matrix(2, 3) << 1, 1, 0, 0, 0, -2).finished();
-  p.rl = (Vector(2) << -kInfinity, 1).finished();
-  p.ru = (Vector(2) << 4, 1).finished();
-  p.lb = (Vector(3) << 0, -kInfinity, -1).finished();
-  p.ub = (Vector(3) << kInfinity, kInfinity, 2.5).finished();
-  p.reference.status = "optimal";
-  p.reference.objective = -7.25;
-  p.reference.unique = true;
-  p.reference.x = (Vector(3) << 1, 2, -0.5).finished();
-  p.reference.y = (Vector(2) << 0, -1).finished();
-  p.reference.z = (Vector(3) << 0, 0, 0.5).finished();
-  return p;
-}
-
-/// Two unknowns, one row; frames that change nothing, gradient and rows, and bounds.
-QpProblem sequence() {
-  QpProblem p;
-  p.name = "moves";
-  p.H = (Matrix(2, 2) << 2, 1, 1, 3).finished();
-  p.g = (Vector(2) << 0, 5).finished();
-  p.A = (Matrix(1, 2) << 1, -1).finished();
-  p.rl = Vector::Zero(1);
-  p.ru = Vector::Ones(1);
-  p.lb = Vector::Zero(2);
-  p.ub = (Vector(2) << 1, 2).finished();
-  p.shift = 1;
-  p.frames.assign(3, {p.g, p.rl, p.ru, p.lb, p.ub, {}});
-  p.frames[0].reference.status = "optimal";
-  p.frames[0].reference.objective = 1;
-  p.frames[1].g = (Vector(2) << -1, 0).finished();
-  p.frames[1].rl[0] = -1;
-  p.frames[1].ru[0] = 2;
-  p.frames[1].reference.status = "infeasible";
-  p.frames[2].ub.setZero();
-  p.frames[2].reference.objective = -4;
-  return p;
-}
+void check_reads_back(const QpProblem& a) { check_same(a, read_back(a)); }
+void check_reads_back(const QpSolution& a) { check_same(a, value_of(parse_qpt_solution(qpt_solution_text(a), "s.txt"))); }
 
 QpSolution solution() {
   std::mt19937 engine(3);
@@ -138,19 +54,11 @@ QpSolution solution() {
 }  // namespace
 
 TEST_CASE("a program is written section by section, without its zeros", "[qpt_text]") {
-  CHECK(qpt_text(single()) ==
-        "qpt 1\nname tiny\nn 3\nm 2\nr -1.5\n"
-        "H 4\n0 0 2\n0 2 -0.5\n1 1 4\n2 2 1\n"
-        "g 2\n0 -3\n2 0.001\n"
-        "A 3\n0 0 1\n0 1 1\n1 2 -2\n"
-        "rows 2\n-inf 4\n1 1\n"
-        "cols 3\n0 inf\n-inf inf\n-1 2.5\n"
-        "status optimal\nobjective -7.25\nunique 1\n"
-        "x 3\n1 2 -0.5\ny 2\n0 -1\nz 3\n0 0 0.5\nend\n");
+  CHECK(qpt_text(single_program()) == replaced(kSingleProgram, "1e-3", "0.001"));
 }
 
 TEST_CASE("a sequence writes of each frame its gradient and what differs from the base", "[qpt_text]") {
-  CHECK(qpt_text(sequence()) ==
+  CHECK(qpt_text(program_sequence()) ==
         "qpt 1\nname moves\nn 2\nm 1\nr 0\nH 3\n0 0 2\n0 1 1\n1 1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 1\n"
         "cols 2\n0 1\n0 2\nframes 3\nshift 1\n"
         "frame 0\ng 1\n1 5\nstatus optimal\nobjective 1\n"
@@ -159,9 +67,8 @@ TEST_CASE("a sequence writes of each frame its gradient and what differs from th
 }
 
 TEST_CASE("each of a frame's bounds that differs is written", "[qpt_text]") {
-  for (Vector QpSequenceFrame::*side :
-       {&QpSequenceFrame::rl, &QpSequenceFrame::ru, &QpSequenceFrame::lb, &QpSequenceFrame::ub}) {
-    QpProblem p = sequence();
+  for (Vector QpSequenceFrame::*side : kSides) {
+    QpProblem p = program_sequence();
     p.frames.resize(1);
     (p.frames[0].*side)[0] = 0.25;
     check_reads_back(p);
@@ -219,8 +126,8 @@ TEST_CASE("white space in a name becomes an underscore, no name a word", "[qpt_t
 }
 
 TEST_CASE("written programs, sequences and solutions read back as they were", "[qpt_text]") {
-  check_reads_back(single());
-  check_reads_back(sequence());
+  check_reads_back(single_program());
+  check_reads_back(program_sequence());
   check_reads_back(solution());
   QpSolution moves = solution();
   moves.frames = {moves.reference, {}, moves.reference};
@@ -231,42 +138,40 @@ TEST_CASE("written programs, sequences and solutions read back as they were", "[
 TEST_CASE("a number that is not finite is written, and refused when read", "[qpt_text]") {
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), kInfinity, -kInfinity}) {
     const auto check_refused = [](const QpProblem& p, const std::string& place) {
-      const Result<QpProblem> read = parse_qpt(qpt_text(p), "f");
-      INFO((read ? std::string("accepted") : read.error()) << ", expected: " << place);
-      CHECK_FALSE(read.has_value());
-      if (!read) CHECK(read.error().find(": " + place) != std::string::npos);
+      const std::string message = refusal_of(parse_qpt(qpt_text(p), "f"));
+      INFO(message << ", expected: " << place);
+      CHECK(message.find(": " + place) != std::string::npos);
     };
-    QpProblem p = single();
+    QpProblem p = single_program();
     p.r = bad;
     check_refused(p, "r: ");
     for (Index i = 0; i < 3; ++i) {
-      p = single();
+      p = single_program();
       p.g[i] = bad;
       check_refused(p, "g(" + std::to_string(i) + "): ");
       for (Index j = 0; j < 3; ++j) {  // in either triangle
-        p = single();
+        p = single_program();
         p.H(i, j) = bad;
         check_refused(p, "H(" + std::to_string(std::min(i, j)) + "," + std::to_string(std::max(i, j)) + "): ");
       }
       for (Index k = 0; k < 2; ++k) {
-        p = single();
+        p = single_program();
         p.A(k, i) = bad;
         check_refused(p, "A(" + std::to_string(k) + "," + std::to_string(i) + "): ");
       }
     }
-    p = single();
+    p = single_program();
     p.reference.x[1] = bad;
     check_refused(p, "x(1): ");
-    p = single();
+    p = single_program();
     p.reference.objective = bad;
     check_refused(p, "objective: ");
-    p = sequence();
+    p = program_sequence();
     p.frames[1].g[0] = bad;
     check_refused(p, "g(0): ");
   }
-  for (Vector QpSequenceFrame::*side :
-       {&QpSequenceFrame::rl, &QpSequenceFrame::ru, &QpSequenceFrame::lb, &QpSequenceFrame::ub}) {
-    QpProblem base = sequence(), moved = sequence();
+  for (Vector QpSequenceFrame::*side : kSides) {
+    QpProblem base = program_sequence(), moved = program_sequence();
     (base.*side)[0] = (moved.frames[2].*side)[0] = std::numeric_limits<double>::quiet_NaN();
     CHECK_FALSE(parse_qpt(qpt_text(base), "f").has_value());
     CHECK_FALSE(parse_qpt(qpt_text(moved), "f").has_value());
@@ -274,41 +179,34 @@ TEST_CASE("a number that is not finite is written, and refused when read", "[qpt
 }
 
 TEST_CASE("no frame takes over an answer of the base program that it does not have", "[qpt_text]") {
-  QpProblem p = sequence();
+  QpProblem p = program_sequence();
   p.reference.status = "optimal";
   p.reference.objective = 12;
   p.reference.unique = true;
   p.reference.x = (Vector(2) << 0, 1).finished();
   p.frames[1].reference.objective = 3;
-  const auto read_back = [&] {
-    Result<QpProblem> read = parse_qpt(qpt_text(p), "f.qpt");
-    INFO((read ? std::string() : read.error()));
-    REQUIRE(read.has_value());
-    for (std::size_t t = 0; t < p.frames.size(); ++t) check_same(p.frames[t], read->frames[t]);
-    return std::move(read).value();
+  const auto frames_read_back = [&p] {
+    QpProblem read = read_back(p);
+    check_same(p.frames, read.frames);
+    return read;
   };
-  const QpProblem no_status = read_back();  // the last frame has none
+  const QpProblem no_status = frames_read_back();  // the last frame has none
   CHECK(no_status.reference.status.empty());
   CHECK(no_status.reference.objective == 12);
   CHECK(no_status.reference.unique == true);
   CHECK(no_status.reference.x == p.reference.x);
   p.frames[1].reference.objective.reset();
-  CHECK_FALSE(read_back().reference.objective.has_value());
+  CHECK_FALSE(frames_read_back().reference.objective.has_value());
   for (QpSequenceFrame& frame : p.frames) frame.reference = {"unbounded", -1.0, {}, {}, {}, {}, {}, {}, {}};
   check_reads_back(p);
   p.frames[2].reference.objective.reset();
-  const QpProblem no_objective = read_back();
+  const QpProblem no_objective = frames_read_back();
   CHECK(no_objective.reference.status == "optimal");
   CHECK_FALSE(no_objective.reference.objective.has_value());
 }
 
 TEST_CASE("what the format has no words for is lost, as documented", "[qpt_text]") {
-  const auto read_back = [](const QpProblem& p) {
-    Result<QpProblem> read = parse_qpt(qpt_text(p), "f.qpt");
-    REQUIRE(read.has_value());
-    return std::move(read).value();
-  };
-  QpProblem p = single();
+  QpProblem p = single_program();
   p.maximise = true;
   p.shift = 2;
   p.name = "";
@@ -324,7 +222,7 @@ TEST_CASE("what the format has no words for is lost, as documented", "[qpt_text]
   CHECK(read.column_names.empty());
   CHECK_FALSE(std::signbit(read.g[1]));
   CHECK(std::signbit(read.lb[0]));
-  p = sequence();
+  p = program_sequence();
   p.frames[0].reference.unique = true;
   p.frames[0].reference.x = Vector::Zero(2);
   p.frames[0].reference.z = Vector::Zero(2);

@@ -30,16 +30,72 @@ const double inf = std::numeric_limits<double>::infinity();
 VectorX<double> vec(double a, double b) { return (VectorX<double>(2) << a, b).finished(); }
 VectorX<double> vec(double a) { return VectorX<double>::Constant(1, a); }
 
-KnownQp<double> from_file(const Qpt& file) {
-  KnownQp<double> q;
-  q.H = file.H;
-  q.A = file.A;
-  q.g = file.g;
-  q.lb = file.lb;
-  q.ub = file.ub;
-  q.rl = file.rl;
-  q.ru = file.ru;
+// Gradient and bounds of a file, or of a frame of it.
+template <class S, class Source>
+void set_vectors(KnownQp<S>& q, const Source& from) {
+  q.g = from.g.template cast<S>();
+  q.lb = from.lb.template cast<S>();
+  q.ub = from.ub.template cast<S>();
+  q.rl = from.rl.template cast<S>();
+  q.ru = from.ru.template cast<S>();
+}
+
+template <class S>
+KnownQp<S> from_file(const Qpt& file) {
+  KnownQp<S> q;
+  q.H = file.H.cast<S>();
+  q.A = file.A.cast<S>();
+  set_vectors(q, file);
   return q;
+}
+
+bool any(const std::string&) { return true; }
+
+// Calls `visit` with the problems of a shared folder whose names `wanted` picks. False, with a warning, where it is missing.
+template <class Wanted, class Visit>
+bool for_each_problem(const std::string& folder, const Wanted& wanted, const Visit& visit) {
+  const std::string path = shared_path("data/qp/" + folder);
+  if (path.empty()) {
+    WARN("shared data is missing; " << folder << " was not run");
+    return false;
+  }
+  for (const auto& entry : std::filesystem::directory_iterator(path)) {
+    const std::string name = entry.path().stem().string();
+    if (entry.path().extension() != ".qpt" || !wanted(name)) continue;
+    Qpt file;
+    REQUIRE(read_qpt(entry.path().string(), file));
+    INFO(name);
+    visit(name, file);
+  }
+  return true;
+}
+
+// The synthetic problems that are no sequences; the slowest one in the full tier only.
+template <class Wanted, class Visit>
+bool for_each_synthetic(const Wanted& wanted, const Visit& visit) {
+  const auto single = [&](const std::string& name) {
+    return name[0] != 'e' && (name != "a_degenerate_n300_0" || full_tier()) && wanted(name);
+  };
+  return for_each_problem("synthetic", single, visit);
+}
+
+template <class S>
+void set(ActiveSet<S>& solver, const KnownQp<S>& q) {
+  REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
+  REQUIRE(solver.set_rows(q.A) == QpStatus::Solved);
+}
+
+template <class S>
+QpStatus solve(ActiveSet<S>& solver, const KnownQp<S>& q, QpResult<S>& r) {
+  return solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, r);
+}
+
+template <class S>
+void check_within_bounds(const KnownQp<S>& q, const VectorX<S>& x) {
+  for (Index i = 0; i < x.size(); ++i) {
+    CHECK(x[i] >= q.lb[i]);
+    CHECK(x[i] <= q.ub[i]);
+  }
 }
 
 // Aᵀy + z = 0 and the support function of the bounds is negative.
@@ -48,12 +104,11 @@ void check_farkas(const KnownQp<double>& q, const QpResult<double>& r) {
   const VectorX<double> terms = q.A.cwiseAbs().transpose() * y.cwiseAbs();
   CHECK((q.A.transpose() * y + z).cwiseAbs().maxCoeff() <= 1e-10 * (1e-300 + terms.maxCoeff()));
   double support = 0.0;
-  for (Index i = 0; i < y.size(); ++i) {
-    if (y[i] != 0.0) support += y[i] * (y[i] > 0.0 ? q.ru[i] : q.rl[i]);
-  }
-  for (Index j = 0; j < z.size(); ++j) {
-    if (z[j] != 0.0) support += z[j] * (z[j] > 0.0 ? q.ub[j] : q.lb[j]);
-  }
+  const auto add = [&support](double v, double lower, double upper) {
+    if (v != 0.0) support += v * (v > 0.0 ? upper : lower);
+  };
+  for (Index i = 0; i < y.size(); ++i) add(y[i], q.rl[i], q.ru[i]);
+  for (Index j = 0; j < z.size(); ++j) add(z[j], q.lb[j], q.ub[j]);
   CHECK(support < 0.0);
 }
 
@@ -103,10 +158,7 @@ TEMPLATE_TEST_CASE("random problems of every kind are solved", "[qp]", float, do
       CHECK(static_cast<double>(r.worst()) <= 2000.0 * static_cast<double>(QpSettings<S>::default_tolerance()));
       CHECK(static_cast<double>(session.result.feasibility) <=
             1000.0 * static_cast<double>(QpSettings<S>::default_tolerance()));
-      for (Index i = 0; i < q.x.size(); ++i) {
-        CHECK(session.result.x[i] >= q.lb[i]);
-        CHECK(session.result.x[i] <= q.ub[i]);
-      }
+      check_within_bounds(q, session.result.x);
     } else {
       CHECK(broken == "");
     }
@@ -131,23 +183,12 @@ TEMPLATE_TEST_CASE("the general solver keeps the laws of history and recovery", 
 }
 
 TEST_CASE("the synthetic problems end with the right status, proof and objective", "[qp]") {
-  const std::string folder = shared_path("data/qp/synthetic");
-  if (folder.empty()) {
-    WARN("shared data is missing; synthetic problems were not run");
-    return;
-  }
   int seen = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const std::string name = entry.path().stem().string();
-    if (entry.path().extension() != ".qpt" || name[0] == 'e') continue;
-    if (name == "a_degenerate_n300_0" && !full_tier()) continue;
-    Qpt file;
-    REQUIRE(read_qpt(entry.path().string(), file));
-    const KnownQp<double> q = from_file(file);
+  const bool present = for_each_synthetic(any, [&](const std::string& name, const Qpt& file) {
+    const KnownQp<double> q = from_file<double>(file);
     QpSession<double, ActiveSet<double>> session;
     REQUIRE(session.set(q) == QpStatus::Solved);
     const QpStatus status = session.solve(q);
-    INFO(name);
     ++seen;
     if (name.find("crossed") != std::string::npos) {
       CHECK(status == QpStatus::InvalidData);
@@ -166,37 +207,20 @@ TEST_CASE("the synthetic problems end with the right status, proof and objective
       session.solve(q);
       CHECK(session.result.iterations == 0);
     }
-  }
-  CHECK(seen >= 96);
+  });
+  if (present) CHECK(seen >= 96);
 }
 
 TEST_CASE("in single precision the synthetic problems end right where its digits can tell", "[qp]") {
-  const std::string folder = shared_path("data/qp/synthetic");
-  if (folder.empty()) {
-    WARN("shared data is missing; synthetic problems were not run");
-    return;
-  }
   int seen = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    const std::string name = entry.path().stem().string();
-    if (entry.path().extension() != ".qpt" || name[0] == 'e' || name.find("crossed") != std::string::npos) continue;
-    if (name.find("comb1e-4") != std::string::npos) continue;  // contradictions smaller than the tolerance
-    if (name == "a_degenerate_n300_0" && !full_tier()) continue;
-    Qpt file;
-    REQUIRE(read_qpt(entry.path().string(), file));
-    const KnownQp<double> exact = from_file(file);
-    KnownQp<float> q;
-    q.H = exact.H.cast<float>();
-    q.A = exact.A.cast<float>();
-    q.g = exact.g.cast<float>();
-    q.lb = exact.lb.cast<float>();
-    q.ub = exact.ub.cast<float>();
-    q.rl = exact.rl.cast<float>();
-    q.ru = exact.ru.cast<float>();
+  const auto clear = [](const std::string& name) {  // no contradictions smaller than the tolerance
+    return name.find("crossed") == std::string::npos && name.find("comb1e-4") == std::string::npos;
+  };
+  const bool present = for_each_synthetic(clear, [&](const std::string&, const Qpt& file) {
+    const KnownQp<float> q = from_file<float>(file);
     QpSession<float, ActiveSet<float>> session;
     REQUIRE(session.set(q) == QpStatus::Solved);
     const QpStatus status = session.solve(q);
-    INFO(name);
     ++seen;
     if (file.status == "infeasible") {
       CHECK(status == QpStatus::PrimalInfeasible);
@@ -206,37 +230,27 @@ TEST_CASE("in single precision the synthetic problems end right where its digits
       CHECK(status == QpStatus::Solved);
       // Against the terms that it sums: ill-scaled columns make them far larger than the objective.
       const VectorX<double> x = session.result.x.cast<double>();
-      const double size = exact.g.cwiseAbs().dot(x.cwiseAbs()) + 0.5 * x.cwiseAbs().dot(exact.H.cwiseAbs() * x.cwiseAbs());
-      CHECK(std::abs(x.dot(0.5 * (exact.H * x) + exact.g) + file.r - file.objective) <= 1e-4 * std::max(1.0, size));
+      const double size = file.g.cwiseAbs().dot(x.cwiseAbs()) + 0.5 * x.cwiseAbs().dot(file.H.cwiseAbs() * x.cwiseAbs());
+      CHECK(std::abs(x.dot(0.5 * (file.H * x) + file.g) + file.r - file.objective) <= 1e-4 * std::max(1.0, size));
     }
-  }
-  CHECK(seen >= 90);
+  });
+  if (present) CHECK(seen >= 90);
 }
 
 TEST_CASE("the public collection is solved, small problems in the quick tier", "[qp]") {
-  const std::string folder = shared_path("data/qp/maros_meszaros");
-  if (folder.empty()) {
-    WARN("shared data is missing; the public collection was not run");
-    return;
-  }
   int seen = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(folder)) {
-    if (entry.path().extension() != ".qpt") continue;
-    const std::string name = entry.path().stem().string();
-    Qpt file;
-    REQUIRE(read_qpt(entry.path().string(), file));
-    if (file.n > 300 && !full_tier()) continue;
-    const KnownQp<double> q = from_file(file);
+  const bool present = for_each_problem("maros_meszaros", any, [&](const std::string&, const Qpt& file) {
+    if (file.n > 300 && !full_tier()) return;
+    const KnownQp<double> q = from_file<double>(file);
     QpSession<double, ActiveSet<double>> session;
     REQUIRE(session.set(q) == QpStatus::Solved);
-    INFO(name);
     ++seen;
     CHECK(session.solve(q) == QpStatus::Solved);
     CHECK(session.residuals(q).worst() < 1e-8);
     const double value = session.result.objective + file.r;
     CHECK(std::abs(value - file.objective) <= 1e-6 * std::max(1.0, std::max(std::abs(file.objective), std::abs(file.r))));
-  }
-  CHECK(seen >= (full_tier() ? 36 : 20));
+  });
+  if (present) CHECK(seen >= (full_tier() ? 36 : 20));
 }
 
 TEST_CASE("sequences with equality rows keep their reference objectives", "[qp]") {
@@ -248,16 +262,12 @@ TEST_CASE("sequences with equality rows keep their reference objectives", "[qp]"
     }
     Qpt file;
     REQUIRE(read_qpt(path, file));
-    KnownQp<double> q = from_file(file);
+    KnownQp<double> q = from_file<double>(file);
     QpSession<double, ActiveSet<double>> session;
     REQUIRE(session.set(q) == QpStatus::Solved);
     for (std::size_t k = 0; k < file.frames.size(); ++k) {
       const QptFrame& frame = file.frames[k];
-      q.g = frame.g;
-      q.lb = frame.lb;
-      q.ub = frame.ub;
-      q.rl = frame.rl;
-      q.ru = frame.ru;
+      set_vectors(q, frame);
       session.solver.shift(file.shift, file.shift * file.m / file.n);
       INFO(name << " frame " << k);
       REQUIRE(session.solve(q) == QpStatus::Solved);
@@ -553,15 +563,14 @@ TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least
       QpSettings<S> settings;
       settings.max_iterations = budget;
       ActiveSet<S> solver(settings);
-      REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
-      REQUIRE(solver.set_rows(q.A) == QpStatus::Solved);
+      set(solver, q);
       QpResult<S> r;
-      if (solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, r) != QpStatus::IterationLimit) continue;
+      if (solve(solver, q, r) != QpStatus::IterationLimit) continue;
       ++unfinished;
       INFO("trial " << trial << " budget " << budget);
       CHECK(static_cast<double>(violation(r.x)) <= 1.001 * static_cast<double>(violation(start)) + 1e-6);
       CHECK(static_cast<double>(r.feasibility) == Approx(static_cast<double>(violation(r.x))).epsilon(1e-2).margin(1e-6));
-      for (Index i = 0; i < 30; ++i) REQUIRE((r.x[i] >= q.lb[i] && r.x[i] <= q.ub[i]));
+      check_within_bounds(q, r.x);
     }
   }
   CHECK(unfinished > 20);
@@ -658,13 +667,13 @@ TEST_CASE("reserved sizes are maxima, sizes may shrink and grow, rows may be abs
     REQUIRE(hessian == QpStatus::Solved);
     REQUIRE(rows == QpStatus::Solved);
     QpResult<double> r;
-    REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, r) == QpStatus::Solved);
+    REQUIRE(solve(solver, q, r) == QpStatus::Solved);
     CHECK(r.objective == Approx(q.objective()).epsilon(1e-7));
   }
   const KnownQp<double> q = draw_qp<double>({.n = 8}, random);  // a new size forgets the rows
   QpResult<double> r;
   REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
-  REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, r) == QpStatus::Solved);
+  REQUIRE(solve(solver, q, r) == QpStatus::Solved);
   CHECK(r.objective == Approx(q.objective()).epsilon(1e-7));
 }
 
@@ -690,14 +699,10 @@ TEST_CASE("an exhausted budget gives a point within the bounds", "[qp]") {
   settings.max_iterations = 1;
   ActiveSet<double> solver(settings);
   solver.reserve(30, 20);
-  REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
-  REQUIRE(solver.set_rows(q.A) == QpStatus::Solved);
+  set(solver, q);
   QpResult<double> r;
-  CHECK(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, r) == QpStatus::IterationLimit);
-  for (Index i = 0; i < 30; ++i) {
-    CHECK(r.x[i] >= q.lb[i]);
-    CHECK(r.x[i] <= q.ub[i]);
-  }
+  CHECK(solve(solver, q, r) == QpStatus::IterationLimit);
+  check_within_bounds(q, r.x);
   CHECK(r.feasibility > 0.0);
 }
 
@@ -714,11 +719,8 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
     const KnownQp<S> q = draw_qp<S>(family, random);
     ActiveSet<S> first, second, both;
     QpResult<S> cold, warm;
-    for (ActiveSet<S>* s : {&first, &second, &both}) {
-      REQUIRE(s->set_hessian(q.H) == QpStatus::Solved);
-      REQUIRE(s->set_rows(q.A) == QpStatus::Solved);
-    }
-    REQUIRE(first.solve(q.g, q.lb, q.ub, q.rl, q.ru, cold) == QpStatus::Solved);
+    for (ActiveSet<S>* s : {&first, &second, &both}) set(*s, q);
+    REQUIRE(solve(first, q, cold) == QpStatus::Solved);
     for (Index i = 0; i < family.m; ++i) {
       const QpSide side = cold.row_sides[static_cast<std::size_t>(i)];
       const S y = cold.row_multipliers[i];
@@ -738,11 +740,11 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
     const bool unique = count(cold.bound_sides, QpSide::Between) + count(cold.row_sides, QpSide::Between) >= family.m;
     unique_ones += unique ? 1 : 0;
     REQUIRE(second.warm_start(cold.bound_sides, cold.row_sides));
-    REQUIRE(second.solve(q.g, q.lb, q.ub, q.rl, q.ru, warm) == QpStatus::Solved);
+    REQUIRE(solve(second, q, warm) == QpStatus::Solved);
     if (unique) CHECK(warm.iterations == 0);
     CHECK(double((warm.x - q.x).norm()) <= (sizeof(S) == 8 ? 1e-6 : 2e-2) * (1.0 + double(q.x.norm())));
     REQUIRE(both.warm_start(cold.x, cold.bound_sides, cold.row_sides));
-    REQUIRE(both.solve(q.g, q.lb, q.ub, q.rl, q.ru, warm) == QpStatus::Solved);
+    REQUIRE(solve(both, q, warm) == QpStatus::Solved);
     if (unique) CHECK(warm.iterations == 0);
   }
   CHECK(unique_ones > 40);
@@ -757,14 +759,13 @@ TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are ref
     family.m = 1 + trial % 9;
     const KnownQp<double> q = draw_qp<double>(family, random);
     ActiveSet<double> solver;
-    REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
-    REQUIRE(solver.set_rows(q.A) == QpStatus::Solved);
+    set(solver, q);
     std::vector<QpSide> bounds(static_cast<std::size_t>(family.n)), rows(static_cast<std::size_t>(family.m));
     for (QpSide& s : bounds) s = static_cast<QpSide>(three(random));
     for (QpSide& s : rows) s = static_cast<QpSide>(three(random));
     REQUIRE(solver.warm_start(bounds, rows));
     QpResult<double> result;
-    REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result) == QpStatus::Solved);
+    REQUIRE(solve(solver, q, result) == QpStatus::Solved);
     CHECK(result.objective == Approx(q.objective()).epsilon(1e-7).margin(1e-7));
     // Refused starts leave the solver at its solution.
     bounds[0] = static_cast<QpSide>(3);
@@ -778,7 +779,7 @@ TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are ref
     CHECK_FALSE(solver.warm_start(VectorX<double>::Zero(family.n + 1), bounds, rows));
     rows.push_back(QpSide::Upper);
     CHECK_FALSE(solver.warm_start(bounds, rows));
-    REQUIRE(solver.solve(q.g, q.lb, q.ub, q.rl, q.ru, result) == QpStatus::Solved);
+    REQUIRE(solve(solver, q, result) == QpStatus::Solved);
     CHECK(result.iterations == 0);
   }
 }

@@ -2,9 +2,11 @@
 
 #include <random>
 
+#include "qp/listed_matrices.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
+using clothctl_test::ListedMatrices;
 
 TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give the same steps", "[qp]") {
   std::mt19937 random(21);
@@ -19,18 +21,11 @@ TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give t
     for (Index i = 0; i < m; ++i) {
       for (Index j = 2 * i; j < (sparse ? 2 * i + 3 : n); ++j) A(i, j) = normal(random);
     }
-    const MatrixX<double> At = A.transpose();
-    detail::Columns<double> h, a, at;
-    h.reserve(n, n);
-    a.reserve(m, n);
-    at.reserve(n, m);
-    h.list(H.data(), n, n);
-    a.list(A.data(), m, n);
-    at.list(At.data(), n, m);
+    const ListedMatrices<double> q(H, A);
     detail::KktFactor<double> chosen, dense;
     chosen.reserve(n, m);
     dense.reserve(n, m);
-    chosen.choose(h, a, at);
+    chosen.choose(q.h, q.a, q.at);
     CHECK(chosen.sparse() == sparse);
     CHECK_FALSE(dense.sparse());
     const auto is_free = [](Index i) { return i % 5 != 1; };
@@ -40,7 +35,7 @@ TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give t
     int which = 0;
     for (detail::KktFactor<double>* factor : {&chosen, &dense}) {
       bool changed = false;
-      REQUIRE(factor->sync(H, At, 1e-3, 1e-2, is_free, is_active, changed));
+      REQUIRE(factor->sync(q.H, q.At, 1e-3, 1e-2, is_free, is_active, changed));
       CHECK(changed);
       CHECK(factor->free_size() == 72);
       CHECK(factor->row_size() == 26);
@@ -51,7 +46,7 @@ TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give t
       factor->solve(r1, r2, p[which], delta[which]);
       ++which;
       factor->touch();
-      REQUIRE(factor->sync(H, At, 1e-3, 1e-1, is_free, is_active, changed));
+      REQUIRE(factor->sync(q.H, q.At, 1e-3, 1e-1, is_free, is_active, changed));
       CHECK_FALSE(changed);
     }
     CHECK((p[0] - p[1]).norm() < 1e-10 * p[1].norm());
@@ -65,25 +60,18 @@ TEST_CASE("a failure is told apart by where it lay, in both factors", "[qp]") {
   const Index n = 60;
   MatrixX<double> H = MatrixX<double>::Identity(n, n);
   H(3, 3) = -1.0;
-  const MatrixX<double> A = MatrixX<double>::Zero(0, n), At = A.transpose();
-  detail::Columns<double> h, a, at;
-  h.reserve(n, n);
-  a.reserve(0, n);
-  at.reserve(n, 0);
-  h.list(H.data(), n, n);
-  a.list(A.data(), 0, n);
-  at.list(At.data(), n, 0);
+  const ListedMatrices<double> q(H, MatrixX<double>(0, n));
   for (const bool sparse : {true, false}) {
     detail::KktFactor<double> factor;
     factor.reserve(n, 0);
-    if (sparse) factor.choose(h, a, at);
+    if (sparse) factor.choose(q.h, q.a, q.at);
     CHECK(factor.sparse() == sparse);
     bool changed = false;
     const auto all = [](Index) { return true; };
-    CHECK_FALSE(factor.sync(H, At, 1e-3, 1.0, all, all, changed));
+    CHECK_FALSE(factor.sync(q.H, q.At, 1e-3, 1.0, all, all, changed));
     CHECK(factor.free_failed());
     CHECK_FALSE(factor.sparse());  // what rounding might have done is left to the dense factor
     factor.clear();
-    CHECK(factor.sync(H, At, 2.0, 1.0, all, all, changed));
+    CHECK(factor.sync(q.H, q.At, 2.0, 1.0, all, all, changed));
   }
 }

@@ -106,11 +106,24 @@ struct QpFamilyEntry {
 /// Solvable families first.
 inline const std::vector<QpFamilyEntry>& qp_families() {
   constexpr int k1e8 = 27;  // 2^27 = 1.3e8
+  static const auto tiny = [](QpRecipe& r, Draws& d, int least_rows) {
+    r.n = d.between(1, 3);
+    r.m = d.between(least_rows, 3);
+  };
   static const auto wide = [](QpRecipe& r, Draws& d) {
     r.n = d.between(50, 150);
     r.m = d.between(0, 150);
     r.fill = d.between(1, 4);
     r.banded = d.chance(0.4);
+  };
+  static const auto linear = [](QpRecipe& r, Draws& d) {
+    r.rank = 0.0;
+    r.active = d.unit();
+  };
+  static const auto box = [](QpRecipe& r, Draws& d) {
+    r.m = 0;
+    r.rank = d.unit() * 1.5;
+    r.degenerate = d.chance(0.5) ? d.unit() : 0.0;
   };
   static const auto infeasible = [](QpRecipe& r, Draws& d) {
     r.outcome = Outcome::Infeasible;
@@ -125,6 +138,10 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
     r.outcome = Outcome::Unbounded;
     r.span = std::max(1, r.span);
     r.rank = d.chance(0.4) ? 0.0 : d.unit();
+  };
+  static const auto scaled = [](QpRecipe& r, Draws& d) {
+    r.row_spread = d.chance(0.6) ? k1e8 : 0;
+    r.column_spread = d.chance(0.6) ? k1e8 : 0;
   };
   static const auto mixed = [](QpRecipe& r, Draws& d) {
     r.degenerate = d.unit();
@@ -144,8 +161,7 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
       {"plain", 6, [](QpRecipe&, Draws&) {}},
       {"tiny", 8,
        [](QpRecipe& r, Draws& d) {
-         r.n = d.between(1, 3);
-         r.m = d.between(0, 3);
+         tiny(r, d, 0);
          r.rank = d.unit() * 1.5;
          r.degenerate = d.chance(0.5) ? 0.5 : 0.0;
          r.open = d.unit();
@@ -163,11 +179,7 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
          r.copies = 0.3 + 0.6 * d.unit();
          r.equal = d.unit();
        }},
-      {"linear", 6,
-       [](QpRecipe& r, Draws& d) {
-         r.rank = 0.0;
-         r.active = d.unit();
-       }},
+      {"linear", 6, linear},
       {"equalities", 5,
        [](QpRecipe& r, Draws& d) {
          r.equal = 0.9;
@@ -228,7 +240,7 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
          r.degenerate = d.chance(0.4) ? 0.5 : 0.0;
          r.equal = 1.0;
        }},
-      {"mixture", 8, [](QpRecipe& r, Draws& d) { mixed(r, d); }},
+      {"mixture", 8, mixed},
       {"dense", 1,
        [](QpRecipe& r, Draws& d) {
          r.n = d.between(30, 150);
@@ -250,8 +262,7 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
       {"sparse linear", 3,
        [](QpRecipe& r, Draws& d) {
          wide(r, d);
-         r.rank = 0.0;
-         r.active = d.unit();
+         linear(r, d);
        }},
       {"sparse equalities", 2,
        [](QpRecipe& r, Draws& d) {
@@ -275,48 +286,40 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
        }},
       {"box", 5,
        [](QpRecipe& r, Draws& d) {
-         r.m = 0;
-         r.rank = d.unit() * 1.5;
-         r.degenerate = d.chance(0.5) ? d.unit() : 0.0;
+         box(r, d);
          r.fixed = d.chance(0.2) ? 0.3 : 0.0;
        }},
       {"scaled box", 2,
        [](QpRecipe& r, Draws& d) {
-         r.m = 0;
-         r.rank = d.unit() * 1.5;
-         r.degenerate = d.chance(0.5) ? d.unit() : 0.0;
+         box(r, d);
          r.column_spread = k1e8;
        }},
-      {"infeasible", 5, [](QpRecipe& r, Draws& d) { infeasible(r, d); }},
+      {"infeasible", 5, infeasible},
       {"tiny infeasible", 2,
        [](QpRecipe& r, Draws& d) {
-         r.n = d.between(1, 3);
-         r.m = d.between(1, 3);
+         tiny(r, d, 1);
          infeasible(r, d);
        }},
       {"scaled infeasible", 3,
        [](QpRecipe& r, Draws& d) {
          infeasible(r, d);
-         r.row_spread = d.chance(0.6) ? k1e8 : 0;
-         r.column_spread = d.chance(0.6) ? k1e8 : 0;
+         scaled(r, d);
        }},
       {"sparse infeasible", 3,
        [](QpRecipe& r, Draws& d) {
          wide(r, d);
          infeasible(r, d);
        }},
-      {"unbounded", 4, [](QpRecipe& r, Draws& d) { unbounded(r, d); }},
+      {"unbounded", 4, unbounded},
       {"tiny unbounded", 2,
        [](QpRecipe& r, Draws& d) {
-         r.n = d.between(1, 3);
-         r.m = d.between(0, 3);
+         tiny(r, d, 0);
          unbounded(r, d);
        }},
       {"scaled unbounded", 2,
        [](QpRecipe& r, Draws& d) {
          unbounded(r, d);
-         r.row_spread = d.chance(0.6) ? k1e8 : 0;
-         r.column_spread = d.chance(0.6) ? k1e8 : 0;
+         scaled(r, d);
        }},
       {"sparse unbounded", 2,
        [](QpRecipe& r, Draws& d) {
@@ -410,15 +413,17 @@ class QpMaker {
   /// Positive.
   double size(int span) { return span > 0 ? draws_.between(1, span) : 0.1 + 2.0 * draws_.unit(); }
   double small() { return size(exact() ? 3 : 0); }
+  /// An index below `count`.
+  int one_of(Index count) { return draws_.between(0, static_cast<int>(count) - 1); }
 
   void fill_row(MatrixXd& M, Index i, Index first, Index columns) {
     if (recipe_.fill == 0) {
       for (Index j = 0; j < columns; ++j) M(i, first + j) = draws_.chance(0.15) ? 0.0 : value();
       return;
     }
-    const int start = draws_.between(0, static_cast<int>(columns) - 1);
+    const int start = one_of(columns);
     for (int k = 0; k < recipe_.fill; ++k) {
-      const Index j = recipe_.banded ? (start + k) % columns : draws_.between(0, static_cast<int>(columns) - 1);
+      const Index j = recipe_.banded ? (start + k) % columns : one_of(columns);
       M(i, first + j) = value();
     }
   }
@@ -445,13 +450,16 @@ class QpMaker {
   void draw_ray(MatrixXd& J) {
     ray_.setZero(n_);
     const int count = recipe_.fill > 0 || draws_.chance(0.4) ? draws_.between(1, 4) : static_cast<int>(n_);
-    for (int k = 0; k < count; ++k) ray_[draws_.between(0, static_cast<int>(n_) - 1)] = draws_.sign() * draws_.between(1, 3);
-    pivot_ = draws_.between(0, static_cast<int>(n_) - 1);
+    for (int k = 0; k < count; ++k) ray_[one_of(n_)] = draws_.sign() * draws_.between(1, 3);
+    pivot_ = one_of(n_);
     ray_[pivot_] = draws_.sign();
-    for (Index i = 0; i < J.rows(); ++i) {
-      J(i, pivot_) = 0.0;
-      J(i, pivot_) = -J.row(i).dot(ray_) / ray_[pivot_];
-    }
+    for (Index i = 0; i < J.rows(); ++i) make_orthogonal(J, i);
+  }
+
+  /// Row i of M times d becomes 0 by its entry at the pivot.
+  void make_orthogonal(MatrixXd& M, Index i) const {
+    M(i, pivot_) = 0.0;
+    M(i, pivot_) = -M.row(i).dot(ray_) / ray_[pivot_];
   }
 
   void draw_rows(bool with_ray) {
@@ -467,24 +475,21 @@ class QpMaker {
       } else if (draws_.chance(recipe_.zero)) {
         continue;
       } else if (i > 0 && draws_.chance(recipe_.copies)) {
-        A_.row(i) = draws_.sign() * draws_.between(1, 2) * A_.row(draws_.between(0, static_cast<int>(i) - 1));
-        if (draws_.chance(0.3)) A_.row(i) += A_.row(draws_.between(0, static_cast<int>(i) - 1));
+        A_.row(i) = draws_.sign() * draws_.between(1, 2) * A_.row(one_of(i));
+        if (draws_.chance(0.3)) A_.row(i) += A_.row(one_of(i));
       } else {
         fill_row(A_, i, 0, n_);
-        if (with_ray && (recipe_.outcome == Outcome::Neither || draws_.chance(0.5))) {
-          A_(i, pivot_) = 0.0;
-          A_(i, pivot_) = -A_.row(i).dot(ray_) / ray_[pivot_];
-        }
+        if (with_ray && (recipe_.outcome == Outcome::Neither || draws_.chance(0.5))) make_orthogonal(A_, i);
       }
     }
     if (!recipe_.combined) return;
     // Row k is minus a combination of some others: then y proves a contradiction without bounds.
     combination_.setZero(m_);
-    const int k = draws_.between(0, static_cast<int>(m_) - 1);
+    const int k = one_of(m_);
     A_.row(k).setZero();
     const int count = std::min(static_cast<int>(m_) - 1, draws_.between(1, 4));
     for (int c = 0; c < count; ++c) {
-      const int i = draws_.between(0, static_cast<int>(m_) - 1);
+      const int i = one_of(m_);
       if (i != k) combination_[i] = draws_.sign() * draws_.between(1, 3);
     }
     A_.row(k) = -combination_.transpose() * A_;
@@ -522,6 +527,10 @@ class QpMaker {
     z_.setZero(n_);
   }
 
+  /// Of unknown k, or of row k - n.
+  double& lower_side(Index k) { return k >= n_ ? rl_[k - n_] : lb_[k]; }
+  double& upper_side(Index k) { return k >= n_ ? ru_[k - n_] : ub_[k]; }
+
   void surround(double at, double& lower, double& upper, double open) {
     lower = at - small();
     upper = at + small();
@@ -544,8 +553,7 @@ class QpMaker {
       const bool row = k >= n_;
       if (!row && recipe_.contact && k < m_) continue;
       const double at = row ? Ax[k - n_] : x_[k];
-      double& lower = row ? rl_[k - n_] : lb_[k];
-      double& upper = row ? ru_[k - n_] : ub_[k];
+      double &lower = lower_side(k), &upper = upper_side(k);
       Side& side = side_[static_cast<std::size_t>(k)];
       if (draws_.chance(row ? recipe_.equal : recipe_.fixed)) {
         lower = upper = at;
@@ -574,7 +582,7 @@ class QpMaker {
       y_ = combination_;
     } else {
       const int count = draws_.chance(0.2) ? static_cast<int>(m_) : draws_.between(1, 3);
-      for (int c = 0; c < count; ++c) y_[draws_.between(0, static_cast<int>(m_) - 1)] = draws_.sign() * draws_.between(1, 3);
+      for (int c = 0; c < count; ++c) y_[one_of(m_)] = draws_.sign() * draws_.between(1, 3);
     }
     if (draws_.chance(0.5)) y_ = -y_;
     z_ = -A_.transpose() * y_;
@@ -618,12 +626,10 @@ class QpMaker {
   }
 
   void cross() {
-    const int k = draws_.between(0, static_cast<int>(n_ + m_) - 1);
-    double& lower = k >= n_ ? rl_[k - n_] : lb_[k];
-    double& upper = k >= n_ ? ru_[k - n_] : ub_[k];
+    const int k = one_of(n_ + m_);
     const double at = value();
-    lower = at + (draws_.chance(0.5) ? 1e-4 : small());
-    upper = at;
+    lower_side(k) = at + (draws_.chance(0.5) ? 1e-4 : small());
+    upper_side(k) = at;
   }
 
   void gradient(Outcome outcome) {

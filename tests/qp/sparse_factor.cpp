@@ -1,43 +1,36 @@
 #include "clothctl/qp/sparse_factor.hpp"
 
+#include <limits>
 #include <random>
+#include <utility>
+#include <vector>
 
+#include "qp/listed_matrices.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
+using clothctl_test::ListedMatrices;
 
 namespace {
 
 template <class S>
-struct Sparse {
-  Index n, m;
-  MatrixX<S> H, A, At;
-  detail::Columns<S> h, a, at;
-
-  Sparse(Index unknowns, Index rows, std::mt19937& random) : n(unknowns), m(rows) {
-    std::normal_distribution<double> normal;
-    H = MatrixX<S>::Zero(n, n);
-    A = MatrixX<S>::Zero(m, n);
-    for (Index i = 0; i < n; ++i) {  // a sum of squares of three entries each, and some unknowns without curvature
-      VectorX<S> v = VectorX<S>::Zero(n);
-      for (int k = 0; k < 3; ++k) v[static_cast<Index>(random() % static_cast<unsigned>(n))] = static_cast<S>(normal(random));
-      if (i % 2 == 0) H += v * v.transpose();
-    }
-    for (Index i = 0; i < m; ++i) {
-      for (int k = 0; k < 3; ++k)
-        A(i, static_cast<Index>(random() % static_cast<unsigned>(n))) = static_cast<S>(normal(random));
-    }
-    if (m > 3) A.row(3) = A.row(2);  // the same row twice
-    At = A.transpose();
-    h.reserve(n, n);
-    a.reserve(m, n);
-    at.reserve(n, m);
-    h.list(H.data(), n, n);
-    a.list(A.data(), m, n);
-    at.list(At.data(), n, m);
+ListedMatrices<S> drawn_matrices(Index n, Index m, std::mt19937& random) {
+  std::normal_distribution<double> normal;
+  const auto scatter = [&](auto&& entries) {  // three of them
+    for (int k = 0; k < 3; ++k)
+      entries[static_cast<Index>(random() % static_cast<unsigned>(n))] = static_cast<S>(normal(random));
+  };
+  MatrixX<S> H = MatrixX<S>::Zero(n, n), A = MatrixX<S>::Zero(m, n);
+  for (Index i = 0; i < n; ++i) {  // a sum of squares of three entries each, and some unknowns without curvature
+    VectorX<S> v = VectorX<S>::Zero(n);
+    scatter(v);
+    if (i % 2 == 0) H += v * v.transpose();
   }
-};
+  for (Index i = 0; i < m; ++i) scatter(A.row(i));
+  if (m > 3) A.row(3) = A.row(2);  // the same row twice
+  return {std::move(H), std::move(A)};
+}
 
 template <class S>
 VectorX<S> drawn(Index size, std::mt19937& random) {
@@ -54,7 +47,7 @@ TEMPLATE_TEST_CASE("the sparse factor solves the regularised optimality system o
   std::mt19937 random(8);
   for (const Index m : {Index(0), Index(35)}) {
     const Index n = 60;
-    Sparse<S> q(n, m, random);
+    const ListedMatrices<S> q = drawn_matrices<S>(n, m, random);
     REQUIRE(q.h.sparse());
     detail::SparseFactor<S> factor;
     factor.reserve(n + 5, m + 2);
@@ -121,24 +114,17 @@ TEST_CASE("columns that continue each other are eliminated together to the same 
       for (Index j = 0; j < n; ++j) H(i, j) += 0.3 / (1.0 + static_cast<double>(std::abs(i - j)));
     }
     for (Index i = 0; i < 4; ++i) A(i, i * n) = 1.0;
-    const MatrixX<double> At = A.transpose();
-    detail::Columns<double> h, a, at;
-    h.reserve(4 * n, 4 * n);
-    a.reserve(4, 4 * n);
-    at.reserve(4 * n, 4);
-    h.list(H.data(), 4 * n, 4 * n);
-    a.list(A.data(), 4, 4 * n);
-    at.list(At.data(), 4 * n, 4);
+    const ListedMatrices<double> q(H, A);
     detail::SparseFactor<double> factor;
     factor.reserve(4 * n, 4);
-    REQUIRE(factor.analyse(h, a, at, 1e18));
+    REQUIRE(factor.analyse(q.h, q.a, q.at, 1e18));
     bool changed = false;
     REQUIRE(factor.sync(
         1e-3, 1e-2, [](Index) { return true; }, [](Index i) { return i != 2; }, changed));
     VectorX<double> r1 = VectorX<double>::LinSpaced(4 * n, -1.0, 1.0), r2 = VectorX<double>::Ones(4);
     VectorX<double> p(4 * n), delta = VectorX<double>::Zero(4);
     factor.solve(r1, r2, p, delta);
-    CHECK((H * p + 1e-3 * p - At * delta + r1).norm() < 1e-12);
+    CHECK((H * p + 1e-3 * p - q.At * delta + r1).norm() < 1e-12);
     const VectorX<double> second = A * p + 1e-2 * delta + r2;
     for (Index i : {0, 1, 3}) CHECK(std::abs(second[i]) < 1e-12);
   }
@@ -146,17 +132,14 @@ TEST_CASE("columns that continue each other are eliminated together to the same 
 
 TEST_CASE("an unknown of negative curvature and numbers that are not finite fail where they stand", "[qp]") {
   std::mt19937 random(4);
-  Sparse<double> q(50, 20, random);
+  ListedMatrices<double> q = drawn_matrices<double>(50, 20, random);
   const auto all = [](Index) { return true; };
   detail::SparseFactor<double> factor;
   factor.reserve(50, 20);
   bool changed = false;
   q.H(7, 7) = -5.0;
   q.A.col(7).setZero();
-  q.At = q.A.transpose();
-  q.h.list(q.H.data(), 50, 50);
-  q.a.list(q.A.data(), 20, 50);
-  q.at.list(q.At.data(), 50, 20);
+  q.list();
   REQUIRE(factor.analyse(q.h, q.a, q.at, 1e18));
   CHECK_FALSE(factor.sync(1e-3, 1e-2, all, all, changed));
   CHECK(factor.free_failed());
@@ -170,7 +153,7 @@ TEST_CASE("an unknown of negative curvature and numbers that are not finite fail
 
 TEST_CASE("sparse factors refuse what costs too much, and neither analyse nor sync allocates", "[qp]") {
   std::mt19937 random(5);
-  Sparse<double> q(80, 30, random);
+  const ListedMatrices<double> q = drawn_matrices<double>(80, 30, random);
   detail::SparseFactor<double> factor;
   factor.reserve(80, 30);
   const long before = clothctl_test::allocations();
