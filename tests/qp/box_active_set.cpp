@@ -1,9 +1,11 @@
 #include "clothctl/qp/box_active_set.hpp"
 
+#include <Eigen/Dense>
 #include <limits>
 #include <vector>
 
 #include "laws/qp_solver_laws.hpp"
+#include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/qpt.hpp"
 #include "support/shared_data.hpp"
@@ -101,6 +103,55 @@ TEST_CASE("flat directions end at a bound or prove the problem unbounded", "[qp]
   CHECK(solver.solve(vec(-1.0, -1.0), vec(0.0, 0.0), vec(inf, 5.0), r) == QpStatus::Solved);
   CHECK(r.x[1] == 5.0);
   CHECK(r.x[0] == Approx(6.0));
+}
+
+// Sequences that go from few active bounds to many and back: the modes hand over to each other.
+TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", "[qp]", float, double) {
+  using S = TestType;
+  std::mt19937 random(17);
+  std::normal_distribution<double> normal;
+  for (const double condition : {1e1, sizeof(S) == 8 ? 1e7 : 1e3}) {
+    for (const Index n : {Index(9), Index(60), Index(220)}) {
+      MatrixX<double> J(n, n);
+      for (Index k = 0; k < J.size(); ++k) J.data()[k] = normal(random) / std::sqrt(static_cast<double>(n));
+      for (Index i = 0; i < n; ++i) J.row(i) *= std::pow(condition, -0.5 * static_cast<double>(i) / static_cast<double>(n));
+      const MatrixX<S> H = (J.transpose() * J + MatrixX<double>::Identity(n, n) / condition).template cast<S>();
+      BoxActiveSet<S> warm;
+      warm.reserve(n);
+      QpResult<S> result, cold_result;
+      VectorX<S> g = VectorX<S>::Zero(n);
+      REQUIRE(warm.set_hessian(H) == QpStatus::Solved);
+      Index fewest = n, most = 0;
+      for (int frame = 0; frame < 30; ++frame) {
+        if (frame == 12) REQUIRE(warm.set_hessian(H) == QpStatus::Solved);  // what was made for H is forgotten, the set is not
+        for (Index i = 0; i < n; ++i) g[i] = S(0.8) * g[i] + S(0.2 * normal(random));
+        // From hardly any bound to most of them.
+        const S farthest = H.llt().solve(g).cwiseAbs().maxCoeff();
+        const VectorX<S> ub = VectorX<S>::Constant(n, S(frame % 15 < 10 ? 0.9 : 0.01) * farthest), lb = S(-0.8) * ub;
+        const QpStatus status = warm.solve(g, lb, ub, result);
+        const long before = clothctl_test::allocations();
+        const QpStatus again = warm.solve(g, lb, ub, result);
+        const long taken = clothctl_test::allocations() - before;
+        REQUIRE(status == QpStatus::Solved);
+        REQUIRE(again == QpStatus::Solved);
+        CHECK(result.iterations == 0);
+        if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+        BoxActiveSet<S> cold;
+        REQUIRE(cold.set_hessian(H) == QpStatus::Solved);
+        REQUIRE(cold.solve(g, lb, ub, cold_result) == QpStatus::Solved);
+        const S scale = S(1) + std::abs(cold_result.objective);
+        CHECK(std::abs(result.objective - cold_result.objective) < S(tolerance<S>()) * scale);
+        CHECK((result.x.array() >= lb.array()).all());
+        CHECK((result.x.array() <= ub.array()).all());
+        fewest = std::min(fewest, n - warm.free_count());
+        most = std::max(most, n - warm.free_count());
+      }
+      if (n > 9) {
+        CHECK(fewest <= n / 3);
+        CHECK(most > n / 3);
+      }
+    }
+  }
 }
 
 TEST_CASE("a linear program over a box goes to its corners", "[qp]") {

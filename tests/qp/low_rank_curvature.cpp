@@ -78,6 +78,41 @@ TEST_CASE("Newton steps and products are those of the dense matrix, whatever cam
   if (clothctl_test::allocation_counting_works()) CHECK(inside == 0);
 }
 
+TEST_CASE("the low-rank minimiser on changing active sets is that of the optimality equations", "[qp][low_rank]") {
+  const Index n = 50, r = 8;
+  const FactoredHessian<double> given(n, r, 21);
+  const MatrixX<double> H = given.dense();
+  detail::LowRankCurvature<double> curvature;
+  curvature.reserve(n + 2, r + 1);
+  given.fill(curvature);
+  std::mt19937 random(5);
+  const VectorX<double> lo = -VectorX<double>::Random(n).cwiseAbs(), hi = VectorX<double>::Random(n).cwiseAbs();
+  VectorX<double> x(n + 2), z(n + 2);
+  std::vector<QpSide> sides(static_cast<std::size_t>(n), QpSide::Between);
+  const auto side_of = [&](Index i) { return sides[static_cast<std::size_t>(i)]; };
+  for (int frame = 0; frame < 20; ++frame) {
+    const VectorX<double> g = VectorX<double>::Random(n);
+    curvature.start_rounds(g);
+    for (int round = 0; round < 5; ++round) {
+      for (int k = 0; k < (round == 4 ? n / 2 : 2); ++k) {
+        sides[random() % static_cast<unsigned>(n)] = static_cast<QpSide>(static_cast<int>(random() % 3u) - 1);
+      }
+      const long before = clothctl_test::allocations();
+      const bool done = curvature.minimise(g, lo, hi, side_of, 1e-14, x, z);
+      const long taken = clothctl_test::allocations() - before;
+      REQUIRE(done);
+      if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+      const VectorX<double> q = H * x.head(n) + g;
+      for (Index i = 0; i < n; ++i) {
+        if (side_of(i) == QpSide::Between) CHECK(std::abs(q[i]) < 1e-10);
+        if (side_of(i) == QpSide::Lower) CHECK(x[i] == lo[i]);
+        if (side_of(i) == QpSide::Upper) CHECK(x[i] == hi[i]);
+        if (side_of(i) != QpSide::Between) CHECK(z[i] == Approx(q[i]).margin(1e-10));
+      }
+    }
+  }
+}
+
 TEST_CASE("a walk whose unknowns stop one by one has the slope, curvature and gradient of the dense matrix", "[qp][low_rank]") {
   const Index n = 20, r = 4;
   const FactoredHessian<double> given(n, r, 8);

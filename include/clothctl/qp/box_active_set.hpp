@@ -94,7 +94,7 @@ class BoxActiveSet {
   void reset() { method_.reset(); }
 
   /// Number of free unknowns after the last solve.
-  Index free_count() const { return method_.curvature().size(); }
+  Index free_count() const { return method_.free_count(); }
 
  private:
   using Method = detail::BoxMethod<Scalar, detail::DenseCurvature<Scalar>>;

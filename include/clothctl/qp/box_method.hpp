@@ -15,14 +15,20 @@
 // a direction d with H d = 0 and qᵀd < 0 (flat_direction.hpp): walk along it to the first bound; if there is none the problem
 // is unbounded.
 // How H is kept, multiplied and factored is the curvature's business (dense_curvature.hpp, low_rank_curvature.hpp).
-// Reference: primal active sets, Nocedal and Wright (2006) §16.5; projected Newton, Bertsekas, SIAM J. Control Optim. 20
-// (1982).
+//
+// Where a minimiser on an active set is cheap, primal-dual rounds (primal_dual_rounds.hpp) come first, and the steps above
+// start from their guess: mostly they find it optimal. With a low-rank Hessian it is cheap always; with a dense one where few
+// bounds are active and the Hessian has been used before (active_bounds.hpp). Reference: primal active sets, Nocedal and Wright
+// (2006) §16.5; projected Newton, Bertsekas, SIAM J. Control Optim. 20 (1982).
 
 #include <algorithm>
 #include <vector>
 
 #include "clothctl/qp/budget.hpp"
+#include "clothctl/qp/changing_set.hpp"
 #include "clothctl/qp/flat_direction.hpp"
+#include "clothctl/qp/kept_product.hpp"
+#include "clothctl/qp/primal_dual_rounds.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::detail {
@@ -42,9 +48,10 @@ class BoxMethod {
 
   /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
   void reserve(Index n) {
-    for (Vector* v : {&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_, &product_, &product_at_})
-      v->setZero(n);
+    for (Vector* v : {&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_}) v->setZero(n);
+    product_.reserve(n);
     flat_.reserve(n);
+    rounds_.reserve(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
@@ -62,7 +69,9 @@ class BoxMethod {
     if (curvature_.unknowns() != n_) reset();
     n_ = curvature_.unknowns();
     curvature_.clear();
-    product_known_ = false;
+    if constexpr (!Curvature::kDefinite) curvature_.active_bounds().forget();
+    product_.forget();
+    used_ = false;
     for (Index j = 0; j < n_; ++j) {
       const Scalar own = curvature_.diagonal(j);
       scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
@@ -77,16 +86,34 @@ class BoxMethod {
   /// The direction of the last DualInfeasible, n entries in use.
   const Vector& ray() const { return flat_.ray(); }
 
+  /// Who looks at the gradient of a guess whose rounds came to an end.
+  enum class Judge { Method, Caller };
+
   /// Solves; answers Solved (as far as the method can tell), what ran out, NonConvex or DualInfeasible, and adds rounds with a
-  /// change of the active set to `iterations`. Never allocates.
-  QpStatus solve(const Data& data, const Scalar& stationarity_tolerance, const Budget& budget, int& iterations) {
+  /// change of the active set to `iterations`. Where the caller judges x anyway, a finished guess is Solved without a gradient,
+  /// and `gradient()` is of no use. Never allocates.
+  QpStatus solve(const Data& data, const Scalar& stationarity_tolerance, const Budget& budget, int& iterations,
+                 Judge judge = Judge::Method) {
     data_ = &data;
     stationarity_tolerance_ = stationarity_tolerance;
+    const bool warm = start_ != Start::Cold;
     take_start();
-    const QpStatus status = iterate(budget, iterations);
+    const bool guessed = guess(warm, budget, iterations);
+    QpStatus status = QpStatus::Solved;
+    if (guessed && !rounds_.ended()) status = budget.after(iterations);
+    if (status == QpStatus::Solved && !(guessed && rounds_.ended() && judge == Judge::Caller)) {
+      status = iterate(guessed, budget, iterations);
+    }
+    if constexpr (!Curvature::kDefinite) {
+      if (!warm && n_ <= kEager && few_are_active()) prepare_active_bounds();
+    }
+    used_ = true;
     data_ = nullptr;
     return status;
   }
+
+  /// Number of unknowns that are free.
+  Index free_count() const { return static_cast<Index>(std::count(state_.begin(), state_.begin() + n_, kFree)); }
 
   /// H x + g from scratch into `gradient()`.
   void refresh(const Data& data) {
@@ -101,7 +128,7 @@ class BoxMethod {
     if (all_finite(x_.head(n_))) return false;
     for (Index i = 0; i < n_; ++i) x_[i] = (std::min)((std::max)(Scalar(0), data.lo[i]), data.hi[i]);
     curvature_.clear();
-    product_known_ = false;
+    product_.forget();
     reset();
     return true;
   }
@@ -163,38 +190,66 @@ class BoxMethod {
     start_ = Start::Warm;
   }
 
+  bool few_are_active() const { return ActiveBounds<Scalar>::suits(n_ - free_count(), n_); }
+
+  /// Makes the active-set mode ready for this Hessian, with the memory of the free-set factor.
+  void prepare_active_bounds() {
+    ActiveBounds<Scalar>& mode = curvature_.active_bounds();
+    if (!mode.ready()) mode.prepare(curvature_.H(), curvature_.factor().lend());
+  }
+
+  /// Primal-dual rounds from the present set, where they are cheaper than rounds of this method. Answers whether x and the set
+  /// are their guess.
+  bool guess(bool warm, const Budget& budget, int& iterations) {
+    if constexpr (Curvature::kDefinite)
+      return take_guess(curvature_, budget, iterations);
+    else {
+      if (!warm || !few_are_active()) return false;
+      if (used_) prepare_active_bounds();
+      return curvature_.active_bounds().known() && take_guess(curvature_.active_bounds(), budget, iterations);
+    }
+  }
+
+  template <class Minimiser>
+  bool take_guess(Minimiser& minimiser, const Budget& budget, int& iterations) {
+    minimiser.start_rounds(g());
+    const auto side_of = [this](Index i) { return static_cast<QpSide>(state(i) == kParked ? kFree : state(i)); };
+    if (!rounds_.find(minimiser, n_, g(), lo(), hi(), side_of, relative_zero(), budget, iterations)) return false;
+    const bool cut_short = !rounds_.ended() && budget.after(iterations) != QpStatus::Solved;
+    if (cut_short && !(objective(rounds_.x()) < objective(x_))) return true;
+    x_.head(n_) = rounds_.x().head(n_);
+    for (Index i = 0; i < n_; ++i) {
+      if (rounds_.side(i) == QpSide::Between)
+        state(i) = kFree;
+      else
+        place_by_x(i);
+    }
+    return true;
+  }
+
+  Scalar objective(const Vector& x) {
+    last_q_.head(n_).setConstant(Scalar(0));
+    curvature_.add_product(x, last_q_);
+    return (Scalar(0.5) * last_q_.head(n_) + g().head(n_)).dot(x.head(n_));
+  }
+
+  /// One more step of the mode that guessed, for what rounding left in x.
+  void refine_guess() {
+    if constexpr (!Curvature::kDefinite) {
+      curvature_.active_bounds().newton(q_, p_);
+      x_.head(n_) = (x_.head(n_) + p_.head(n_)).cwiseMax(lo().head(n_)).cwiseMin(hi().head(n_));
+      refresh_gradient();
+    }
+  }
+
   /// Status of an unknown that is not in the factor, from where it stands.
   void place_by_x(Index i) { state(i) = !(x_[i] > lo()[i]) ? kLower : !(x_[i] < hi()[i]) ? kUpper : kParked; }
 
   /// q = g + H x; the product comes from scratch, or was made so for this very x.
-  void refresh_gradient() {
-    if (!product_known_ || moved_from_product() > 0) {
-      product_.head(n_).setConstant(Scalar(0));
-      curvature_.add_product(x_, product_);
-      product_at_.head(n_) = x_.head(n_);
-      product_known_ = all_finite(x_.head(n_));
-    }
-    take_gradient(product_);
-  }
+  void refresh_gradient() { take_gradient(product_.refresh(curvature_, x_)); }
 
-  /// q = g + H x at the start of a solve: where few unknowns moved since the last one, only their part of the product is new.
-  void start_gradient() {
-    const Index moved = product_known_ ? moved_from_product() : n_;
-    if (moved == 0 || 4 * moved > n_) {
-      refresh_gradient();
-      return;
-    }
-    last_x_.head(n_) = x_.head(n_) - product_at_.head(n_);
-    last_q_.head(n_) = product_.head(n_);
-    curvature_.add_product(last_x_, last_q_);
-    take_gradient(last_q_);
-  }
-
-  /// The number of unknowns that are not where `product_` was made.
-  Index moved_from_product() const {
-    Index moved = 0;
-    for (Index j = 0; j < n_; ++j) moved += x_[j] < product_at_[j] || x_[j] > product_at_[j] ? 1 : 0;
-    return moved;
+  Scalar relative_zero() const {
+    return (std::max)(Scalar(32) * scalar_traits<Scalar>::epsilon(), Scalar(stationarity_tolerance_ / Scalar(64)));
   }
 
   void take_gradient(const Vector& product) {
@@ -205,34 +260,14 @@ class BoxMethod {
     const Scalar slope = g().head(n_).cwiseAbs().maxCoeff(), bend = product.head(n_).cwiseAbs().maxCoeff();
     const Scalar largest = (std::max)(Scalar(1), (std::max)(slope, bend));
     const Scalar length = root_.head(n_).dot(x_.head(n_).cwiseAbs());
-    const Scalar relative =
-        (std::max)(Scalar(32) * scalar_traits<Scalar>::epsilon(), Scalar(stationarity_tolerance_ / Scalar(64)));
-    zero_.head(n_) = relative * (g().head(n_).cwiseAbs() + length * root_.head(n_)).cwiseMin(largest);
+    zero_.head(n_) = relative_zero() * (g().head(n_).cwiseAbs() + length * root_.head(n_)).cwiseMin(largest);
   }
 
   /// Brings the factor in line with the free states. Returns how many unknowns it took in; the dependent ones stay out.
   Index sync_factor() {
-    Index gone = 0;
-    Index fresh = 0;
-    for (Index i = 0; i < n_; ++i) {
-      const bool in = curvature_.place(i) >= 0;
-      if (state(i) == kFree && !in) list_[static_cast<std::size_t>(fresh++)] = i;
-      if (state(i) != kFree && in) ++gone;
-    }
-    if (gone == 0 && fresh == 0) return 0;
-    if (curvature_.few(gone + fresh, curvature_.size() - gone)) {
-      for (Index k = curvature_.size(); k-- > 0;) {
-        if (state(curvature_.order(k)) != kFree) curvature_.remove(k);
-      }
-      for (Index k = 0; k < fresh; ++k) curvature_.append(list(k));
-    } else {
-      Index count = 0;
-      for (Index k = 0; k < curvature_.size(); ++k) {
-        if (state(curvature_.order(k)) == kFree) moving_[static_cast<std::size_t>(count++)] = curvature_.order(k);
-      }
-      for (Index k = 0; k < fresh; ++k) moving_[static_cast<std::size_t>(count++)] = list(k);
-      curvature_.renew(moving_, count);
-    }
+    const Index fresh = bring_to_set(
+        curvature_, n_, [this](Index i) { return state(i) == kFree; }, list_, moving_);
+    if (fresh == 0) return 0;
     if constexpr (Curvature::kDefinite) return fresh;
     Index taken = 0;
     for (Index k = 0; k < fresh; ++k) {
@@ -384,18 +419,24 @@ class BoxMethod {
     return true;
   }
 
-  /// Tells whether the gradient vanishes on the free unknowns and has the right sign on the others.
-  bool optimal() {
+  /// Tells whether the gradient vanishes on the free unknowns, to so many times what counts as zero, and has the right sign on
+  /// the others.
+  bool optimal(const Scalar& times = Scalar(1)) {
     using std::abs;
     for (Index i = 0; i < n_; ++i) {
-      if (state(i) == kFree && !(abs(q_[i]) <= zero_[i])) return false;
+      if (state(i) == kFree && !(abs(q_[i]) <= times * zero_[i])) return false;
       if (violation(i) > Scalar(0)) return false;
     }
     return true;
   }
 
-  QpStatus iterate(const Budget& budget, int& iterations) {
-    start_gradient();
+  /// Whether a guess needs no more work: its stationarity may take an eighth of the tolerance.
+  bool good_guess() { return optimal((std::max)(Scalar(1), Scalar(stationarity_tolerance_ / (Scalar(8) * relative_zero())))); }
+
+  QpStatus iterate(bool guessed, const Budget& budget, int& iterations) {
+    take_gradient(product_.update(curvature_, x_));
+    if (guessed && good_guess()) return QpStatus::Solved;
+    if (guessed) refine_guess();
     if (optimal()) {  // the product of a few moves may be rounded by how far they went
       refresh_gradient();
       if (optimal()) return QpStatus::Solved;
@@ -438,20 +479,21 @@ class BoxMethod {
     }
   }
 
-  static constexpr int kStalls = 3;
-  static constexpr int kPolishes = 4;
+  static constexpr int kStalls = 3, kPolishes = 4;
+  static constexpr Index kEager = 200;  // up to here a cold solve makes ready for warm ones: a few milliseconds
 
   Curvature curvature_;
   FlatDirection<Scalar> flat_;
+  PrimalDualRounds<Scalar> rounds_;
   Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_;
-  Vector product_, product_at_;  // H x from scratch, and that x
+  KeptProduct<Scalar> product_;
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
   const Data* data_ = nullptr;
   Scalar stationarity_tolerance_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
   Index n_ = 0;
   Start start_ = Start::Cold;
-  bool product_known_ = false;
+  bool used_ = false;  // a solve had this Hessian before
 };
 
 }  // namespace clothctl::detail

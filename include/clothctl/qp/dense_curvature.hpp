@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <vector>
 
+#include "clothctl/qp/active_bounds.hpp"
 #include "clothctl/qp/free_set_factor.hpp"
 
 namespace clothctl::detail {
@@ -22,6 +23,7 @@ class DenseCurvature {
   /// Makes room for n unknowns. Allocates.
   void reserve(Index n) {
     factor_.reserve(n);
+    active_bounds_.reserve(n);
     w_.setZero(n);
     solution_.setZero(n);
     n_ = 0;
@@ -40,6 +42,8 @@ class DenseCurvature {
   Scalar diagonal(Index i) const { return H()(i, i); }
   /// The factor of the free block.
   FreeSetFactor<Scalar>& factor() { return factor_; }
+  /// The mode for few active bounds.
+  ActiveBounds<Scalar>& active_bounds() { return active_bounds_; }
 
   /// Number of unknowns in the factor.
   Index size() const { return factor_.size(); }
@@ -111,6 +115,7 @@ class DenseCurvature {
   }
 
   FreeSetFactor<Scalar> factor_;
+  ActiveBounds<Scalar> active_bounds_;
   Vector w_, solution_;
   const Scalar* data_ = nullptr;
   Index n_ = 0;

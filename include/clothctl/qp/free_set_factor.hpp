@@ -24,17 +24,16 @@ class FreeSetFactor {
   using HessianView = Eigen::Ref<const Matrix>;
 
   /// Makes room for n unknowns. Allocates.
-  void reserve(Index n) {
-    Index stride = (n + 7) / 8 * 8;
+  void reserve(Index n) { reserve(n, n); }
+
+  /// Makes room for sets of at most `most` out of n unknowns. Allocates.
+  void reserve(Index n, Index most) {
+    Index stride = (most + 7) / 8 * 8;
     if (stride % 64 == 0) stride += 8;  // keeps columns off each other's cache sets
-    L_.setZero(stride, n);
-    order_.assign(static_cast<std::size_t>(n), 0);
+    L_.setZero(stride, most);
+    order_.assign(static_cast<std::size_t>(most), 0);
     position_.assign(static_cast<std::size_t>(n), -1);
-    work_.setZero(n);
-    rotated_.setZero(n);
-    scale_.setZero(n);
-    cosine_.setZero(n);
-    sine_.setZero(n);
+    for (VectorX<Scalar>* v : {&work_, &rotated_, &scale_, &cosine_, &sine_}) v->setZero(most);
     size_ = 0;
   }
 
@@ -42,6 +41,12 @@ class FreeSetFactor {
   void clear() {
     for (Index k = 0; k < size_; ++k) position(order(k)) = -1;
     size_ = 0;
+  }
+
+  /// Empties the set and lends the memory of L, as large as was reserved, to the caller.
+  Eigen::Ref<Matrix> lend() {
+    clear();
+    return L_;
   }
 
   /// Number of unknowns in the set.

@@ -6,10 +6,16 @@
 //   H_FF⁻¹ = D_F⁻¹ - D_F⁻¹ N_Fᵀ S⁻¹ N_F D_F⁻¹      (Woodbury)
 //
 // An unknown joins or leaves F by a rank-one change of L and d, O(r²), whatever the size of F; a Newton step is O(r f + r²), a
-// gradient O(r n), and a breakpoint of a walk O(r), for q along it is q + D Δx + NᵀU with U = N Δx.
+// gradient O(r n), and a breakpoint of a walk O(r), for q along it is q + D Δx + NᵀU with U = N Δx. The minimiser on an active
+// set A, x_A = b_A, follows from c = N x alone, in O(r n + r²):
+//
+//   S c = N_A b_A - N_F D_F⁻¹ g_F,   x_F = -D_F⁻¹ (g_F + N_Fᵀ c),   z_A = D_A b_A + g_A + N_Aᵀ c
 
+#include <cmath>
 #include <vector>
 
+#include "clothctl/qp/changing_set.hpp"
+#include "clothctl/qp/problem.hpp"
 #include "clothctl/qp/tiled_cholesky.hpp"
 
 namespace clothctl::detail {
@@ -57,10 +63,11 @@ class LowRankCurvature {
     N_.setZero(r, n);
     L_.setZero(r, r);
     S_.setZero(r, r);
+    for (Matrix* M : {&batch_, &weighted_}) M->setZero(r, kBatch);
     in_S_.assign(static_cast<std::size_t>(n), 0);
-    for (Vector* v : {&D_, &inverse_}) v->setZero(n);
-    for (Vector* v : {&work_, &v_, &U_, &d_}) v->setZero(r);
-    order_.assign(static_cast<std::size_t>(n), 0);
+    for (Vector* v : {&D_, &inverse_, &share_}) v->setZero(n);
+    for (Vector* v : {&work_, &v_, &U_, &d_, &right_}) v->setZero(r);
+    for (std::vector<Index>* v : {&order_, &fresh_, &kept_}) v->assign(static_cast<std::size_t>(n), 0);
     place_.assign(static_cast<std::size_t>(n), -1);
     n_ = r_ = size_ = 0;
   }
@@ -149,14 +156,47 @@ class LowRankCurvature {
       p[i] = -q[i] * inverse_[i];
       work_.head(r_) += p[i] * column(i);
     }
-    Eigen::Ref<Vector> s = work_.head(r_);
-    L_.topLeftCorner(r_, r_).template triangularView<Eigen::UnitLower>().solveInPlace(s);
-    s.array() /= d_.head(r_).array();
-    L_.topLeftCorner(r_, r_).transpose().template triangularView<Eigen::UnitUpper>().solveInPlace(s);
+    solve(work_.head(r_));
     for (Index k = 0; k < size_; ++k) {
       const Index i = order(k);
-      p[i] -= inverse_[i] * column(i).dot(s);
+      p[i] -= inverse_[i] * column(i).dot(work_.head(r_));
     }
+  }
+
+  /// Primal-dual rounds with another gradient begin.
+  void start_rounds(const Vector&) {
+    right_.head(r_).setConstant(Scalar(0));
+    share_.head(n_).setConstant(Scalar(0));
+  }
+  /// x and, on the active set that side_of names, z of the minimiser on it (primal_dual_rounds.hpp). Never allocates.
+  template <class SideOf>
+  bool minimise(const Vector& g, const Vector& lo, const Vector& hi, SideOf side_of, const Scalar& tolerance, Vector& x,
+                Vector& z) {
+    using std::abs;
+    bring_to_set(
+        *this, n_, [&](Index i) { return side_of(i) == QpSide::Between; }, fresh_, kept_);
+    for (Index i = 0; i < n_; ++i) {
+      const QpSide side = side_of(i);
+      x[i] = side == QpSide::Lower ? lo[i] : side == QpSide::Upper ? hi[i] : Scalar(-g[i] * inverse_[i]);
+      const Scalar more = x[i] - share_[i];
+      if (more < Scalar(0) || more > Scalar(0)) right_.head(r_) += more * column(i);
+      share_[i] = x[i];
+    }
+    work_.head(r_) = right_.head(r_);
+    solve(work_.head(r_));
+    z.head(n_).noalias() = N_.topLeftCorner(r_, n_).transpose() * work_.head(r_);
+    const Scalar rounding = Scalar(32) * scalar_traits<Scalar>::epsilon();
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar coupling = z[i], own = D_[i] * x[i];
+      if (place(i) >= 0) {
+        const Scalar slack = rounding * (abs(coupling) + abs(g[i])) * inverse_[i];
+        x[i] = snap(Scalar(x[i] - coupling * inverse_[i]), lo[i], hi[i], slack);
+      } else {
+        z[i] = coupling + own + g[i];
+        if (abs(z[i]) <= tolerance * (abs(coupling) + abs(own) + abs(g[i]))) z[i] = Scalar(0);
+      }
+    }
+    return true;
   }
 
   /// Starts a walk along p, which is zero but at moving[0 … count-1].
@@ -206,9 +246,16 @@ class LowRankCurvature {
   }
 
  private:
-  static constexpr Index kMostUpdates = 300, kUpdateCost = 3, kMostSummed = 4000;
+  static constexpr Index kMostUpdates = 300, kUpdateCost = 3, kMostSummed = 4000, kBatch = 32;
 
   auto column(Index i) const { return N_.col(i).head(r_); }
+
+  /// s ← S⁻¹ s.
+  void solve(Eigen::Ref<Vector> s) const {
+    L_.topLeftCorner(r_, r_).template triangularView<Eigen::UnitLower>().solveInPlace(s);
+    s.array() /= d_.head(r_).array();
+    L_.topLeftCorner(r_, r_).transpose().template triangularView<Eigen::UnitUpper>().solveInPlace(s);
+  }
 
   void change(Index i, int sign) {
     ++updates_;
@@ -217,12 +264,20 @@ class LowRankCurvature {
     if (!rank_one_change<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_), work_.head(r_), weight)) refactor();
   }
 
-  /// S += weight · N_i N_iᵀ, lower triangle.
+  /// Adds weight · N_i N_iᵀ to what S is to get.
   void sum(Index i, const Scalar& weight) {
-    for (Index c = 0; c < r_; ++c) {
-      const Scalar w = N_(c, i) * weight;
-      if (w < Scalar(0) || w > Scalar(0)) S_.col(c).segment(c, r_ - c) += w * N_.col(i).segment(c, r_ - c);
+    batch_.col(batched_) = N_.col(i);
+    weighted_.col(batched_) = -weight * N_.col(i);
+    if (++batched_ == kBatch) add_batch();
+  }
+
+  /// Adds it, to the lower triangle.
+  void add_batch() {
+    for (Index j = 0; j < r_ && batched_ > 0; j += kTile) {
+      const Index rest = r_ - j, nj = (std::min)(kTile, rest);
+      subtract_outer<Scalar>(S_.block(j, j, rest, nj), weighted_.block(j, 0, rest, batched_), batch_.block(j, 0, nj, batched_));
     }
+    batched_ = 0;
   }
 
   /// Brings S to the free set: by what changed since, or from the start when that is less or when rounding may have gathered.
@@ -244,6 +299,7 @@ class LowRankCurvature {
       in = wanted;
       sum(i, wanted != 0 ? inverse_[i] : Scalar(-inverse_[i]));
     }
+    add_batch();
   }
 
   void refactor() {
@@ -260,11 +316,13 @@ class LowRankCurvature {
   }
 
   Matrix N_, L_, S_;
-  std::vector<char> in_S_;  // the unknowns in S_
+  Matrix batch_, weighted_;  // columns on their way into S_
+  std::vector<char> in_S_;   // the unknowns in S_
   Vector D_, inverse_, work_, v_, U_, d_;
-  std::vector<Index> order_, place_;
+  Vector right_, share_;  // N times what each unknown gives to it
+  std::vector<Index> order_, place_, fresh_, kept_;
   Scalar slope_ = Scalar(0), axial_ = Scalar(0), bend_ = Scalar(0), length_ = Scalar(0);
-  Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, updates_ = 0, summed_ = kMostSummed;
+  Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, batched_ = 0, updates_ = 0, summed_ = kMostSummed;
 };
 
 }  // namespace clothctl::detail

@@ -182,6 +182,13 @@ Scalar bound_multiplier(const Scalar& q, const Scalar& x, const Scalar& lo, cons
   return Scalar(0);
 }
 
+/// x, put on the bound that it is outside of by no more than `slack`.
+template <RealScalar Scalar>
+Scalar snap(const Scalar& x, const Scalar& lo, const Scalar& hi, const Scalar& slack) {
+  if (x < lo) return lo - x <= slack ? lo : x;
+  return x > hi && x - hi <= slack ? hi : x;
+}
+
 /// Whether every value is a side.
 inline bool are_sides(std::span<const QpSide> sides) {
   return std::all_of(sides.begin(), sides.end(),

@@ -63,17 +63,15 @@ class StructuredBox {
              QpResult<Scalar>& result) {
     load(data);
     const typename Method::Data reduced{g_, lo_, hi_};
-    result.status = method_.solve(reduced, settings.stationarity_tolerance, budget, result.iterations);
-    if (method_.give_up_broken(reduced)) return false;
-    recover(data, result);
-    const Index n = data.n(), m = data.m();
-    const KktResiduals<Scalar> r =
-        kkt_from_products<Scalar>(hx_.head(n), ax_.head(m), aty_.head(n), data.g().head(n), rl, ru, lb, ub, result.x,
-                                  result.row_multipliers, result.bound_multipliers);
-    const bool claimed = result.status == QpStatus::Solved;
-    conclude(r, settings, result);
-    note_sides<Scalar>(data.lo(), data.hi(), data.rl(), data.ru(), result);
-    return result.status == QpStatus::Solved || !claimed;
+    for (const typename Method::Judge judge : {Method::Judge::Caller, Method::Judge::Method}) {
+      result.status = method_.solve(reduced, settings.stationarity_tolerance, budget, result.iterations, judge);
+      if (method_.give_up_broken(reduced)) return false;
+      const bool claimed = result.status == QpStatus::Solved;
+      report(data, settings, lb, ub, rl, ru, result);
+      if (result.status == QpStatus::Solved || !claimed) return true;
+      load(data);
+    }
+    return false;
   }
 
   /// Makes the next solve start from x (n).
@@ -241,6 +239,19 @@ class StructuredBox {
       lo_[k] = data.lo()[j];
       hi_[k] = data.hi()[j];
     }
+  }
+
+  /// Fills the result, with the status that its residuals allow.
+  void report(const Data& data, const QpSettings<Scalar>& settings, const Eigen::Ref<const Vector>& lb,
+              const Eigen::Ref<const Vector>& ub, const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
+              QpResult<Scalar>& result) {
+    recover(data, result);
+    const Index n = data.n(), m = data.m();
+    const KktResiduals<Scalar> r =
+        kkt_from_products<Scalar>(hx_.head(n), ax_.head(m), aty_.head(n), data.g().head(n), rl, ru, lb, ub, result.x,
+                                  result.row_multipliers, result.bound_multipliers);
+    conclude(r, settings, result);
+    note_sides<Scalar>(data.lo(), data.hi(), data.rl(), data.ru(), result);
   }
 
   /// h_ = Q w.

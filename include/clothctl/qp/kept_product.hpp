@@ -1,0 +1,59 @@
+#pragma once
+
+// H x kept between solves: most unknowns of a warm start have not moved since the product was made.
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::detail {
+
+/// The product of a curvature's H with the x it was last made for. All memory comes from `reserve`.
+template <RealScalar Scalar>
+class KeptProduct {
+ public:
+  using Vector = VectorX<Scalar>;
+
+  /// Makes room for n unknowns. Allocates.
+  void reserve(Index n) {
+    for (Vector* v : {&product_, &at_, &sum_, &move_}) v->setZero(n);
+    known_ = false;
+  }
+
+  /// H or the number of unknowns changed.
+  void forget() { known_ = false; }
+
+  /// H x, n entries in use: from scratch, or made so for this very x.
+  template <class Curvature>
+  const Vector& refresh(Curvature& curvature, const Vector& x) {
+    const Index n = curvature.unknowns();
+    if (known_ && moved(x, n) == 0) return product_;
+    product_.head(n).setConstant(Scalar(0));
+    curvature.add_product(x, product_);
+    at_.head(n) = x.head(n);
+    known_ = all_finite(x.head(n));
+    return product_;
+  }
+
+  /// H x, rounded by how far x went since `refresh`: where few unknowns moved, only their part is new.
+  template <class Curvature>
+  const Vector& update(Curvature& curvature, const Vector& x) {
+    const Index n = curvature.unknowns(), away = known_ ? moved(x, n) : n;
+    if (away == 0 || 4 * away > n) return refresh(curvature, x);
+    move_.head(n) = x.head(n) - at_.head(n);
+    sum_.head(n) = product_.head(n);
+    curvature.add_product(move_, sum_);
+    return sum_;
+  }
+
+ private:
+  /// The number of unknowns that are not where the product was made.
+  Index moved(const Vector& x, Index n) const {
+    Index count = 0;
+    for (Index j = 0; j < n; ++j) count += x[j] < at_[j] || x[j] > at_[j] ? 1 : 0;
+    return count;
+  }
+
+  Vector product_, at_, sum_, move_;
+  bool known_ = false;
+};
+
+}  // namespace clothctl::detail
