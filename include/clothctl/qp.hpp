@@ -10,6 +10,7 @@
 #include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/changing_set.hpp"
 #include "clothctl/qp/closest_point.hpp"
+#include "clothctl/qp/column_sum.hpp"
 #include "clothctl/qp/columns.hpp"
 #include "clothctl/qp/dense_curvature.hpp"
 #include "clothctl/qp/flat_direction.hpp"

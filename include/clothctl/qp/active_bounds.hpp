@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "clothctl/qp/changing_set.hpp"
+#include "clothctl/qp/column_sum.hpp"
 #include "clothctl/qp/free_set_factor.hpp"
 #include "clothctl/qp/problem.hpp"
 
@@ -150,7 +151,9 @@ class ActiveBounds {
     factor_.solve_lower(solution_);
     factor_.solve_upper(solution_);
     x.head(n_) = u.head(n_);
-    for (Index k = 0; k < size(); ++k) x.head(n_) += solution_[k] * K_.col(order(k)).head(n_);
+    ColumnSum<Scalar> sum(K_.topLeftCorner(n_, n_), x.head(n_));
+    for (Index k = 0; k < size(); ++k) sum.add(order(k), solution_[k]);
+    sum.finish();
   }
 
   MatrixX<Scalar> K_;

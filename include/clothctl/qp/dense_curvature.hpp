@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "clothctl/qp/active_bounds.hpp"
+#include "clothctl/qp/column_sum.hpp"
 #include "clothctl/qp/free_set_factor.hpp"
 
 namespace clothctl::detail {
@@ -66,9 +67,9 @@ class DenseCurvature {
 
   /// q += H x.
   void add_product(const Vector& x, Vector& q) const {
-    for (Index j = 0; j < n_; ++j) {
-      if (x[j] < Scalar(0) || x[j] > Scalar(0)) q.head(n_) += x[j] * H().col(j);
-    }
+    ColumnSum<Scalar> sum(H(), q.head(n_));
+    for (Index j = 0; j < n_; ++j) sum.add(j, x[j]);
+    sum.finish();
   }
   /// p_F = -H_FF⁻¹ q_F.
   void newton(const Vector& q, Vector& p) {
@@ -82,10 +83,12 @@ class DenseCurvature {
   /// Starts a walk along p, which is zero but at moving[0 … count-1].
   void start_walk(const std::vector<Index>& moving, Index count, const Vector& p, const Vector&) {
     w_.head(n_).setConstant(Scalar(0));
+    ColumnSum<Scalar> sum(H(), w_.head(n_));
     for (Index k = 0; k < count; ++k) {
       const Index i = moving[static_cast<std::size_t>(k)];
-      w_.head(n_) += p[i] * H().col(i);
+      sum.add(i, p[i]);
     }
+    sum.finish();
   }
   /// Slope qᵀp and curvature pᵀH p of what still moves; `size` is Σ H_ii p_i².
   void line(const std::vector<Index>& moving, Index count, const Vector& p, const Vector& q, Scalar& slope, Scalar& curvature,

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "clothctl/qp/changing_set.hpp"
+#include "clothctl/qp/column_sum.hpp"
 #include "clothctl/qp/problem.hpp"
 #include "clothctl/qp/tiled_cholesky.hpp"
 
@@ -141,21 +142,24 @@ class LowRankCurvature {
   /// q += H x.
   void add_product(const Vector& x, Vector& q) {
     work_.head(r_).setConstant(Scalar(0));
+    ColumnSum<Scalar> sum = sum_of_columns(work_);
     for (Index j = 0; j < n_; ++j) {
-      if (!(x[j] < Scalar(0)) && !(x[j] > Scalar(0))) continue;
-      work_.head(r_) += x[j] * column(j);
+      sum.add(j, x[j]);
       q[j] += D_[j] * x[j];
     }
+    sum.finish();
     q.head(n_).noalias() += N_.topLeftCorner(r_, n_).transpose() * work_.head(r_);
   }
   /// p_F = -H_FF⁻¹ q_F.
   void newton(const Vector& q, Vector& p) {
     work_.head(r_).setConstant(Scalar(0));
+    ColumnSum<Scalar> sum = sum_of_columns(work_);
     for (Index k = 0; k < size_; ++k) {
       const Index i = order(k);
       p[i] = -q[i] * inverse_[i];
-      work_.head(r_) += p[i] * column(i);
+      sum.add(i, p[i]);
     }
+    sum.finish();
     solve(work_.head(r_));
     for (Index k = 0; k < size_; ++k) {
       const Index i = order(k);
@@ -175,13 +179,14 @@ class LowRankCurvature {
     using std::abs;
     bring_to_set(
         *this, n_, [&](Index i) { return side_of(i) == QpSide::Between; }, fresh_, kept_);
+    ColumnSum<Scalar> sum = sum_of_columns(right_);
     for (Index i = 0; i < n_; ++i) {
       const QpSide side = side_of(i);
       x[i] = side == QpSide::Lower ? lo[i] : side == QpSide::Upper ? hi[i] : Scalar(-g[i] * inverse_[i]);
-      const Scalar more = x[i] - share_[i];
-      if (more < Scalar(0) || more > Scalar(0)) right_.head(r_) += more * column(i);
+      sum.add(i, Scalar(x[i] - share_[i]));
       share_[i] = x[i];
     }
+    sum.finish();
     work_.head(r_) = right_.head(r_);
     solve(work_.head(r_));
     z.head(n_).noalias() = N_.topLeftCorner(r_, n_).transpose() * work_.head(r_);
@@ -205,12 +210,14 @@ class LowRankCurvature {
     U_.head(r_).setConstant(Scalar(0));
     slope_ = axial_ = length_ = Scalar(0);
     left_ = count;
+    ColumnSum<Scalar> sum = sum_of_columns(v_);
     for (Index k = 0; k < count; ++k) {
       const Index i = moving[static_cast<std::size_t>(k)];
-      v_.head(r_) += p[i] * column(i);
+      sum.add(i, p[i]);
       slope_ += q[i] * p[i];
       axial_ += D_[i] * p[i] * p[i];
     }
+    sum.finish();
     bend_ = v_.head(r_).squaredNorm();
   }
   /// Slope qᵀp and curvature pᵀH p of what still moves.
@@ -249,6 +256,9 @@ class LowRankCurvature {
   static constexpr Index kMostUpdates = 300, kUpdateCost = 3, kMostSummed = 4000, kBatch = 32;
 
   auto column(Index i) const { return N_.col(i).head(r_); }
+
+  /// Adds columns of N to v.
+  ColumnSum<Scalar> sum_of_columns(Vector& v) const { return {N_.topLeftCorner(r_, n_), v.head(r_)}; }
 
   /// s ← S⁻¹ s.
   void solve(Eigen::Ref<Vector> s) const {

@@ -12,8 +12,8 @@
 
 namespace clothctl::detail {
 
-/// Edge of a tile.
-inline constexpr Index kTile = 64;
+/// Edge of a tile, and width of a panel within it.
+inline constexpr Index kTile = 64, kPanel = 4;
 
 /// C -= P Qᵀ for C r×s, P r×k, Q s×k. Never allocates.
 template <RealScalar Scalar>
@@ -40,14 +40,20 @@ Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A, const Eigen::Ref<const Ve
   for (Index j = 0; j < n; j += kTile) {
     const Index nj = (std::min)(kTile, n - j);
     if (j > 0) subtract_outer<Scalar>(A.block(j, j, n - j, nj), A.block(j, 0, n - j, j), A.block(j, 0, nj, j));
-    for (Index c = j; c < j + nj; ++c) {
-      const Scalar pivot = A(c, c);
-      if (!(pivot > relative * scale[c])) return c;
-      const Scalar root = sqrt(pivot);
-      const Index below = n - c - 1;
-      A(c, c) = root;
-      A.col(c).tail(below) *= Scalar(1) / root;
-      for (Index d = c + 1; d < j + nj; ++d) A.col(d).tail(n - d) -= A(d, c) * A.col(c).tail(n - d);
+    for (Index panel = j; panel < j + nj; panel += kPanel) {
+      const Index end = (std::min)(panel + kPanel, j + nj);
+      for (Index c = panel; c < end; ++c) {
+        for (Index b = panel; b < c; ++b) A.col(c).tail(n - c) -= A(c, b) * A.col(b).tail(n - c);
+        const Scalar pivot = A(c, c);
+        if (!(pivot > relative * scale[c])) return c;
+        const Scalar root = sqrt(pivot);
+        A(c, c) = root;
+        A.col(c).tail(n - c - 1) *= Scalar(1) / root;
+      }
+      for (Index d = end; d < j + nj; ++d) {  // four columns in a pass: alone, each would load and store column d
+        A.col(d).tail(n - d) -= A(d, panel) * A.col(panel).tail(n - d) + A(d, panel + 1) * A.col(panel + 1).tail(n - d) +
+                                A(d, panel + 2) * A.col(panel + 2).tail(n - d) + A(d, panel + 3) * A.col(panel + 3).tail(n - d);
+      }
     }
   }
   return n;
