@@ -5,6 +5,7 @@
 #include "clothctl/qp/active_bounds.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/qp/box_active_set.hpp"
+#include "clothctl/qp/box_guess.hpp"
 #include "clothctl/qp/box_method.hpp"
 #include "clothctl/qp/budget.hpp"
 #include "clothctl/qp/certificate.hpp"

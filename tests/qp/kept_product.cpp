@@ -31,7 +31,9 @@ TEST_CASE("a kept product is made once for an x, and follows few moves", "[qp]")
   CHECK(right(product.update(curvature, x)));
   CHECK(right(product.refresh(curvature, x)));
   CHECK(curvature.products == 1);
+  CHECK(product.is_of(x, n));
   x.segment(3, 4) *= 2.0;
+  CHECK_FALSE(product.is_of(x, n));
   CHECK(right(product.update(curvature, x)));
   CHECK(curvature.products == 2);
   CHECK(right(product.refresh(curvature, x)));  // an update is not a refresh

@@ -24,11 +24,11 @@
 #include <algorithm>
 #include <vector>
 
+#include "clothctl/qp/box_guess.hpp"
 #include "clothctl/qp/budget.hpp"
 #include "clothctl/qp/changing_set.hpp"
 #include "clothctl/qp/flat_direction.hpp"
 #include "clothctl/qp/kept_product.hpp"
-#include "clothctl/qp/primal_dual_rounds.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::detail {
@@ -51,7 +51,7 @@ class BoxMethod {
     for (Vector* v : {&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_}) v->setZero(n);
     product_.reserve(n);
     flat_.reserve(n);
-    rounds_.reserve(n);
+    guess_.reserve(n);
     state_.assign(static_cast<std::size_t>(n), kLower);
     list_.assign(static_cast<std::size_t>(n), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
@@ -69,9 +69,8 @@ class BoxMethod {
     if (curvature_.unknowns() != n_) reset();
     n_ = curvature_.unknowns();
     curvature_.clear();
-    if constexpr (!Curvature::kDefinite) curvature_.active_bounds().forget();
+    guess_.forget(curvature_);
     product_.forget();
-    used_ = false;
     for (Index j = 0; j < n_; ++j) {
       const Scalar own = curvature_.diagonal(j);
       scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
@@ -98,16 +97,8 @@ class BoxMethod {
     stationarity_tolerance_ = stationarity_tolerance;
     const bool warm = start_ != Start::Cold;
     take_start();
-    const bool guessed = guess(warm, budget, iterations);
-    QpStatus status = QpStatus::Solved;
-    if (guessed && !rounds_.ended()) status = budget.after(iterations);
-    if (status == QpStatus::Solved && !(guessed && rounds_.ended() && judge == Judge::Caller)) {
-      status = iterate(guessed, budget, iterations);
-    }
-    if constexpr (!Curvature::kDefinite) {
-      if (!warm && n_ <= kEager && few_are_active()) prepare_active_bounds();
-    }
-    used_ = true;
+    const QpStatus status = warm && is_solved_already() ? QpStatus::Solved : run(warm, judge, budget, iterations);
+    guess_.end_solve(curvature_, warm, n_ - free_count());
     data_ = nullptr;
     return status;
   }
@@ -190,41 +181,29 @@ class BoxMethod {
     start_ = Start::Warm;
   }
 
-  bool few_are_active() const { return ActiveBounds<Scalar>::suits(n_ - free_count(), n_); }
-
-  /// Makes the active-set mode ready for this Hessian, with the memory of the free-set factor.
-  void prepare_active_bounds() {
-    ActiveBounds<Scalar>& mode = curvature_.active_bounds();
-    if (!mode.ready()) mode.prepare(curvature_.H(), curvature_.factor().lend());
+  /// Tells of an unchanged problem that it is.
+  bool is_solved_already() {
+    if (!product_.is_of(x_, n_)) return false;
+    refresh_gradient();
+    return good_guess();
   }
 
-  /// Primal-dual rounds from the present set, where they are cheaper than rounds of this method. Answers whether x and the set
-  /// are their guess.
-  bool guess(bool warm, const Budget& budget, int& iterations) {
-    if constexpr (Curvature::kDefinite)
-      return take_guess(curvature_, budget, iterations);
-    else {
-      if (!warm || !few_are_active()) return false;
-      if (used_) prepare_active_bounds();
-      return curvature_.active_bounds().known() && take_guess(curvature_.active_bounds(), budget, iterations);
-    }
-  }
-
-  template <class Minimiser>
-  bool take_guess(Minimiser& minimiser, const Budget& budget, int& iterations) {
-    minimiser.start_rounds(g());
+  /// Guess, then the free-set method.
+  QpStatus run(bool warm, Judge judge, const Budget& budget, int& iterations) {
     const auto side_of = [this](Index i) { return static_cast<QpSide>(state(i) == kParked ? kFree : state(i)); };
-    if (!rounds_.find(minimiser, n_, g(), lo(), hi(), side_of, relative_zero(), budget, iterations)) return false;
-    const bool cut_short = !rounds_.ended() && budget.after(iterations) != QpStatus::Solved;
-    if (cut_short && !(objective(rounds_.x()) < objective(x_))) return true;
-    x_.head(n_) = rounds_.x().head(n_);
-    for (Index i = 0; i < n_; ++i) {
-      if (rounds_.side(i) == QpSide::Between)
-        state(i) = kFree;
-      else
-        place_by_x(i);
+    const bool guessed =
+        guess_.find(curvature_, warm, n_ - free_count(), g(), lo(), hi(), side_of, relative_zero(), budget, iterations);
+    if (!guessed) return iterate(false, budget, iterations);
+    const PrimalDualRounds<Scalar>& found = guess_.rounds();
+    const QpStatus spent = found.ended() ? QpStatus::Solved : budget.after(iterations);
+    if (spent == QpStatus::Solved || objective(found.x()) < objective(x_)) {
+      x_.head(n_) = found.x().head(n_);
+      for (Index i = 0; i < n_; ++i) {
+        state(i) = found.side(i) == QpSide::Between || lo()[i] < hi()[i] ? static_cast<State>(found.side(i)) : kLower;
+      }
     }
-    return true;
+    if (spent != QpStatus::Solved || (found.ended() && judge == Judge::Caller)) return spent;
+    return iterate(true, budget, iterations);
   }
 
   Scalar objective(const Vector& x) {
@@ -233,13 +212,10 @@ class BoxMethod {
     return (Scalar(0.5) * last_q_.head(n_) + g().head(n_)).dot(x.head(n_));
   }
 
-  /// One more step of the mode that guessed, for what rounding left in x.
   void refine_guess() {
-    if constexpr (!Curvature::kDefinite) {
-      curvature_.active_bounds().newton(q_, p_);
-      x_.head(n_) = (x_.head(n_) + p_.head(n_)).cwiseMax(lo().head(n_)).cwiseMin(hi().head(n_));
-      refresh_gradient();
-    }
+    if (!guess_.refine(curvature_, q_, p_)) return;
+    x_.head(n_) = (x_.head(n_) + p_.head(n_)).cwiseMax(lo().head(n_)).cwiseMin(hi().head(n_));
+    refresh_gradient();
   }
 
   /// Status of an unknown that is not in the factor, from where it stands.
@@ -480,11 +456,10 @@ class BoxMethod {
   }
 
   static constexpr int kStalls = 3, kPolishes = 4;
-  static constexpr Index kEager = 200;  // up to here a cold solve makes ready for warm ones: a few milliseconds
 
   Curvature curvature_;
   FlatDirection<Scalar> flat_;
-  PrimalDualRounds<Scalar> rounds_;
+  BoxGuess<Scalar, Curvature> guess_;
   Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_;
   KeptProduct<Scalar> product_;
   std::vector<State> state_;
@@ -493,7 +468,6 @@ class BoxMethod {
   Scalar stationarity_tolerance_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
   Index n_ = 0;
   Start start_ = Start::Cold;
-  bool used_ = false;  // a solve had this Hessian before
 };
 
 }  // namespace clothctl::detail

@@ -21,11 +21,14 @@ class KeptProduct {
   /// H or the number of unknowns changed.
   void forget() { known_ = false; }
 
+  /// Whether the product was made for this very x of n unknowns.
+  bool is_of(const Vector& x, Index n) const { return known_ && moved(x, n) == 0; }
+
   /// H x, n entries in use: from scratch, or made so for this very x.
   template <class Curvature>
   const Vector& refresh(Curvature& curvature, const Vector& x) {
     const Index n = curvature.unknowns();
-    if (known_ && moved(x, n) == 0) return product_;
+    if (is_of(x, n)) return product_;
     product_.head(n).setConstant(Scalar(0));
     curvature.add_product(x, product_);
     at_.head(n) = x.head(n);
