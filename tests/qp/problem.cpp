@@ -27,24 +27,27 @@ TEMPLATE_TEST_CASE("bounds are loaded or refused by index", "[qp]", float, doubl
   const auto load = [](S l, S u) {
     const VectorX<S> lower = (VectorX<S>(2) << S(0), l).finished(), upper = (VectorX<S>(2) << S(0), u).finished();
     VectorX<S> lo(2), hi(2);
-    return detail::load_bounds<S>(lower, upper, lo, hi);
+    const detail::BoundRefusal refusal = detail::load_bounds<S>(lower, upper, lo, hi);
+    CHECK(refusal.index == (std::string(refusal.bound).empty() ? -1 : 1));
+    CHECK(std::string(refusal.row).empty() == std::string(refusal.bound).empty());
+    return std::string(refusal.bound);
   };
-  CHECK(load(S(-1), S(1)) == -1);
-  CHECK(load(S(1), S(1)) == -1);
-  CHECK(load(-inf, inf) == -1);
-  CHECK(load(S(-1e30), S(1e25)) == -1);
-  CHECK(load(S(1), S(-1)) == 1);
-  CHECK(load(nan, S(1)) == 1);
-  CHECK(load(S(0), nan) == 1);
-  CHECK(load(inf, inf) == 1);
-  CHECK(load(-inf, -inf) == 1);
+  CHECK(load(S(-1), S(1)) == "");
+  CHECK(load(S(1), S(1)) == "");
+  CHECK(load(-inf, inf) == "");
+  CHECK(load(S(-1e30), S(1e25)) == "");
+  CHECK(load(S(1), S(-1)) == "lower bound is above the upper one");
+  CHECK(load(nan, S(1)) == "lower bound is NaN");
+  CHECK(load(S(0), nan) == "upper bound is NaN");
+  CHECK(load(inf, inf) == "lower bound is +infinite");
+  CHECK(load(-inf, -inf) == "upper bound is -infinite");
 }
 
 TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds under every scaling", "[qp]", float, double) {
   using S = TestType;
   const VectorX<S> lower = (VectorX<S>(2) << S(-1e21), S(-0.99e20)).finished(), upper = -lower;
   VectorX<S> lo(2), hi(2);
-  REQUIRE(detail::load_bounds<S>(lower, upper, lo, hi) == -1);
+  REQUIRE(detail::load_bounds<S>(lower, upper, lo, hi).index == -1);
   CHECK_FALSE(detail::has_bound(lo[0]));
   CHECK_FALSE(detail::has_bound(hi[0]));
   CHECK(detail::has_bound(lo[1]));
@@ -84,6 +87,19 @@ TEMPLATE_TEST_CASE("Hessians are refused for asymmetry beyond rounding and for n
   CHECK(detail::judge_hessian<S>(MatrixX<S>::Zero(2, 3)).status == QpStatus::InvalidData);
   H.resize(0, 0);
   CHECK(detail::judge_hessian<S>(H).status == QpStatus::InvalidData);
+}
+
+TEMPLATE_TEST_CASE("an entry too large for its diagonal is noticed where products overflow or underflow", "[qp]", float,
+                   double) {
+  using S = TestType;
+  for (const S size :
+       {S(1), std::sqrt(std::numeric_limits<S>::max()) * S(8), std::sqrt(std::numeric_limits<S>::min()) / S(8)}) {
+    MatrixX<S> H(2, 2);
+    H << size, S(1.01) * size, S(1.01) * size, size;
+    CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
+    H << size, S(0.99) * size, S(0.99) * size, size;
+    CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  }
 }
 
 TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank and scale", "[qp]", float, double) {

@@ -105,8 +105,8 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
   CHECK(refusal([&](Problem<S>& q) { q.g.resize(2); }) == "gradient or bounds differ in size from the Hessian -1");
   CHECK(refusal([&](Problem<S>& q) { q.ub.resize(4); }) == "gradient or bounds differ in size from the Hessian -1");
   CHECK(refusal([&](Problem<S>& q) { q.ru.resize(1); }) == "row bounds differ in size from the rows -1");
-  CHECK(refusal([&](Problem<S>& q) { q.lb[1] = S(2); }) == "bound is NaN, crossed, or infinite on the wrong side 1");
-  CHECK(refusal([&](Problem<S>& q) { q.rl[1] = nan; }) == "row bound is NaN, crossed, or infinite on the wrong side 1");
+  CHECK(refusal([&](Problem<S>& q) { q.lb[1] = S(2); }) == "lower bound is above the upper one 1");
+  CHECK(refusal([&](Problem<S>& q) { q.rl[1] = nan; }) == "lower row bound is NaN 1");
 }
 
 TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more rows keep the Hessian", "[qp]") {

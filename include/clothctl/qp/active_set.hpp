@@ -229,7 +229,7 @@ class ActiveSet {
     start_ = Start::Warm;
   }
 
-  /// Gives row i a multiplier that shows the side it was given: the sign is what counts.
+  /// Gives row i a multiplier that shows the side it was given: the sign is what counts, in the caller's units and scaled.
   void take_side(Index i) {
     const QpSide side = sides_of_rows_[static_cast<std::size_t>(i)];
     const Scalar sign = side == QpSide::Lower ? Scalar(1) : Scalar(-1);
@@ -237,7 +237,7 @@ class ActiveSet {
     if (side == QpSide::Between || !offered) {
       y_[i] = Scalar(0);
     } else if (!(y_[i] * sign > Scalar(0))) {
-      y_[i] = sign * Scalar(1e-30);
+      y_[i] = sign * Scalar(1e-30) * (std::max)(Scalar(1), method_.E()[i]);
     }
   }
 

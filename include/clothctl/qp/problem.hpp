@@ -147,24 +147,36 @@ Scalar largest_bound() {
   return Scalar(1e20);
 }
 
-/// Copies bounds, replacing unbounded values by ±no_bound. Returns the first refused index, or -1: NaN, crossed, or +inf
-/// below / -inf above.
+/// Which bound was refused, and why. The texts are for bounds of unknowns and of rows.
+struct BoundRefusal {
+  /// Index of the pair, or -1 when all are good.
+  Index index = -1;
+  /// What is wrong with the bounds of an unknown.
+  const char* bound = "";
+  /// What is wrong with the bounds of a row.
+  const char* row = "";
+};
+
+/// Copies bounds, replacing unbounded values by ±no_bound. Answers the first pair that it refuses: a NaN, lower above upper,
+/// or an infinity on the wrong side.
 template <RealScalar Scalar>
-Index load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const Eigen::Ref<const VectorX<Scalar>>& upper,
-                  Eigen::Ref<VectorX<Scalar>> lo, Eigen::Ref<VectorX<Scalar>> hi) {
+BoundRefusal load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const Eigen::Ref<const VectorX<Scalar>>& upper,
+                         Eigen::Ref<VectorX<Scalar>> lo, Eigen::Ref<VectorX<Scalar>> hi) {
   const Scalar big = no_bound<Scalar>();
   for (Index i = 0; i < lower.size(); ++i) {
     const Scalar l = lower[i];
     const Scalar u = upper[i];
     const bool l_open = is_unbounded(l);
     const bool u_open = is_unbounded(u);
-    if ((!l_open && !is_finite(l)) || (!u_open && !is_finite(u))) return i;
-    if ((l_open && l > Scalar(0)) || (u_open && u < Scalar(0))) return i;
+    if (!l_open && !is_finite(l)) return {i, "lower bound is NaN", "lower row bound is NaN"};
+    if (!u_open && !is_finite(u)) return {i, "upper bound is NaN", "upper row bound is NaN"};
+    if (l_open && l > Scalar(0)) return {i, "lower bound is +infinite", "lower row bound is +infinite"};
+    if (u_open && u < Scalar(0)) return {i, "upper bound is -infinite", "upper row bound is -infinite"};
     lo[i] = l_open ? -big : l;
     hi[i] = u_open ? big : u;
-    if (lo[i] > hi[i]) return i;
+    if (lo[i] > hi[i]) return {i, "lower bound is above the upper one", "lower row bound is above the upper one"};
   }
-  return -1;
+  return {};
 }
 
 /// Tells whether a loaded bound, scaled or not, is a real one.
@@ -227,7 +239,9 @@ QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
     if (own < Scalar(0)) return {QpStatus::NonConvex, "Hessian has a negative diagonal entry", j + j * n};
     for (Index i = j + 1; i < n; ++i) {
       const Scalar h = abs(H(i, j));
-      if (!(h * h > own * H(i, i)) || H(i, i) < Scalar(0)) continue;
+      if (!(h > Scalar(0)) || H(i, i) < Scalar(0)) continue;
+      const Scalar product = own * H(i, i);  // spares the roots where it neither overflows nor underflows
+      if (product > Scalar(1e-30) && product < Scalar(1e30) && !(h * h > product)) continue;
       const Scalar most = sqrt(own) * sqrt(H(i, i));
       if (h > (Scalar(1) + Scalar(16) * rounding) * most && h > Scalar(4) * rounding * largest) {
         return {QpStatus::NonConvex, "Hessian entry is larger than its diagonal entries allow", i + j * n};

@@ -140,10 +140,10 @@ class ProblemData {
     for (Index i = 0; i < n_; ++i) {
       if (!is_finite(g[i])) return {bad, "gradient entry is not finite", i};
     }
-    Index wrong = load_bounds<Scalar>(lb, ub, lo_next_.head(n_), hi_next_.head(n_));
-    if (wrong >= 0) return {bad, "bound is NaN, crossed, or infinite on the wrong side", wrong};
-    wrong = load_bounds<Scalar>(rl, ru, rl_next_.head(m_), ru_next_.head(m_));
-    if (wrong >= 0) return {bad, "row bound is NaN, crossed, or infinite on the wrong side", wrong};
+    const BoundRefusal of_unknown = load_bounds<Scalar>(lb, ub, lo_next_.head(n_), hi_next_.head(n_));
+    if (of_unknown.index >= 0) return {bad, of_unknown.bound, of_unknown.index};
+    const BoundRefusal of_row = load_bounds<Scalar>(rl, ru, rl_next_.head(m_), ru_next_.head(m_));
+    if (of_row.index >= 0) return {bad, of_row.row, of_row.index};
     return {};
   }
 
