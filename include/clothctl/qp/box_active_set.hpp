@@ -1,7 +1,8 @@
 #pragma once
 
 // Bound-constrained QP with a dense Hessian: box_method.hpp on the caller's data, and an independent judge of what it finds.
-// Cost per round O(f² + n f); factor updates O(f²) an unknown, or f³/3 in tiles when many change.
+// Cost per round O(f² + n f); factor updates O(f²) an unknown, or f³/3 in tiles when many change. With few active bounds a
+// round of the active-set mode is O(n a), and O(a²) a bound that changes.
 
 #include <span>
 
@@ -12,7 +13,7 @@
 
 namespace clothctl {
 
-/// Solves bound-constrained convex QPs, warm from its last active set. Best where few unknowns are free.
+/// Solves bound-constrained convex QPs, warm from its last active set. Fast where few unknowns are free or few bounds active.
 template <RealScalar Scalar>
 class BoxActiveSet {
  public:
