@@ -36,7 +36,7 @@ struct Request {
   std::string file, solution, out;
   double time_limit = 0, tolerance = 0;
   int max_iterations = 0, passes = 3;
-  bool json = false;
+  bool json = false, closest_point = false;
 };
 
 /// Processor time of this thread, s: other work on the machine disturbs it little.
@@ -77,6 +77,7 @@ struct Answer {
   bool has_point = false;  // x, y, z are the best iterate, and kkt judges them
   double objective = 0;    // in the file's sense, r included
   std::optional<double> proof_residual, proof_value;
+  std::optional<double> shift_norm;  // how far --closest-point had to move the rows
   std::string note;
   QpReference reference;  // for --solution
 };
@@ -94,7 +95,7 @@ std::string qpt_status(QpStatus s) {
 class Solver {
  public:
   Solver(const QpProblem& problem, const Request& o)
-      : problem_(problem), boxed_(problem.m() == 0), box_(settings(o)), rows_(settings(o)) {
+      : problem_(problem), boxed_(problem.m() == 0), closest_(o.closest_point), box_(settings(o)), rows_(settings(o)) {
     result_.resize(problem.n(), problem.m());
     refusal_ = boxed_ ? box_.set_hessian(problem.H) : rows_.set_hessian(problem.H);
     if (refusal_ != QpStatus::Solved) {
@@ -143,6 +144,11 @@ class Solver {
       if (y.size() > 0) rest += problem_.A.transpose() * y;
       a.proof_residual = rest.lpNorm<Eigen::Infinity>() / size;
       a.proof_value = (largest(y, f.rl, f.ru) + largest(z, f.lb, f.ub)) / size;
+      if (closest_) {
+        a.reference.x = x;
+        a.shift_norm = result_.row_shifts.norm();
+        a.note = result_.message;
+      }
     } else if (a.status == QpStatus::DualInfeasible) {
       const Vector& d = result_.ray;
       a.reference.x = x;
@@ -178,6 +184,7 @@ class Solver {
     s.max_iterations = o.max_iterations;
     s.time_limit = o.time_limit;
     s.clock = wall_clock;
+    s.closest_point = o.closest_point;
     return s;
   }
 
@@ -212,7 +219,7 @@ class Solver {
   }
 
   const QpProblem& problem_;
-  bool boxed_;
+  bool boxed_, closest_;
   clothctl::BoxActiveSet<double> box_;
   clothctl::ActiveSet<double> rows_;
   clothctl::QpResult<double> result_;
@@ -295,6 +302,7 @@ int solve_single(const QpProblem& problem, const Request& o) {
   nlohmann::ordered_json j = figures_of(problem, std::string(to_string(a.status)), a, a.has_point);
   if (a.proof_residual) j["proof_residual"] = *a.proof_residual;
   if (a.proof_value) j["proof_value"] = *a.proof_value;
+  if (a.shift_norm) j["shift_norm"] = *a.shift_norm;
   if (!a.note.empty()) j["note"] = a.note;
   if (!problem.reference.status.empty()) j["expected"] = problem.reference.status;
   if (problem.reference.objective) j["expected_objective"] = *problem.reference.objective;
@@ -402,6 +410,7 @@ int main(int argc, char** argv) {
   app.add_option("--max-iterations", o.max_iterations, "Rounds of a solve (default: 10 (n + m))")->check(between(1, 1e9));
   app.add_option("--tolerance", o.tolerance, "Relative residuals that count as solved (default: 1.6e-9)")
       ->check(between(1e-14, 0.1));
+  app.add_flag("--closest-point", o.closest_point, "Infeasible programs: go to the closest point; --solution then has its x");
   app.add_option("--passes", o.passes, "Sequences: warm times are the least of this many passes")
       ->check(between(1, 1000))
       ->capture_default_str();

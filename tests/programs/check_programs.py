@@ -248,6 +248,11 @@ def check_qp_runs(programs, folder):
     check(figures["objective"] is None and figures["proof_residual"] < 1e-12 and figures["proof_value"] < 0,
           f"qp_solve, infeasible: {figures}")
     check("status infeasible" in solution.read_text() and "farkas_y 1" in solution.read_text(), "qp_solve: no Farkas pair")
+    check("shift_norm" not in figures and "\nx " not in solution.read_text(), f"qp_solve, infeasible: {figures}")
+    code, shown, _ = run(solve, file("infeasible.qpt", contradiction), "--json", "--closest-point", "--solution", solution)
+    figures = json.loads(shown)
+    check(code == 0 and abs(figures["shift_norm"] - 2) < 1e-9 and "note" not in figures, f"qp_solve --closest-point: {shown}")
+    check("x 2\n1 1.5\n" in solution.read_text() and "farkas_y 1" in solution.read_text(), "qp_solve --closest-point: no point")
     crossed = contradiction.replace("0 1\n0 1.5", "0 1\n2 1.5")
     code, shown, _ = run(solve, file("crossed.qpt", crossed), "--json")
     check(code == 0 and json.loads(shown)["status"] == "primal_infeasible" and "unknown 1" in json.loads(shown)["note"],
