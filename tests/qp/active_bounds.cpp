@@ -92,5 +92,13 @@ TEST_CASE("the active-set mode declines what it is not for", "[qp]") {
   CHECK_FALSE(mode.ready());
   CHECK(Mode::suits(0, Mode::kMostUnknowns));
   CHECK_FALSE(Mode::suits(0, Mode::kMostUnknowns + 1));
-  mode.reserve(Mode::kMostUnknowns + 1);  // takes no memory
+  MatrixX<double> nearly = singular;
+  nearly.diagonal().array() += 1e-9 * singular.diagonal().maxCoeff();
+  mode.prepare(map(nearly), scratch);
+  CHECK_FALSE(mode.known());
+  mode.reserve(Mode::kMostUnknowns + 100);  // room for many, used by few
+  mode.prepare(map(H), scratch);
+  REQUIRE(mode.known());
+  mode.start_rounds(g);
+  CHECK(mode.minimise(g, lo, hi, first(1), 1e-14, x, z));
 }

@@ -3,6 +3,7 @@
 #include <cmath>
 #include <filesystem>
 #include <limits>
+#include <memory>
 #include <vector>
 
 #include "laws/qp_solver_laws.hpp"
@@ -807,4 +808,34 @@ TEST_CASE("a shift moves the active set that a warm start gave", "[qp]") {
   g.tail(1) = last;
   REQUIRE(second.solve(g, lb, ub, rl, ru, result) == QpStatus::Solved);
   CHECK(result.iterations == 0);
+}
+
+TEST_CASE("copies and moves of a solver stand on their own", "[qp]") {
+  std::mt19937 random(4);
+  for (const Index size : {6, 50}) {  // the larger one lists its nonzeros
+    QpFamily family;
+    family.n = size;
+    family.m = size / 2;
+    KnownQp<double> q = draw_qp<double>(family, random);
+    auto first = std::make_unique<ActiveSet<double>>();
+    QpResult<double> result, expected;
+    set(*first, q);
+    REQUIRE(solve(*first, q, result) == QpStatus::Solved);
+    ActiveSet<double> copy = *first, assigned;
+    assigned = *first;
+    REQUIRE(first->set_hessian(100.0 * q.H) == QpStatus::Solved);
+    REQUIRE(first->set_rows(-2.0 * q.A) == QpStatus::Solved);
+    (void)solve(*first, q, result);
+    ActiveSet<double> moved = std::move(*first);
+    first.reset();
+    (void)solve(moved, q, result);
+    q.g *= 1.5;  // another optimum
+    ActiveSet<double> fresh;
+    set(fresh, q);
+    REQUIRE(solve(fresh, q, expected) == QpStatus::Solved);
+    for (ActiveSet<double>* s : {&copy, &assigned}) {
+      REQUIRE(solve(*s, q, result) == QpStatus::Solved);
+      CHECK(result.objective == Approx(expected.objective).epsilon(1e-7));
+    }
+  }
 }

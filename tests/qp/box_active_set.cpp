@@ -154,6 +154,77 @@ TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", 
   }
 }
 
+TEST_CASE("a solver with room for many unknowns solves few", "[qp]") {
+  BoxActiveSet<double> solver;
+  solver.reserve(500);
+  for (const Index n : {20, 450, 100}) {
+    const MatrixX<double> H = 2.0 * MatrixX<double>::Identity(n, n);
+    const VectorX<double> g = VectorX<double>::LinSpaced(n, -3.0, 1.0), ub = VectorX<double>::Ones(n), lb = -ub;
+    QpResult<double> r;
+    REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+    for (int frame = 0; frame < 20; ++frame) {
+      REQUIRE(solver.solve(g, lb, ub, r) == QpStatus::Solved);
+      CHECK((r.x - (-0.5 * g).cwiseMax(lb).cwiseMin(ub)).cwiseAbs().maxCoeff() < 1e-12);
+    }
+  }
+}
+
+TEMPLATE_TEST_CASE("without a slope a warm start goes home at once", "[qp]", float, double) {
+  using S = TestType;
+  std::mt19937 random(14);
+  std::normal_distribution<double> normal;
+  for (const Index n : {1, 8, 49}) {
+    MatrixX<double> J(n, n);
+    for (Index k = 0; k < J.size(); ++k) J.data()[k] = normal(random);
+    const MatrixX<S> H = (J.transpose() * J + MatrixX<double>::Identity(n, n)).template cast<S>();
+    BoxActiveSet<S> solver;
+    REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+    const VectorX<S> ub = VectorX<S>::Constant(n, S(2)), lb = -ub, none = VectorX<S>::Zero(n);
+    QpResult<S> r;
+    REQUIRE(solver.warm_start(VectorX<S>::Ones(n)));
+    for (int frame = 0; frame < 20; ++frame) {
+      REQUIRE(solver.solve(none, lb, ub, r) == QpStatus::Solved);
+      CHECK(r.iterations == 0);
+      CHECK(double(r.x.norm()) < 1e-5);
+    }
+  }
+}
+
+TEST_CASE("small budgets make progress from solve to solve, in every mode", "[qp]") {
+  std::mt19937 random(1);
+  std::normal_distribution<double> normal;
+  for (int trial = 0; trial < 60; ++trial) {
+    const Index n = 3 + trial % 30;
+    MatrixX<double> J(n, n);
+    for (Index k = 0; k < J.size(); ++k) J.data()[k] = normal(random);
+    const MatrixX<double> H = J.transpose() * J + 0.01 * MatrixX<double>::Identity(n, n);
+    VectorX<double> g(n), lb(n), ub(n);
+    for (Index i = 0; i < n; ++i) {
+      g[i] = 10.0 * normal(random);
+      lb[i] = -std::abs(normal(random));
+      ub[i] = std::abs(normal(random));
+    }
+    for (int budget = 1; budget <= 5; ++budget) {
+      QpSettings<double> settings;
+      settings.max_iterations = budget;
+      BoxActiveSet<double> solver(settings);
+      QpResult<double> r;
+      REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+      const VectorX<double> wide = VectorX<double>::Constant(n, 1e4);
+      for (int k = 0; k < 30; ++k) (void)solver.solve(g, -wide, wide, r);  // nothing is active: the active-set mode gets ready
+      double last = std::numeric_limits<double>::infinity();
+      QpStatus status = QpStatus::IterationLimit;
+      for (int k = 0; k < 300 && status != QpStatus::Solved; ++k) {
+        status = solver.solve(g, lb, ub, r);
+        CHECK(r.iterations <= budget);
+        CHECK(r.objective <= last + 1e-9 * std::abs(last));
+        last = r.objective;
+      }
+      CHECK(status == QpStatus::Solved);
+    }
+  }
+}
+
 TEST_CASE("a linear program over a box goes to its corners", "[qp]") {
   BoxActiveSet<double> solver;
   solver.reserve(30);

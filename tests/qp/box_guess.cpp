@@ -35,16 +35,35 @@ TEST_CASE("a dense Hessian gives guesses when it is kept and few bounds are acti
     Scene<detail::DenseCurvature<double>> scene(n);
     scene.curvature.reserve(n);
     scene.curvature.attach({H.data(), n, n});
-    CHECK_FALSE(scene.find(true, 0));  // a new Hessian: it may be another one in the next solve
-    scene.guess.end_solve(scene.curvature, false, n);
-    CHECK_FALSE(scene.curvature.active_bounds().ready());
-    CHECK_FALSE(scene.find(true, n / 3 + 1));
-    scene.guess.forget(scene.curvature);
-    scene.guess.end_solve(scene.curvature, false, 0);
-    CHECK(scene.curvature.active_bounds().ready() == (n < 200));
-    CHECK_FALSE(scene.find(false, 0));
+    const auto ready = [&] { return scene.curvature.active_bounds().ready(); };
     scene.hi.setConstant(10.0);
     scene.lo.setConstant(-10.0);
+    CHECK_FALSE(scene.find(true, 0));  // a new Hessian: it may be another one in the next solve
+    scene.guess.end_solve(scene.curvature, false, true, n);
+    CHECK_FALSE(ready());  // every bound is active
+    scene.guess.forget(scene.curvature);
+    scene.guess.end_solve(scene.curvature, false, true, 0);
+    CHECK_FALSE(ready());  // the Hessian before was not kept
+    for (Index k = 1; k < 8 + n / 10; ++k) {
+      CHECK_FALSE(scene.find(true, 0));
+      scene.guess.end_solve(scene.curvature, true, true, 0);
+    }
+    CHECK_FALSE(scene.find(true, n / 3 + 1));
+    CHECK_FALSE(scene.find(false, 0));
+    CHECK_FALSE(ready());
+    CHECK(scene.find(true, 0));
+    scene.guess.forget(scene.curvature);
+    scene.guess.end_solve(scene.curvature, false, false, 0);
+    CHECK_FALSE(ready());  // a solve that did not end well
+    scene.guess.end_solve(scene.curvature, false, true, 0);
+    CHECK(ready() == (n < 200));
+    scene.guess.reserve(n);  // the first Hessian counts as one that is kept
+    scene.curvature.active_bounds().forget();
+    scene.guess.end_solve(scene.curvature, false, true, 0);
+    CHECK(ready() == (n < 200));
+    for (Index k = 0; k < 8 + n / 10; ++k) scene.guess.end_solve(scene.curvature, true, true, 0);
+    scene.guess.skip_next();
+    CHECK_FALSE(scene.find(true, 0));
     CHECK(scene.find(true, 0));
     CHECK(scene.guess.rounds().ended());
     CHECK((H * scene.guess.rounds().x() + scene.g).norm() < 1e-9);

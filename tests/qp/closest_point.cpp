@@ -132,6 +132,57 @@ TEST_CASE("contradicting rows meet in the middle, weighed by their scale", "[qp]
   }
 }
 
+TEST_CASE("what the closest point presses on is held, the rest stays open", "[qp]") {
+  // x0 = 4 against x0 <= 1; x1 <= 2 and a slack row of x1 have no part in it.
+  detail::ProximalProblem<double> problem;
+  detail::ClosestPoint<double> closest;
+  problem.reserve(2, 3);
+  problem.resize(2, 3);
+  closest.reserve(2, 3);
+  problem.A() << 1.0, 0.0, 0.0, 1.0, 3.0, 0.0;
+  problem.At() = problem.A().transpose();
+  const double none = detail::no_bound<double>();
+  problem.lo << -5.0, -5.0;
+  problem.hi << 1.0, 2.0;
+  problem.rl << 4.0, -none, -none;
+  problem.ru << 4.0, 7.0, 5.0;  // 3 x0 <= 5 holds
+  problem.x << 0.0, 0.0;
+  for (auto& state : problem.state) state = detail::ProximalProblem<double>::State::Free;
+  int iterations = 0;
+  REQUIRE(closest.find(problem, detail::Budget(QpSettings<double>{}, 5), iterations));
+  CHECK(closest.shifts()[0] == Approx(3.0));
+  VectorX<double> E(3);
+  E << 2.0, 1.0, 1.0;
+  problem.rl[0] = problem.ru[0] = 8.0;  // row 0 twice as long
+  problem.x[0] = problem.hi[0];
+  closest.hold(problem, E);
+  CHECK(problem.rl[0] == Approx(2.0));
+  CHECK(problem.ru[0] == problem.rl[0]);
+  CHECK(problem.lo[0] == 1.0);
+  CHECK(problem.hi[0] == 1.0);
+  CHECK(problem.ru[1] == 7.0);
+  CHECK(problem.ru[2] == 5.0);
+  CHECK_FALSE(detail::has_bound(problem.rl[1]));
+  CHECK_FALSE(detail::has_bound(problem.rl[2]));
+  CHECK(problem.lo[1] == -5.0);
+  CHECK(problem.hi[1] == 2.0);
+  // Two rows that pull apart: both stay at their distance, as equalities.
+  problem.rl << 4.0, -none, -none;
+  problem.ru << none, 7.0, 6.0;  // x0 >= 4, 3 x0 <= 6
+  problem.lo[0] = -5.0;
+  problem.hi[0] = 9.0;
+  problem.x[0] = 0.0;
+  problem.state[0] = detail::ProximalProblem<double>::State::Free;
+  REQUIRE(closest.find(problem, detail::Budget(QpSettings<double>{}, 5), iterations));
+  closest.hold(problem, VectorX<double>::Ones(3));
+  CHECK(problem.rl[0] == problem.ru[0]);
+  CHECK(problem.rl[2] == problem.ru[2]);
+  CHECK(problem.rl[0] == Approx(2.2));  // least (4 - x)² + (6 - 3x)²
+  CHECK(problem.rl[2] == Approx(6.6));
+  CHECK(problem.lo[0] == -5.0);
+  CHECK(problem.hi[0] == 9.0);
+}
+
 TEST_CASE("the way to the closest point keeps to the budget and off the heap", "[qp]") {
   std::mt19937 random(5);
   const Contradiction<double> q(40, 60, random);

@@ -4,6 +4,8 @@
 
 #include <Eigen/Dense>
 
+#include "clothctl/qp/active_bounds.hpp"
+#include "clothctl/qp/primal_dual_rounds.hpp"
 #include "qp/curvatures.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -113,6 +115,54 @@ TEST_CASE("the low-rank minimiser on changing active sets is that of the optimal
   }
 }
 
+TEST_CASE("degenerate bounds settle at once: x on a bound and z = 0 to rounding", "[qp][low_rank]") {
+  std::mt19937 random(31);
+  std::normal_distribution<double> normal;
+  int late = 0;
+  for (unsigned seed = 0; seed < 40; ++seed) {
+    const Index n = 30, r = 6;
+    const FactoredHessian<double> given(n, r, seed);
+    const MatrixX<double> H = given.dense();
+    VectorX<double> lo(n), hi(n), x(n), z = VectorX<double>::Zero(n);
+    for (Index i = 0; i < n; ++i) {
+      lo[i] = -std::abs(normal(random)) - 0.3;
+      hi[i] = std::abs(normal(random)) + 0.3;
+      x[i] = i % 3 == 0 ? lo[i] : i % 3 == 1 ? hi[i] : 0.1 * lo[i];
+      if (i % 6 == 0) z[i] = 1.0;  // every second bound is one that presses nothing
+    }
+    const VectorX<double> g = z - H * x;
+    detail::LowRankCurvature<double> low;
+    low.reserve(n, r);
+    given.fill(low);
+    detail::ActiveBounds<double> dense;
+    dense.reserve(n);
+    MatrixX<double> scratch(n, n);
+    dense.prepare(Eigen::Map<const MatrixX<double>>(H.data(), n, n), scratch);
+    REQUIRE(dense.known());
+    detail::PrimalDualRounds<double> rounds;
+    rounds.reserve(n);
+    const detail::Budget budget(QpSettings<double>{}, n);
+    // In and out of the set: the bounds that press nothing may be either.
+    for (const bool in : {true, false}) {
+      const auto side_of = [&](Index i) {
+        return i % 6 == 0 ? QpSide::Lower : !in || i % 3 == 2 ? QpSide::Between : i % 3 == 0 ? QpSide::Lower : QpSide::Upper;
+      };
+      const auto settles = [&](auto& minimiser) {
+        int iterations = 0;
+        minimiser.start_rounds(g);
+        REQUIRE(rounds.find(minimiser, n, g, lo, hi, side_of, 1e-11, budget, iterations));
+        CHECK(rounds.ended());
+        late += iterations;
+        CHECK(iterations <= 1);
+        CHECK((rounds.x() - x).cwiseAbs().maxCoeff() < 1e-11);
+      };
+      settles(low);
+      if (!in) settles(dense);  // with all of them in, more than a third are active
+    }
+  }
+  CHECK(late <= 4);  // of 120: rounding can be larger than what counts as such
+}
+
 TEST_CASE("a walk whose unknowns stop one by one has the slope, curvature and gradient of the dense matrix", "[qp][low_rank]") {
   const Index n = 20, r = 4;
   const FactoredHessian<double> given(n, r, 8);
@@ -156,5 +206,11 @@ TEST_CASE("a new matrix is not mistaken for the old one when the free set is the
     curvature.newton(q, p);
     const VectorX<double> back = H * p + q;
     for (Index i : wanted) CHECK(std::abs(back[i]) < 1e-10);
+    const VectorX<double> lo = VectorX<double>::Constant(n, -1.0), hi = -lo;
+    VectorX<double> x(n), z(n);
+    const auto side_of = [](Index i) { return i % 2 == 0 ? QpSide::Between : QpSide::Lower; };
+    curvature.start_rounds(q);
+    REQUIRE(curvature.minimise(q, lo, hi, side_of, 1e-14, x, z));
+    for (Index i : wanted) CHECK(std::abs((H * x + q)[i]) < 1e-10);
   }
 }

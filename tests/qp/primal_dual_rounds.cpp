@@ -79,6 +79,7 @@ TEST_CASE("rounds that end give the minimiser, from any active set", "[qp]") {
       if (x[i] > lo[i]) CHECK(q[i] < 1e-9);
       if (x[i] < hi[i]) CHECK(q[i] > -1e-9);
       const QpSide side = rounds_of.side(i);
+      if (!(lo[i] < hi[i])) CHECK(side != QpSide::Between);  // fixed unknowns never part
       if (lo[i] < hi[i]) CHECK((side == QpSide::Between) == (x[i] > lo[i] && x[i] < hi[i]));
     }
     int again = 0;

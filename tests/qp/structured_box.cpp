@@ -193,3 +193,48 @@ TEST_CASE("budgets end structured solves too, within the bounds and on the rows"
   CHECK(result.iterations == 1);
   CHECK(result.feasibility < 1e-12);
 }
+
+TEST_CASE("small budgets make progress from structured solve to solve", "[qp][structured_box]") {
+  for (const int budget : {1, 2, 3, 4, 7}) {
+    Contacts<double> p(12);
+    QpSettings<double> settings;
+    settings.max_iterations = budget;
+    ActiveSet<double> solver(settings), free_of_budget;
+    QpResult<double> result, expected;
+    for (ActiveSet<double>* s : {&solver, &free_of_budget}) {
+      REQUIRE(s->set_hessian(p.H) == QpStatus::Solved);
+      REQUIRE(s->set_rows(p.A) == QpStatus::Solved);
+    }
+    for (int frame = 0; frame < 5; ++frame) {
+      p.change();
+      REQUIRE(solve(free_of_budget, p, expected) == QpStatus::Solved);
+      QpStatus status = QpStatus::IterationLimit;
+      for (int k = 0; k < 300 && status != QpStatus::Solved; ++k) {
+        status = solve(solver, p, result);
+        CHECK(result.iterations <= budget);
+      }
+      CHECK(status == QpStatus::Solved);
+      CHECK(result.objective == Approx(expected.objective));
+    }
+  }
+}
+
+TEST_CASE("an answer that its judge refuses is worked on, not given up", "[qp][structured_box]") {
+  Contacts<double> p(12);
+  QpSettings<double> sharp;
+  sharp.stationarity_tolerance = 1e-15;  // about the rounding of the sums: often missed, never by much
+  ActiveSet<double> solver(sharp), plain;
+  QpResult<double> result, expected;
+  for (ActiveSet<double>* s : {&solver, &plain}) {
+    REQUIRE(s->set_hessian(p.H) == QpStatus::Solved);
+    REQUIRE(s->set_rows(p.A) == QpStatus::Solved);
+  }
+  for (int frame = 0; frame < 20; ++frame) {
+    p.change();
+    REQUIRE(solve(plain, p, expected) == QpStatus::Solved);
+    const QpStatus status = solve(solver, p, result);
+    CHECK((status == QpStatus::Solved || status == QpStatus::SolvedInaccurate));
+    CHECK(result.stationarity < 1e-13);
+    CHECK((result.x - expected.x).norm() < 1e-9 * expected.x.norm());
+  }
+}

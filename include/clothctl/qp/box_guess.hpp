@@ -18,30 +18,38 @@ class BoxGuess {
   /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
   void reserve(Index n) {
     rounds_.reserve(n);
-    used_ = false;
+    uses_ = 0;
+    lasting_ = true;
+    skip_ = false;
   }
 
   /// The Hessian changed.
   void forget(Curvature& curvature) {
-    used_ = false;
+    if (uses_ > 0) lasting_ = uses_ >= kLasting;
+    uses_ = 0;
+    skip_ = false;
     if constexpr (!Curvature::kDefinite) curvature.active_bounds().forget();
   }
 
-  /// A solve with this Hessian, cold or warm, ended with so many active bounds. Empties the curvature's factor where it gets
-  /// the active-set mode ready.
-  void end_solve(Curvature& curvature, bool warm, Index active) {
-    used_ = true;
+  /// A solve with this Hessian, cold or warm, ended well or not, with so many active bounds. Empties the curvature's factor
+  /// where it gets the active-set mode ready.
+  void end_solve(Curvature& curvature, bool warm, bool well, Index active) {
+    ++uses_;
     if constexpr (!Curvature::kDefinite) {
       const Index n = curvature.unknowns();
-      if (!warm && n <= kEager && ActiveBounds<Scalar>::suits(active, n)) prepare(curvature);
+      if (!warm && well && lasting_ && n <= kEager && ActiveBounds<Scalar>::suits(active, n)) prepare(curvature);
     }
   }
+
+  /// The guess came to nothing and took the whole budget: the next solve does without.
+  void skip_next() { skip_ = true; }
 
   /// Looks for a guess from the active set side_of(i), so many of them active. Answers false when there is none.
   template <class SideOf>
   bool find(Curvature& curvature, bool warm, Index active, const Vector& g, const Vector& lo, const Vector& hi, SideOf side_of,
             const Scalar& tolerance, const Budget& budget, int& iterations) {
     const Index n = curvature.unknowns();
+    if (skip_) return skip_ = false;
     const auto go = [&](auto& minimiser) {
       minimiser.start_rounds(g);
       return rounds_.find(minimiser, n, g, lo, hi, side_of, tolerance, budget, iterations);
@@ -50,7 +58,7 @@ class BoxGuess {
       return go(curvature);
     } else {
       if (!warm || !ActiveBounds<Scalar>::suits(active, n)) return false;
-      if (used_) prepare(curvature);
+      if (uses_ >= kLasting + n / 10) prepare(curvature);
       return curvature.active_bounds().known() && go(curvature.active_bounds());
     }
   }
@@ -67,6 +75,7 @@ class BoxGuess {
 
  private:
   static constexpr Index kEager = 200;  // up to here a cold solve makes ready for warm ones: about a millisecond
+  static constexpr int kLasting = 8;    // solves after which a Hessian counts as one that is kept
 
   /// Makes the active-set mode ready, with the memory of the free-set factor.
   static void prepare(Curvature& curvature) {
@@ -75,7 +84,9 @@ class BoxGuess {
   }
 
   PrimalDualRounds<Scalar> rounds_;
-  bool used_ = false;  // a solve had this Hessian before
+  int uses_ = 0;         // solves with this Hessian
+  bool lasting_ = true;  // the Hessian before was kept, or there was none
+  bool skip_ = false;
 };
 
 }  // namespace clothctl::detail

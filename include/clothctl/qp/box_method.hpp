@@ -98,7 +98,7 @@ class BoxMethod {
     const bool warm = start_ != Start::Cold;
     take_start();
     const QpStatus status = warm && is_solved_already() ? QpStatus::Solved : run(warm, judge, budget, iterations);
-    guess_.end_solve(curvature_, warm, n_ - free_count());
+    guess_.end_solve(curvature_, warm, status == QpStatus::Solved, n_ - free_count());
     data_ = nullptr;
     return status;
   }
@@ -188,22 +188,26 @@ class BoxMethod {
     return good_guess();
   }
 
-  /// Guess, then the free-set method.
+  /// Guess, then the free-set method. A guess may take half of the budget; one that is cut short is taken if it is lower.
   QpStatus run(bool warm, Judge judge, const Budget& budget, int& iterations) {
     const auto side_of = [this](Index i) { return static_cast<QpSide>(state(i) == kParked ? kFree : state(i)); };
-    const bool guessed =
-        guess_.find(curvature_, warm, n_ - free_count(), g(), lo(), hi(), side_of, relative_zero(), budget, iterations);
+    const Budget share = budget.half(iterations);
+    bool guessed =
+        guess_.find(curvature_, warm, n_ - free_count(), g(), lo(), hi(), side_of, relative_zero(), share, iterations);
     if (!guessed) return iterate(false, budget, iterations);
     const PrimalDualRounds<Scalar>& found = guess_.rounds();
-    const QpStatus spent = found.ended() ? QpStatus::Solved : budget.after(iterations);
-    if (spent == QpStatus::Solved || objective(found.x()) < objective(x_)) {
+    const bool cut_short = !found.ended() && share.after(iterations) != QpStatus::Solved;
+    if (cut_short) guessed = objective(found.x()) < objective(x_);
+    if (guessed) {
       x_.head(n_) = found.x().head(n_);
       for (Index i = 0; i < n_; ++i) {
         state(i) = found.side(i) == QpSide::Between || lo()[i] < hi()[i] ? static_cast<State>(found.side(i)) : kLower;
       }
     }
+    const QpStatus spent = cut_short ? budget.after(iterations) : QpStatus::Solved;
+    if (spent != QpStatus::Solved && !guessed) guess_.skip_next();
     if (spent != QpStatus::Solved || (found.ended() && judge == Judge::Caller)) return spent;
-    return iterate(true, budget, iterations);
+    return iterate(guessed, budget, iterations);
   }
 
   Scalar objective(const Vector& x) {
@@ -236,7 +240,8 @@ class BoxMethod {
     const Scalar slope = g().head(n_).cwiseAbs().maxCoeff(), bend = product.head(n_).cwiseAbs().maxCoeff();
     const Scalar largest = (std::max)(Scalar(1), (std::max)(slope, bend));
     const Scalar length = root_.head(n_).dot(x_.head(n_).cwiseAbs());
-    zero_.head(n_) = relative_zero() * (g().head(n_).cwiseAbs() + length * root_.head(n_)).cwiseMin(largest);
+    const Scalar least = Scalar(1e-30);  // smaller slopes count as zero: without one in g the others fall with x
+    zero_.head(n_) = (relative_zero() * (g().head(n_).cwiseAbs() + length * root_.head(n_)).cwiseMin(largest)).cwiseMax(least);
   }
 
   /// Brings the factor in line with the free states. Returns how many unknowns it took in; the dependent ones stay out.
@@ -412,7 +417,7 @@ class BoxMethod {
   QpStatus iterate(bool guessed, const Budget& budget, int& iterations) {
     take_gradient(product_.update(curvature_, x_));
     if (guessed && good_guess()) return QpStatus::Solved;
-    if (guessed) refine_guess();
+    if (guessed && guess_.rounds().ended()) refine_guess();
     if (optimal()) {  // the product of a few moves may be rounded by how far they went
       refresh_gradient();
       if (optimal()) return QpStatus::Solved;

@@ -2,6 +2,8 @@
 
 // What a solve may spend: rounds, and seconds by the caller's clock. The library reads no clock of its own.
 
+#include <algorithm>
+
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::detail {
@@ -17,6 +19,13 @@ class Budget {
     clock_ = settings.clock;
     context_ = settings.clock_context;
     deadline_ = clock_(context_) + settings.time_limit;
+  }
+
+  /// Half of the rounds that are left after `rounds`, at least one; the same deadline.
+  Budget half(int rounds) const {
+    Budget share = *this;
+    share.rounds_ = rounds + (std::max)(1, (rounds_ - rounds) / 2);
+    return share;
   }
 
   /// Solved while there is something left after `rounds` rounds, else what ran out. Reads the clock.

@@ -32,6 +32,9 @@ class Columns {
     sparse_ = false;
   }
 
+  /// The matrix is at another place now.
+  void attach(const Scalar* data) { data_ = data; }
+
   /// Takes a matrix and lists its nonzeros if they are at most a quarter, else it is dense. The matrix must not change.
   void list(const Scalar* data, Index rows, Index columns) {
     view(data, rows, columns);

@@ -52,10 +52,11 @@ class PrimalDualRounds {
       least = (std::min)(least, changes);
       if (budget.after(++iterations) != QpStatus::Solved) break;
     }
+    if (!all_finite(x_.head(n))) return false;
     for (Index i = 0; i < n; ++i) {
       x_[i] = side(i) == QpSide::Lower ? lo[i] : side(i) == QpSide::Upper ? hi[i] : (std::min)((std::max)(x_[i], lo[i]), hi[i]);
     }
-    return all_finite(x_.head(n));
+    return true;
   }
 
   /// Whether the rounds of the last `find` came to an end.

@@ -78,6 +78,7 @@ class ProximalMethod {
     const auto scaled = [](const Scalar& bound, const Scalar& factor) {
       return has_bound(bound) ? Scalar(bound * factor) : bound;
     };
+    problem_.attach();
     Scalar steepest(0);
     load_gradient(data);
     for (Index j = 0; j < problem_.unknowns(); ++j) {

@@ -59,6 +59,12 @@ class ProximalProblem {
     a_.view(rows_.data(), m, n);
     at_.view(columns_.data(), n, m);
   }
+  /// Takes the matrices where they are now: a copy of this has its own.
+  void attach() {
+    h_.attach(hessian_.data());
+    a_.attach(rows_.data());
+    at_.attach(columns_.data());
+  }
   /// Makes use of zeros in H, A and Aᵀ; to be called again after they change.
   void index() {
     constexpr Index kSmall = 40;

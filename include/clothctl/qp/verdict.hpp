@@ -42,8 +42,9 @@ void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
   if (result.status != QpStatus::Solved && !unfinished) return;
   const bool far = result.x.size() > 0 && !(result.x.cwiseAbs().maxCoeff() < largest_bound<Scalar>());
   const Scalar away = far ? scalar_traits<Scalar>::infinity() : excess(r, settings);
-  if (!unfinished && away <= Scalar(1)) return;
-  if (away <= Scalar(kLooseTolerances)) {
+  if (away <= Scalar(1)) {
+    result.status = QpStatus::Solved;
+  } else if (away <= Scalar(kLooseTolerances)) {
     result.status = QpStatus::SolvedInaccurate;
   } else if (!unfinished) {
     result.status = QpStatus::IterationLimit;
