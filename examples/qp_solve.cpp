@@ -8,6 +8,7 @@
 #include <cmath>
 #include <cstdio>
 #include <ctime>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <optional>
 
@@ -282,6 +283,13 @@ void write(const std::string& path, const std::string& text) {
   if (!path.empty()) must(clothctl::write_file(path, text));
 }
 
+/// Refuses two names of one file: the second to be written would end the first.
+void keep_apart(const char* what, const std::string& path, const char* other, const std::string& other_path) {
+  std::error_code none;
+  const bool same = path == other_path || std::filesystem::equivalent(path, other_path, none);
+  if (!path.empty() && same) refuse(std::string(what) + ": '" + path + "' is the same file as " + other);
+}
+
 constexpr const char* kTableHead =
     "frame,objective,status,iterations,ms,cold_objective,cold_status,cold_iterations,cold_ms,expected_objective,right\n";
 
@@ -415,6 +423,9 @@ int main(int argc, char** argv) {
       ->check(between(1, 1000))
       ->capture_default_str();
   parse(app, argc, argv);
+  keep_apart("--solution", o.solution, "FILE", o.file);
+  keep_apart("--out", o.out, "FILE", o.file);
+  keep_apart("--out", o.out, "--solution", o.solution);
   const QpProblem problem = read_problem(o.file);
   return problem.frames.empty() ? solve_single(problem, o) : solve_sequence(problem, o);
 }

@@ -389,7 +389,7 @@ TEST_CASE("without a Hessian, or with bad settings, nothing is solved", "[qp]") 
   REQUIRE(careless.set_hessian(MatrixX<double>::Zero(1, 1)) == QpStatus::Solved);
   REQUIRE(careless.set_rows(MatrixX<double>::Ones(1, 1)) == QpStatus::Solved);
   CHECK(careless.solve(vec(0.0), vec(-inf), vec(inf), vec(1.0), vec(inf), r) == QpStatus::InvalidData);
-  CHECK(std::string(r.message) == "settings are bad: see their check()");
+  CHECK(std::string(r.message) == "feasibility_tolerance is not a positive number");
 }
 
 namespace {
@@ -838,4 +838,34 @@ TEST_CASE("copies and moves of a solver stand on their own", "[qp]") {
       CHECK(result.objective == Approx(expected.objective).epsilon(1e-7));
     }
   }
+}
+
+TEST_CASE("what ran out of budget goes on in the next solve", "[qp]") {
+  std::mt19937 random(21);
+  int cut = 0;
+  for (int trial = 0; trial < 40; ++trial) {
+    QpFamily family;
+    family.n = 20 + trial % 30;
+    family.m = 15 + trial % 40;
+    family.active = 0.5;
+    const KnownQp<double> q = draw_qp<double>(family, random);
+    for (const int budget : {3, 8}) {
+      QpSettings<double> settings;
+      settings.max_iterations = budget;
+      ActiveSet<double> solver(settings);
+      set(solver, q);
+      QpResult<double> result;
+      QpStatus status = QpStatus::IterationLimit;
+      int solves = 0;
+      for (; solves < 100 && status != QpStatus::Solved; ++solves) {
+        status = solve(solver, q, result);
+        CHECK(result.iterations <= budget);
+      }
+      INFO("trial " << trial << ", budget " << budget);
+      CHECK(status == QpStatus::Solved);
+      CHECK(result.objective == Approx(q.objective()).epsilon(1e-6).margin(1e-6));
+      cut += solves > 1 ? 1 : 0;
+    }
+  }
+  CHECK(cut > 40);
 }

@@ -26,7 +26,7 @@ struct Problem {
     REQUIRE(data.judge_rows(A) == QpStatus::Solved);
     CHECK(data.take_rows(A));
   }
-  bool load(bool good = true) { return data.load(good, g, lb, ub, rl, ru, result); }
+  bool load(const char* fault = "") { return data.load(fault, g, lb, ub, rl, ru, result); }
   std::string refused() const { return std::string(result.message) + " " + std::to_string(result.invalid_index); }
 };
 
@@ -79,6 +79,10 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
   CHECK(p.data.judge(bad) == QpStatus::InvalidData);
   CHECK(p.data.refusal().index == 5);
   CHECK(p.data.judge(-p.H) == QpStatus::NonConvex);
+  detail::ProblemData<S> empty;
+  empty.reserve(3, 3);
+  CHECK(empty.judge_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
+  CHECK(std::string(empty.refusal().message) == "no Hessian was set");
   CHECK(p.data.judge_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
   CHECK(std::string(p.data.refusal().message) == "rows differ in length from the Hessian");
   MatrixX<S> row = p.A;
@@ -87,7 +91,7 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
   CHECK(p.data.refusal().index == 5);
   CHECK(same());
 
-  const auto refusal = [&](auto&& spoil, bool good = true) {
+  const auto refusal = [&](auto&& spoil, const char* fault = "") {
     Problem<S> q;
     spoil(q);
     p.g = q.g;
@@ -95,16 +99,16 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
     p.ub = q.ub;
     p.rl = q.rl;
     p.ru = q.ru;
-    CHECK_FALSE(p.load(good));
+    CHECK_FALSE(p.load(fault));
     CHECK(p.result.status == QpStatus::InvalidData);
     CHECK(same());
     return p.refused();
   };
-  CHECK(refusal([](Problem<S>&) {}, false) == "settings are bad: see their check() -1");
+  CHECK(refusal([](Problem<S>&) {}, "a bad setting") == "a bad setting -1");
   CHECK(refusal([&](Problem<S>& q) { q.g[2] = nan; }) == "gradient entry is not finite 2");
-  CHECK(refusal([&](Problem<S>& q) { q.g.resize(2); }) == "gradient or bounds differ in size from the Hessian -1");
-  CHECK(refusal([&](Problem<S>& q) { q.ub.resize(4); }) == "gradient or bounds differ in size from the Hessian -1");
-  CHECK(refusal([&](Problem<S>& q) { q.ru.resize(1); }) == "row bounds differ in size from the rows -1");
+  CHECK(refusal([&](Problem<S>& q) { q.g.resize(2); }) == "gradient differs in size from the Hessian -1");
+  CHECK(refusal([&](Problem<S>& q) { q.ub.resize(4); }) == "upper bounds differ in size from the Hessian -1");
+  CHECK(refusal([&](Problem<S>& q) { q.ru.resize(1); }) == "upper row bounds differ in size from the rows -1");
   CHECK(refusal([&](Problem<S>& q) { q.lb[1] = S(2); }) == "lower bound is above the upper one 1");
   CHECK(refusal([&](Problem<S>& q) { q.rl[1] = nan; }) == "lower row bound is NaN 1");
 }
@@ -114,17 +118,17 @@ TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more 
   data.reserve(2, 1);
   QpResult<double> result;
   const VectorX<double> none;
-  CHECK_FALSE(data.load(true, none, none, none, none, none, result));
+  CHECK_FALSE(data.load("", none, none, none, none, none, result));
   CHECK(std::string(result.message) == "no Hessian was set");
   MatrixX<double> spoilt = MatrixX<double>::Identity(2, 2);
   spoilt(1, 1) = -1.0;
   REQUIRE(data.judge(spoilt) == QpStatus::NonConvex);
-  CHECK_FALSE(data.load(true, none, none, none, none, none, result));
+  CHECK_FALSE(data.load("", none, none, none, none, none, result));
   CHECK(result.status == QpStatus::NonConvex);  // why there is none
   CHECK(std::string(result.message) == "Hessian has a negative diagonal entry");
   CHECK(result.invalid_index == 3);
   data.reserve(2, 1);
-  CHECK_FALSE(data.load(true, none, none, none, none, none, result));
+  CHECK_FALSE(data.load("", none, none, none, none, none, result));
   CHECK(std::string(result.message) == "no Hessian was set");
   Problem<double> p;
   p.data.reserve_rows(7);

@@ -30,7 +30,7 @@ struct Scene {
 
   QpStatus run(const VectorX<double>& g, const VectorX<double>& lb, const VectorX<double>& ub, const VectorX<double>& rl,
                const VectorX<double>& ru, ProximalStart start, int& iterations) {
-    REQUIRE(data.load(true, g, lb, ub, rl, ru, result));
+    REQUIRE(data.load("", g, lb, ub, rl, ru, result));
     x = x.cwiseMax(data.lo()).cwiseMin(data.hi());
     auto& state = method.problem().state;
     using State = detail::ProximalMethod<double>::State;

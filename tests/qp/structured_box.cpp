@@ -77,7 +77,7 @@ bool structured(const Contacts<double>& p) {
   REQUIRE(data.judge_rows(p.A) == QpStatus::Solved);
   data.take_rows(p.A);
   QpResult<double> result;
-  REQUIRE(data.load(true, p.g, p.lb, p.ub, p.b, p.b, result));
+  REQUIRE(data.load("", p.g, p.lb, p.ub, p.b, p.b, result));
   detail::StructuredBox<double> box;
   box.reserve(p.n, p.m);
   return box.ready(data);

@@ -167,7 +167,7 @@ struct PlannerSettings {
     if (!all_finite(supported)) return "the supported force is not finite";
     if (input == GripInput::Pose && command != Command::Force)
       return "command is Position with pose input; poses are always sent as positions";
-    if (std::string problem = qp.check(); !problem.empty()) return "qp: " + problem;
+    if (const std::string problem(qp.check()); !problem.empty()) return "qp: " + problem;
     return {};
   }
 };

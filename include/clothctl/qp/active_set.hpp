@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "clothctl/qp/closest_point.hpp"
@@ -31,9 +32,8 @@ class ActiveSet {
   /// A read-only view of a matrix.
   using MatrixView = Eigen::Ref<const MatrixX<Scalar>>;
 
-  /// Takes settings. Solves answer InvalidData when `settings.check()` is not empty.
-  explicit ActiveSet(QpSettings<Scalar> settings = {})
-      : settings_(settings), method_(settings), good_settings_(settings.check().empty()) {}
+  /// Takes settings. Solves answer InvalidData with the text of `settings.check()` when that is not empty.
+  explicit ActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings), method_(settings), fault_(settings.check()) {}
 
   /// Makes room for up to n unknowns and m rows and forgets both matrices; afterwards nothing here allocates up to those
   /// sizes (results size themselves at their first solve). Allocates.
@@ -81,7 +81,7 @@ class ActiveSet {
   /// above its upper one (InvalidData; nothing is changed).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
                                const VectorView& ru, result_type& result) {
-    if (!data_.load(good_settings_, g, lb, ub, rl, ru, result)) return result.status;
+    if (!data_.load(fault_, g, lb, ub, rl, ru, result)) return result.status;
     const detail::Budget budget(settings_, n_ + m_);
     const bool structured = structured_.ready(data_);
     if (structured && start_ == Start::FromX) structured_.warm_start(x_.head(n_));
@@ -104,6 +104,11 @@ class ActiveSet {
     note_proof(result);
     if (result.status == QpStatus::PrimalInfeasible && settings_.closest_point) approach(budget, result);
     report(lb, ub, rl, ru, result);
+    const bool good = result.status == QpStatus::Solved || result.status == QpStatus::SolvedInaccurate;
+    unfinished_ = result.status == QpStatus::TimeLimit ||
+                  (result.status == QpStatus::IterationLimit && budget.after(result.iterations) != QpStatus::Solved);
+    if (!good && !unfinished_) reset();
+    if (unfinished_) stay_at_last();
     if (start_ == Start::Warm) structured_.warm_start(result.x);
     return result.status;
   }
@@ -124,7 +129,7 @@ class ActiveSet {
   [[nodiscard]] bool warm_start(std::span<const QpSide> bounds, std::span<const QpSide> rows) {
     if (n_ == 0 || static_cast<Index>(bounds.size()) != n_ || static_cast<Index>(rows.size()) != m_) return false;
     if (!detail::are_sides(bounds) || !detail::are_sides(rows)) return false;
-    if (start_ == Start::Cold) {
+    if (start_ == Start::Cold || unfinished_) {
       x_.head(n_).setConstant(Scalar(0));
       y_.head(m_).setConstant(Scalar(0));
     }
@@ -196,6 +201,7 @@ class ActiveSet {
     }
     y_.head(m_) = result.row_multipliers;
     start_ = Start::Warm;
+    unfinished_ = false;
   }
 
   /// Scales H and A afresh after either changed.
@@ -292,6 +298,13 @@ class ActiveSet {
                          : "x is a closest point, but not the one of the least objective: rounding stopped progress";
   }
 
+  /// What ran out of budget goes on in the next solve.
+  void stay_at_last() {
+    x_.head(n_) = method_.D().head(n_).cwiseProduct(method_.last_x().head(n_));
+    y_.head(m_) = method_.E().head(m_).cwiseProduct(method_.last_y().head(m_));
+    if (!all_finite(x_.head(n_)) || !all_finite(y_.head(m_))) reset();
+  }
+
   /// Fills the result in the caller's units; the definition has the last word on "Solved".
   void report(const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru, result_type& result) {
     result.status = method_.settle(data_, result.status);
@@ -318,7 +331,6 @@ class ActiveSet {
       result.row_multipliers = y_.head(m_);
     }
     if (!infeasible && !unbounded) detail::note_sides<Scalar>(data_.lo(), data_.hi(), data_.rl(), data_.ru(), result);
-    if (result.status != QpStatus::Solved && result.status != QpStatus::SolvedInaccurate) reset();
   }
 
   QpSettings<Scalar> settings_;
@@ -331,7 +343,8 @@ class ActiveSet {
   VectorX<Scalar> y_, ax_;
   Index n_ = 0, m_ = 0;
   Start start_ = Start::Cold;
-  bool good_settings_ = true, prepared_ = false;
+  std::string_view fault_;  // of the settings, static text
+  bool prepared_ = false, unfinished_ = false;
 };
 
 }  // namespace clothctl

@@ -5,6 +5,7 @@
 // round of the active-set mode is O(n a), and O(a²) a bound that changes.
 
 #include <span>
+#include <string_view>
 
 #include "clothctl/qp/box_method.hpp"
 #include "clothctl/qp/kkt.hpp"
@@ -24,8 +25,8 @@ class BoxActiveSet {
   /// A read-only view of a vector.
   using VectorView = Eigen::Ref<const VectorX<Scalar>>;
 
-  /// Takes settings. Solves answer InvalidData when `settings.check()` is not empty.
-  explicit BoxActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings), good_settings_(settings.check().empty()) {}
+  /// Takes settings. Solves answer InvalidData with the text of `settings.check()` when that is not empty.
+  explicit BoxActiveSet(QpSettings<Scalar> settings = {}) : settings_(settings), fault_(settings.check()) {}
 
   /// Makes room for up to n unknowns and forgets the Hessian; afterwards nothing here allocates for up to n unknowns
   /// (results size themselves at their first solve). Allocates.
@@ -56,7 +57,7 @@ class BoxActiveSet {
   /// seen this size. Fails when: sizes differ, g or a bound is NaN, or lb > ub (InvalidData; nothing is changed).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, result_type& result) {
     const VectorX<Scalar> none;
-    if (!data_.load(good_settings_, g, lb, ub, none, none, result)) return result.status;
+    if (!data_.load(fault_, g, lb, ub, none, none, result)) return result.status;
     method_.curvature().attach(data_.H());
     const typename Method::Data data{data_.g(), data_.lo(), data_.hi()};
     const detail::Budget budget(settings_, data_.n());
@@ -125,7 +126,7 @@ class BoxActiveSet {
   detail::ProblemData<Scalar> data_;
   Method method_;
   VectorX<Scalar> product_, zeros_;
-  bool good_settings_ = true;
+  std::string_view fault_;  // of the settings, static text
 };
 
 }  // namespace clothctl

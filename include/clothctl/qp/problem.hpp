@@ -11,7 +11,7 @@
 #include <algorithm>
 #include <cmath>
 #include <span>
-#include <string>
+#include <string_view>
 #include <vector>
 
 #include "clothctl/core/status.hpp"
@@ -59,8 +59,8 @@ struct QpSettings {
   /// ActiveSet; the scale of rows weighs them.
   bool closest_point = false;
 
-  /// Checks the values. Returns an empty string, or a line that names the first bad one.
-  std::string check() const {
+  /// Checks the values. Returns an empty text, or a static one that names the first bad value.
+  std::string_view check() const {
     const auto bad = [](const Scalar& t) { return !is_finite(t) || !(Scalar(0) < t); };
     if (bad(stationarity_tolerance)) return "stationarity_tolerance is not a positive number";
     if (bad(feasibility_tolerance)) return "feasibility_tolerance is not a positive number";

@@ -5,6 +5,7 @@
 // Matrices change by judge, then take: a refused matrix leaves everything as it was. Vectors are loaded for each solve; the
 // bounds in use change only when all of them are good.
 
+#include <string_view>
 #include <vector>
 
 #include "clothctl/qp/problem.hpp"
@@ -89,7 +90,9 @@ class ProblemData {
   /// Judges rows: as long as the Hessian, finite.
   QpStatus judge_rows(const MatrixView& A) {
     refusal_ = {};
-    if (A.cols() != n_ && A.rows() > 0) refusal_ = {QpStatus::InvalidData, "rows differ in length from the Hessian", -1};
+    if (n_ == 0 && A.rows() > 0) refusal_ = kNoHessian;
+    if (n_ > 0 && A.cols() != n_ && A.rows() > 0)
+      refusal_ = {QpStatus::InvalidData, "rows differ in length from the Hessian", -1};
     for (Index j = 0; j < A.cols(); ++j) {
       for (Index i = 0; i < A.rows() && refusal_.status == QpStatus::Solved; ++i) {
         if (!is_finite(A(i, j))) refusal_ = {QpStatus::InvalidData, "row entry is not finite", i + j * A.rows()};
@@ -109,13 +112,14 @@ class ProblemData {
   }
 
   /// Clears the head of `result`, sizes it, and takes gradient and bounds of a solve. Answers false, with status, message and
-  /// index in the result, when there is no Hessian, the settings are not `good`, sizes differ, or an entry is refused.
-  bool load(bool good, const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
+  /// index in the result, when there is no Hessian, the settings have a fault (static text), sizes differ, or an entry is
+  /// refused.
+  bool load(std::string_view fault, const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
             const VectorView& ru, QpResult<Scalar>& result) {
     result.resize(n_, m_);
     result.iterations = 0;
     result.stationarity = result.feasibility = result.complementarity = result.objective = Scalar(0);
-    const QpRefusal refusal = judge_vectors(good, g, lb, ub, rl, ru);
+    const QpRefusal refusal = judge_vectors(fault, g, lb, ub, rl, ru);
     result.status = refusal.status;
     result.message = refusal.message;
     result.invalid_index = refusal.index;
@@ -129,14 +133,16 @@ class ProblemData {
   }
 
  private:
-  QpRefusal judge_vectors(bool good, const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl,
-                          const VectorView& ru) {
+  QpRefusal judge_vectors(std::string_view fault, const VectorView& g, const VectorView& lb, const VectorView& ub,
+                          const VectorView& rl, const VectorView& ru) {
     constexpr QpStatus bad = QpStatus::InvalidData;
     if (n_ == 0) return hessian_refusal_;
-    if (!good) return {bad, "settings are bad: see their check()", -1};
-    if (g.size() != n_ || lb.size() != n_ || ub.size() != n_)
-      return {bad, "gradient or bounds differ in size from the Hessian", -1};
-    if (rl.size() != m_ || ru.size() != m_) return {bad, "row bounds differ in size from the rows", -1};
+    if (!fault.empty()) return {bad, fault.data(), -1};
+    if (g.size() != n_) return {bad, "gradient differs in size from the Hessian", -1};
+    if (lb.size() != n_) return {bad, "lower bounds differ in size from the Hessian", -1};
+    if (ub.size() != n_) return {bad, "upper bounds differ in size from the Hessian", -1};
+    if (rl.size() != m_) return {bad, "lower row bounds differ in size from the rows", -1};
+    if (ru.size() != m_) return {bad, "upper row bounds differ in size from the rows", -1};
     for (Index i = 0; i < n_; ++i) {
       if (!is_finite(g[i])) return {bad, "gradient entry is not finite", i};
     }

@@ -157,6 +157,8 @@ class ProximalMethod {
   /// is not finite is given up. Products and `gradient()` are fresh afterwards. Answers the status to report.
   QpStatus settle(const ProblemData<Scalar>& data, QpStatus status) {
     load_gradient(data);
+    old_x_.head(n()) = problem_.x.head(n());
+    old_y_.head(m()) = problem_.yk.head(m());
     const bool unfinished =
         status == QpStatus::IterationLimit || status == QpStatus::TimeLimit || status == QpStatus::NonConvex;
     if (unfinished && best_.known()) {
@@ -184,6 +186,11 @@ class ProximalMethod {
   const Vector& D() const { return D_; }
   /// Scales of the rows, m entries in use.
   const Vector& E() const { return E_; }
+  /// Where the last run stood before `settle`, in scaled space: an unfinished one goes on from there, not from its best
+  /// iterate.
+  const Vector& last_x() const { return old_x_; }
+  /// The row multipliers that its last step started from.
+  const Vector& last_y() const { return old_y_; }
   /// Ĥx̂ + ĝ - Âᵀŷ of the last `settle`, n entries in use.
   const Vector& gradient() const { return q_; }
 
