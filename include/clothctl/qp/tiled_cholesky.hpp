@@ -13,7 +13,7 @@
 namespace clothctl::detail {
 
 /// Edge of a tile, and width of a panel within it.
-inline constexpr Index kTile = 64, kPanel = 4;
+inline constexpr Index kTile = 64, kTilePanel = 4;
 
 /// C -= P Qᵀ for C r×s, P r×k, Q s×k. Never allocates.
 template <RealScalar Scalar>
@@ -40,8 +40,8 @@ Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A, const Eigen::Ref<const Ve
   for (Index j = 0; j < n; j += kTile) {
     const Index nj = (std::min)(kTile, n - j);
     if (j > 0) subtract_outer<Scalar>(A.block(j, j, n - j, nj), A.block(j, 0, n - j, j), A.block(j, 0, nj, j));
-    for (Index panel = j; panel < j + nj; panel += kPanel) {
-      const Index end = (std::min)(panel + kPanel, j + nj);
+    for (Index panel = j; panel < j + nj; panel += kTilePanel) {
+      const Index end = (std::min)(panel + kTilePanel, j + nj);
       for (Index c = panel; c < end; ++c) {
         for (Index b = panel; b < c; ++b) A.col(c).tail(n - c) -= A(c, b) * A.col(b).tail(n - c);
         const Scalar pivot = A(c, c);
