@@ -33,7 +33,10 @@ TEMPLATE_TEST_CASE("products by columns are those of the matrix, listed or not",
     CHECK(columns.columns() == 23);
     const VectorX<S> x = drawn<S>(23, 1, 1.0, random);
     VectorX<S> out = VectorX<S>::Ones(20), size = out;
+    const VectorX<S> v = drawn<S>(20, 1, 1.0, random);
     for (Index j = 0; j < 23; ++j) {
+      const S terms = M.col(j).cwiseProduct(v.head(17)).cwiseAbs().sum();
+      CHECK(std::abs(columns.size_of_dot(j, v) - terms) <= S(20) * scalar_traits<S>::epsilon() * terms);
       columns.add(j, x[j], out);
       columns.add_size(j, x[j], size);
     }

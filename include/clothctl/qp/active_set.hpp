@@ -323,8 +323,17 @@ class ActiveSet {
       y_[i] = E[i] * problem.y[i];
       ax_[i] = problem.ax[i] / E[i];
     }
-    const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(
-        hx_.head(n_), ax_.head(m_), aty_.head(n_), data_.g().head(n_), rl, ru, lb, ub, result.x, y_.head(m_), z_.head(n_));
+    KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(hx_.head(n_), ax_.head(m_), aty_.head(n_), data_.g().head(n_),
+                                                               rl, ru, lb, ub, result.x, y_.head(m_), z_.head(n_));
+    using std::abs;
+    Scalar unseen(0);  // the slack of a row is known to the rounding of its terms only
+    for (Index i = 0; i < m_; ++i) {
+      const Scalar y = problem.y[i];
+      if (y < Scalar(0) || y > Scalar(0)) unseen += abs(y) * problem.columns_of_At().size_of_dot(i, problem.x);
+    }
+    r.complementarity += Scalar(0.5) * scalar_traits<Scalar>::epsilon() * unseen;
+    r.relative_complementarity =
+        detail::relative_error(r.complementarity, Scalar((std::max)(Scalar(1), Scalar(abs(r.objective)))));
     detail::conclude(r, settings_, result);
     if (!infeasible) {
       result.bound_multipliers = z_.head(n_);

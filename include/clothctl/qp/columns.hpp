@@ -76,6 +76,15 @@ class Columns {
     }
   }
 
+  /// Σ |entry · x| over column j.
+  Scalar size_of_dot(Index j, const Vector& x) const {
+    using std::abs;
+    if (!sparse_) return column(j).cwiseProduct(x.head(rows_)).cwiseAbs().sum();
+    Scalar size(0);
+    for (int k = start(j); k < start(j + 1); ++k) size += abs(value(k) * x[row(k)]);
+    return size;
+  }
+
   /// out += |s · column j|, entry by entry.
   void add_size(Index j, const Scalar& s, Vector& out) const {
     using std::abs;
