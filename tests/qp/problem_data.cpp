@@ -169,3 +169,29 @@ TEST_CASE("taking data allocates nothing within the reserve", "[qp]") {
   CHECK(good);
   CHECK(made == 0);
 }
+
+TEST_CASE("a load that repeats the last one says so, one that differs anywhere does not", "[qp]") {
+  Problem<double> p;
+  REQUIRE(p.load());
+  CHECK_FALSE(p.data.repeated());
+  REQUIRE(p.load());
+  CHECK(p.data.repeated());
+  for (VectorX<double>* v : {&p.g, &p.lb, &p.ub, &p.rl, &p.ru}) {
+    (*v)[1] += 0.25;
+    REQUIRE(p.load());
+    CHECK_FALSE(p.data.repeated());
+    REQUIRE(p.load());
+    CHECK(p.data.repeated());
+  }
+  p.g[0] = std::numeric_limits<double>::quiet_NaN();
+  CHECK_FALSE(p.load());
+  p.g[0] = 0.5;
+  REQUIRE(p.load());
+  CHECK(p.data.repeated());
+  p.data.take(p.H);
+  REQUIRE(p.load());
+  CHECK_FALSE(p.data.repeated());
+  p.data.take_rows(p.A);
+  REQUIRE(p.load());
+  CHECK_FALSE(p.data.repeated());
+}

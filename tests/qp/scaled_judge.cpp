@@ -45,6 +45,7 @@ TEST_CASE("the scaled judge agrees with the definition on the caller's data", "[
     p.ru = E.cwiseProduct(ru);
     p.y = y.cwiseQuotient(E);
     p.refresh_products();
+    p.reduced_gradient(gradient);
     const auto judgement = detail::judge_scaled(p, D, E, QpSettings<double>(), gradient);
     const VectorX<double> slope = H * x + g - A.transpose() * y;
     VectorX<double> z(n);
@@ -71,11 +72,40 @@ TEST_CASE("an error of a small unknown beside a large one passes unscaled and is
   for (const double second : {1.0, 0.5}) {
     p.x << 1.0, second;
     p.refresh_products();
+    p.reduced_gradient(gradient);
     const auto judgement = detail::judge_scaled(p, D, E, QpSettings<double>(), gradient);
     CHECK(judgement.residuals.relative_stationarity < 1e-9);
     CHECK(judgement.sharp == (second == 1.0));
   }
   p.x << 1.0, 1e12;  // 1e21 in the caller's units
   p.refresh_products();
+  p.reduced_gradient(gradient);
   CHECK_FALSE(is_finite(detail::judge_scaled(p, D, E, QpSettings<double>(), gradient).residuals.relative_feasibility));
+}
+
+TEST_CASE("rounding counts where terms cancel to a tolerance, in each product", "[qp]") {
+  const QpSettings<double> settings;
+  const double edge = settings.stationarity_tolerance / (2 * scalar_traits<double>::epsilon());
+  VectorX<double> D = VectorX<double>::Ones(2), E = VectorX<double>::Ones(1), gradient = VectorX<double>::Zero(2);
+  const auto counts = [&](detail::ProximalProblem<double>& p) {
+    p.At() = p.A().transpose();
+    p.refresh_products();
+    p.reduced_gradient(gradient);
+    return detail::rounding_counts(p, D, E, settings, gradient);
+  };
+  for (const double size : {0.1 * edge, 10 * edge}) {
+    detail::ProximalProblem<double> p;
+    p.reserve(2, 1);
+    p.resize(2, 1);
+    p.x << 1.0, 1.0;
+    p.H() << size, -size, -size, size;
+    CHECK(counts(p) == (size > edge));
+    p.H().setConstant(0.0);
+    p.A() << size, -size;
+    CHECK(counts(p) == (size > edge));  // violation
+    p.A() << 1.0, 1.0;
+    p.x << 0.5, 0.5;
+    p.y[0] = size;  // slack times multiplier; the row's part in the gradient sets its own scale
+    CHECK(counts(p) == (size > edge));
+  }
 }

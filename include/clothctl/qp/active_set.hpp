@@ -90,21 +90,23 @@ class ActiveSet {
       follow(result);
       return result.status;
     }
+    if (answered_ && data_.repeated()) {
+      result.status = QpStatus::Solved;
+      note_proof(result);
+      report(lb, ub, rl, ru, result);
+      return result.status;
+    }
     prepare();
     const bool warm = start_ != Start::Cold;
     method_.forget_best();
-    take_start();
-    result.status = method_.run(budget, result.iterations);
-    const bool stuck = result.status == QpStatus::IterationLimit && budget.after(result.iterations) == QpStatus::Solved;
-    if (warm && stuck) {  // a start that leads nowhere is forgotten
+    attempt(budget, lb, ub, rl, ru, result);
+    const bool passed = result.status != QpStatus::IterationLimit && result.status != QpStatus::SolvedInaccurate;
+    if (warm && !passed && budget.after(result.iterations) == QpStatus::Solved) {  // a start that leads nowhere is forgotten
       start_ = Start::Cold;
-      take_start();
-      result.status = method_.run(budget, result.iterations);
+      attempt(budget, lb, ub, rl, ru, result);
     }
-    note_proof(result);
-    if (result.status == QpStatus::PrimalInfeasible && settings_.closest_point) approach(budget, result);
-    report(lb, ub, rl, ru, result);
-    const bool good = result.status == QpStatus::Solved || result.status == QpStatus::SolvedInaccurate;
+    answered_ = result.status == QpStatus::Solved;
+    const bool good = answered_ || result.status == QpStatus::SolvedInaccurate;
     unfinished_ = result.status == QpStatus::TimeLimit ||
                   (result.status == QpStatus::IterationLimit && budget.after(result.iterations) != QpStatus::Solved);
     if (!good && !unfinished_) reset();
@@ -119,6 +121,7 @@ class ActiveSet {
     if (n_ == 0 || x.size() != n_ || !all_finite(x)) return false;
     if (start_ == Start::Cold) y_.head(m_).setConstant(Scalar(0));
     x_.head(n_) = x;
+    answered_ = false;
     start_ = Start::FromX;
     return true;
   }
@@ -135,6 +138,7 @@ class ActiveSet {
     }
     std::copy(bounds.begin(), bounds.end(), sides_of_unknowns_.begin());
     std::copy(rows.begin(), rows.end(), sides_of_rows_.begin());
+    answered_ = false;
     start_ = Start::FromSides;
     return true;
   }
@@ -150,6 +154,7 @@ class ActiveSet {
   /// tails repeat their last blocks.
   void shift(Index unknowns, Index rows) {
     if (start_ == Start::Cold) return;
+    answered_ = false;
     for (Index i = 0; unknowns > 0 && i + unknowns < n_; ++i) {
       x_[i] = x_[i + unknowns];
       state(i) = state(i + unknowns);
@@ -165,6 +170,7 @@ class ActiveSet {
   /// Forgets the active set: the next solve is cold.
   void reset() {
     start_ = Start::Cold;
+    answered_ = false;
     structured_.reset();
   }
 
@@ -201,7 +207,7 @@ class ActiveSet {
     }
     y_.head(m_) = result.row_multipliers;
     start_ = Start::Warm;
-    unfinished_ = false;
+    unfinished_ = answered_ = false;
   }
 
   /// Scales H and A afresh after either changed.
@@ -233,6 +239,16 @@ class ActiveSet {
     for (Index i = 0; start_ == Start::FromSides && i < m_; ++i) take_side(i);
     method_.load(data_, x_, y_, start_);
     start_ = Start::Warm;
+  }
+
+  /// Runs from the start that is set, and fills the result.
+  void attempt(const detail::Budget& budget, const VectorView& lb, const VectorView& ub, const VectorView& rl,
+               const VectorView& ru, result_type& result) {
+    take_start();
+    result.status = method_.run(budget, result.iterations);
+    note_proof(result);
+    if (result.status == QpStatus::PrimalInfeasible && settings_.closest_point) approach(budget, result);
+    report(lb, ub, rl, ru, result);
   }
 
   /// Gives row i a multiplier that shows the side it was given: the sign is what counts, in the caller's units and scaled.
@@ -326,15 +342,13 @@ class ActiveSet {
     KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(hx_.head(n_), ax_.head(m_), aty_.head(n_), data_.g().head(n_),
                                                                rl, ru, lb, ub, result.x, y_.head(m_), z_.head(n_));
     using std::abs;
-    Scalar unseen(0);  // the slack of a row is known to the rounding of its terms only
-    for (Index i = 0; i < m_; ++i) {
-      const Scalar y = problem.y[i];
-      if (y < Scalar(0) || y > Scalar(0)) unseen += abs(y) * problem.columns_of_At().size_of_dot(i, problem.x);
-    }
+    Scalar unseen(0);  // A x, however well summed, is rounded once, and what that takes off a slack counts as slack
+    for (Index i = 0; i < m_; ++i) unseen += abs(y_[i] * ax_[i]);
     r.complementarity += Scalar(0.5) * scalar_traits<Scalar>::epsilon() * unseen;
     r.relative_complementarity =
         detail::relative_error(r.complementarity, Scalar((std::max)(Scalar(1), Scalar(abs(r.objective)))));
     detail::conclude(r, settings_, result);
+    if (result.status == QpStatus::Solved && method_.blurred()) result.status = QpStatus::SolvedInaccurate;
     if (!infeasible) {
       result.bound_multipliers = z_.head(n_);
       result.row_multipliers = y_.head(m_);
@@ -354,6 +368,7 @@ class ActiveSet {
   Start start_ = Start::Cold;
   std::string_view fault_;  // of the settings, static text
   bool prepared_ = false, unfinished_ = false;
+  bool answered_ = false;  // the general way's iterate solves what was loaded last
 };
 
 }  // namespace clothctl

@@ -7,6 +7,7 @@
 #include <span>
 #include <string_view>
 
+#include "clothctl/qp/accurate_sum.hpp"
 #include "clothctl/qp/box_method.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "clothctl/qp/problem_data.hpp"
@@ -35,6 +36,7 @@ class BoxActiveSet {
     method_.curvature().reserve(n);
     method_.reserve(n);
     product_.setZero(n);
+    gradient_.setZero(n);
     zeros_.setZero(n);
   }
 
@@ -60,9 +62,14 @@ class BoxActiveSet {
     if (!data_.load(fault_, g, lb, ub, none, none, result)) return result.status;
     method_.curvature().attach(data_.H());
     const typename Method::Data data{data_.g(), data_.lo(), data_.hi()};
-    const detail::Budget budget(settings_, data_.n());
-    result.status = method_.solve(data, settings_.stationarity_tolerance, budget, result.iterations);
+    if (answered_ && data_.repeated()) {
+      result.status = QpStatus::Solved;
+    } else {
+      const detail::Budget budget(settings_, data_.n());
+      result.status = method_.solve(data, settings_.stationarity_tolerance, budget, result.iterations);
+    }
     report(data, lb, ub, result);
+    answered_ = result.status == QpStatus::Solved;
     return result.status;
   }
 
@@ -71,6 +78,7 @@ class BoxActiveSet {
   [[nodiscard]] bool warm_start(const VectorView& x) {
     if (data_.n() == 0 || x.size() != data_.n() || !all_finite(x)) return false;
     method_.warm_start(x);
+    answered_ = false;
     return true;
   }
 
@@ -80,6 +88,7 @@ class BoxActiveSet {
   [[nodiscard]] bool warm_start(std::span<const QpSide> bounds) {
     if (data_.n() == 0 || static_cast<Index>(bounds.size()) != data_.n() || !detail::are_sides(bounds)) return false;
     method_.warm_start_sides([&](Index i) { return bounds[static_cast<std::size_t>(i)]; });
+    answered_ = false;
     return true;
   }
 
@@ -90,10 +99,16 @@ class BoxActiveSet {
   }
 
   /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the tail repeats the last block.
-  void shift(Index unknowns) { method_.shift(unknowns); }
+  void shift(Index unknowns) {
+    method_.shift(unknowns);
+    answered_ = false;
+  }
 
   /// Forgets the active set: the next solve is cold.
-  void reset() { method_.reset(); }
+  void reset() {
+    method_.reset();
+    answered_ = false;
+  }
 
   /// Number of free unknowns after the last solve.
   Index free_count() const { return method_.free_count(); }
@@ -106,27 +121,76 @@ class BoxActiveSet {
     const Index n = data_.n();
     if (method_.give_up_broken(data)) result.status = QpStatus::IterationLimit;
     method_.refresh(data);
-    const VectorX<Scalar>&x = method_.x(), &q = method_.gradient();
-    result.x = x.head(n);
-    for (Index i = 0; i < n; ++i) result.bound_multipliers[i] = detail::bound_multiplier(q[i], x[i], data.lo[i], data.hi[i]);
-    product_.head(n) = q.head(n) - data.g.head(n);
-    const VectorX<Scalar>& none = result.row_multipliers;
-    const KktResiduals<Scalar> r = detail::kkt_from_products<Scalar>(
-        product_.head(n), none, zeros_.head(n), data.g.head(n), none, none, lb, ub, result.x, none, result.bound_multipliers);
+    gradient_.head(n) = method_.gradient().head(n);
+    product_.head(n) = gradient_.head(n) - data.g.head(n);
+    const bool hidden = rounding_counts(data), seen = hidden && detail::has_accurate_sums<Scalar>();
+    if (seen) sharpen(data);
+    KktResiduals<Scalar> r = judge(data, lb, ub, result);
+    if (seen && result.status == QpStatus::Solved) correct(data, lb, ub, result, r);
     detail::conclude(r, settings_, result);
+    if (result.status == QpStatus::Solved && hidden && !seen) result.status = QpStatus::SolvedInaccurate;
     if (result.status == QpStatus::DualInfeasible) {
       result.ray = method_.ray().head(n);
     } else {
       result.ray.setConstant(Scalar(0));
+      const VectorX<Scalar>& none = result.row_multipliers;
       detail::note_sides<Scalar>(data.lo, data.hi, none, none, result);
+    }
+  }
+
+  /// Newton steps from sharp gradients while x is no solution yet and each halves the residuals.
+  void correct(const typename Method::Data& data, const VectorView& lb, const VectorView& ub, result_type& result,
+               KktResiduals<Scalar>& r) {
+    for (Scalar last = scalar_traits<Scalar>::infinity();;) {
+      const Scalar away = detail::excess(r, settings_);
+      if (!(away > Scalar(1)) || !(away < Scalar(0.5) * last)) return;
+      method_.correct(data, gradient_);
+      sharpen(data);
+      r = judge(data, lb, ub, result);
+      last = away;
+    }
+  }
+
+  /// Takes x and multipliers into the result; residuals of product_ and gradient_.
+  KktResiduals<Scalar> judge(const typename Method::Data& data, const VectorView& lb, const VectorView& ub,
+                             result_type& result) const {
+    const Index n = data_.n();
+    result.x = method_.x().head(n);
+    for (Index i = 0; i < n; ++i) {
+      result.bound_multipliers[i] = detail::bound_multiplier(gradient_[i], result.x[i], data.lo[i], data.hi[i]);
+    }
+    const VectorX<Scalar>& none = result.row_multipliers;
+    return detail::kkt_from_products<Scalar>(product_.head(n), none, zeros_.head(n), data.g.head(n), none, none, lb, ub,
+                                             result.x, none, result.bound_multipliers);
+  }
+
+  /// Whether rounding of H x could reach the tolerance of stationarity: its terms cancel that far.
+  bool rounding_counts(const typename Method::Data& data) const {
+    const Index n = data_.n();
+    if (n == 0) return false;
+    const Scalar slope = data.g.head(n).cwiseAbs().maxCoeff(), bend = product_.head(n).cwiseAbs().maxCoeff();
+    const Scalar scale = (std::max)(Scalar(1), (std::max)(slope, bend));
+    const Scalar rounding = scalar_traits<Scalar>::epsilon() * (slope + method_.largest_terms());
+    return !(rounding <= settings_.stationarity_tolerance * scale);
+  }
+
+  /// Product and gradient as if in twice the precision.
+  void sharpen(const typename Method::Data& data) {
+    for (Index j = 0; j < data_.n(); ++j) {
+      detail::AccurateSum<Scalar> sum;
+      for (Index i = 0; i < data_.n(); ++i) sum.add_product(data_.H()(i, j), method_.x()[i]);
+      product_[j] = sum.value();
+      sum.add(data.g[j]);
+      gradient_[j] = sum.value();
     }
   }
 
   QpSettings<Scalar> settings_;
   detail::ProblemData<Scalar> data_;
   Method method_;
-  VectorX<Scalar> product_, zeros_;
+  VectorX<Scalar> product_, gradient_, zeros_;
   std::string_view fault_;  // of the settings, static text
+  bool answered_ = false;   // the iterate solves what was loaded last
 };
 
 }  // namespace clothctl

@@ -71,10 +71,12 @@ class BoxMethod {
     curvature_.clear();
     guess_.forget(curvature_);
     product_.forget();
+    steepest_ = Scalar(0);
     for (Index j = 0; j < n_; ++j) {
       const Scalar own = curvature_.diagonal(j);
       scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
       root_[j] = own > Scalar(0) ? sqrt(own) : Scalar(0);
+      steepest_ = (std::max)(steepest_, root_[j]);
     }
   }
 
@@ -82,6 +84,8 @@ class BoxMethod {
   const Vector& x() const { return x_; }
   /// H x + g of the last refresh, n entries in use.
   const Vector& gradient() const { return q_; }
+  /// A bound on |H_jk x_k| summed over k, for every j of the last refresh.
+  const Scalar& largest_terms() const { return terms_; }
   /// The direction of the last DualInfeasible, n entries in use.
   const Vector& ray() const { return flat_.ray(); }
 
@@ -111,6 +115,16 @@ class BoxMethod {
     data_ = &data;
     refresh_gradient();
     data_ = nullptr;
+  }
+
+  /// One Newton step on the free unknowns from a gradient that the caller knows better. `gradient()` is of no use afterwards.
+  void correct(const Data& data, const Vector& gradient) {
+    sync_factor();
+    curvature_.newton(gradient, p_);
+    for (Index k = 0; k < curvature_.size(); ++k) {
+      const Index i = curvature_.order(k);
+      x_[i] = (std::min)((std::max)(Scalar(x_[i] + p_[i]), data.lo[i]), data.hi[i]);
+    }
   }
 
   /// Gives an iterate that is not finite up: x goes to the point of the box nearest to zero, and the next solve is cold.
@@ -240,6 +254,7 @@ class BoxMethod {
     const Scalar slope = g().head(n_).cwiseAbs().maxCoeff(), bend = product.head(n_).cwiseAbs().maxCoeff();
     const Scalar largest = (std::max)(Scalar(1), (std::max)(slope, bend));
     const Scalar length = root_.head(n_).dot(x_.head(n_).cwiseAbs());
+    terms_ = steepest_ * length;
     const Scalar least = Scalar(1e-30);  // smaller slopes count as zero: without one in g the others fall with x
     zero_.head(n_) = (relative_zero() * (g().head(n_).cwiseAbs() + length * root_.head(n_)).cwiseMin(largest)).cwiseMax(least);
   }
@@ -470,6 +485,7 @@ class BoxMethod {
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
   const Data* data_ = nullptr;
+  Scalar steepest_ = Scalar(0), terms_ = Scalar(0);
   Scalar stationarity_tolerance_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
   Index n_ = 0;
   Start start_ = Start::Cold;

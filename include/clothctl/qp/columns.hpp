@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "clothctl/core/types.hpp"
+#include "clothctl/qp/accurate_sum.hpp"
 
 namespace clothctl::detail {
 
@@ -83,6 +84,15 @@ class Columns {
     Scalar size(0);
     for (int k = start(j); k < start(j + 1); ++k) size += abs(value(k) * x[row(k)]);
     return size;
+  }
+
+  /// sum += column j · x.
+  void add_dot(Index j, const Vector& x, AccurateSum<Scalar>& sum) const {
+    if (!sparse_) {
+      for (Index i = 0; i < rows_; ++i) sum.add_product(column(j)[i], x[i]);
+    } else {
+      for (int k = start(j); k < start(j + 1); ++k) sum.add_product(value(k), x[row(k)]);
+    }
   }
 
   /// out += |s · column j|, entry by entry.

@@ -11,6 +11,7 @@
 #include <cmath>
 #include <vector>
 
+#include "clothctl/qp/accurate_sum.hpp"
 #include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/dense_curvature.hpp"
 
@@ -66,16 +67,19 @@ class FlatDirection {
         const Index i = moving[static_cast<std::size_t>(k)];
         ray_[i] = p[i] / largest;
       }
-      constexpr int kSteps = 4;
+      constexpr int kSteps = 4, kNearly = 1000;
+      bool nearly = false;  // where the rounding of plain products is what refinement runs into
       for (int step = 0; step < kSteps; ++step) {
         for (Index j = 0; j < n; ++j) {
           if (abs(ray_[j]) < threshold) ray_[j] = Scalar(0);
         }
         multiply(curvature, moving, count, ray_);
+        if (nearly) sharpen(curvature, moving, count, ray_);
         const ProofCheck<Scalar> check = check_ray<Scalar>(ray_.head(n), product_.head(n), none, size_.head(n), none, g.head(n),
                                                            none, none, lo.head(n), hi.head(n));
         if (check.proven) return true;
         if (!check.promising) break;
+        nearly = check.error < Scalar(kNearly);
         refine(curvature.factor(), ray_);
       }
     }
@@ -96,6 +100,18 @@ class FlatDirection {
       const Index i = moving[static_cast<std::size_t>(k)];
       product_.head(n) += v[i] * curvature.H().col(i);
       size_.head(n) += abs(v[i]) * curvature.H().col(i).cwiseAbs();
+    }
+  }
+
+  /// H v as if summed in twice the precision.
+  void sharpen(const DenseCurvature<Scalar>& curvature, const std::vector<Index>& moving, Index count, const Vector& v) {
+    for (Index j = 0; j < curvature.unknowns(); ++j) {
+      AccurateSum<Scalar> sum;
+      for (Index k = 0; k < count; ++k) {
+        const Index i = moving[static_cast<std::size_t>(k)];
+        sum.add_product(curvature.H()(i, j), v[i]);
+      }
+      product_[j] = sum.value();
     }
   }
 

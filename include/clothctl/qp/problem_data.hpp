@@ -67,6 +67,9 @@ class ProblemData {
   /// What was refused last.
   const QpRefusal& refusal() const { return refusal_; }
 
+  /// Whether the last `load` brought what the one before it had, for the same matrices.
+  bool repeated() const { return repeated_; }
+
   /// Judges a Hessian (judge_hessian).
   QpStatus judge(const MatrixView& H) {
     refusal_ = hessian_refusal_ = judge_hessian<Scalar>(H);
@@ -78,6 +81,7 @@ class ProblemData {
     const Index n = H.rows();
     const bool resized = n != n_;
     if (resized) m_ = 0;
+    loaded_ = false;
     n_ = n;
     for (Index j = 0; j < n; ++j) {
       for (Index i = 0; i < n; ++i) {
@@ -104,6 +108,7 @@ class ProblemData {
   /// Copies judged rows that there is room for. Answers whether m changed.
   bool take_rows(const MatrixView& A) {
     const bool resized = A.rows() != m_;
+    loaded_ = false;
     m_ = A.rows();
     for (Index j = 0; j < A.cols(); ++j) {
       for (Index i = 0; i < m_; ++i) matrix_[static_cast<std::size_t>(i + j * m_)] = A(i, j);
@@ -124,6 +129,9 @@ class ProblemData {
     result.message = refusal.message;
     result.invalid_index = refusal.index;
     if (refusal.status != QpStatus::Solved) return false;
+    repeated_ = loaded_ && g_.head(n_) == g && lo_.head(n_) == lo_next_.head(n_) && hi_.head(n_) == hi_next_.head(n_) &&
+                rl_.head(m_) == rl_next_.head(m_) && ru_.head(m_) == ru_next_.head(m_);
+    loaded_ = true;
     lo_.swap(lo_next_);
     hi_.swap(hi_next_);
     rl_.swap(rl_next_);
@@ -158,6 +166,7 @@ class ProblemData {
   std::vector<Scalar> hessian_, matrix_;
   VectorX<Scalar> g_, lo_, hi_, lo_next_, hi_next_, rl_, ru_, rl_next_, ru_next_;
   Index capacity_n_ = 0, capacity_m_ = 0, n_ = 0, m_ = 0;
+  bool loaded_ = false, repeated_ = false;
   QpRefusal refusal_, hessian_refusal_ = kNoHessian;
 };
 

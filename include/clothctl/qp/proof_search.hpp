@@ -12,7 +12,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
+#include "clothctl/qp/accurate_sum.hpp"
 #include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/proximal_problem.hpp"
 
@@ -39,6 +41,7 @@ class ProofSearch {
   void reserve(Index n, Index m) {
     for (Vector* v : {&d_, &hd_, &hd_size_, &residual_, &p_, &z_, &z_size_}) v->setZero(n);
     for (Vector* v : {&y_, &ad_, &ad_size_, &eta_, &r2_, &delta_}) v->setZero(m);
+    held_.assign(static_cast<std::size_t>(n), 0);
   }
 
   /// The row part y of a proof of infeasibility (scaled space, first m entries).
@@ -100,6 +103,7 @@ class ProofSearch {
 
  private:
   static constexpr int kSteps = 10, kHeldBack = 16;
+  static constexpr int kNearly = 1000;  // errors over what rounding explains from which on sums are accurate
 
   /// Refines y_ towards a proof of infeasibility.
   bool refine_farkas(Problem& problem, const Scalar& threshold, const Scalar& reach, bool& synced) {
@@ -107,6 +111,7 @@ class ProofSearch {
     const Index n = problem.unknowns();
     const Index m = problem.rows();
     r2_.head(m).setConstant(Scalar(0));
+    bool nearly = false;
     Scalar last = scalar_traits<Scalar>::infinity();
     for (int step = 0; step < kSteps; ++step) {
       z_.head(n).setConstant(Scalar(0));
@@ -118,6 +123,11 @@ class ProofSearch {
         problem.columns_of_At().add(i, -v, z_);
         problem.columns_of_At().add_size(i, v, z_size_);
       }
+      for (Index j = 0; nearly && j < n; ++j) {
+        AccurateSum<Scalar> sum;
+        problem.columns_of_A().add_dot(j, y_, sum);
+        z_[j] = -sum.value();
+      }
       residual_.head(n) = z_.head(n);
       const ProofCheck<Scalar> check =
           check_farkas<Scalar>(y_.head(m), z_.head(n), z_size_.head(n), problem.rl.head(m), problem.ru.head(m),
@@ -125,6 +135,7 @@ class ProofSearch {
       if (check.proven) return true;
       if (step > 1 && (!check.promising || !worth_a_step(check.error, last))) return false;
       last = check.error;
+      nearly = check.promising && check.error < Scalar(kNearly);
       if (!synchronise(problem, synced)) return false;
       problem.factor.solve(residual_, r2_, p_, delta_);
       for (Index k = 0; k < problem.factor.row_size(); ++k) y_[problem.factor.row(k)] += delta_[problem.factor.row(k)];
@@ -147,24 +158,49 @@ class ProofSearch {
     eta_.head(m).setConstant(Scalar(0));
     const Scalar loose = Scalar(64) * certificate_tolerance<Scalar>() / (Scalar(4) * summation_error<Scalar>(n));
     Scalar last = scalar_traits<Scalar>::infinity();
+    held_count_ = 0;
+    bool nearly = false;
+    RayVerdict verdict = RayVerdict::FarMinimum;
     for (int step = 0; step < kSteps; ++step) {
       for (Index j = 0; j < n; ++j) {
         if (abs(d_[j]) < threshold) d_[j] = Scalar(0);
       }
       multiply(problem);
+      if (nearly) sharpen(problem);
       const ProofCheck<Scalar> check =
           check_ray<Scalar>(d_.head(n), hd_.head(n), ad_.head(m), hd_size_.head(n), ad_size_.head(m), problem.g.head(n),
                             problem.rl.head(m), problem.ru.head(m), problem.lo.head(n), problem.hi.head(n));
-      if (check.proven) return RayVerdict::Proven;
-      if (!check.admissible || (step > 1 && !(check.row_error <= loose))) return RayVerdict::None;
-      if (!check.promising || (step > 1 && !(check.error <= loose))) break;
-      if (step > 1 && !worth_a_step(check.error, last)) break;
+      if (check.proven) verdict = RayVerdict::Proven;
+      if (!check.admissible || (step > 1 && !(check.row_error <= loose))) verdict = RayVerdict::None;
+      if (verdict != RayVerdict::FarMinimum || !check.promising || (step > 1 && !(check.error <= loose))) break;
+      if (step > 1 && !worth_a_step(check.error, last) && (held_count_ > 0 || !hold(problem, synced))) break;
       last = check.error;
-      if (!synchronise(problem, synced)) return RayVerdict::None;
+      nearly = check.error < Scalar(kNearly);
+      if (!synchronise(problem, synced)) {
+        verdict = RayVerdict::None;
+        break;
+      }
       refine(problem);
     }
-    return RayVerdict::FarMinimum;
+    if (held_count_ > 0) synced = false;
+    for (Index k = 0; k < held_count_; ++k) problem.state[static_cast<std::size_t>(held(k))] = Problem::State::Free;
+    return verdict;
   }
+
+  /// Takes unknowns that a bound keeps out of the ray from the free set: else each step moves them, and putting them back
+  /// disturbs the others. Answers whether there are any; they are to be freed again.
+  bool hold(Problem& problem, bool& synced) {
+    for (Index j = 0; j < problem.unknowns(); ++j) {
+      typename Problem::State& state = problem.state[static_cast<std::size_t>(j)];
+      const bool moves = d_[j] < Scalar(0) || d_[j] > Scalar(0);
+      if (moves || state != Problem::State::Free || (!has_bound(problem.lo[j]) && !has_bound(problem.hi[j]))) continue;
+      state = Problem::State::Lower;
+      held_[static_cast<std::size_t>(held_count_++)] = j;
+    }
+    if (held_count_ > 0) synced = false;
+    return held_count_ > 0;
+  }
+  Index held(Index k) const { return held_[static_cast<std::size_t>(k)]; }
 
   /// Errors halve from step to step; near the rounding limit they wander, and another step may hit.
   static bool worth_a_step(const Scalar& error, const Scalar& last) { return error < Scalar(0.5) * last || error < Scalar(8); }
@@ -206,6 +242,20 @@ class ProofSearch {
     }
   }
 
+  /// hd and ad as if summed in twice the precision.
+  void sharpen(const Problem& problem) {
+    for (Index j = 0; j < problem.unknowns(); ++j) {
+      AccurateSum<Scalar> sum;
+      problem.columns_of_H().add_dot(j, d_, sum);
+      hd_[j] = sum.value();
+    }
+    for (Index i = 0; i < problem.rows(); ++i) {
+      AccurateSum<Scalar> sum;
+      problem.columns_of_At().add_dot(i, d_, sum);
+      ad_[i] = sum.value();
+    }
+  }
+
   /// One step towards H d = 0 on the free unknowns and A d = 0 on the active rows that d would leave.
   void refine(Problem& problem) {
     const Index n = problem.unknowns();
@@ -224,6 +274,8 @@ class ProofSearch {
 
   Vector d_, hd_, hd_size_, residual_, p_, z_, z_size_;
   Vector y_, ad_, ad_size_, eta_, r2_, delta_;
+  std::vector<Index> held_;
+  Index held_count_ = 0;
   Scalar step_ = Scalar(0);
 };
 

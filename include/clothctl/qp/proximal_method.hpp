@@ -107,7 +107,7 @@ class ProximalMethod {
     problem_.refresh_products();
     KktResiduals<Scalar> now = judge();
     if (from_sides_ && excess(now) > one) now = refine_sides(now);
-    if (excess(now) <= one) return QpStatus::Solved;
+    if (excess(now) <= one && sharp_) return QpStatus::Solved;
     keep(now);
     Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
@@ -154,7 +154,8 @@ class ProximalMethod {
   }
 
   /// Ends a solve: after a status without an answer the iterate becomes the best one met, and Solved if that passes; one that
-  /// is not finite is given up. Products and `gradient()` are fresh afterwards. Answers the status to report.
+  /// is not finite is given up. Products and `gradient()` are fresh afterwards, and known to a fraction of the tolerances where
+  /// the number type allows. Answers the status to report.
   QpStatus settle(const ProblemData<Scalar>& data, QpStatus status) {
     load_gradient(data);
     old_x_.head(n()) = problem_.x.head(n());
@@ -174,9 +175,17 @@ class ProximalMethod {
     }
     problem_.refresh_products();
     problem_.reduced_gradient(q_);
+    blurred_ = rounding_counts(problem_, D_, E_, settings_, q_);
+    if (blurred_ && has_accurate_sums<Scalar>()) {
+      look_closely(status == QpStatus::Solved);
+      blurred_ = false;
+    }
     return status;
   }
 
+  /// Whether rounding of the products of the last `settle` could hide an error of the size of a tolerance, and the number type
+  /// knows no better.
+  bool blurred() const { return blurred_; }
   /// The scaled problem with its iterate.
   Problem& problem() { return problem_; }
   const Problem& problem() const { return problem_; }
@@ -239,6 +248,11 @@ class ProximalMethod {
 
   /// Residuals of the present (x, y); q_ holds the scaled gradient afterwards.
   KktResiduals<Scalar> judge() {
+    if (precise_) {
+      problem_.sharpen_products(q_);
+    } else {
+      problem_.reduced_gradient(q_);
+    }
     const ScaledJudgement<Scalar> judgement = judge_scaled(problem_, D_, E_, settings_, q_);
     sharp_ = judgement.sharp;
     return judgement.residuals;
@@ -247,6 +261,15 @@ class ProximalMethod {
   Scalar excess(const KktResiduals<Scalar>& r) const { return detail::excess(r, settings_); }
   bool is_feasible(const KktResiduals<Scalar>& r) const { return r.relative_feasibility <= settings_.feasibility_tolerance; }
   void keep(const KktResiduals<Scalar>& now) { best_.offer(now, settings_, problem_.x.head(n()), problem_.y.head(m())); }
+
+  /// Products and gradient as if summed in twice the precision. Where they show that a solution is none yet, it is refined.
+  void look_closely(bool solution) {
+    precise_ = true;
+    const KktResiduals<Scalar> now = judge();
+    bool changed = false;
+    if (solution && excess(now) > Scalar(1) && problem_.sync(changed)) refine(now);
+    precise_ = false;
+  }
 
   /// Solves for x and y on the sets that the start names.
   KktResiduals<Scalar> refine_sides(const KktResiduals<Scalar>& now) {
@@ -349,6 +372,7 @@ class ProximalMethod {
   Vector E_, old_y_, delta_, r2_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
   bool weighted_ = false, from_sides_ = false, sharp_ = false;
+  bool blurred_ = false, precise_ = false;
 };
 
 }  // namespace clothctl::detail

@@ -107,6 +107,24 @@ class ProximalProblem {
     }
   }
 
+  /// hx, ax and out = H x + g - Aᵀ y as if summed in twice the precision (accurate_sum.hpp).
+  void sharpen_products(Vector& out) {
+    for (Index j = 0; j < n_; ++j) {
+      AccurateSum<Scalar> sum, rows;
+      h_.add_dot(j, x, sum);
+      hx[j] = sum.value();
+      sum.add(g[j]);
+      a_.add_dot(j, y, rows);
+      sum.subtract(rows);
+      out[j] = sum.value();
+    }
+    for (Index i = 0; i < m_; ++i) {
+      AccurateSum<Scalar> sum;
+      at_.add_dot(i, x, sum);
+      ax[i] = sum.value();
+    }
+  }
+
   /// y(x) and ∇φ from hx and from how far the rows moved since `refresh_products`.
   void update_multipliers() {
     for (Index i = 0; i < m_; ++i) y[i] = multiplier(i);

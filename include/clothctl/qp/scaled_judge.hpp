@@ -20,13 +20,12 @@ struct ScaledJudgement {
   bool sharp = false;
 };
 
-/// Judges (x, y) of a problem with fresh products and scales D (n), E (m): x = D x̂, y = E ŷ. z is chosen from the gradient by
-/// position and sign; `gradient` receives Ĥx̂ + ĝ - Âᵀŷ. Points beyond 1e20 do not pass. Never allocates.
+/// Judges (x, y) of a problem with fresh products, its `gradient` Ĥx̂ + ĝ - Âᵀŷ and scales D (n), E (m): x = D x̂, y = E ŷ. z is
+/// chosen from the gradient by position and sign. Points beyond 1e20 do not pass. Never allocates.
 template <RealScalar Scalar>
 ScaledJudgement<Scalar> judge_scaled(const ProximalProblem<Scalar>& problem, const VectorX<Scalar>& D, const VectorX<Scalar>& E,
-                                     const QpSettings<Scalar>& settings, VectorX<Scalar>& gradient) {
+                                     const QpSettings<Scalar>& settings, const VectorX<Scalar>& gradient) {
   using std::abs;
-  problem.reduced_gradient(gradient);
   ScaledJudgement<Scalar> judgement;
   KktResiduals<Scalar>& r = judgement.residuals;
   Scalar dual_scale(1), farthest(1);
@@ -66,6 +65,36 @@ ScaledJudgement<Scalar> judge_scaled(const ProximalProblem<Scalar>& problem, con
   if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
   if (farthest > largest_bound<Scalar>()) r.relative_feasibility = scalar_traits<Scalar>::infinity();
   return judgement;
+}
+
+/// Whether rounding of plain products could reach half of a tolerance: terms of H x, Aᵀ y or A x cancel that far.
+/// Products and `gradient` are those of the iterate. Never allocates. Complexity: O(n + nnz(A)).
+template <RealScalar Scalar>
+bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scalar>& D, const VectorX<Scalar>& E,
+                     const QpSettings<Scalar>& settings, const VectorX<Scalar>& gradient) {
+  using std::abs;
+  using std::sqrt;
+  const Scalar unit = Scalar(2) * scalar_traits<Scalar>::epsilon();
+  const auto root = [&](Index j) { return sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j)))); };
+  Scalar length(0), slopes(0), dual_scale(1), primal_scale(1), places(0), pressure(0), objective(0);
+  for (Index j = 0; j < problem.unknowns(); ++j) length += root(j) * abs(problem.x[j]);
+  for (Index j = 0; j < problem.unknowns(); ++j) {
+    const Scalar hx = problem.hx[j], g = problem.g[j];
+    const Scalar terms = root(j) * length + abs(g) + problem.columns_of_A().size_of_dot(j, problem.y);  // |h_jk| ≤ √(h_jj h_kk)
+    raise_error(slopes, Scalar(terms / D[j]));
+    for (const Scalar& term : {hx, g, Scalar(hx + g - gradient[j])}) raise_error(dual_scale, Scalar(abs(term) / D[j]));
+    raise_error(primal_scale, Scalar(abs(problem.x[j]) * D[j]));
+    objective += (Scalar(0.5) * hx + g) * problem.x[j];
+  }
+  for (Index i = 0; i < problem.rows(); ++i) {
+    const Scalar terms = problem.columns_of_At().size_of_dot(i, problem.x);
+    raise_error(places, Scalar(terms / E[i]));
+    raise_error(primal_scale, Scalar(abs(problem.ax[i]) / E[i]));
+    pressure += abs(problem.y[i]) * terms;
+  }
+  return !(unit * slopes <= settings.stationarity_tolerance * dual_scale) ||
+         !(unit * places <= settings.feasibility_tolerance * primal_scale) ||
+         !(unit * pressure <= settings.complementarity_tolerance * (std::max)(Scalar(1), Scalar(abs(objective))));
 }
 
 }  // namespace clothctl::detail
