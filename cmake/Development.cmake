@@ -1,5 +1,5 @@
-# What tests, examples and benchmarks share: warnings, and code for this machine's processor. Users of the library never
-# come here.
+# What tests, examples and benchmarks share: warnings, code for this machine's processor, and the libraries that bridges need.
+# Users of the library never come here.
 
 # The warnings that the headers must be free of.
 set(clothctl_warning_flags "")
@@ -29,3 +29,15 @@ function(clothctl_native target)
     endif()
   endif()
 endfunction()
+
+# clothctl_tinyxml2 is what bridge/urdf.hpp needs; there is no such target where the library is missing.
+find_path(CLOTHCTL_TINYXML2_INCLUDE_DIR tinyxml2.h)
+find_library(CLOTHCTL_TINYXML2_LIBRARY tinyxml2)
+mark_as_advanced(CLOTHCTL_TINYXML2_INCLUDE_DIR CLOTHCTL_TINYXML2_LIBRARY)
+if(CLOTHCTL_TINYXML2_INCLUDE_DIR AND CLOTHCTL_TINYXML2_LIBRARY)
+  add_library(clothctl_tinyxml2 INTERFACE)
+  target_include_directories(clothctl_tinyxml2 SYSTEM INTERFACE ${CLOTHCTL_TINYXML2_INCLUDE_DIR})
+  target_link_libraries(clothctl_tinyxml2 INTERFACE ${CLOTHCTL_TINYXML2_LIBRARY})
+else()
+  message(STATUS "What reads URDF is not built; missing: tinyxml2 (libtinyxml2-dev)")
+endif()

@@ -48,6 +48,7 @@ need_build_tools() {
   need libeigen3-dev any_file /usr/include/eigen3 /usr/local/include/eigen3
   need libcli11-dev any_file /usr/include/CLI /usr/local/include/CLI
   need nlohmann-json3-dev any_file /usr/include/nlohmann /usr/local/include/nlohmann
+  need libtinyxml2-dev any_file /usr/include/tinyxml2.h /usr/local/include/tinyxml2.h
 }
 
 # What the tests and checks need beside that.

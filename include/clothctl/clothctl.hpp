@@ -11,3 +11,4 @@
 #include "clothctl/mesh.hpp"
 #include "clothctl/mpc.hpp"
 #include "clothctl/qp.hpp"
+#include "clothctl/robot.hpp"

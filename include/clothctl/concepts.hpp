@@ -2,6 +2,7 @@
 
 // What the parts of the library ask of each other, and the traits through which foreign types answer.
 
+#include "clothctl/concepts/articulated.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/concepts/prediction.hpp"

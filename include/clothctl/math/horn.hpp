@@ -1,0 +1,454 @@
+#pragma once
+
+// Absolute orientation: the rotation R and the translation t that carry points a_j best to points b_j,
+//
+//   min Σ w_j |b_j - R a_j - t|²,   t = c_b - R c_a,   c the weighted centroids.
+//
+// R maximises tr(R S), S = Σ w (a - c_a)(b - c_b)ᵀ. For a unit quaternion q that is qᵀ N q, with Horn's symmetric 4×4 matrix
+//
+//   N = [ tr S   zᵀ                 ]     z = (Syz - Szy, Szx - Sxz, Sxy - Syx),
+//       [ z      S + Sᵀ - (tr S) I  ]
+//
+// so that q is the eigenvector of the largest eigenvalue. Let Sᵀ = U diag(s1, s2, d s3) Vᵀ with proper rotations U and V,
+// s1 ≥ s2 ≥ s3 ≥ 0 and d = ±1. Then N is diagonal in the quaternions q1 of U Vᵀ and q1 v_1, q1 v_2, q1 v_3 (half turns about
+// the v_k first):
+//
+//   λ1 = s1 + s2 + d s3,   λ2 = s1 - s2 - d s3,   λ3 = -s1 + s2 - d s3,   λ4 = -s1 - s2 + d s3.
+//
+// These pairs come from one-sided Jacobi rotations of the three columns of Sᵀ, which loses nothing to squaring and takes half
+// the rotations that N would. Of all eigenvectors whose eigenvalue ties with λ1, q is the projection of a reference: where the
+// data leave a turn free, R is the answer closest to the reference. (λ1 - λ2)/2 is the curvature of the objective about its
+// weakest axis v_1.
+//
+// Reference: Horn, J. Opt. Soc. Am. A 4, 629 (1987).
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "clothctl/config.hpp"
+#include "clothctl/core/types.hpp"
+
+namespace clothctl {
+
+/// How much of a fitted rotation the data determine.
+enum class HornStatus {
+  /// All of R: use it. `rotation_error` tells how well noisy data determine it.
+  Unique,
+  /// R up to a turn about `free_axis`: points on a line, or two of them. R is the answer closest to the reference; use it if
+  /// that turn does not matter or the reference is a good guess, else give a point off the line.
+  FreeTurn,
+  /// Nothing of R: one point, none, all at one place, or sets that have nothing to do with each other. R is the reference.
+  Free,
+  /// b is a mirror image of a, up to a rigid motion and noise (points in a plane never are; nearly flat sets that bulge to
+  /// opposite sides are). R is the best rotation, never a reflection; `free_turns` tells how far it is free. Use it if the
+  /// residuals allow, else look for swapped points or axes.
+  Mirrored,
+  /// `message` tells what was refused. R is the reference (identity if that was refused), t is zero. Mend the input.
+  InvalidInput
+};
+
+/// Names a status.
+constexpr std::string_view to_string(HornStatus status) {
+  switch (status) {
+    case HornStatus::Unique: return "unique";
+    case HornStatus::FreeTurn: return "free_turn";
+    case HornStatus::Free: return "free";
+    case HornStatus::Mirrored: return "mirrored";
+    case HornStatus::InvalidInput: return "invalid_input";
+  }
+  return "unknown";
+}
+
+/// When a turn counts as free.
+template <RealScalar Scalar>
+struct HornSettings {
+  /// Eigenvalues this close to the largest, relative to the largest in modulus, tie with it. A strip of rms half length l and
+  /// half width w has the gap 2 (w/l)². The default, the root of the scalar's spacing (1.5e-8 in double, 3.5e-4 in float:
+  /// strips 1e-4 and 0.013 as wide as long), is for clean data: rounding then turns R by no more than about the same (rad). For
+  /// points with noise σ (m, each coordinate) and a turn error φ (rad) that is still welcome, give 2 σ² / (φ² n l²); 1e-4 suits
+  /// simulated cloth.
+  Scalar tie_tolerance = default_tolerance();
+
+  /// The root of the scalar's spacing at one.
+  static Scalar default_tolerance() {
+    using std::sqrt;
+    return sqrt(scalar_traits<Scalar>::epsilon());
+  }
+  /// Checks the values. Returns an empty text, or a static one that names the first bad value.
+  std::string_view check() const {
+    if (!is_finite(tie_tolerance) || !(Scalar(0) < tie_tolerance)) return "tie_tolerance is not a positive number";
+    if (!(tie_tolerance < Scalar(1))) return "tie_tolerance is not below one";
+    return {};
+  }
+};
+
+/// A fitted rigid motion b ≈ R a + t.
+template <RealScalar Scalar>
+struct HornResult {
+  /// The rotation as a matrix; orthonormal to rounding, with determinant +1, whatever the data.
+  Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
+  /// The rotation as a unit quaternion, of non-negative product with the reference (w ≥ 0 if that is identity).
+  Eigen::Quaternion<Scalar> rotation = Eigen::Quaternion<Scalar>(Scalar(1), Scalar(0), Scalar(0), Scalar(0));
+  /// The translation (m): c_b - R c_a; zero without points of positive weight.
+  Vector3<Scalar> t = Vector3<Scalar>::Constant(Scalar(0));
+  /// Weighted root mean square of the distances |b_j - R a_j - t| (m).
+  Scalar rms_residual = Scalar(0);
+  /// Largest distance among the points of positive weight (m).
+  Scalar largest_residual = Scalar(0);
+  /// (λ1 - λ2) over the largest eigenvalue in modulus, in [0, 4/3]: no more than the tolerance where a turn is free, 4/3 for a
+  /// ball.
+  Scalar gap = Scalar(0);
+  /// Rms distance of the points from the axis about which R is weakest (m): noise σ (m, each coordinate) of n points turns R by
+  /// σ / (rms_width √n) rad about it.
+  Scalar rms_width = Scalar(0);
+  /// Standard deviation of R about its weakest axis (rad) that the residuals of these points lead to expect, if they come from
+  /// independent noise; at most π, which also stands for "unknown": a free turn, or fewer than three points.
+  Scalar rotation_error = Scalar(3.14159265358979323846);
+  /// Dimension of the set of equally good rotations: 0 one, 1 a turn about `free_axis`, 2 all products of two turns (mirrored
+  /// balls), 3 any rotation.
+  int free_turns = 3;
+  /// The unit axis, as it lies among the b_j, about which R may turn when `free_turns` is 1; else zero.
+  Vector3<Scalar> free_axis = Vector3<Scalar>::Constant(Scalar(0));
+  /// What is determined.
+  HornStatus status = HornStatus::InvalidInput;
+  /// With InvalidInput: what was refused (static text); else empty.
+  std::string_view message;
+};
+
+namespace detail {
+
+/// A power of two that brings a positive value between 2⁻⁸ and 2⁸ (if it lies between 2⁻¹⁰⁴ and 2¹⁰⁴).
+template <RealScalar Scalar>
+Scalar taming_power_of_two(const Scalar& value) {
+  const Scalar big(256), small = Scalar(1) / big;
+  Scalar power(1);
+  for (int k = 0; k < 12 && value * power > big; ++k) power *= small;
+  for (int k = 0; k < 12 && value * power < small; ++k) power *= big;
+  return power;
+}
+
+/// Whether every coefficient is a number; without a way out in between, which is faster where all are.
+template <class Derived>
+bool every_finite(const Eigen::DenseBase<Derived>& matrix) {
+  bool all = true;
+  for (Index j = 0; j < matrix.cols(); ++j) {
+    for (Index i = 0; i < matrix.rows(); ++i) all = all & is_finite(matrix.derived().coeffRef(i, j));
+  }
+  return all;
+}
+
+/// U diag(s) Vᵀ = A with proper rotations U, V and s1 ≥ s2 ≥ |s3|; s3 has the sign of det A.
+template <RealScalar Scalar>
+struct ProperSvd {
+  Matrix3<Scalar> U, V;
+  Vector3<Scalar> s;
+
+  /// Decomposes A, whose largest entry is within 2^±30. Singular values below the rounding of the largest have arbitrary
+  /// vectors. Complexity: O(1), at most 12 sweeps of 3 rotations, usually 4.
+  explicit ProperSvd(const Matrix3<Scalar>& A) : U(A), V(Matrix3<Scalar>::Identity()) {
+    using std::abs;
+    using std::sqrt;
+    for (int sweep = 0; sweep < 12; ++sweep) {
+      const bool first = rotate<0, 1>(), second = rotate<0, 2>(), third = rotate<1, 2>();
+      if (!first && !second && !third) break;
+    }
+    for (Index k = 0; k < 3; ++k) s[k] = U.col(k).squaredNorm();
+    order(0, 1);
+    order(1, 2);
+    order(0, 1);
+
+    s[0] = sqrt(s[0]);
+    if (!(Scalar(0) < s[0])) {
+      U.setIdentity();
+      s.setConstant(Scalar(0));
+      return;
+    }
+    const Vector3<Scalar> u1 = U.col(0) / s[0];
+    Vector3<Scalar> u2 = U.col(1) - u1 * u1.dot(U.col(1));
+    s[1] = sqrt(u2.squaredNorm());
+    if (s[1] > Scalar(4) * scalar_traits<Scalar>::epsilon() * s[0]) {
+      u2 /= s[1];
+    } else {
+      Index thin = 0;
+      for (Index i = 1; i < 3; ++i) thin = abs(u1[i]) < abs(u1[thin]) ? i : thin;
+      u2 = u1.cross(Vector3<Scalar>::Unit(thin));
+      u2 /= Scalar(sqrt(u2.squaredNorm()));
+    }
+    const Vector3<Scalar> u3 = u1.cross(u2);
+    s[2] = u3.dot(U.col(2));
+    U.col(0) = u1;
+    U.col(1) = u2;
+    U.col(2) = u3;
+  }
+
+ private:
+  /// Turns columns i and j of U, and of V, until those of U are orthogonal. Answers whether they were not.
+  template <int i, int j>
+  bool rotate() {
+    using std::abs;
+    using std::sqrt;
+    const Scalar eps = scalar_traits<Scalar>::epsilon();
+    const Scalar alpha = U.col(i).squaredNorm(), beta = U.col(j).squaredNorm(), gamma = U.col(i).dot(U.col(j));
+    const Scalar small = eps * eps;
+    if (!(gamma * gamma > small * alpha * beta) || !(abs(gamma) > small * (alpha + beta))) return false;
+    const Scalar delta = beta - alpha, twice = Scalar(2) * gamma;
+    const Scalar size = abs(delta) + sqrt(delta * delta + twice * twice);
+    const Scalar t = delta < Scalar(0) ? -twice / size : twice / size;
+    const Scalar cosine = Scalar(1) / sqrt(Scalar(1) + t * t);
+    turn<i, j>(U, cosine, cosine * t);
+    turn<i, j>(V, cosine, cosine * t);
+    return true;
+  }
+  template <int i, int j>
+  static void turn(Matrix3<Scalar>& M, const Scalar& cosine, const Scalar& sine) {
+    const Vector3<Scalar> before = M.col(i);
+    M.col(i) = cosine * before - sine * M.col(j);
+    M.col(j) = sine * before + cosine * M.col(j);
+  }
+  /// Puts the longer of columns i and j first, by a quarter turn.
+  void order(Index i, Index j) {
+    if (!(s[i] < s[j])) return;
+    std::swap(s[i], s[j]);
+    U.col(i).swap(U.col(j));
+    V.col(i).swap(V.col(j));
+    U.col(i) = -U.col(i);
+    V.col(i) = -V.col(i);
+  }
+};
+
+/// The rotation with the largest tr(R Bᵀ) that is closest to the result's own, and what is determined of it. Answers the
+/// curvature about the weakest axis.
+template <RealScalar Scalar>
+Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Scalar& rounding, HornResult<Scalar>& result) {
+  using std::sqrt;
+  const ProperSvd<Scalar> svd(B);
+  const Scalar s1 = svd.s[0], s2 = svd.s[1], s3 = svd.s[2];
+  const Scalar size = s1 + s2 + (s3 < Scalar(0) ? -s3 : s3);
+  const Scalar tie = (std::max)(Scalar(tolerance * size), rounding);
+  const Scalar apart[3] = {Scalar(2) * (s2 + s3), Scalar(2) * (s1 + s3), Scalar(2) * (s1 + s2)};
+  const bool mirrored = Scalar(-2) * s3 > tie;
+  result.free_turns = 0;
+  while (result.free_turns < 3 && !(apart[result.free_turns] > tie)) ++result.free_turns;
+  if (result.free_turns == 3 || (result.free_turns == 2 && !mirrored)) {
+    result.free_turns = 3;
+    result.status = HornStatus::Free;
+    return Scalar(0);
+  }
+  result.status = mirrored ? HornStatus::Mirrored : result.free_turns > 0 ? HornStatus::FreeTurn : HornStatus::Unique;
+  if (result.free_turns == 1) result.free_axis = svd.U.col(0);
+
+  const Eigen::Quaternion<Scalar> reference = result.rotation;
+  Eigen::Quaternion<Scalar> best(Matrix3<Scalar>(svd.U * svd.V.transpose()));
+  best.normalize();
+  if (result.free_turns > 0) {
+    // q1 and the tied q1 v_k are orthonormal; in the frame of q1 they are 1 and v_k.
+    const Eigen::Quaternion<Scalar> seen = best.conjugate() * reference;
+    Vector3<Scalar> turn = Vector3<Scalar>::Constant(Scalar(0));
+    for (Index k = 0; k < result.free_turns; ++k) turn += svd.V.col(k) * svd.V.col(k).dot(seen.vec());
+    const Scalar length = sqrt(seen.w() * seen.w() + turn.squaredNorm());
+    if (length > Scalar(4) * sqrt(scalar_traits<Scalar>::epsilon())) {
+      best = best * Eigen::Quaternion<Scalar>(seen.w() / length, turn[0] / length, turn[1] / length, turn[2] / length);
+      best.normalize();
+    }
+  }
+  if (best.dot(reference) < Scalar(0)) best.coeffs() = -best.coeffs();
+  result.rotation = best;
+  result.R = best.toRotationMatrix();
+  const Scalar curvature = apart[0] > Scalar(0) ? apart[0] : Scalar(0);
+  result.gap = curvature / size;
+  return curvature * Scalar(0.5);
+}
+
+/// No or one weight for each pair, tamed by a power of two.
+template <RealScalar Scalar>
+struct HornWeights {
+  const Eigen::Ref<const VectorX<Scalar>>& weights;
+  /// The largest weight, and a pair that has it: -1 when no weight is positive.
+  Scalar largest = Scalar(0);
+  Index heaviest = -1;
+  /// The power of two that tames weights.
+  Scalar scale;
+
+  /// Looks at `n` finite weights, or at none: ones.
+  HornWeights(const Eigen::Ref<const VectorX<Scalar>>& w, Index n) : weights(w) {
+    if (w.size() == 0 && n > 0) heaviest = 0;
+    for (Index j = 0; j < w.size(); ++j) {
+      if (!(largest < w[j])) continue;
+      largest = w[j];
+      heaviest = j;
+    }
+    scale = Scalar(0) < largest ? taming_power_of_two(largest) : Scalar(1);
+  }
+  /// Whether pair j has a positive weight.
+  bool counts(Index j) const { return weights.size() == 0 || Scalar(0) < weights[j]; }
+  /// The tamed weight of pair j.
+  Scalar operator[](Index j) const { return weights.size() == 0 ? Scalar(1) : weights[j] * scale; }
+};
+
+/// Points as offsets from a centre.
+template <RealScalar Scalar>
+struct HornCloud {
+  const PointsView<Scalar>& points;
+  /// The centre is origin + shift; the sum itself would round the offsets of points far from the origin.
+  Vector3<Scalar> origin, shift = Vector3<Scalar>::Constant(Scalar(0));
+  /// Largest coordinate in modulus of the points, and of their offsets from the origin.
+  Scalar reach, spread;
+  /// The power of two that tames offsets.
+  Scalar scale;
+
+  /// Puts the centre at `centre`, or at the weighted centroid of finite points where it is null.
+  HornCloud(const PointsView<Scalar>& x, const HornWeights<Scalar>& weights, const Vector3<Scalar>* centre) : points(x) {
+    origin = shift;
+    if (centre != nullptr) {
+      origin = *centre;
+    } else if (weights.heaviest >= 0) {
+      origin = x.col(weights.heaviest);
+    }
+    Scalar total(0);
+    Vector3<Scalar> sum = shift, most = origin.cwiseAbs(), most_offset = shift;
+    for (Index j = 0; j < x.cols(); ++j) {
+      if (!weights.counts(j)) continue;
+      const Vector3<Scalar> place = x.col(j), offset = place - origin;
+      total += weights[j];
+      sum += weights[j] * offset;
+      most = most.cwiseMax(place.cwiseAbs());
+      most_offset = most_offset.cwiseMax(offset.cwiseAbs());
+    }
+    if (centre == nullptr && weights.heaviest >= 0) shift = sum / total;
+    reach = most.maxCoeff();
+    spread = most_offset.maxCoeff();
+    scale = Scalar(0) < spread ? taming_power_of_two(spread) : Scalar(1);
+  }
+  /// What rounding of the coordinates may be of the spread, at most 1.
+  Scalar noise() const {
+    const Scalar rounding = Scalar(4) * scalar_traits<Scalar>::epsilon() * reach;
+    return rounding < spread ? rounding / spread : Scalar(1);
+  }
+  /// Point j from the centre.
+  CLOTHCTL_FORCE_INLINE Vector3<Scalar> offset(Index j) const { return (points.col(j) - origin) - shift; }
+};
+
+/// Fits R, then t, to a result whose rotation is the reference. `unknowns` made the residuals small: 6, or 3 with given
+/// centres.
+template <RealScalar Scalar>
+void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b, const HornWeights<Scalar>& weights,
+                const Scalar& tie_tolerance, Index unknowns, HornResult<Scalar>& result) {
+  using std::sqrt;
+  // Sᵀ, and the moments that its rounding is relative to.
+  const Index n = a.points.cols();
+  Matrix3<Scalar> B = Matrix3<Scalar>::Constant(Scalar(0));
+  Scalar total(0), moment_a(0), moment_b(0);
+  Index count = 0;
+  for (Index j = 0; j < n; ++j) {
+    if (!weights.counts(j)) continue;
+    const Vector3<Scalar> p = a.offset(j) * a.scale, q = b.offset(j) * b.scale, wq = weights[j] * q;
+    for (Index k = 0; k < 3; ++k) B.col(k) += wq * p[k];
+    total += weights[j];
+    moment_a += weights[j] * p.squaredNorm();
+    moment_b += wq.dot(q);
+    ++count;
+  }
+
+  // What coordinates far from the origin were rounded by counts as noise; so does the rounding of the sum.
+  const Scalar noise = (std::max)(a.noise(), b.noise());
+  const Scalar tolerance = (std::max)(tie_tolerance, Scalar(Scalar(2) * noise * noise));
+  const Scalar rounding = Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(moment_a) * sqrt(moment_b);
+  const Scalar curvature = fit_rotation<Scalar>(B, tolerance, rounding, result);
+  const Matrix3<Scalar> R = result.R;
+  result.t = (b.origin - R * a.origin) + (b.shift - R * a.shift);
+
+  const Scalar scale = (std::min)(a.scale, b.scale);
+  Scalar sum(0), worst(0);
+  for (Index j = 0; j < n; ++j) {
+    if (!weights.counts(j)) continue;
+    const Vector3<Scalar> p = a.offset(j);
+    const Vector3<Scalar> miss = (b.offset(j) - R.col(0) * p[0] - R.col(1) * p[1] - R.col(2) * p[2]) * scale;
+    const Scalar square = miss.squaredNorm();
+    sum += weights[j] * square;
+    worst = (std::max)(worst, square);
+  }
+  if (!(Scalar(0) < total)) return;
+  result.rms_residual = sqrt(sum / total) / scale;
+  result.largest_residual = sqrt(worst) / scale;
+  result.rms_width = sqrt(curvature / total) / (sqrt(a.scale) * sqrt(b.scale));
+  const Index spare = Index(3) * count - unknowns;
+  if (result.free_turns > 0 || spare <= 0) return;
+  const Scalar miss = result.rms_residual / sqrt(Scalar(static_cast<double>(spare)));
+  if (miss < result.rms_width * result.rotation_error) result.rotation_error = miss / result.rms_width;
+}
+
+/// Checks the input, then fits: about the given centres, or about the centroids where there are none.
+template <RealScalar Scalar>
+HornResult<Scalar> fit_pairs(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
+                             const Eigen::Ref<const VectorX<Scalar>>& weights, const Eigen::Quaternion<Scalar>& reference,
+                             const HornSettings<Scalar>& settings, const Vector3<Scalar>* centre_a,
+                             const Vector3<Scalar>* centre_b) {
+  HornResult<Scalar> result;
+  const auto refuse = [&result](std::string_view fault) {
+    result.message = fault;
+    return result;
+  };
+  const auto no_number = [](const auto& matrix) { return !every_finite(matrix); };
+  if (no_number(reference.coeffs())) return refuse("the reference holds NaN or an infinity");
+  const Scalar length = reference.coeffs().cwiseAbs().maxCoeff();
+  if (!(length > Scalar(1e-10))) return refuse("the reference is zero");
+  Eigen::Quaternion<Scalar> unit = reference;
+  unit.coeffs() /= length;
+  unit.normalize();
+  result.rotation = unit;
+  result.R = unit.toRotationMatrix();
+
+  if (const std::string_view fault = settings.check(); !fault.empty()) return refuse(fault);
+  if (a.cols() != b.cols()) return refuse("a and b differ in their number of points");
+  if (weights.size() != 0 && weights.size() != a.cols()) return refuse("weights are neither none nor one for each pair");
+  if (no_number(a)) return refuse("a holds NaN or an infinity");
+  if (no_number(b)) return refuse("b holds NaN or an infinity");
+  if (no_number(weights)) return refuse("weights hold NaN or an infinity");
+  if (centre_a != nullptr && (no_number(*centre_a) || no_number(*centre_b)))
+    return refuse("a centroid holds NaN or an infinity");
+  for (Index j = 0; j < weights.size(); ++j) {
+    if (weights[j] < Scalar(0)) return refuse("weights hold a negative value");
+  }
+
+  const HornWeights<Scalar> tamed(weights, a.cols());
+  const HornCloud<Scalar> from(a, tamed, centre_a), to(b, tamed, centre_b);
+  if (is_unbounded(tamed.largest)) return refuse("weights hold a value beyond 1e20");
+  if (is_unbounded(from.reach)) return refuse("a or its centroid holds a coordinate beyond 1e20 m");
+  if (is_unbounded(to.reach)) return refuse("b or its centroid holds a coordinate beyond 1e20 m");
+  fit_motion<Scalar>(from, to, tamed, settings.tie_tolerance, centre_a != nullptr ? 3 : 6, result);
+  return result;
+}
+
+}  // namespace detail
+
+/// Fits R and t to the pairs a_j → b_j (3×n each, m). `weights` (n, ≥ 0) may be empty: ones; pairs of weight zero are ignored,
+/// and `rotation_error` reads weights as inverse variances. Of equally good rotations it takes the one closest to `reference`
+/// (of any length): hand in the last result's to keep free turns still. What rounding of the coordinates alone could make of
+/// points counts as free too. The scalar is named in the call: `horn<double>(a, b)`. Never allocates. Complexity: O(n).
+/// Fails when (InvalidInput): a value is NaN, infinite or beyond 1e20, a weight is negative, sizes differ, the reference is
+/// zero, or a setting is bad.
+template <RealScalar Scalar>
+[[nodiscard]] HornResult<Scalar> horn(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
+                                      const Eigen::Ref<const VectorX<Scalar>>& weights = VectorX<Scalar>(),
+                                      const Eigen::Quaternion<Scalar>& reference = Eigen::Quaternion<Scalar>::Identity(),
+                                      const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
+  return detail::fit_pairs<Scalar>(a, b, weights, reference, settings, nullptr, nullptr);
+}
+
+/// Fits R alone, about given centroids: t = centroid_b - R centroid_a whatever the points' own centroids are. A single point
+/// off its centroid thus counts as a line. All else is as in `horn`. Reference: Bai, Yu, Liu, Dexterous Manipulation of Cloth,
+/// eq. 11, with R u_j about the planned centroid.
+template <RealScalar Scalar>
+[[nodiscard]] HornResult<Scalar> horn_about(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
+                                            const Vector3<Scalar>& centroid_a, const Vector3<Scalar>& centroid_b,
+                                            const Eigen::Ref<const VectorX<Scalar>>& weights = VectorX<Scalar>(),
+                                            const Eigen::Quaternion<Scalar>& reference = Eigen::Quaternion<Scalar>::Identity(),
+                                            const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
+  return detail::fit_pairs<Scalar>(a, b, weights, reference, settings, &centroid_a, &centroid_b);
+}
+
+}  // namespace clothctl

@@ -1,0 +1,111 @@
+#include "clothctl/robot/forward_dynamics.hpp"
+
+#include <Eigen/Dense>
+
+#include "robot/random_tree.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+TEMPLATE_TEST_CASE("forward dynamics undo inverse dynamics, with and without a diagonal", "[robot]", float, double) {
+  using S = TestType;
+  RobotDraws draws(4);
+  const double loose = sizeof(S) == sizeof(float) ? 2e-2 : 1e-10;
+  for (int trial = 0; trial < 60; ++trial) {
+    const Tree<S> tree = draws.tree<S>(12, trial % 2 == 0, trial % 3 == 0);
+    const Index n = tree.velocities();
+    Kinematics<S> kinematics(tree);
+    InverseDynamicsWorkspace<S> inverse(tree);
+    ForwardDynamicsWorkspace<S> work(tree);
+    forward_kinematics<S>(tree, draws.positions<S>(tree), kinematics);
+    const VectorX<S> qd = draws.entries<S>(n), qdd = draws.entries<S>(n), diagonal = draws.entries<S>(n).cwiseAbs();
+    VectorX<S> torques(n), answer(n);
+    inverse_dynamics<S>(tree, kinematics, qd, qdd, standard_gravity<S>(), inverse, torques);
+    const long before = clothctl_test::allocations();
+    DynamicsReport report =
+        forward_dynamics<S>(tree, kinematics, qd, torques, VectorX<S>(), standard_gravity<S>(), work, answer);
+    const long taken = clothctl_test::allocations() - before;
+    if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+    CHECK(report.status == DynamicsStatus::Solved);
+    CHECK(static_cast<double>((answer - qdd).norm()) <= loose * static_cast<double>(qdd.norm()));
+    torques += diagonal.cwiseProduct(qdd);
+    report = forward_dynamics<S>(tree, kinematics, qd, torques, diagonal, standard_gravity<S>(), work, answer);
+    CHECK(report.status == DynamicsStatus::Solved);
+    CHECK(static_cast<double>((answer - qdd).norm()) <= loose * static_cast<double>(qdd.norm()));
+  }
+}
+
+TEST_CASE("a free body falls, and turns as Euler says", "[robot]") {
+  RobotDraws draws(5);
+  TreeBuilder<double> builder;
+  const Inertia<double> inertia = draws.inertia<double>();
+  Joint<double> joint;
+  joint.name = "free";
+  joint.type = JointType::Free;
+  joint.parent = "world";
+  joint.child = "body";
+  builder.add_link("world").add_link("body", inertia).add_joint(joint);
+  const Tree<double> tree = builder.build().value();
+  REQUIRE(tree.positions() == 7);
+  REQUIRE(tree.velocities() == 6);
+  Kinematics<double> kinematics(tree);
+  ForwardDynamicsWorkspace<double> work(tree);
+  const VectorX<double> q = draws.positions<double>(tree), qd = draws.entries<double>(6);
+  VectorX<double> qdd(6);
+  forward_kinematics<double>(tree, q, kinematics);
+  const Matrix3<double> R = kinematics.places[0].R;
+  REQUIRE(forward_dynamics<double>(tree, kinematics, qd, VectorX<double>::Zero(6), VectorX<double>(),
+                                   standard_gravity<double>(), work, qdd)
+              .status == DynamicsStatus::Solved);
+  const Vector3<double> w = qd.tail<3>(), alpha = qdd.tail<3>(), c = R * inertia.com;
+  const Matrix3<double> I = R * inertia.about_com * R.transpose();
+  CHECK((I * alpha + w.cross(I * w)).norm() < 1e-12);  // no moment about the centre
+  CHECK((qdd.head<3>() + alpha.cross(c) + w.cross(w.cross(c)) - standard_gravity<double>()).norm() < 1e-12);  // it falls freely
+}
+
+TEST_CASE("what has no inertia is named, and what is not finite is told apart from it", "[robot]") {
+  for (const bool coupled : {false, true}) {
+    TreeBuilder<double> builder;
+    builder.add_link("world");
+    for (int k = 0; k < 3; ++k) {
+      Inertia<double> inertia;
+      inertia.mass = 1.0;
+      inertia.com << 0.1, 0.0, 0.0;
+      inertia.about_com = Matrix3<double>::Identity();
+      if (k == 2) {
+        builder.add_link("link2");
+      } else {
+        builder.add_link("link" + std::to_string(k), inertia);
+      }
+      Joint<double> joint;
+      joint.name = "joint" + std::to_string(k);
+      joint.parent = k == 0 ? "world" : "link" + std::to_string(k - 1);
+      joint.child = "link" + std::to_string(k);
+      if (coupled && k == 1) joint.leader = "joint0";
+      builder.add_joint(joint);
+    }
+    const Tree<double> tree = builder.build().value();
+    const Index n = tree.velocities();
+    Kinematics<double> kinematics(tree);
+    ForwardDynamicsWorkspace<double> work(tree);
+    forward_kinematics<double>(tree, tree.neutral(), kinematics);
+    const Vector3<double> gravity = standard_gravity<double>();
+    VectorX<double> zero = VectorX<double>::Zero(n), answer(n), diagonal = zero;
+    DynamicsReport report = forward_dynamics<double>(tree, kinematics, zero, zero, VectorX<double>(), gravity, work, answer);
+    CHECK(report.status == DynamicsStatus::NoInertia);
+    CHECK(report.body == 2);
+    diagonal[n - 1] = 0.5;
+    CHECK(forward_dynamics<double>(tree, kinematics, zero, zero, diagonal, gravity, work, answer).status ==
+          DynamicsStatus::Solved);
+    VectorX<double> bad = zero;
+    bad[0] = std::nan("");
+    CHECK(forward_dynamics<double>(tree, kinematics, bad, zero, diagonal, gravity, work, answer).status ==
+          DynamicsStatus::InvalidInput);
+    CHECK(forward_dynamics<double>(tree, kinematics, zero, bad, diagonal, gravity, work, answer).status ==
+          DynamicsStatus::InvalidInput);
+    CHECK(forward_dynamics<double>(tree, kinematics, zero, zero, diagonal, gravity, work, answer).status ==
+          DynamicsStatus::Solved);
+  }
+}

@@ -1,0 +1,197 @@
+#include "clothctl/robot/inverse_kinematics.hpp"
+
+#include "clothctl/robot/tree_model.hpp"
+#include "robot/random_tree.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+namespace {
+
+/// A palm on six joints with five fingers of four: limits of about a radian.
+Tree<double> small_hand() {
+  TreeBuilder<double> builder;
+  builder.add_link("world");
+  const auto add = [&](const std::string& parent, const std::string& child, JointType type, int axis, Vector3<double> place) {
+    Joint<double> joint;
+    joint.name = "to_" + child;
+    joint.type = type;
+    joint.parent = parent;
+    joint.child = child;
+    joint.axis = Vector3<double>::Unit(axis);
+    joint.origin.p = place;
+    joint.limits.lower = type == JointType::Prismatic ? -0.5 : -1.0;
+    joint.limits.upper = type == JointType::Prismatic ? 0.5 : 1.2;
+    builder.add_link(child).add_joint(joint);
+  };
+  const Vector3<double> none = Vector3<double>::Zero();
+  std::string last = "world";
+  for (int k = 0; k < 6; ++k) {
+    const std::string name = "palm" + std::to_string(k);
+    add(last, name, k < 3 ? JointType::Prismatic : JointType::Revolute, k % 3, none);
+    last = name;
+  }
+  for (int f = 0; f < 5; ++f) {
+    std::string parent = last;
+    for (int k = 0; k < 4; ++k) {
+      const std::string name = "finger" + std::to_string(f) + std::to_string(k);
+      const Vector3<double> place = k == 0 ? Vector3<double>(0.08, 0.02 * (f - 2), 0.0) : Vector3<double>(0.035, 0.0, 0.0);
+      add(parent, name, JointType::Revolute, k == 0 ? 2 : 1, place);
+      parent = name;
+    }
+  }
+  return builder.build().value();
+}
+
+struct Reach {
+  Tree<double> tree = small_hand();
+  InverseKinematics<Tree<double>> ik{tree, 6};
+  Kinematics<double> kinematics{tree};
+  std::mt19937 random{17};
+  std::vector<IkTask<double>> tasks;
+
+  double uniform() { return std::uniform_real_distribution<double>(0.0, 1.0)(random); }
+  VectorX<double> anywhere() {
+    VectorX<double> q(tree.positions());
+    for (Index i = 0; i < q.size(); ++i) q[i] = tree.lower()[i] + uniform() * (tree.upper()[i] - tree.lower()[i]);
+    return q;
+  }
+  void aim_at(const VectorX<double>& q) {
+    tasks.clear();
+    forward_kinematics<double>(tree, q, kinematics);
+    for (int f = 0; f < 5; ++f) {
+      const int tip = tree.find_link("finger" + std::to_string(f) + "3");
+      const Vector3<double> pad(0.02, 0.0, -0.005);
+      tasks.push_back(IkTask<double>::position(tip, pad, link_pose(tree, kinematics, tip) * pad));
+    }
+  }
+  bool within_limits(const VectorX<double>& q) const {
+    return (q.array() >= tree.lower().array()).all() && (q.array() <= tree.upper().array()).all();
+  }
+};
+
+}  // namespace
+
+TEST_CASE("five tips at once are reached within the limits, from near and with restarts from anywhere", "[robot]") {
+  Reach reach;
+  int reached = 0;
+  for (int k = 0; k < 100; ++k) {
+    const VectorX<double> goal = reach.anywhere();
+    reach.aim_at(goal);
+    VectorX<double> q = goal;
+    for (Index i = 0; i < q.size(); ++i) q[i] += 0.1 * (reach.uniform() - 0.5);
+    const long before = clothctl_test::allocations();
+    const IkReport<double> near = reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q);
+    const long taken = clothctl_test::allocations() - before;
+    if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+    CHECK(near.status == IkStatus::Reached);
+    CHECK(near.error <= 1e-4);
+    CHECK(reach.within_limits(q));
+    q = reach.anywhere();
+    const IkReport<double> far =
+        reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q, 20, [&] { return reach.uniform(); });
+    reached += far.status == IkStatus::Reached ? 1 : 0;
+    CHECK(reach.within_limits(q));
+    reach.aim_at(q);  // what is reported is so
+    if (far.status == IkStatus::Reached) {
+      const std::vector<IkTask<double>> there = reach.tasks;
+      reach.aim_at(goal);
+      for (int f = 0; f < 5; ++f)
+        CHECK((there[static_cast<std::size_t>(f)].target - reach.tasks[static_cast<std::size_t>(f)].target).norm() <= 1e-4);
+    }
+  }
+  CHECK(reached >= 99);
+}
+
+TEST_CASE("out of reach ends at a minimum that the limits hold, and says so", "[robot]") {
+  Reach reach;
+  IkSettings<double> settings;
+  settings.max_iterations = 2000;
+  InverseKinematics<Tree<double>> ik(reach.tree, 5, settings);
+  for (int k = 0; k < 20; ++k) {
+    reach.aim_at(reach.anywhere());
+    for (IkTask<double>& task : reach.tasks) task.target += Vector3<double>(3.0, 0.0, 0.0);
+    VectorX<double> q = reach.anywhere();
+    const IkReport<double> report = ik.solve(reach.tree, reach.tasks, VectorX<double>(), q);
+    CHECK(report.status == IkStatus::LocalMinimum);
+    CHECK(report.error > 1.0);
+    CHECK(reach.within_limits(q));
+    // No small step within the limits lowers the cost.
+    const auto cost = [&](const VectorX<double>& at) {
+      forward_kinematics<double>(reach.tree, at, reach.kinematics);
+      double sum = 0;
+      for (const IkTask<double>& task : reach.tasks) {
+        sum += (task.target - link_pose(reach.tree, reach.kinematics, task.frame) * task.local).squaredNorm();
+      }
+      return sum;
+    };
+    const double best = cost(q);
+    for (Index i = 0; i < q.size(); ++i) {
+      for (const double step : {-1e-3, 1e-3}) {
+        VectorX<double> moved = q;
+        moved[i] = std::min(std::max(moved[i] + step, reach.tree.lower()[i]), reach.tree.upper()[i]);
+        CHECK(cost(moved) >= best * (1 - 1e-8));
+      }
+    }
+  }
+}
+
+TEST_CASE("a posture is kept where the tasks leave room, and more rows than joints are solved too", "[robot]") {
+  Reach reach;
+  const VectorX<double> goal = reach.anywhere();
+  reach.aim_at(goal);
+  IkSettings<double> settings;
+  settings.posture_weight = 1e-6;
+  InverseKinematics<Tree<double>> drawn(reach.tree, 5, settings);
+  VectorX<double> free = reach.tree.neutral(), kept = free;
+  REQUIRE(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), free, 20, [&] { return reach.uniform(); }).status ==
+          IkStatus::Reached);
+  kept = free;
+  const IkReport<double> report = drawn.solve(reach.tree, reach.tasks, goal, kept);
+  CHECK(report.error < 1e-3);
+  CHECK((kept - goal).norm() < (free - goal).norm());
+
+  std::vector<IkTask<double>> many;  // twelve points of each finger tip: 180 rows, 26 joints
+  forward_kinematics<double>(reach.tree, goal, reach.kinematics);
+  RobotDraws draws(18);
+  for (const IkTask<double>& task : reach.tasks) {
+    for (int k = 0; k < 12; ++k) {
+      const Vector3<double> local = 0.01 * draws.vector();
+      many.push_back(IkTask<double>::position(task.frame, local, link_pose(reach.tree, reach.kinematics, task.frame) * local));
+    }
+  }
+  settings = IkSettings<double>();
+  settings.tolerance = 1e-8;
+  InverseKinematics<Tree<double>> wide(reach.tree, static_cast<int>(many.size()), settings);
+  VectorX<double> q = goal;
+  for (Index i = 0; i < q.size(); ++i) q[i] += 0.1 * (reach.uniform() - 0.5);
+  const IkReport<double> matched = wide.solve(reach.tree, many, VectorX<double>(), q);
+  CHECK(matched.status == IkStatus::Reached);
+  forward_kinematics<double>(reach.tree, q, reach.kinematics);
+  for (const IkTask<double>& task : many) {
+    CHECK((link_pose(reach.tree, reach.kinematics, task.frame) * task.local - task.target).norm() <= 1e-8);
+  }
+}
+
+TEST_CASE("bad input is refused and q is left alone", "[robot]") {
+  Reach reach;
+  reach.aim_at(reach.anywhere());
+  VectorX<double> q = reach.tree.neutral();
+  const VectorX<double> before = q;
+  reach.tasks[2].target[1] = std::nan("");
+  CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q).status == IkStatus::InvalidInput);
+  CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q, 5, [] { return 0.5; }).status == IkStatus::InvalidInput);
+  CHECK(q == before);
+  reach.aim_at(before);
+  reach.tasks.resize(7, reach.tasks[0]);
+  CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q).status == IkStatus::InvalidInput);
+  reach.tasks.resize(5);
+  CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>::Zero(3), q).status == IkStatus::InvalidInput);
+  q[0] = std::nan("");
+  CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q).status == IkStatus::InvalidInput);
+  IkSettings<double> settings;
+  settings.tolerance = -1.0;
+  CHECK(settings.check() == "tolerance is not a positive length");
+}

@@ -1,0 +1,182 @@
+#include "clothctl/robot/stable_pd.hpp"
+
+#include <cmath>
+
+#include "clothctl/robot/tree_model.hpp"
+#include "robot/random_tree.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+namespace {
+
+/// A slider with a mass, or none.
+Tree<double> slider(double mass, double effort = 1e9) {
+  TreeBuilder<double> builder;
+  Inertia<double> inertia;
+  inertia.mass = mass;
+  Joint<double> joint;
+  joint.name = "lift";
+  joint.type = JointType::Prismatic;
+  joint.parent = "world";
+  joint.child = "carriage";
+  joint.axis << 0.0, 0.0, 1.0;
+  joint.limits.effort = effort;
+  return builder.add_link("world").add_link("carriage", inertia).add_joint(joint).build().value();
+}
+
+/// A robot, its controller and its own symplectic simulator.
+struct Loop {
+  using Controller = StablePd<Tree<double>>;
+  Tree<double> tree;
+  StablePdSettings<double> settings;
+  Controller controller;
+  TreeWorkspace<double> work;
+  VectorX<double> q, qd, torques, qdd, target, target_velocity;
+  int saturated = 0;
+
+  Loop(Tree<double> robot, const StablePdSettings<double>& chosen)
+      : tree(std::move(robot)), settings(chosen), controller(Controller::make(tree, settings).value()), work(tree) {
+    const Index n = tree.velocities();
+    q = target = tree.neutral();
+    qd = torques = qdd = target_velocity = VectorX<double>::Zero(n);
+  }
+  PdStatus step() {
+    const PdReport report = controller.solve(tree, q, qd, target, target_velocity, VectorX<double>(), work, torques, qdd);
+    saturated = report.saturated;
+    if (report.status != PdStatus::Solved) return report.status;
+    qd += settings.step * qdd;
+    tree.advance(q, settings.step * qd, q);
+    return report.status;
+  }
+  double largest() const { return std::max(q.cwiseAbs().maxCoeff(), qd.cwiseAbs().maxCoeff()); }
+};
+
+}  // namespace
+
+TEST_CASE("the torque is the spring's and the damper's at the end of the step, and causes the acceleration", "[robot]") {
+  RobotDraws draws(19);
+  for (const PdForm form : {PdForm::Stable, PdForm::Implicit}) {
+    for (int trial = 0; trial < 20; ++trial) {
+      Tree<double> tree = draws.tree<double>(10, trial % 2 == 0, trial % 3 == 0);
+      const Index n = tree.velocities();
+      StablePdSettings<double> settings;
+      settings.kp = 800 * draws.entries<double>(n).cwiseAbs();
+      settings.kd = 100 * draws.entries<double>(n).cwiseAbs();
+      settings.form = form;
+      Loop loop(tree, settings);
+      loop.q = draws.positions<double>(tree);
+      loop.target = draws.positions<double>(tree);
+      loop.qd = draws.entries<double>(n);
+      loop.target_velocity = draws.entries<double>(n);
+      const VectorX<double> external = draws.entries<double>(n);
+      const long before = clothctl_test::allocations();
+      const PdReport report = loop.controller.solve(tree, loop.q, loop.qd, loop.target, loop.target_velocity, external,
+                                                    loop.work, loop.torques, loop.qdd);
+      const long taken = clothctl_test::allocations() - before;
+      if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+      CHECK(report.status == PdStatus::Solved);
+      const double h = settings.step;
+      VectorX<double> error(n), held(n), needed(n);
+      tree.difference(loop.q, loop.target, error);
+      const VectorX<double> zero = VectorX<double>::Zero(n);
+      articulated_traits<Tree<double>>::inverse_dynamics(tree, zero, zero, loop.work, held);
+      articulated_traits<Tree<double>>::inverse_dynamics(tree, loop.qd, loop.qdd, loop.work, needed);
+      VectorX<double> wanted = settings.kp.cwiseProduct(error - h * loop.qd) -
+                               settings.kd.cwiseProduct(loop.qd + h * loop.qdd - loop.target_velocity) + held;
+      if (form == PdForm::Implicit) wanted -= settings.kp.cwiseProduct(h * h * loop.qdd);
+      CHECK((loop.torques - wanted).norm() <= 1e-10 * wanted.norm());
+      CHECK((loop.torques + external - needed).norm() <= 1e-10 * needed.norm());
+    }
+  }
+}
+
+TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always when implicit", "[robot]") {
+  const double kp = 800, h = 0.02;
+  for (const double share : {0.05, 0.1, 0.5}) {  // of kp h²
+    const double mass = share * kp * h * h, bound = least_damping<double>(kp, h, mass);
+    CHECK(bound == Approx(kp * h * (1.5 - 2 * share)));
+    for (const double kd : {0.99 * bound, 1.01 * bound}) {
+      StablePdSettings<double> settings = StablePdSettings<double>::uniform(1, kp, kd);
+      Loop loop(slider(mass), settings);
+      loop.q[0] = 0.01;
+      for (int k = 0; k < 4000 && loop.largest() < 1e6; ++k) CHECK(loop.step() == PdStatus::Solved);
+      CHECK((loop.largest() < 1e-6) == (kd > bound));
+      CHECK(loop.controller.unstable_at(loop.tree, loop.tree.neutral(), loop.work).size() == (kd > bound ? 0u : 1u));
+      settings.form = PdForm::Implicit;
+      settings.kd *= 0.1;
+      Loop implicit(slider(mass), settings);
+      implicit.q[0] = 0.01;
+      for (int k = 0; k < 4000; ++k) CHECK(implicit.step() == PdStatus::Solved);
+      CHECK(implicit.largest() < 1e-6);
+    }
+  }
+}
+
+TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has both, as computed", "[robot]") {
+  const double v = 0.3, h = 0.02, mass = 0.5;
+  for (const bool paper : {false, true}) {
+    Loop loop(slider(mass), paper ? StablePdSettings<double>::paper(1) : StablePdSettings<double>::uniform(1));
+    for (int k = 0; k < 1000; ++k) CHECK(loop.step() == PdStatus::Solved);
+    CHECK(loop.q[0] == Approx(paper ? -mass * 9.81 / 800 : 0.0).margin(1e-9));
+    loop.target_velocity[0] = v;
+    for (int k = 0; k < 1000; ++k) {
+      loop.target[0] += h * v;
+      CHECK(loop.step() == PdStatus::Solved);
+    }
+    const double lag = loop.target[0] - loop.q[0] - (paper ? mass * 9.81 / 800 : 0.0);
+    CHECK(lag == Approx(paper ? (100.0 / 800) * v : 0.0).margin(1e-9));
+  }
+}
+
+TEST_CASE("torque limits hold without divergence where clipping would diverge", "[robot]") {
+  RobotDraws draws(20);
+  TreeBuilder<double> builder;
+  builder.add_link("world");
+  for (int k = 0; k < 6; ++k) {
+    Inertia<double> inertia;
+    inertia.mass = 0.05;
+    inertia.com << 0.02, 0.0, 0.0;
+    inertia.about_com = 1e-6 * Matrix3<double>::Identity();
+    Joint<double> joint;
+    joint.name = "j" + std::to_string(k);
+    joint.parent = k == 0 ? "world" : "l" + std::to_string(k - 1);
+    joint.child = "l" + std::to_string(k);
+    joint.axis = Vector3<double>::Unit(k % 3);
+    joint.origin.p << 0.04, 0.0, 0.0;
+    joint.limits.effort = 5.0;
+    builder.add_link(joint.child, inertia).add_joint(joint);
+  }
+  Loop loop(builder.build().value(), StablePdSettings<double>::uniform(6, 8000, 400));
+  loop.target.setConstant(1.5);
+  int saturated = 0;
+  for (int k = 0; k < 500; ++k) {
+    REQUIRE(loop.step() == PdStatus::Solved);
+    CHECK(loop.torques.cwiseAbs().maxCoeff() <= 5.0);
+    saturated += loop.saturated;
+  }
+  CHECK(saturated > 0);
+  CHECK((loop.q - loop.target).norm() < 1e-3);
+}
+
+TEST_CASE("gains are checked and bad states refused without a trace", "[robot]") {
+  const Tree<double> tree = slider(1.0);
+  StablePdSettings<double> settings = StablePdSettings<double>::uniform(2);
+  CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "kp has 2 entries for 1 coordinates");
+  settings = StablePdSettings<double>::uniform(1, 800, -1);
+  CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "kd of coordinate 0 is negative or not finite: -1");
+  settings = StablePdSettings<double>::uniform(1);
+  settings.step = 0;
+  CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "step is not a positive time: 0");
+  Loop loop(slider(1.0), StablePdSettings<double>::uniform(1));
+  loop.torques[0] = 7.0;
+  loop.target[0] = std::nan("");
+  CHECK(loop.step() == PdStatus::InvalidInput);
+  CHECK(loop.torques[0] == 7.0);
+  Loop feather(slider(0.0), StablePdSettings<double>::uniform(1, 800, 0));
+  CHECK(feather.step() == PdStatus::NoInertia);
+  loop.target[0] = 0.1;
+  CHECK(loop.step() == PdStatus::Solved);
+}

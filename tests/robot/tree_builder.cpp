@@ -1,0 +1,168 @@
+#include "clothctl/robot/tree_builder.hpp"
+
+#include <functional>
+#include <limits>
+
+#include "clothctl/robot/mass_matrix.hpp"
+#include "robot/random_tree.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+namespace {
+
+Joint<double> joint(const std::string& name, const std::string& parent, const std::string& child) {
+  Joint<double> made;
+  made.name = name;
+  made.parent = parent;
+  made.child = child;
+  return made;
+}
+
+/// World - a - b - c, with a change, and what the builder says of it.
+std::string refused(const std::function<void(Inertia<double>&, Joint<double>&)>& spoil) {
+  Inertia<double> inertia;
+  inertia.mass = 1.0;
+  Joint<double> middle = joint("middle", "a", "b");
+  spoil(inertia, middle);
+  TreeBuilder<double> builder;
+  builder.add_link("world").add_link("a").add_link("b", inertia).add_link("c");
+  builder.add_joint(joint("first", "world", "a")).add_joint(middle).add_joint(joint("last", "b", "c"));
+  const Result<Tree<double>> tree = builder.build();
+  return tree ? std::string() : tree.error();
+}
+
+}  // namespace
+
+TEST_CASE("bodies stand in depth-first order whatever the order of joints, and subtrees are intervals", "[robot]") {
+  TreeBuilder<double> builder;
+  builder.add_link("tip").add_link("palm").add_link("thumb").add_link("world").add_link("finger");
+  builder.add_joint(joint("j3", "finger", "tip")).add_joint(joint("j1", "palm", "finger"));
+  builder.add_joint(joint("j2", "palm", "thumb")).add_joint(joint("j0", "world", "palm"));
+  const Tree<double> tree = builder.build().value();
+  std::string order;
+  for (const Body<double>& body : tree.bodies())
+    order += body.name + ":" + std::to_string(body.parent) + ":" + std::to_string(body.subtree_end) + " ";
+  CHECK(order == "j0:-1:4 j1:0:3 j3:1:3 j2:0:4 ");
+  CHECK(tree.links()[3].body == -1);
+  CHECK(tree.links()[0].body == 2);
+}
+
+TEST_CASE("fixed links are one body: mass, centre and tensor are their sum", "[robot]") {
+  RobotDraws draws(11);
+  const Inertia<double> one = draws.inertia<double>(), two = draws.inertia<double>(), three = draws.inertia<double>();
+  TreeBuilder<double> apart, together;
+  Joint<double> moving = joint("moving", "world", "one"), still = joint("still", "one", "two"),
+                more = joint("more", "two", "three");
+  moving.axis = draws.vector();
+  for (Joint<double>* j : {&still, &more}) {
+    j->type = JointType::Fixed;
+    j->origin = {draws.rotation(), draws.vector()};
+  }
+  apart.add_link("world").add_link("one", one).add_link("two", two).add_link("three", three);
+  const Tree<double> tree = apart.add_joint(moving).add_joint(still).add_joint(more).build().value();
+  REQUIRE(tree.bodies().size() == 1);
+  const Inertia<double>& body = tree.bodies()[0].inertia;
+  CHECK(body.mass == Approx(one.mass + two.mass + three.mass));
+  // The kinetic energy of a turn about any axis through the joint's origin is that of the parts.
+  const Pose<double> first = tree.links()[1].placement, second = first * still.origin, third = second * more.origin;
+  for (int k = 0; k < 5; ++k) {
+    const Vector3<double> w = draws.vector();
+    const auto twice_energy = [&](const Inertia<double>& part, const Pose<double>& pose) {
+      const Vector3<double> local = pose.R.transpose() * w;
+      return part.mass * w.cross(pose * part.com).squaredNorm() + local.dot(part.about_com * local);
+    };
+    const double parts = twice_energy(one, first) + twice_energy(two, second) + twice_energy(three, third);
+    CHECK(twice_energy(body, {}) == Approx(parts));
+  }
+}
+
+TEST_CASE("joints that follow share a coordinate and narrow its limits", "[robot]") {
+  TreeBuilder<double> builder;
+  builder.add_link("world").add_link("a").add_link("b").add_link("c");
+  Joint<double> lead = joint("lead", "world", "a"), follow = joint("follow", "a", "b"), last = joint("last", "b", "c");
+  lead.limits.lower = -1.0;
+  lead.limits.upper = 2.0;
+  lead.limits.effort = 3.0;
+  follow.leader = "lead";
+  follow.ratio = -2.0;
+  follow.offset = 0.5;
+  follow.limits.lower = -1.5;
+  follow.limits.upper = 1.5;
+  last.leader = "follow";
+  last.ratio = 0.5;
+  const Tree<double> tree = builder.add_joint(last).add_joint(follow).add_joint(lead).build().value();
+  CHECK(tree.coupled());
+  CHECK(tree.positions() == 1);
+  CHECK(tree.lower()[0] == Approx(-0.5));  // -2 q + 0.5 = 1.5
+  CHECK(tree.upper()[0] == Approx(1.0));
+  CHECK(tree.effort_limits()[0] == 3.0);
+  CHECK(tree.bodies()[2].ratio == -1.0);
+  CHECK(tree.bodies()[2].offset == 0.25);
+}
+
+TEST_CASE("what is wrong is named, with its value", "[robot]") {
+  const double nan = std::nan(""), infinity = std::numeric_limits<double>::infinity();
+  CHECK(refused([](Inertia<double>&, Joint<double>&) {}) == "");
+  CHECK(refused([](Inertia<double>& i, Joint<double>&) { i.mass = -2.5; }) == "link \"b\": mass is negative: -2.5");
+  CHECK(refused([&](Inertia<double>& i, Joint<double>&) { i.mass = nan; }) == "link \"b\": mass is not finite");
+  CHECK(refused([&](Inertia<double>& i, Joint<double>&) { i.com[1] = infinity; }) ==
+        "link \"b\": centre of mass is not finite");
+  CHECK(refused([&](Inertia<double>& i, Joint<double>&) { i.about_com(0, 1) = nan; }) ==
+        "link \"b\": inertia tensor is not finite");
+  CHECK(refused([](Inertia<double>& i, Joint<double>&) { i.about_com(2, 2) = -1; }) ==
+        "link \"b\": moment of inertia is negative: -1");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.parent = "x"; }) ==
+        "joint \"middle\": there is no link \"x\" for it to hang on");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.child = "y"; }) ==
+        "joint \"middle\": there is no link \"y\" for it to move");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.child = "c"; }) ==
+        "joint \"last\": link \"c\" is moved by joint \"middle\" already");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.parent = "c"; }) == "joint \"middle\" is part of a loop");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.name = "first"; }) == "joint \"first\": it is there twice");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.axis.setZero(); }) == "joint \"middle\": its axis is zero");
+  CHECK(refused([&](Inertia<double>&, Joint<double>& j) { j.axis[0] = nan; }) == "joint \"middle\": its axis is not finite");
+  CHECK(refused([&](Inertia<double>&, Joint<double>& j) { j.origin.p[0] = nan; }) ==
+        "joint \"middle\": its origin is not finite");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.origin.R(0, 0) = -1; }) ==
+        "joint \"middle\": its origin's R is no rotation");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.limits.lower = 2, j.limits.upper = 1; }) ==
+        "joint \"middle\": limits are crossed: 2 .. 1");
+  CHECK(refused([&](Inertia<double>&, Joint<double>& j) { j.limits.lower = nan; }) ==
+        "joint \"middle\": a limit is not a number");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.limits.lower = 1e30; }) ==
+        "joint \"middle\": its lower limit is beyond every position");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.limits.effort = -1; }) ==
+        "joint \"middle\": effort limit is negative: -1");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.leader = "z"; }) ==
+        "joint \"middle\": there is no joint \"z\" for it to follow");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.leader = "middle"; }) ==
+        "joint \"middle\": its leaders go in a circle");
+  CHECK(refused([](Inertia<double>&, Joint<double>& j) { j.leader = "first", j.ratio = 0; }) ==
+        "joint \"middle\": its ratio to its leader is zero");
+  CHECK(TreeBuilder<double>().build().error() == "a robot needs a link");
+  CHECK(TreeBuilder<double>().add_link("a").add_link("b").build().error() == "links \"a\" and \"b\" are not connected");
+  CHECK(TreeBuilder<double>().add_link("a").add_link("a").build().error() == "link \"a\" is there twice");
+}
+
+TEST_CASE("numbers that are finite alone and overflow together are refused", "[robot]") {
+  Inertia<double> huge;
+  huge.mass = 1e308;
+  Joint<double> first = joint("first", "world", "a"), fixed = joint("fixed", "a", "b");
+  fixed.type = JointType::Fixed;
+  TreeBuilder<double> builder;
+  builder.add_link("world").add_link("a", huge).add_link("b", huge).add_joint(first).add_joint(fixed);
+  CHECK(builder.build().error() == "joint \"first\": numbers overflow");
+}
+
+TEST_CASE("long chains build fast", "[robot]") {
+  TreeBuilder<double> builder;
+  builder.add_link("0");
+  for (int k = 0; k < 20000; ++k) {
+    builder.add_link(std::to_string(k + 1)).add_joint(joint("j" + std::to_string(k), std::to_string(k), std::to_string(k + 1)));
+  }
+  const Result<Tree<double>> tree = builder.build();
+  REQUIRE(tree);
+  CHECK(tree->bodies().back().parent == 19998);
+}

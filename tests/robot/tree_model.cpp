@@ -1,0 +1,47 @@
+#include "clothctl/robot/tree_model.hpp"
+
+#include "robot/random_tree.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+static_assert(ArticulatedModel<Tree<double>>);
+static_assert(ArticulatedDynamics<Tree<double>>);
+static_assert(ArticulatedDynamics<Tree<float>, float>);
+static_assert(!ArticulatedModel<Tree<double>, float>);
+
+TEST_CASE("a tree answers through the trait as by itself, and names the coordinate without inertia", "[robot]") {
+  using Traits = articulated_traits<Tree<double>>;
+  RobotDraws draws(13);
+  const Tree<double> tree = draws.tree<double>(10, true, false);
+  const Index n = Traits::velocities(tree);
+  auto work = Traits::make_workspace(tree);
+  const VectorX<double> q = draws.positions<double>(tree), qd = draws.entries<double>(n), qdd = draws.entries<double>(n);
+  VectorX<double> torques(n), answer(n);
+  Traits::place(tree, q, work);
+  Traits::inverse_dynamics(tree, qd, qdd, work, torques);
+  CHECK(Traits::forward_dynamics(tree, qd, torques, VectorX<double>::Zero(n), work, answer) == -1);
+  CHECK((answer - qdd).norm() < 1e-10 * qdd.norm());
+  work.gravity.setZero();
+  VectorX<double> weightless(n);
+  const VectorX<double> rest = VectorX<double>::Zero(n);
+  Traits::inverse_dynamics(tree, rest, rest, work, weightless);
+  CHECK(weightless.norm() == 0.0);
+  Matrix3<double> R;
+  Vector3<double> p;
+  Traits::frame_pose(tree, work, 3, R, p);
+  CHECK((link_pose(tree, work.kinematics, 3).p - p).norm() == 0.0);
+
+  TreeBuilder<double> builder;
+  Joint<double> joint;
+  joint.name = "loose";
+  joint.parent = "world";
+  joint.child = "feather";
+  const Tree<double> feather = builder.add_link("world").add_link("feather").add_joint(joint).build().value();
+  auto small = Traits::make_workspace(feather);
+  VectorX<double> one = VectorX<double>::Zero(1);
+  Traits::place(feather, one, small);
+  VectorX<double> none = one;
+  CHECK(Traits::forward_dynamics(feather, one, one, one, small, none) == 0);
+}
