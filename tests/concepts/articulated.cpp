@@ -4,6 +4,7 @@
 
 #include "clothctl/robot/inverse_kinematics.hpp"
 #include "clothctl/robot/stable_pd.hpp"
+#include "laws/articulated_laws.hpp"
 #include "support/catch.hpp"
 
 namespace other_engine {
@@ -118,4 +119,14 @@ TEST_CASE("another engine's arm reaches and is driven through the trait alone", 
     at += settings.step * qd;
   }
   CHECK((at - q).norm() < 1e-6);
+}
+
+TEST_CASE("another engine's arm obeys the laws of robots", "[concepts]") {
+  VectorX<double> q(2), other(2), qd(2), qdd(2);
+  q << 0.4, -1.1;
+  other << -2.0, 0.7;
+  qd << 0.5, -0.8;
+  qdd << 1.0, 2.0;
+  clothctl_test::check_articulated_laws(Arm(), q, other, qd, 2, 1e-13);
+  clothctl_test::check_articulated_dynamics_laws(Arm(), q, qd, qdd, 1e-12);
 }

@@ -2,6 +2,7 @@
 
 #include "clothctl/robot/tree_model.hpp"
 #include "robot/random_tree.hpp"
+#include "robot/small_hand.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 
@@ -10,72 +11,14 @@ using namespace clothctl_test;
 
 namespace {
 
-/// A palm on six joints with five fingers of four: limits of about a radian.
-Tree<double> small_hand() {
-  TreeBuilder<double> builder;
-  builder.add_link("world");
-  const auto add = [&](const std::string& parent, const std::string& child, JointType type, int axis, Vector3<double> place) {
-    Joint<double> joint;
-    joint.name = "to_" + child;
-    joint.type = type;
-    joint.parent = parent;
-    joint.child = child;
-    joint.axis = Vector3<double>::Unit(axis);
-    joint.origin.p = place;
-    joint.limits.lower = type == JointType::Prismatic ? -0.5 : -1.0;
-    joint.limits.upper = type == JointType::Prismatic ? 0.5 : 1.2;
-    builder.add_link(child).add_joint(joint);
-  };
-  const Vector3<double> none = Vector3<double>::Zero();
-  std::string last = "world";
-  for (int k = 0; k < 6; ++k) {
-    const std::string name = "palm" + std::to_string(k);
-    add(last, name, k < 3 ? JointType::Prismatic : JointType::Revolute, k % 3, none);
-    last = name;
-  }
-  for (int f = 0; f < 5; ++f) {
-    std::string parent = last;
-    for (int k = 0; k < 4; ++k) {
-      const std::string name = "finger" + std::to_string(f) + std::to_string(k);
-      const Vector3<double> place = k == 0 ? Vector3<double>(0.08, 0.02 * (f - 2), 0.0) : Vector3<double>(0.035, 0.0, 0.0);
-      add(parent, name, JointType::Revolute, k == 0 ? 2 : 1, place);
-      parent = name;
-    }
-  }
-  return builder.build().value();
-}
-
-struct Reach {
-  Tree<double> tree = small_hand();
+struct Hand : Reach {
   InverseKinematics<Tree<double>> ik{tree, 6};
-  Kinematics<double> kinematics{tree};
-  std::mt19937 random{17};
-  std::vector<IkTask<double>> tasks;
-
-  double uniform() { return std::uniform_real_distribution<double>(0.0, 1.0)(random); }
-  VectorX<double> anywhere() {
-    VectorX<double> q(tree.positions());
-    for (Index i = 0; i < q.size(); ++i) q[i] = tree.lower()[i] + uniform() * (tree.upper()[i] - tree.lower()[i]);
-    return q;
-  }
-  void aim_at(const VectorX<double>& q) {
-    tasks.clear();
-    forward_kinematics<double>(tree, q, kinematics);
-    for (int f = 0; f < 5; ++f) {
-      const int tip = tree.find_link("finger" + std::to_string(f) + "3");
-      const Vector3<double> pad(0.02, 0.0, -0.005);
-      tasks.push_back(IkTask<double>::position(tip, pad, link_pose(tree, kinematics, tip) * pad));
-    }
-  }
-  bool within_limits(const VectorX<double>& q) const {
-    return (q.array() >= tree.lower().array()).all() && (q.array() <= tree.upper().array()).all();
-  }
 };
 
 }  // namespace
 
 TEST_CASE("five tips at once are reached within the limits, from near and with restarts from anywhere", "[robot]") {
-  Reach reach;
+  Hand reach;
   int reached = 0;
   for (int k = 0; k < 100; ++k) {
     const VectorX<double> goal = reach.anywhere();
@@ -106,7 +49,7 @@ TEST_CASE("five tips at once are reached within the limits, from near and with r
 }
 
 TEST_CASE("out of reach ends at a minimum that the limits hold, and says so", "[robot]") {
-  Reach reach;
+  Hand reach;
   IkSettings<double> settings;
   settings.max_iterations = 2000;
   InverseKinematics<Tree<double>> ik(reach.tree, 5, settings);
@@ -139,7 +82,7 @@ TEST_CASE("out of reach ends at a minimum that the limits hold, and says so", "[
 }
 
 TEST_CASE("a posture is kept where the tasks leave room, and more rows than joints are solved too", "[robot]") {
-  Reach reach;
+  Hand reach;
   const VectorX<double> goal = reach.anywhere();
   reach.aim_at(goal);
   IkSettings<double> settings;
@@ -176,7 +119,7 @@ TEST_CASE("a posture is kept where the tasks leave room, and more rows than join
 }
 
 TEST_CASE("bad input is refused and q is left alone", "[robot]") {
-  Reach reach;
+  Hand reach;
   reach.aim_at(reach.anywhere());
   VectorX<double> q = reach.tree.neutral();
   const VectorX<double> before = q;
@@ -191,7 +134,35 @@ TEST_CASE("bad input is refused and q is left alone", "[robot]") {
   CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>::Zero(3), q).status == IkStatus::InvalidInput);
   q[0] = std::nan("");
   CHECK(reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q).status == IkStatus::InvalidInput);
+}
+
+TEST_CASE("starts near a local minimum are led to the targets all the same, and the answer is the best met", "[robot]") {
+  Hand reach;
   IkSettings<double> settings;
-  settings.tolerance = -1.0;
-  CHECK(settings.check() == "tolerance is not a positive length");
+  settings.fallbacks = false;
+  InverseKinematics<Tree<double>> plain(reach.tree, 5, settings);
+  int plainly = 0, reached = 0;
+  for (int k = 0; k < 300; ++k) {
+    reach.aim_at(reach.anywhere());
+    const VectorX<double> start = reach.anywhere();
+    VectorX<double> q = start, r = start;
+    const IkReport<double> without = plain.solve(reach.tree, reach.tasks, VectorX<double>(), q);
+    const IkReport<double> with = reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), r);
+    plainly += without.status == IkStatus::Reached ? 1 : 0;
+    reached += with.status == IkStatus::Reached ? 1 : 0;
+    if (without.status == IkStatus::Reached) {
+      CHECK(q == r);
+    } else {
+      CHECK((with.status == IkStatus::Reached || with.cost <= without.cost));
+      CHECK(with.iterations > without.iterations);
+    }
+    // The report is of the q that is answered.
+    forward_kinematics<double>(reach.tree, r, reach.kinematics);
+    double error = 0;
+    for (const IkTask<double>& task : reach.tasks) {
+      error = std::max(error, (task.target - link_pose(reach.tree, reach.kinematics, task.frame) * task.local).norm());
+    }
+    CHECK(error == Approx(with.error));
+  }
+  CHECK(reached > plainly);
 }

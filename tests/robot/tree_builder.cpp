@@ -156,6 +156,27 @@ TEST_CASE("numbers that are finite alone and overflow together are refused", "[r
   CHECK(builder.build().error() == "joint \"first\": numbers overflow");
 }
 
+TEST_CASE("a builder shows what it was given, in that order, built or not", "[robot]") {
+  Inertia<double> heavy;
+  heavy.mass = 2.0;
+  TreeBuilder<double> builder;
+  CHECK(builder.links().empty());
+  CHECK(builder.joints().empty());
+  Joint<double> first = joint("first", "a", "b"), odd = joint("odd", "nowhere", "a");
+  first.axis = Vector3<double>(0, 0, 5);
+  builder.add_link("b", heavy).add_link("a").add_joint(first).add_joint(odd);
+  REQUIRE(builder.links().size() == 2);
+  CHECK(builder.links()[0].name == "b");
+  REQUIRE(builder.links()[0].inertia);
+  CHECK(builder.links()[0].inertia->mass == 2.0);
+  CHECK(builder.links()[1].name == "a");
+  CHECK_FALSE(builder.links()[1].inertia);
+  REQUIRE(builder.joints().size() == 2);
+  CHECK(builder.joints()[0].axis[2] == 5);
+  CHECK(builder.joints()[1].parent == "nowhere");
+  CHECK_FALSE(builder.build());
+}
+
 TEST_CASE("long chains build fast", "[robot]") {
   TreeBuilder<double> builder;
   builder.add_link("0");

@@ -1,5 +1,6 @@
 #include "clothctl/robot/tree_model.hpp"
 
+#include "laws/articulated_laws.hpp"
 #include "robot/random_tree.hpp"
 #include "support/catch.hpp"
 
@@ -44,4 +45,18 @@ TEST_CASE("a tree answers through the trait as by itself, and names the coordina
   Traits::place(feather, one, small);
   VectorX<double> none = one;
   CHECK(Traits::forward_dynamics(feather, one, one, one, small, none) == 0);
+}
+
+TEMPLATE_TEST_CASE("trees of every kind of joint obey the laws of robots", "[robot]", float, double) {
+  using S = TestType;
+  RobotDraws draws(14);
+  for (int trial = 0; trial < 8; ++trial) {
+    CAPTURE(trial);
+    const Tree<S> tree = draws.tree<S>(9, trial % 2 == 0, trial % 4 >= 2);
+    const VectorX<S> q = draws.positions(tree), other = draws.positions(tree);
+    const VectorX<S> qd = draws.entries<S>(tree.velocities(), 0.3), qdd = draws.entries<S>(tree.velocities());
+    const S tolerance = std::is_same_v<S, float> ? S(2e-5) : S(1e-12);
+    check_articulated_laws(tree, q, other, qd, static_cast<int>(tree.links().size()), tolerance);
+    check_articulated_dynamics_laws(tree, q, qd, qdd, tolerance);
+  }
 }

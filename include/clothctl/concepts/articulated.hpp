@@ -51,15 +51,13 @@ struct articulated_traits : detail::articulated_types_of<Model> {
   static decltype(auto) effort_limits(const Model& model) requires requires { model.effort_limits(); }
   { return model.effort_limits(); }
   /// q moved along `step` (velocity times time) to `out`.
-  template <class Vector, class Out>
-  requires requires(const Model& m, const Vector& v, Out& out) { m.advance(v, v, out); }
-  static void advance(const Model& model, const Vector& q, const Vector& step, Out& out) { model.advance(q, step, out); }
+  template <class Q, class Step, class Out>
+  requires requires(const Model& m, const Q& q, const Step& step, Out& out) { m.advance(q, step, out); }
+  static void advance(const Model& model, const Q& q, const Step& step, Out&& out) { model.advance(q, step, out); }
   /// The step that takes `from` to `to`.
-  template <class Vector, class Out>
-  requires requires(const Model& m, const Vector& v, Out& out) { m.difference(v, v, out); }
-  static void difference(const Model& model, const Vector& from, const Vector& to, Out& out) {
-    model.difference(from, to, out);
-  }
+  template <class From, class To, class Out>
+  requires requires(const Model& m, const From& from, const To& to, Out& out) { m.difference(from, to, out); }
+  static void difference(const Model& model, const From& from, const To& to, Out&& out) { model.difference(from, to, out); }
   /// Puts the workspace to positions q.
   template <class Vector, class Workspace>
   requires requires(const Model& m, const Vector& v, Workspace& w) { m.place(v, w); }
@@ -73,21 +71,25 @@ struct articulated_traits : detail::articulated_types_of<Model> {
   /// Writes the Jacobian (6 × velocities) of the world point x that is fixed on a frame.
   template <class Scalar, class Workspace, class Out>
   requires requires(const Model& m, const Workspace& w, const Vector3<Scalar>& x, Out& J) { m.point_jacobian(w, 0, x, J); }
-  static void point_jacobian(const Model& model, const Workspace& work, int frame, const Vector3<Scalar>& x, Out& J) {
+  static void point_jacobian(const Model& model, const Workspace& work, int frame, const Vector3<Scalar>& x, Out&& J) {
     model.point_jacobian(work, frame, x, J);
   }
   /// Writes the torques that velocities qd and accelerations qdd take, gravity included.
-  template <class Vector, class Workspace, class Out>
-  requires requires(const Model& m, const Vector& v, Workspace& w, Out& out) { m.inverse_dynamics(v, v, w, out); }
-  static void inverse_dynamics(const Model& model, const Vector& qd, const Vector& qdd, Workspace& work, Out& torques) {
+  template <class Qd, class Qdd, class Workspace, class Out>
+  requires requires(const Model& m, const Qd& qd, const Qdd& qdd, Workspace& w, Out& out) {
+    m.inverse_dynamics(qd, qdd, w, out);
+  }
+  static void inverse_dynamics(const Model& model, const Qd& qd, const Qdd& qdd, Workspace& work, Out&& torques) {
     model.inverse_dynamics(qd, qdd, work, torques);
   }
   /// Writes the accelerations that torques cause at velocities qd, with a diagonal added to the mass matrix. Answers -1, or the
   /// coordinate (or any, where the input is not finite) at which no finite answer exists.
-  template <class Vector, class Workspace, class Out>
-  requires requires(const Model& m, const Vector& v, Workspace& w, Out& out) { m.forward_dynamics(v, v, v, w, out); }
-  [[nodiscard]] static auto forward_dynamics(const Model& model, const Vector& qd, const Vector& torques,
-                                             const Vector& diagonal, Workspace& work, Out& qdd) {
+  template <class Qd, class Torques, class Diagonal, class Workspace, class Out>
+  requires requires(const Model& m, const Qd& qd, const Torques& t, const Diagonal& d, Workspace& w, Out& out) {
+    m.forward_dynamics(qd, t, d, w, out);
+  }
+  [[nodiscard]] static auto forward_dynamics(const Model& model, const Qd& qd, const Torques& torques, const Diagonal& diagonal,
+                                             Workspace& work, Out&& qdd) {
     return model.forward_dynamics(qd, torques, diagonal, work, qdd);
   }
 };

@@ -26,6 +26,14 @@ namespace clothctl::robot {
 template <RealScalar Scalar>
 class TreeBuilder {
  public:
+  /// A link as it was given.
+  struct LinkEntry {
+    /// Its name.
+    std::string name;
+    /// Its inertia; without one it weighs nothing.
+    std::optional<Inertia<Scalar>> inertia;
+  };
+
   /// Adds a link. Without inertia it weighs nothing. The link that no joint moves is the world. Allocates.
   TreeBuilder& add_link(std::string name, std::optional<Inertia<Scalar>> inertia = std::nullopt) {
     link_index_.emplace(name, static_cast<int>(links_.size()));
@@ -38,6 +46,11 @@ class TreeBuilder {
     joints_.push_back(std::move(joint));
     return *this;
   }
+
+  /// The links so far, in the order in which they were added.
+  const std::vector<LinkEntry>& links() const { return links_; }
+  /// The joints so far, in the order in which they were added.
+  const std::vector<Joint<Scalar>>& joints() const { return joints_; }
 
   /// Builds the tree. Allocates. Complexity: O(links + joints), and O(joints) more for each joint that follows.
   /// Fails when: a name is empty or given twice, a joint names a link or leader that does not exist, a link hangs on two
@@ -62,11 +75,6 @@ class TreeBuilder {
   }
 
  private:
-  struct LinkEntry {
-    std::string name;
-    std::optional<Inertia<Scalar>> inertia;
-  };
-
   using Names = std::unordered_map<std::string, int>;
 
   static int find(const Names& names, const std::string& name) {
