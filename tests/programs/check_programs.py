@@ -329,6 +329,196 @@ def check_bad_qp(programs, bad, file):
     bad("table in a folder that is missing", ["none/x"], good, "--out", good.parent / "none/x", program=solve)
 
 
+LIMB_URDF = """<robot name="limb">
+  <link name="world"/>
+  <link name="upper"><inertial><origin xyz="0.2 0 0"/><mass value="2"/>
+    <inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+  <link name="lower"/>
+  <link name="tip"/>
+  <joint name="lift" type="prismatic"><parent link="world"/><child link="upper"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" effort="100" velocity="1"/></joint>
+  <joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/><axis xyz="0 0 2"/>
+    <limit lower="-2" upper="2" effort="10" velocity="1"/></joint>
+  <joint name="end" type="fixed"><parent link="lower"/><child link="tip"/><origin xyz="0.3 0 0"/></joint>
+</robot>
+"""  # a slider of 2 kg along z; on it a lower arm that weighs nothing until FOREARM gives it a mass
+FOREARM = """<link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
+    <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>"""
+LIMB = LIMB_URDF.replace('<link name="lower"/>', FOREARM)
+
+REACH_KEYS = ["status", "fk_error", "jacobian_error", "mass_error", "bias_error", "reached_share", "error_m", "iterations_median",
+              "microseconds_median"]
+
+
+def limb_oracle():
+    """What LIMB answers at lift = 0.5, turn = 0.5, by hand; joints in the reverse order."""
+    q, qd, qdd, target, kp, kd, h, inertia = 0.5, 2.0, 3.0, 0.1, 80.0, 4.0, 0.01, 0.002 + 1 * 0.1**2
+    c, s = math.cos(q), math.sin(q)
+    push = [-kp * (v + h * qd - target) - kd * qd for v in (q, 0.5)]
+    turn, lift = push[0] / (inertia + h * kd), (push[1] - 3 * 9.81) / (3 + h * kd)
+    held = [-kp * (0.5 + h * qd - target) - kd * (qd + h * a) for a in (turn, lift)]
+    sample = {"q": [q, 0.5], "qd": [qd, qd], "qdd": [qdd, qdd], "qbar": [target, target],
+              "fk": {"tip": {"p": [0.4 + 0.3 * c, 0.3 * s, 0.5], "quat_wxyz": [math.cos(q / 2), 0, 0, math.sin(q / 2)]}},
+              "jacobian": [[-0.3 * s, 0], [0.3 * c, 0], [0, 1], [0, 0], [0, 0], [1, 0]],
+              "mass_matrix": [[inertia, 0], [0, 3]], "gravity": [0, 3 * 9.81], "coriolis": [0, 0],
+              "rnea_tau": [inertia * qdd, 3 * (9.81 + qdd)], "fd_tau": [0.01, 1], "fd_qdd": [0.01 / inertia, 1 / 3 - 9.81],
+              "spd_qdd": [turn, lift], "spd_tau": held}
+    return {"joint_order": ["turn", "lift"], "jacobian_link": "tip", "gravity": [0, 0, -9.81],
+            "spd": {"kp": kp, "kd": kd, "h": h}, "samples": [sample]}
+
+
+def has_hands(programs):
+    """Whether the programs that read URDF are there."""
+    return all((programs / name).exists() for name in ("hand_reach", "hand_track"))
+
+
+def without_seconds(figures):
+    return {k: v for k, v in figures.items() if "microseconds" not in k}
+
+
+def is_page(path):
+    page = path.read_text()
+    return page.lower().startswith("<!doctype html>") and not re.search(r"(src|href|url)\s*[=(]\s*.?https?:", page)
+
+
+def check_hand_runs(programs, folder):
+    reach, track = programs / "hand_reach", programs / "hand_track"
+    limb, answers = folder / "limb.urdf", folder / "limb.json"
+    limb.write_text(LIMB)
+    answers.write_text(json.dumps(limb_oracle()))
+    out = folder / "reach"
+    arguments = [reach, "--model", limb, "--oracle", answers, "--targets", 50, "--out", out, "--json"]
+    code, text, errors = run(*arguments)
+    check(code == 0 and not errors, f"hand_reach: exit {code}, stdout {text!r}, stderr {errors!r}")
+    if code == 0:
+        figures = json.loads(text)
+        check(list(figures)[:len(REACH_KEYS)] == REACH_KEYS and figures["status"] == "ok", f"hand_reach: {figures}")
+        check(max(v for k, v in figures.items() if k.endswith("_error")) < 1e-13, f"hand_reach: {figures}")
+        check(figures["samples"] == 1 and figures["dof"] == 2 and figures["tips"] == ["tip"], f"hand_reach: {figures}")
+        check(figures["reached_share"] == 1 and figures["reached_share_near"] == 1, f"hand_reach: {figures}")
+        check(0 < figures["error_m"] <= 1e-3 and figures["error_m"] <= figures["worst_error_m"], f"hand_reach: {figures}")
+        check(is_page(out / "reach.html"), "hand_reach: reach.html is not self-contained")
+        check(without_seconds(json.loads(run(*arguments)[1])) == without_seconds(figures), "hand_reach: two runs differ")
+    code, text, _ = run(reach, "--model", limb, "--oracle", answers, "--float", "--json")
+    figures = json.loads(text)
+    check(code == 0 and 1e-9 < figures["fk_error"] < 1e-6 and figures["reached_share"] is None, f"hand_reach --float: {text}")
+    code, text, _ = run(reach, "--model", limb, "--oracle", answers)
+    words = dict(line.split(None, 1) for line in text.strip().split("\n"))
+    check(code == 0 and words["status"] == "ok" and words["reached_share"] == "-", f"hand_reach: {text!r}")
+    for field, spoil in (("fk_error", lambda s: s["fk"]["tip"]["p"].__setitem__(2, 0.5001)),
+                         ("jacobian_error", lambda s: s["jacobian"][2].__setitem__(1, 1.0001)),
+                         ("mass_error", lambda s: s["mass_matrix"][0].__setitem__(0, 0.013)),
+                         ("bias_error", lambda s: s["coriolis"].__setitem__(1, 1e-3)),
+                         ("gravity_error", lambda s: s["gravity"].__setitem__(0, 1e-3)),
+                         ("rnea_error", lambda s: s["rnea_tau"].__setitem__(0, 0.05)),
+                         ("fd_error", lambda s: s["fd_qdd"].__setitem__(0, 1.0)),
+                         ("spd_qdd_error", lambda s: s["spd_qdd"].__setitem__(1, 1.0)),
+                         ("spd_tau_error", lambda s: s["spd_tau"].__setitem__(0, 1.0))):
+        wrong = limb_oracle()
+        spoil(wrong["samples"][0])
+        answers.write_text(json.dumps(wrong))
+        code, text, _ = run(reach, "--model", limb, "--oracle", answers, "--json")
+        figures = json.loads(text)
+        check(code == 1 and figures["status"] == "failed" and figures[field] > 1e-6, f"hand_reach, wrong {field}: exit {code}: {text}")
+
+    out = folder / "track"
+    for arguments, bound in ((["--step", 0.02], 1e-3), (["--step", 0.002], 1e-3), (["--form", "implicit"], 1e-3),
+                             (["--model", limb, "--seconds", 2], 0.01)):
+        code, text, errors = run(track, *arguments, "--out", out, "--json")
+        check(code == 0 and not errors, f"hand_track {arguments}: exit {code}, stderr {errors!r}")
+        if code == 0:
+            figures = json.loads(text)
+            check(figures["status"] == "finished" and 0 < figures["lag_m"] < bound, f"hand_track {arguments}: {figures}")
+            check(figures["energy_max"] >= figures["energy_end"] >= 0 and figures["saturated_steps"] == 0, f"hand_track: {figures}")
+            check(is_page(out / "track.html"), "hand_track: track.html is not self-contained")
+    code, text, _ = run(track, "--form", "paper", "--step", 0.02, "--json")  # it lags by (h + kd/kp) v, and sags
+    check(code == 0 and 0.0435 < json.loads(text)["lag_at_speed_m"] < 0.08, f"hand_track --form paper: exit {code}: {text}")
+    for step in (0.02, 0.002):
+        for form in ("stable", "implicit"):
+            code, text, _ = run(track, "--hold", "--no-gravity", "--form", form, "--step", step, "--seconds", 2, "--json")
+            figures = json.loads(text)
+            check(code == 0 and figures["energy_rise"] <= 1e-12 * figures["energy_start"], f"hand_track --hold: {figures}")
+            check(figures["energy_end"] < 1e-6 * figures["energy_start"], f"hand_track --hold: {figures}")
+    code, text, errors = run(track, "--hold", "--kp", 80000, "--kd", 2400, "--step", 0.001, "--seconds", 2, "--json")
+    check(code == 0 and json.loads(text)["saturated_steps"] > 0 and json.loads(text)["lag_m"] < 1e-3,
+          f"hand_track, saturated: exit {code}: {text} {errors}")
+    code, text, errors = run(track, "--kp", 80000, "--kd", 10, "--step", 0.02, "--json")
+    check(code == 1 and "diverged" in errors and "warning" in errors and json.loads(text)["status"].startswith("diverged") and
+          json.loads(text)["unstable_joints"] == 34, f"hand_track, unstable: exit {code}: {text} {errors}")
+    limb.write_text(LIMB_URDF)
+    code, text, errors = run(track, "--model", limb, "--kp", 0, "--kd", 0, "--json")
+    check(code == 1 and "turn" in errors and "turn" in json.loads(text)["status"], f"hand_track, no inertia: exit {code}: {errors}")
+
+
+def check_bad_hands(programs, bad, file):
+    reach, track = programs / "hand_reach", programs / "hand_track"
+    limb, whole = file("limb.urdf", LIMB), limb_oracle()
+    missing = limb.parent / "none.urdf"
+    for program in (reach, track):
+        bad("model that is missing", ["none.urdf"], "--model", missing, program=program)
+        bad("model that is no XML", ["page.urdf"], "--model", file("page.urdf", "a hand"), program=program)
+        bad("model that is no robot", ["html.urdf", "robot"], "--model", file("html.urdf", "<html/>"), program=program)
+        bad("model with a loose joint", ["loose.urdf", "elbow"], "--model",
+            file("loose.urdf", LIMB.replace('<parent link="upper"/>', '<parent link="elbow"/>')), program=program)
+        bad("model with NaN", ["nan.urdf", "nan"], "--model", file("nan.urdf", LIMB.replace("0.4 0 0", "nan 0 0")), program=program)
+        bad("model that does not move", ["still.urdf", "no joint"], "--model",
+            file("still.urdf", '<robot name="still"><link name="world"/></robot>'), program=program)
+        bad("out in a file", ["limb.urdf"], "--model", limb, "--out", limb / "x", program=program)
+        bad("a folder without a name", ["--out", "empty"], "--model", limb, "--out", "", program=program)
+        bad("unknown option", ["--colour"], "--model", limb, "--colour", "red", program=program)
+
+    def bad_oracle(name, wanted, spoil):
+        answers = limb_oracle()
+        spoil(answers)
+        bad(name, ["limb.json", *wanted], "--model", limb, "--oracle", file("limb.json", json.dumps(answers)), program=reach)
+
+    def put(sample, field, value):
+        return lambda answers: answers["samples"][sample].__setitem__(field, value)
+
+    bad("no model", ["--model"], program=reach)
+    bad("negative targets", ["--targets", "-5"], "--model", limb, "--targets", -5, program=reach)
+    bad("half a target", ["--targets", "1.5"], "--model", limb, "--targets", 1.5, program=reach)
+    bad("negative seed", ["--seed", "-1"], "--model", limb, "--seed", -1, program=reach)
+    bad("tip that is missing", ["--tips", "nail"], "--model", limb, "--tips", "tip,nail", program=reach)
+    bad("tip that does not move", ["--tips", "world"], "--model", limb, "--tips", "world", program=reach)
+    bad("tip twice", ["--tips", "twice"], "--model", limb, "--tips", "tip,tip", program=reach)
+    bad("oracle that is missing", ["none.json"], "--model", limb, "--oracle", limb.parent / "none.json", program=reach)
+    bad("oracle without a name", ["--oracle", "empty"], "--model", limb, "--oracle", "", program=reach)
+    bad("oracle that is no JSON", ["cut.json"], "--model", limb, "--oracle", file("cut.json", json.dumps(whole)[:200]), program=reach)
+    bad("oracle that is a list", ["list.json"], "--model", limb, "--oracle", file("list.json", "[1]"), program=reach)
+    bad("number too large for a double", ["huge.json"], "--model", limb, "--oracle",
+        file("huge.json", json.dumps(whole).replace("9.81", "1e999")), program=reach)
+    bad("NaN in JSON", ["nan.json"], "--model", limb, "--oracle", file("nan.json", json.dumps(whole).replace("9.81", "NaN")),
+        program=reach)
+    bad_oracle("oracle of another model", ["joint_order[0]", "wrist"], lambda a: a["joint_order"].__setitem__(0, "wrist"))
+    bad_oracle("joint twice", ["joint_order[1]", "twice"], lambda a: a["joint_order"].__setitem__(1, "turn"))
+    bad_oracle("joint that is missing", ["joint_order", "lift"], lambda a: a["joint_order"].pop())
+    bad_oracle("unknown link for the Jacobian", ["jacobian_link", "nail"], lambda a: a.__setitem__("jacobian_link", "nail"))
+    bad_oracle("no samples", ["samples"], lambda a: a.__setitem__("samples", []))
+    bad_oracle("no gains", ["spd", "kd"], lambda a: a["spd"].pop("kd"))
+    bad_oracle("step 0", ["spd", "step"], lambda a: a["spd"].__setitem__("h", 0))
+    bad_oracle("gravity of two numbers", ["gravity", "2", "3"], lambda a: a.__setitem__("gravity", [0, 0]))
+    bad_oracle("sample that is no object", ["sample 1"], lambda a: a["samples"].append(3))
+    for field in whole["samples"][0]:
+        bad_oracle(f"sample without {field}", ["sample 0", field, "missing"], lambda a, field=field: a["samples"][0].pop(field))
+    bad_oracle("torque that is a text", ["sample 0", "rnea_tau[1]", "up"], put(0, "rnea_tau", [0, "up"]))
+    bad_oracle("torque that is null", ["sample 0", "fd_tau[0]", "null"], put(0, "fd_tau", [None, 0]))
+    bad_oracle("short position", ["sample 0", "q has 1", "2"], put(0, "q", [0]))
+    bad_oracle("short matrix", ["sample 0", "mass_matrix", "2"], put(0, "mass_matrix", [[1, 0]]))
+    bad_oracle("unknown link", ["sample 0", "fk", "nail"], lambda a: a["samples"][0]["fk"].__setitem__("nail", {}))
+    bad_oracle("no unit quaternion", ["sample 0", "tip", "quat"],
+               lambda a: a["samples"][0]["fk"]["tip"].__setitem__("quat_wxyz", [0, 0, 0, 0]))
+
+    bad("step 0", ["--step", "0"], "--step", 0, program=track)
+    bad("step NaN", ["--step", "nan"], "--step", "nan", program=track)
+    bad("negative stiffness", ["--kp", "-1"], "--kp", -1, program=track)
+    bad("damping NaN", ["--kd", "nan"], "--kd", "nan", program=track)
+    bad("unknown form", ["--form", "soft"], "--form", "soft", program=track)
+    bad("no time", ["--seconds", "0"], "--seconds", 0, program=track)
+    bad("too many steps", ["--seconds"], "--seconds", 1000, "--step", 1e-5, program=track)
+    bad("model without a name", ["--model", "empty"], "--model", "", program=track)
+
+
 def check_bad_input(programs, folder):
     hand = programs / "handkerchief"
 
@@ -392,6 +582,8 @@ def check_bad_input(programs, folder):
         folder / "dt.csv" / "x")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     check_bad_qp(programs, bad, file)
+    if has_hands(programs):
+        check_bad_hands(programs, bad, file)
     bad("rope without a ball", ["--radius", "-1"], "--radius", -1, program=programs / "rope_ball")
 
 
@@ -408,6 +600,10 @@ def main():
         check_bad_input(programs, pathlib.Path(folder))
         check_qp_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
+        if has_hands(programs):
+            check_hand_runs(programs, pathlib.Path(folder))
+        else:
+            print("hand_reach and hand_track are not built: left out")
     print(f"{len(failures)} failures")
     return 1 if failures else 0
 

@@ -1,0 +1,28 @@
+#pragma once
+
+// Tables on standard output, and the same figures as JSON.
+
+#include <string>
+#include <vector>
+
+#include "run.hpp"
+
+namespace versus {
+
+/// All figures of one robot, in the order of the runners.
+struct RobotReport {
+  Model model;
+  std::vector<std::string> names, refusals;
+  /// One for each of `kTasks`.
+  std::vector<std::vector<TaskResult>> tasks;
+  std::vector<ReachResult> near, random;
+};
+
+/// Prints libraries and versions.
+void print_entries(const std::vector<Entry>& entries);
+/// Prints one robot's tables: microseconds, ratios to ours, differences.
+void print_robot(const RobotReport& report);
+/// The whole as JSON; absent figures are null.
+std::string to_json(const std::vector<Entry>& entries, const RunSettings& settings, const std::vector<RobotReport>& robots);
+
+}  // namespace versus

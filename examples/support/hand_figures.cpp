@@ -1,0 +1,57 @@
+#include "support/hand_figures.hpp"
+
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+
+#include "support/options.hpp"
+
+namespace program {
+
+double thread_seconds() {
+#ifdef CLOCK_THREAD_CPUTIME_ID
+  timespec t{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+#else
+  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
+#endif
+}
+
+void print_figures(const nlohmann::ordered_json& figures, bool json) {
+  if (json) {
+    std::printf("%s\n", figures.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    return;
+  }
+  for (const auto& [key, value] : figures.items()) {
+    std::string text = value.is_string() ? value.get<std::string>() : value.is_null() ? "-" : value.dump();
+    if (value.is_number_float()) {
+      char number[32];
+      std::snprintf(number, sizeof number, "%.4g", value.get<double>());
+      text = number;
+    }
+    std::printf("%-28s %s\n", key.c_str(), text.c_str());
+  }
+}
+
+nlohmann::ordered_json known(double value, bool is_known) {
+  return is_known && clothctl::is_finite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
+}
+
+void make_folder(const std::string& path) {
+  std::error_code failure;
+  std::filesystem::create_directories(path, failure);
+  if (failure) refuse(path + ": " + failure.message());
+}
+
+std::string millimetres(double metres) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g mm", 1000 * metres);
+  return text;
+}
+
+double smooth_share(double s) { return s <= 0 ? 0 : s >= 1 ? 1 : s * s * s * (10 + s * (6 * s - 15)); }
+
+double smooth_speed(double s) { return s <= 0 || s >= 1 ? 0 : 30 * s * s * (1 - s) * (1 - s); }
+
+}  // namespace program

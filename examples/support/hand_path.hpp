@@ -1,0 +1,53 @@
+#pragma once
+
+// A motion for a hand: the base goes around a rounded rectangle while wrist and fingers open and close. Positions, velocities
+// and accelerations are continuous and known exactly: between keys the base's velocity changes smoothly, and at the keys it
+// has no acceleration,
+//
+//   x(t) = x0 + v0 t + (v1 - v0) T (s³ - s⁴/2),   s = t/T,   x1 = x0 + (v0 + v1) T/2
+//
+// which between equal velocities is a straight line at constant speed.
+
+#include <vector>
+
+#include "clothctl/robot/kinematics.hpp"
+
+namespace program {
+
+/// Commanded positions and velocities of a tree's coordinates over time.
+class HandPath {
+ public:
+  /// Makes the path around `home`. With `hold` it stays there.
+  HandPath(const clothctl::robot::Tree<double>& tree, const Eigen::VectorXd& home, bool hold);
+
+  /// Writes positions and velocities at time t (s).
+  void at(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd) const;
+  /// Whether the base goes straight at full speed from t0 to t1 (s).
+  bool is_straight(double t0, double t1) const;
+  /// Whether the robot has a base that slides.
+  bool slides() const { return slides_; }
+
+  /// Largest speed of the base (m/s).
+  static constexpr double kSpeed = 0.3;
+
+ private:
+  struct Key {
+    double time;
+    Eigen::Vector3d place, velocity;
+  };
+  struct Swing {
+    clothctl::Index position, velocity;
+    double amount, period;
+  };
+
+  double wrapped(double t) const;
+
+  const clothctl::robot::Tree<double>& tree_;
+  Eigen::VectorXd home_;
+  std::vector<Key> keys_;
+  std::vector<Eigen::Vector3d> axes_;  // of each body that slides with the base, or zero
+  std::vector<Swing> swings_;
+  bool hold_ = false, slides_ = false;
+};
+
+}  // namespace program

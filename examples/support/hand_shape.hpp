@@ -1,0 +1,32 @@
+#pragma once
+
+// A mesh for robots that come without shapes: every body is the hull of balls at its joints and at the ends of its links,
+//
+//   x(d) = c + r d,   (c, r) the ball that reaches furthest along d: max c·d + r
+//
+// over the directions d of a globe whose axis is the body's longest extent. Two balls make a tapered bone, more a palm.
+
+#include <array>
+#include <vector>
+
+#include "clothctl/robot/kinematics.hpp"
+
+namespace program {
+
+/// Triangles whose vertices are fixed on bodies.
+struct HandShape {
+  /// The triangles, outside turned out.
+  std::vector<std::array<int, 3>> triangles;
+  /// The body of each vertex; -1 for the world.
+  std::vector<int> bodies;
+  /// The vertices in their bodies' frames (3 × vertices, m).
+  Eigen::Matrix3Xd vertices;
+};
+
+/// Makes the shape of a robot. `start` is where it stands in the first frame.
+HandShape make_hand_shape(const clothctl::robot::Tree<double>& tree, const clothctl::robot::Kinematics<double>& start);
+
+/// Writes where the vertices are (3 × vertices, m, world).
+void place_hand(const HandShape& shape, const clothctl::robot::Kinematics<double>& kinematics, Eigen::Matrix3Xd& vertices);
+
+}  // namespace program
