@@ -12,6 +12,7 @@
 #include "clothctl/robot/inverse_kinematics.hpp"
 #include "clothctl/robot/joint.hpp"
 #include "clothctl/robot/kinematics.hpp"
+#include "clothctl/robot/limited_bfgs.hpp"
 #include "clothctl/robot/limited_step.hpp"
 #include "clothctl/robot/mass_matrix.hpp"
 #include "clothctl/robot/motion.hpp"

@@ -72,7 +72,7 @@ TEST_CASE("room to the limits is what a step may take, and the posture's share o
   problem.start(reach.tasks, goal, 0.0);
   problem.place(reach.tree, reach.tasks, q);
   const VectorX<double> there = problem.placed_residuals();
-  problem.lead(there);
+  problem.lead(there, 1.0);
   CHECK(problem.place(reach.tree, reach.tasks, q) < 1e-28);
 
   // A gradient that only limits hold back counts as none.

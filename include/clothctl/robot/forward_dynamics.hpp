@@ -4,14 +4,15 @@
 //
 //   (M(q) + diag d) q̈ = τ - C(q, q̇) - g(q)
 //
-// in one pass up and one down (motion.hpp for what a body knows). With the articulated inertia (N, F) = [A B; Bᵀ C] (α, a_o) +
-// p of a body and its joint's direction S:
+// in a pass up (motion.hpp: the forces p that q̈ = 0 takes), one down and one up again, which finds the accelerations (α, A)
+// that q̈ adds. With the articulated inertia (N, F) = [A B; Bᵀ C] (α, A) + p of a body and its joint's direction S:
 //
 //   U = [A B; Bᵀ C] S,   D = Sᵀ U + d,   u = τ - Sᵀ p
-//   [A B; Bᵀ C] -= U D⁻¹ Uᵀ,   p += [A B; Bᵀ C] c + U D⁻¹ (u)        then shifted by r and added to the parent:
+//   [A B; Bᵀ C] -= U D⁻¹ Uᵀ,   p += U D⁻¹ u               then shifted by r and added to the parent:
 //   B' = B + [r] C,   A' = A - B' [r] + [r] Bᵀ,   N' = N + r × F
-//   q̈ = D⁻¹ (u - Uᵀ a'),   a' = shifted parent's + c
+//   q̈ = D⁻¹ (u - Uᵀ a),   a = shifted parent's
 //
+// Both B and Bᵀ are kept: columns are then all that is added and multiplied, each a register with room for four numbers.
 // Where joints share coordinates, M is made and factored instead. Reference: Featherstone (2008) §7.3; the diagonal: Tan, Liu,
 // Turk, Stable Proportional-Derivative Controllers (2011), there by a dense solve.
 
@@ -57,14 +58,142 @@ struct DynamicsReport {
 
 namespace detail {
 
-/// Articulated inertia and what the pass down needs.
+/// Three numbers and a zero: they fill registers, which three do not.
+template <RealScalar Scalar>
+using Lanes = Eigen::Matrix<Scalar, 4, 1>;
+
+/// The unit vector of axis k.
+template <RealScalar Scalar>
+EIGEN_ALWAYS_INLINE Lanes<Scalar> lane(int k) {
+  return {Scalar(k == 0 ? 1 : 0), Scalar(k == 1 ? 1 : 0), Scalar(k == 2 ? 1 : 0), Scalar(0)};
+}
+
+/// A 3×3 matrix by its columns. Sums are made term by term: compilers keep those in registers.
+template <RealScalar Scalar>
+struct LaneMatrix {
+  Lanes<Scalar> x, y, z;
+
+  LaneMatrix() = default;
+
+  /// 0.
+  void clear() { x = y = z = Lanes<Scalar>::Constant(Scalar(0)); }
+
+  /// Σ += M v.
+  template <class Vector>
+  EIGEN_ALWAYS_INLINE void add_product(const Vector& v, Lanes<Scalar>& sum) const {
+    sum += v[0] * x;
+    sum += v[1] * y;
+    sum += v[2] * z;
+  }
+  /// M v.
+  template <class Vector>
+  EIGEN_ALWAYS_INLINE Lanes<Scalar> operator*(const Vector& v) const {
+    Lanes<Scalar> product = v[0] * x;
+    product += v[1] * y;
+    product += v[2] * z;
+    return product;
+  }
+  /// += B.
+  EIGEN_ALWAYS_INLINE LaneMatrix& operator+=(const LaneMatrix& B) {
+    x += B.x;
+    y += B.y;
+    z += B.z;
+    return *this;
+  }
+  /// += v uᵀ.
+  template <class Vector>
+  EIGEN_ALWAYS_INLINE void add_outer(const Lanes<Scalar>& v, const Vector& u) {
+    x += u[0] * v;
+    y += u[1] * v;
+    z += u[2] * v;
+  }
+  /// += [r] B.
+  EIGEN_ALWAYS_INLINE void add_products(const LaneMatrix& cross, const LaneMatrix& B) {
+    cross.add_product(B.x, x);
+    cross.add_product(B.y, y);
+    cross.add_product(B.z, z);
+  }
+  /// -= B [r].
+  EIGEN_ALWAYS_INLINE void subtract_cross(const LaneMatrix& B, const Vector3<Scalar>& r) {
+    x += r[1] * B.z;
+    x -= r[2] * B.y;
+    y += r[2] * B.x;
+    y -= r[0] * B.z;
+    z += r[0] * B.y;
+    z -= r[1] * B.x;
+  }
+  /// += [v].
+  EIGEN_ALWAYS_INLINE void add_cross(const Vector3<Scalar>& v) {
+    x += v[2] * lane<Scalar>(1);
+    x -= v[1] * lane<Scalar>(2);
+    y += v[0] * lane<Scalar>(2);
+    y -= v[2] * lane<Scalar>(0);
+    z += v[1] * lane<Scalar>(0);
+    z -= v[0] * lane<Scalar>(1);
+  }
+  Matrix3<Scalar> small() const {
+    Matrix3<Scalar> M;
+    M << x.template head<3>(), y.template head<3>(), z.template head<3>();
+    return M;
+  }
+  void subtract(const Matrix3<Scalar>& M) {
+    x.template head<3>() -= M.col(0);
+    y.template head<3>() -= M.col(1);
+    z.template head<3>() -= M.col(2);
+  }
+};
+
+/// sum += v. By products: single numbers that are stored would hold up the load of all.
+template <RealScalar Scalar, class Vector>
+EIGEN_ALWAYS_INLINE void add_lanes(const Vector& v, Lanes<Scalar>& sum) {
+  sum += v[0] * lane<Scalar>(0);
+  sum += v[1] * lane<Scalar>(1);
+  sum += v[2] * lane<Scalar>(2);
+}
+
+/// The sum of the products of three lanes.
+template <RealScalar Scalar, class Vector>
+EIGEN_ALWAYS_INLINE Scalar dot(const Vector& v, const Lanes<Scalar>& x) {
+  return v[0] * x[0] + v[1] * x[1] + v[2] * x[2];
+}
+
+/// Articulated inertia of a body, G = Bᵀ.
 template <RealScalar Scalar>
 struct Articulated {
-  Matrix3<Scalar> A, B, C;
-  Vector3<Scalar> N, F;        // bias
-  Vector3<Scalar> U_N, U_F;    // of a joint with one coordinate
-  Scalar inverse, u;           // 1/D, and u
-  Vector3<Scalar> turn, move;  // accelerations
+  LaneMatrix<Scalar> A, B, G, C;
+  Lanes<Scalar> N, F;  // of what does not accelerate
+
+  void clear() {
+    A.clear();
+    B.clear();
+    G.clear();
+    C.clear();
+    N = F = Lanes<Scalar>::Constant(Scalar(0));
+  }
+
+  /// Adds the body itself.
+  EIGEN_ALWAYS_INLINE void add(const BodyMotion<Scalar>& own) {
+    const BodyInertia<Scalar>& inertia = own.inertia;
+    add_lanes<Scalar>(inertia.I.col(0), A.x);
+    add_lanes<Scalar>(inertia.I.col(1), A.y);
+    add_lanes<Scalar>(inertia.I.col(2), A.z);
+    B.add_cross(inertia.h);
+    G.add_cross(-inertia.h);
+    C.x += inertia.mass * lane<Scalar>(0);
+    C.y += inertia.mass * lane<Scalar>(1);
+    C.z += inertia.mass * lane<Scalar>(2);
+    add_lanes<Scalar>(own.N, N);
+    add_lanes<Scalar>(own.F, F);
+  }
+};
+
+/// What the pass down needs of a joint.
+template <RealScalar Scalar>
+struct ReleasedJoint {
+  Lanes<Scalar> U_N, U_F;    // of a joint with one coordinate
+  Lanes<Scalar> turn, move;  // accelerations beside those that velocities and gravity cause
+  Scalar inverse, u;         // 1/D, and u
+  int depth;                 // how many bodies its body hangs on
 };
 
 /// x ← D⁻¹ x for a symmetric positive definite 6×6 D, which is overwritten. Answers false when it is not definite.
@@ -102,8 +231,10 @@ template <RealScalar Scalar>
 struct ForwardDynamicsWorkspace {
   /// Velocities and inertias.
   Motion<Scalar> motion;
-  /// Articulated inertias.
+  /// Articulated inertias of a body and of those that it hangs on, by depth.
   std::vector<detail::Articulated<Scalar>> articulated;
+  /// One for each body.
+  std::vector<detail::ReleasedJoint<Scalar>> joints;
   /// U of each free joint.
   std::vector<Eigen::Matrix<Scalar, 6, 6>> free_U;
   /// D⁻¹ (Uᵀ, u) of each free joint.
@@ -116,20 +247,32 @@ struct ForwardDynamicsWorkspace {
   MassMatrixWorkspace<Scalar> composite;
   /// The mass matrix of a coupled tree, else empty.
   MatrixX<Scalar> M;
+  /// Its factor.
+  clothctl::detail::SmallCholesky<Scalar> factor;
   /// What velocities and gravity take.
   VectorX<Scalar> bias;
+  /// Accelerations of a body that has none: empty.
+  VectorX<Scalar> none;
 
   /// Makes room for a tree. Allocates.
   explicit ForwardDynamicsWorkspace(const Tree<Scalar>& tree)
-      : motion(tree), articulated(tree.bodies().size()), free_place(tree.bodies().size(), -1), inverse(tree), composite(tree) {
+      : motion(tree),
+        articulated(tree.bodies().size()),
+        joints(tree.bodies().size()),
+        free_place(tree.bodies().size(), -1),
+        inverse(tree),
+        composite(tree) {
     int count = 0;
     for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
+      const int p = tree.bodies()[i].parent;
+      joints[i].depth = p < 0 ? 0 : joints[static_cast<std::size_t>(p)].depth + 1;
       if (tree.bodies()[i].type == JointType::Free) free_place[i] = count++;
     }
     free_U.resize(static_cast<std::size_t>(count));
     free_solved.resize(static_cast<std::size_t>(count));
     const Index n = tree.coupled() ? tree.velocities() : 0;
     M.setZero(n, n);
+    factor.reserve(n);
     bias.setZero(tree.velocities());
   }
 };
@@ -148,83 +291,86 @@ DynamicsReport coupled_dynamics(const Tree<Scalar>& tree, const Kinematics<Scala
   mass_matrix<Scalar>(tree, kinematics, work.composite, M);
   if (diagonal.size() > 0) M.diagonal() += diagonal;
   qdd = torques - work.bias;
-  const Index failed = clothctl::detail::factor_small<Scalar>(M);
+  work.factor.resize(M.rows());
+  for (Index j = 0; j < M.cols(); ++j) {
+    for (Index i = j; i < M.rows(); ++i) work.factor(i, j) = M(i, j);
+  }
+  const Index failed = work.factor.solve(qdd);
   for (std::size_t i = 0; failed >= 0 && i < tree.bodies().size(); ++i) {
     const Body<Scalar>& body = tree.bodies()[i];
     const Index last = body.velocity + (body.type == JointType::Free ? 5 : 0);
     if (body.velocity <= failed && failed <= last) return {DynamicsStatus::NoInertia, static_cast<int>(i)};
   }
-  clothctl::detail::solve_small<Scalar>(M, qdd);
   return {};
 }
 
 /// Takes one joint's freedom out of its body's articulated inertia.
 template <RealScalar Scalar>
-bool release_joint(const Body<Scalar>& body, const Vector3<Scalar>& axis, const BodyMotion<Scalar>& own, const Scalar& torque,
-                   const Scalar& diagonal, Articulated<Scalar>& a) {
-  const bool turns = body.type == JointType::Revolute;
-  if (turns) {
-    a.U_N.noalias() = a.A * axis;
-    a.U_F.noalias() = a.B.transpose() * axis;
-  } else {
-    a.U_N.noalias() = a.B * axis;
-    a.U_F.noalias() = a.C * axis;
-  }
-  const Scalar D = axis.dot(turns ? a.U_N : a.U_F) + diagonal;
+EIGEN_ALWAYS_INLINE bool release_joint(bool turns, const Vector3<Scalar>& axis, const Scalar& torque, const Scalar& diagonal,
+                                       Articulated<Scalar>& a, ReleasedJoint<Scalar>& joint) {
+  const Lanes<Scalar> U_N = turns ? a.A * axis : a.B * axis, U_F = turns ? a.G * axis : a.C * axis;
+  joint.U_N = U_N;
+  joint.U_F = U_F;
+  const Scalar D = dot<Scalar>(axis, turns ? joint.U_N : joint.U_F) + diagonal;
   if (!(D > Scalar(0))) return false;
-  a.inverse = Scalar(1) / D;
-  a.u = torque - axis.dot(turns ? a.N : a.F);
-  const Vector3<Scalar> share_N = a.inverse * a.U_N, share_F = a.inverse * a.U_F;
-  a.A.noalias() -= share_N * a.U_N.transpose();
-  a.B.noalias() -= share_N * a.U_F.transpose();
-  a.C.noalias() -= share_F * a.U_F.transpose();
-  a.N += a.A * own.c_turn + a.B * own.c_move + a.u * share_N;
-  a.F += a.B.transpose() * own.c_turn + a.C * own.c_move + a.u * share_F;
+  joint.inverse = Scalar(1) / D;
+  joint.u = torque - dot<Scalar>(axis, turns ? a.N : a.F);
+  const Lanes<Scalar> share_N = -joint.inverse * U_N, share_F = -joint.inverse * U_F;
+  a.A.add_outer(share_N, joint.U_N);
+  a.B.add_outer(share_N, joint.U_F);
+  a.G.add_outer(share_F, joint.U_N);
+  a.C.add_outer(share_F, joint.U_F);
+  a.N -= joint.u * share_N;
+  a.F -= joint.u * share_F;
   return true;
 }
 
 /// The same for a free joint, with six coordinates.
 template <RealScalar Scalar>
-bool release_free(const Matrix3<Scalar>& axes, const BodyMotion<Scalar>& own, const Eigen::Ref<const VectorX<Scalar>>& torques,
+bool release_free(const Matrix3<Scalar>& axes, const Eigen::Ref<const VectorX<Scalar>>& torques,
                   const Eigen::Ref<const VectorX<Scalar>>& diagonal, Index at, Eigen::Matrix<Scalar, 6, 6>& U,
                   Eigen::Matrix<Scalar, 6, 7>& solved, Articulated<Scalar>& a) {
-  U.template block<3, 3>(0, 0).noalias() = a.B * axes;  // rows: moment, force
-  U.template block<3, 3>(3, 0).noalias() = a.C * axes;
-  U.template block<3, 3>(0, 3).noalias() = a.A * axes;
-  U.template block<3, 3>(3, 3).noalias() = a.B.transpose() * axes;
+  U.template block<3, 3>(0, 0).noalias() = a.B.small() * axes;  // rows: moment, force
+  U.template block<3, 3>(3, 0).noalias() = a.C.small() * axes;
+  U.template block<3, 3>(0, 3).noalias() = a.A.small() * axes;
+  U.template block<3, 3>(3, 3).noalias() = a.G.small() * axes;
   Eigen::Matrix<Scalar, 6, 6> D;
   D.template topRows<3>().noalias() = axes.transpose() * U.template bottomRows<3>();
   D.template bottomRows<3>().noalias() = axes.transpose() * U.template topRows<3>();
   for (int k = 0; k < 6 && diagonal.size() > 0; ++k) D(k, k) += diagonal[at + k];
   solved.template leftCols<6>() = U.transpose();
-  solved.template block<3, 1>(0, 6) = torques.template segment<3>(at) - axes.transpose() * a.F;
-  solved.template block<3, 1>(3, 6) = torques.template segment<3>(at + 3) - axes.transpose() * a.N;
+  solved.template block<3, 1>(0, 6) = torques.template segment<3>(at) - axes.transpose() * a.F.template head<3>();
+  solved.template block<3, 1>(3, 6) = torques.template segment<3>(at + 3) - axes.transpose() * a.N.template head<3>();
   if (!solve_six(D, solved)) return false;
   const Eigen::Matrix<Scalar, 6, 6> taken = U * solved.template leftCols<6>();
   const Eigen::Matrix<Scalar, 6, 1> push = U * solved.col(6);
-  a.A -= taken.template block<3, 3>(0, 0);
-  a.B -= taken.template block<3, 3>(0, 3);
-  a.C -= taken.template block<3, 3>(3, 3);
-  a.N += a.A * own.c_turn + a.B * own.c_move + push.template head<3>();
-  a.F += a.B.transpose() * own.c_turn + a.C * own.c_move + push.template tail<3>();
+  a.A.subtract(taken.template topLeftCorner<3, 3>());
+  a.B.subtract(taken.template topRightCorner<3, 3>());
+  a.G.subtract(taken.template bottomLeftCorner<3, 3>());
+  a.C.subtract(taken.template bottomRightCorner<3, 3>());
+  a.N.template head<3>() += push.template head<3>();
+  a.F.template head<3>() += push.template tail<3>();
   return true;
 }
 
 /// Adds a body's articulated inertia to its parent's.
 template <RealScalar Scalar>
-void hand_down(const Vector3<Scalar>& r, const Articulated<Scalar>& a, Articulated<Scalar>& parent) {
-  const Matrix3<Scalar> B = a.B + cross_columns<Scalar>(r, a.C);
-  for (int k = 0; k < 3; ++k) {
-    const Vector3<Scalar> row = B.row(k).transpose();
-    const Vector3<Scalar> other = a.B.row(k).transpose();
-    parent.A.row(k) -= row.cross(r).transpose();  // (B' [r])
-    parent.A.col(k) += r.cross(other);            // ([r] Bᵀ)
-  }
-  parent.A += a.A;
+EIGEN_ALWAYS_INLINE void hand_down(const Vector3<Scalar>& r, const Articulated<Scalar>& a, Articulated<Scalar>& parent) {
+  LaneMatrix<Scalar> X, B = a.B, G = a.G, A = a.A;
+  X.clear();
+  X.add_cross(r);
+  B.add_products(X, a.C);
+  G.subtract_cross(a.C, r);
+  A.add_products(X, a.G);
+  A.subtract_cross(B, r);
+  parent.A += A;
   parent.B += B;
+  parent.G += G;
   parent.C += a.C;
   parent.F += a.F;
-  parent.N += a.N + r.cross(a.F);
+  Lanes<Scalar> N = a.N;
+  X.add_product(a.F, N);
+  parent.N += N;
 }
 
 }  // namespace detail
@@ -253,58 +399,62 @@ template <RealScalar Scalar>
     return refuse(report.body);
   }
   const std::vector<Body<Scalar>>& bodies = tree.bodies();
-  detail::place_inertias(tree, kinematics, work.motion);
-  detail::place_velocities<Scalar>(tree, kinematics, qd, work.motion);
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const detail::BodyMotion<Scalar>& own = work.motion.bodies[i];
-    detail::Articulated<Scalar>& a = work.articulated[i];
-    a.A = own.I;
-    a.B = detail::skew(own.h);
-    a.C = bodies[i].inertia.mass * Matrix3<Scalar>::Identity();
-    a.N = own.bias_N;
-    a.F = own.bias_F;
-  }
+  detail::place_motions<Scalar>(tree, kinematics, qd, work.none, gravity, work.motion);
   for (std::size_t i = bodies.size(); i-- > 0;) {
     const Body<Scalar>& body = bodies[i];
     const BodyPlace<Scalar>& place = kinematics.places[i];
-    const detail::BodyMotion<Scalar>& own = work.motion.bodies[i];
-    detail::Articulated<Scalar>& a = work.articulated[i];
+    detail::ReleasedJoint<Scalar>& joint = work.joints[i];
+    detail::Articulated<Scalar>& a = work.articulated[static_cast<std::size_t>(joint.depth)];
+    if (body.subtree_end == static_cast<int>(i) + 1) a.clear();
+    a.add(work.motion.bodies[i]);
     bool released;
     if (body.type != JointType::Free) {
       const Scalar more = diagonal.size() > 0 ? diagonal[body.velocity] : Scalar(0);
-      released = detail::release_joint<Scalar>(body, place.R.col(2), own, torques[body.velocity], more, a);
+      released = detail::release_joint<Scalar>(body.type == JointType::Revolute, place.R.col(2), torques[body.velocity], more,
+                                               a, joint);
     } else {
       const std::size_t k = static_cast<std::size_t>(work.free_place[i]);
-      released = detail::release_free<Scalar>(detail::outer_axes(kinematics, body), own, torques, diagonal, body.velocity,
+      released = detail::release_free<Scalar>(detail::outer_axes(kinematics, body), torques, diagonal, body.velocity,
                                               work.free_U[k], work.free_solved[k], a);
     }
     if (!released) return refuse(static_cast<int>(i));
-    if (body.parent >= 0) {
-      detail::hand_down<Scalar>(place.from_parent, a, work.articulated[static_cast<std::size_t>(body.parent)]);
-    }
+    if (body.parent < 0) continue;
+    detail::Articulated<Scalar>& parent = work.articulated[static_cast<std::size_t>(joint.depth - 1)];
+    if (body.subtree_end == bodies[static_cast<std::size_t>(body.parent)].subtree_end) parent.clear();  // first to come down
+    detail::hand_down<Scalar>(place.from_parent, a, parent);
   }
-  const Vector3<Scalar> zero = Vector3<Scalar>::Constant(Scalar(0)), up = -gravity;
+  const detail::Lanes<Scalar> zero = detail::Lanes<Scalar>::Constant(Scalar(0));
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const Body<Scalar>& body = bodies[i];
     const BodyPlace<Scalar>& place = kinematics.places[i];
-    const detail::BodyMotion<Scalar>& own = work.motion.bodies[i];
-    detail::Articulated<Scalar>& a = work.articulated[i];
-    const detail::Articulated<Scalar>& parent = work.articulated[static_cast<std::size_t>((std::max)(body.parent, 0))];
-    const Vector3<Scalar>&turn_p = body.parent < 0 ? zero : parent.turn, &move_p = body.parent < 0 ? up : parent.move;
-    a.turn = turn_p + own.c_turn;
-    a.move = move_p + turn_p.cross(place.from_parent) + own.c_move;
+    detail::ReleasedJoint<Scalar>& joint = work.joints[i];
+    if (body.parent < 0) {
+      joint.turn = joint.move = zero;
+    } else {
+      const detail::ReleasedJoint<Scalar>& parent = work.joints[static_cast<std::size_t>(body.parent)];
+      joint.turn = parent.turn;
+      detail::LaneMatrix<Scalar> back;
+      back.clear();
+      back.add_cross(-place.from_parent);
+      detail::Lanes<Scalar> move = parent.move;
+      back.add_product(parent.turn, move);
+      joint.move = move;
+    }
     if (body.type == JointType::Free) {
       const Eigen::Matrix<Scalar, 6, 7>& solved = work.free_solved[static_cast<std::size_t>(work.free_place[i])];
       const Matrix3<Scalar> axes = detail::outer_axes(kinematics, body);
       auto own_qdd = qdd.template segment<6>(body.velocity);
-      own_qdd = solved.col(6) - solved.template leftCols<3>() * a.turn - solved.template block<6, 3>(0, 3) * a.move;
-      a.move += axes * own_qdd.template head<3>();
-      a.turn += axes * own_qdd.template tail<3>();
+      own_qdd = solved.col(6) - solved.template leftCols<3>() * joint.turn.template head<3>() -
+                solved.template block<6, 3>(0, 3) * joint.move.template head<3>();
+      joint.move.template head<3>() += axes * own_qdd.template head<3>();
+      joint.turn.template head<3>() += axes * own_qdd.template tail<3>();
       continue;
     }
-    const Scalar acceleration = a.inverse * (a.u - a.U_N.dot(a.turn) - a.U_F.dot(a.move));
+    const Scalar acceleration =
+        joint.inverse * (joint.u - detail::dot<Scalar>(joint.turn, joint.U_N) - detail::dot<Scalar>(joint.move, joint.U_F));
     qdd[body.velocity] = acceleration;
-    (body.type == JointType::Revolute ? a.turn : a.move) += acceleration * place.R.col(2);
+    const Vector3<Scalar>& axis = place.R.col(2);
+    detail::add_lanes<Scalar>(acceleration * axis, body.type == JointType::Revolute ? joint.turn : joint.move);
   }
   return all_finite(qdd) ? DynamicsReport{} : refuse(-1);
 }

@@ -76,8 +76,8 @@ class IkProblem {
     weight_ = weight;
     lead_.setConstant(Scalar(0));
   }
-  /// Leads the targets: `shares` is taken off the residuals.
-  void lead(const View& shares) { lead_.head(rows_) = shares; }
+  /// Leads the targets: `share` of `residuals` is taken off the residuals.
+  void lead(const View& residuals, const Scalar& share) { lead_.head(rows_) = share * residuals; }
   /// Length of the residuals.
   Index rows() const { return rows_; }
 
@@ -119,8 +119,14 @@ class IkProblem {
       pull_ *= weight_;
     }
     for (Index i = 0; i < n_; ++i) {
-      squares_[i] = J_.col(i).head(rows_).squaredNorm();
-      direction_[i] = J_.col(i).head(rows_).dot(e_.head(rows_)) + pull_[i];
+      const Scalar* const column = J_.col(i).data();
+      Scalar square(0), along(0);
+      for (Index k = 0; k < rows_; ++k) {
+        square += column[k] * column[k];
+        along += column[k] * e_[k];
+      }
+      squares_[i] = square;
+      direction_[i] = along + pull_[i];
     }
     room_to(model, q, lower_, Scalar(-1), below_);
     room_to(model, q, upper_, Scalar(1), above_);
@@ -160,15 +166,23 @@ class IkProblem {
   Scalar projected_gradient() const {
     using std::abs;
     using std::sqrt;
-    const Scalar length = sqrt(e_.head(rows_).squaredNorm());
-    Scalar worst(0);
+    const Scalar square = e_.head(rows_).squaredNorm(), length = sqrt(square);
+    const bool pulled = weight_ > Scalar(0);
+    Scalar most(0), terms_of_most(1);  // squares of both: roots and quotients of each entry would cost more than all the rest
     for (Index i = 0; i < n_; ++i) {
       const Scalar edge = direction_[i] > Scalar(0) ? above_[i] : below_[i];
       if (!(abs(edge) > Scalar(64) * scalar_traits<Scalar>::epsilon())) continue;
-      const Scalar terms = sqrt(squares_[i]) * length + abs(pull_[i]);
-      if (terms > Scalar(0)) worst = (std::max)(worst, Scalar(abs(direction_[i]) / terms));
+      Scalar terms = squares_[i] * square;
+      if (pulled) {
+        const Scalar sum = sqrt(squares_[i]) * length + abs(pull_[i]);
+        terms = sum * sum;
+      }
+      const Scalar own = direction_[i] * direction_[i];
+      if (!(own * terms_of_most > most * terms)) continue;
+      most = own;
+      terms_of_most = terms;
     }
-    return worst;
+    return sqrt(most / terms_of_most);
   }
 
  private:

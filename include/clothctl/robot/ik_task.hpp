@@ -153,8 +153,13 @@ void task_jacobian(const Model& model, const typename articulated_traits<Model>:
   Vector3<Scalar> p;
   articulated_traits<Model>::frame_pose(model, work, task.frame, R, p);
   if (task.kind == IkKind::Position) {
-    articulated_traits<Model>::point_jacobian(model, work, task.frame, Vector3<Scalar>(p + R * task.local), twist);
-    J = task.weight * twist.template topRows<3>();
+    const Vector3<Scalar> x = p + R * task.local;
+    if constexpr (requires { articulated_traits<Model>::position_jacobian(model, work, task.frame, x, task.weight, J); }) {
+      articulated_traits<Model>::position_jacobian(model, work, task.frame, x, task.weight, J);
+    } else {
+      articulated_traits<Model>::point_jacobian(model, work, task.frame, x, twist);
+      J = task.weight * twist.template topRows<3>();
+    }
     return;
   }
   articulated_traits<Model>::point_jacobian(model, work, task.frame, p, twist);

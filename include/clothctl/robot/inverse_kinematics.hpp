@@ -7,11 +7,13 @@
 //
 // A step that does not lower the cost is taken shorter, with a larger μ. Where that ends short of the targets it is tried again
 // from the start: first with a weight that keeps it near there, then with targets that are led from where the frames are to
-// where they are to be. Reference: Levenberg (1944), Marquardt (1963).
+// where they are to be. What is out of reach is followed to its minimum by quasi-Newton steps (limited_bfgs.hpp). Reference:
+// Levenberg (1944), Marquardt (1963).
 
 #include <cmath>
 
 #include "clothctl/robot/ik_problem.hpp"
+#include "clothctl/robot/limited_bfgs.hpp"
 #include "clothctl/robot/limited_step.hpp"
 
 namespace clothctl::robot {
@@ -28,9 +30,12 @@ class InverseKinematics {
 
   /// Makes room. Allocates.
   InverseKinematics(const Model& model, int most_tasks, IkSettings<Scalar> settings = {})
-      : settings_(settings), problem_(model, most_tasks), limited_(3 * Index(most_tasks), Traits::velocities(model)) {
+      : settings_(settings),
+        problem_(model, most_tasks),
+        limited_(3 * Index(most_tasks), Traits::velocities(model)),
+        bfgs_(Traits::velocities(model)) {
     damping_.setZero(Traits::velocities(model));
-    step_ = damping_;
+    step_ = direction_ = gone_ = damping_;
     lead_.setZero(3 * Index(most_tasks));
     trial_.setZero(Traits::positions(model));
     start_ = begin_ = attempt_ = reference_ = found_ = trial_;
@@ -42,7 +47,9 @@ class InverseKinematics {
   /// Moves q to a minimum of the tasks' residuals within the limits, from q (moved into its limits first). `reference` (may be
   /// empty: q) is what the posture weight draws to. Never allocates. Complexity: O(rows² n + rows³) an iteration.
   IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference, Eigen::Ref<VectorX<Scalar>> q) {
-    return solve_from(model, tasks, reference, {true, true}, q);
+    IkReport<Scalar> report = solve_from(model, tasks, reference, {true, true}, q);
+    settle(model, tasks, q, report);
+    return report;
   }
 
   /// The same from q, and while that does not reach from up to `restarts` other starts, drawn evenly within the limits
@@ -68,6 +75,7 @@ class InverseKinematics {
       if (keep_better(best, solve_from(model, tasks, reference, slow, q))) found_ = q;
     }
     q = found_;
+    settle(model, tasks, q, best);
     return best;
   }
 
@@ -124,11 +132,18 @@ class InverseKinematics {
     return best;
   }
 
+  /// With less than this, joints are thrown to their limits and back; it falls once the residual is a hundredth of the first.
+  Scalar least_damping_at(const Scalar& error, const Scalar& first) const {
+    const Scalar share = first > Scalar(0) ? Scalar(Scalar(100) * error / first) : Scalar(1);
+    return (std::max)(scalar_traits<Scalar>::epsilon(), Scalar(Scalar(3e-4) * (std::min)(Scalar(1), share)));
+  }
+
   /// Steps from q to a minimum of the problem as it was started.
   void descend(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
     Scalar mu = settings_.damping;
     const int last = report.iterations + settings_.max_iterations;
     report.cost = problem_.place(model, tasks, q);
+    const Scalar first = problem_.largest_residual();
     for (;;) {
       report.error = problem_.largest_residual();
       const bool reached = report.error <= settings_.tolerance;
@@ -151,7 +166,7 @@ class InverseKinematics {
         if (lower) {
           q = trial_;
           report.cost = cost;
-          mu = (std::max)(scalar_traits<Scalar>::epsilon(), Scalar(mu / Scalar(5)));
+          mu = (std::max)(least_damping_at(report.error, first), Scalar(mu / Scalar(5)));
         } else {
           mu *= Scalar(4);
           if (!(mu < Scalar(1e12))) return;  // no step is short enough: rounding
@@ -170,6 +185,64 @@ class InverseKinematics {
                    step_);
   }
 
+  /// Follows what was not reached to its minimum.
+  void settle(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
+    using std::sqrt;
+    if (!settings_.fallbacks || report.status == IkStatus::Reached || report.status == IkStatus::InvalidInput) return;
+    const int last = report.iterations + 30 * settings_.max_iterations;
+    report.cost = problem_.place(model, tasks, q);
+    problem_.linearise(model, tasks, q);
+    const auto start = [&] {
+      const Scalar lever = sqrt(problem_.squares().mean()), length = sqrt(problem_.residuals().squaredNorm());
+      bfgs_.start(problem_.jacobian(), lever * (lever + length) + scalar_traits<Scalar>::epsilon());
+    };
+    start();
+    for (bool fresh = true;;) {
+      report.error = problem_.largest_residual();
+      report.gradient = problem_.projected_gradient();
+      const bool reached = report.error <= settings_.tolerance;
+      report.status = reached ? IkStatus::Reached : IkStatus::LocalMinimum;
+      if (reached || report.gradient <= settings_.gradient_tolerance) return;
+      if (report.iterations >= last) {
+        report.status = IkStatus::IterationLimit;
+        return;
+      }
+      direction_ = problem_.direction();
+      bfgs_.find_step(direction_, problem_.below(), problem_.above(), step_);
+      if (search(model, tasks, q, report)) {
+        direction_ -= problem_.direction();
+        bfgs_.update(step_, direction_);
+        fresh = false;
+      } else {
+        problem_.place(model, tasks, q);
+        if (fresh) return;  // no step is short enough: rounding
+        start();
+        fresh = true;
+      }
+    }
+  }
+
+  /// Goes along the step, or a part of it, moved into the limits; the step becomes what was gone. Answers whether that lowered
+  /// the cost.
+  bool search(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
+    for (int halving = 0; halving < 40; ++halving) {
+      ++report.iterations;
+      Traits::advance(model, q, step_, trial_);
+      problem_.limit(trial_);
+      Traits::difference(model, q, trial_, gone_);
+      const Scalar cost = problem_.place(model, tasks, trial_);
+      if (cost < report.cost - Scalar(1e-4) * direction_.dot(gone_)) {
+        q = trial_;
+        report.cost = cost;
+        problem_.linearise(model, tasks, q);
+        step_ = gone_;
+        return true;
+      }
+      step_ *= Scalar(0.5);
+    }
+    return false;
+  }
+
   /// Steps with a posture weight that draws to the start.
   void stay_near(const Model& model, Tasks tasks, IkReport<Scalar>& report) {
     problem_.start(tasks, begin_, (std::max)(settings_.posture_weight, Scalar(1e-3)));
@@ -184,15 +257,17 @@ class InverseKinematics {
     const Index rows = problem_.rows();
     lead_.head(rows) = problem_.placed_residuals();
     for (int stage = 1; stage < kStages; ++stage) {
-      problem_.lead(lead_.head(rows) * (Scalar(float(kStages - stage)) / Scalar(float(kStages))));
+      problem_.lead(lead_.head(rows), Scalar(float(kStages - stage)) / Scalar(float(kStages)));
       descend(model, tasks, attempt_, report);
+      if (report.error > Scalar(100) * settings_.tolerance) return;  // off the way
     }
   }
 
   IkSettings<Scalar> settings_;
   IkProblem<Model, Scalar> problem_;
   LimitedStep<Scalar> limited_;
-  VectorX<Scalar> damping_, step_, lead_;
+  LimitedBfgs<Scalar> bfgs_;
+  VectorX<Scalar> damping_, step_, direction_, gone_, lead_;
   VectorX<Scalar> trial_, start_, begin_, attempt_, reference_, found_;
 };
 

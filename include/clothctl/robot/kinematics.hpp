@@ -144,6 +144,33 @@ void point_jacobian(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinemati
   }
 }
 
+/// Writes the linear rows of `point_jacobian`, times a factor, to J (3 × velocities). Never allocates.
+template <RealScalar Scalar>
+void position_jacobian(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int link, const Vector3<Scalar>& x,
+                       const Scalar& factor, Eigen::Ref<MatrixX<Scalar>> J) {
+  assert(J.rows() == 3 && J.cols() == tree.velocities());
+  J.setConstant(Scalar(0));
+  for (int b = tree.links()[static_cast<std::size_t>(link)].body; b >= 0;) {
+    const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(b)];
+    const BodyPlace<Scalar>& place = kinematics.places[static_cast<std::size_t>(b)];
+    const Scalar share = factor * body.ratio;
+    if (body.type == JointType::Revolute) {
+      const Vector3<Scalar> arm = x - place.p, axis = place.R.col(2);
+      J.template block<3, 1>(0, body.velocity) += share * axis.cross(arm);
+    } else if (body.type == JointType::Prismatic) {
+      J.template block<3, 1>(0, body.velocity) += share * place.R.col(2);
+    } else {
+      const Vector3<Scalar> arm = x - place.p;
+      const Matrix3<Scalar> frame = detail::outer_axes(kinematics, body);
+      for (int k = 0; k < 3; ++k) {
+        J.template block<3, 1>(0, body.velocity + k) = factor * frame.col(k);
+        J.template block<3, 1>(0, body.velocity + 3 + k) = factor * frame.col(k).cross(arm);
+      }
+    }
+    b = body.parent;
+  }
+}
+
 /// Writes the Jacobian of a link's origin; see `point_jacobian`.
 template <RealScalar Scalar>
 void link_jacobian(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int link, Eigen::Ref<MatrixX<Scalar>> J) {

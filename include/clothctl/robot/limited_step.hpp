@@ -29,10 +29,12 @@ class LimitedStep {
   /// Makes room. Allocates.
   LimitedStep(Index most_rows, Index n) : n_(n) {
     const Index side = (std::min)(most_rows, n);
-    S_.setZero(side, side);
-    L_.setZero(side, side);
-    left_.setZero(most_rows);
-    right_.setZero(side);
+    factor_.reserve(side);
+    columns_.setZero(padded(most_rows) * n);
+    sum_.setZero(padded(side) * side);
+    left_.setZero(padded(most_rows));
+    right_.setZero(padded(most_rows));
+    weights_.setZero(n);
     free_.assign(static_cast<std::size_t>(n), 0);
   }
 
@@ -41,86 +43,134 @@ class LimitedStep {
   void solve(const MatrixView& J, const View& e, const View& pull, const View& damping, const View& below, const View& above,
              Eigen::Ref<VectorX<Scalar>> step) {
     rows_ = J.rows();
+    stride_ = padded(rows_);
+    switch (stride_ / 4) {
+      case 1: return find<4>(J, e, pull, damping, below, above, step);
+      case 2: return find<8>(J, e, pull, damping, below, above, step);
+      case 3: return find<12>(J, e, pull, damping, below, above, step);
+      case 4: return find<16>(J, e, pull, damping, below, above, step);
+      case 5: return find<20>(J, e, pull, damping, below, above, step);
+      default: return find<Eigen::Dynamic>(J, e, pull, damping, below, above, step);
+    }
+  }
+
+ private:
+  using Factor = clothctl::detail::SmallCholesky<Scalar>;
+  /// A column of J or S in whole groups of four entries, whose length the compiler knows where it is short.
+  template <int kRows>
+  using Column = Eigen::Map<Eigen::Array<Scalar, kRows, 1>>;
+
+  static Index padded(Index rows) { return Factor::padded(rows); }
+  template <int kRows>
+  Column<kRows> column(Index i) {
+    return Column<kRows>(columns_.data() + i * stride_, stride_);
+  }
+
+  template <int kRows>
+  void find(const MatrixView& J, const View& e, const View& pull, const View& damping, const View& below, const View& above,
+            Eigen::Ref<VectorX<Scalar>> step) {
+    for (Index i = 0; i < n_; ++i) {
+      Scalar* const own = columns_.data() + i * stride_;
+      VectorX<Scalar>::Map(own, rows_) = J.col(i);
+      for (Index k = rows_; k < stride_; ++k) own[k] = Scalar(0);
+    }
+    Column<kRows> left(left_.data(), stride_);
+    left.setConstant(Scalar(0));
     left_.head(rows_) = e;
     std::fill(free_.begin(), free_.end(), char(1));
     const bool by_rows = rows_ <= n_;
-    if (by_rows) sum_rows(J, damping);
+    if (by_rows) {
+      weights_ = damping.cwiseInverse();
+      sum_rows<kRows>();
+    }
     for (Index round = 0; round <= n_; ++round) {
       if (by_rows) {
-        solve_by_rows(J, pull, damping, step);
+        solve_by_rows<kRows>(pull, step);
       } else {
-        solve_by_columns(J, pull, damping, step);
+        solve_by_columns<kRows>(pull, damping, step);
       }
       bool beyond = false;
       for (Index i = 0; i < n_; ++i) {
-        if (free_[static_cast<std::size_t>(i)] == 0) continue;
         const Scalar within = (std::min)((std::max)(step[i], below[i]), above[i]);
-        if (!(step[i] < within) && !(step[i] > within)) continue;
+        if (free_[static_cast<std::size_t>(i)] == 0 || (!(step[i] < within) && !(step[i] > within))) continue;
         beyond = true;
         step[i] = within;
         free_[static_cast<std::size_t>(i)] = 0;
-        left_.head(rows_) -= within * J.col(i);
-        if (by_rows) add_column(J, i, Scalar(-1) / damping[i]);
+        left -= within * column<kRows>(i);
+        if (by_rows) take_out<kRows>(i);
       }
       if (!beyond) return;
     }
   }
 
- private:
-  /// S = 1 + J D⁻¹ Jᵀ, lower triangle.
-  void sum_rows(const MatrixView& J, const View& damping) {
-    auto S = S_.topLeftCorner(rows_, rows_);
-    S.setIdentity();
-    for (Index i = 0; i < n_; ++i) add_column(J, i, Scalar(1) / damping[i]);
-  }
-  /// S += weight · J_i J_iᵀ; a joint moves few tasks, so most entries are zero.
-  void add_column(const MatrixView& J, Index i, const Scalar& weight) {
-    for (Index k = 0; k < rows_; ++k) {
-      const Scalar share = weight * J(k, i);
-      if (share < Scalar(0) || share > Scalar(0)) {
-        S_.col(k).segment(k, rows_ - k) += share * J.col(i).segment(k, rows_ - k);
+  /// S = 1 + J D⁻¹ Jᵀ.
+  template <int kRows>
+  void sum_rows() {
+    for (Index j = 0; j < rows_; ++j) {
+      Column<kRows> S(sum_.data() + j * stride_, stride_);
+      if constexpr (kRows == Eigen::Dynamic) {
+        S.setConstant(Scalar(0));
+        for (Index i = 0; i < n_; ++i) S += (weights_[i] * column<kRows>(i)[j]) * column<kRows>(i);
+      } else {
+        Eigen::Array<Scalar, kRows, 1> sum = Eigen::Array<Scalar, kRows, 1>::Constant(Scalar(0));
+        for (Index i = 0; i < n_; ++i) sum += (weights_[i] * column<kRows>(i)[j]) * column<kRows>(i);
+        S = sum;
       }
+      S[j] += Scalar(1);
+    }
+  }
+  /// Takes a locked entry's share out of S; a joint moves few tasks.
+  template <int kRows>
+  void take_out(Index i) {
+    const Column<kRows> own = column<kRows>(i);
+    for (Index j = 0; j < rows_; ++j) {
+      const Scalar share = weights_[i] * own[j];
+      if (share < Scalar(0) || share > Scalar(0)) Column<kRows>(sum_.data() + j * stride_, stride_) -= share * own;
     }
   }
 
-  void solve_by_rows(const MatrixView& J, const View& pull, const View& damping, Eigen::Ref<VectorX<Scalar>> step) {
-    right_.head(rows_) = left_.head(rows_);
+  template <int kRows>
+  void solve_by_rows(const View& pull, Eigen::Ref<VectorX<Scalar>> step) {
+    Column<kRows> right(right_.data(), stride_);
+    right = Column<kRows>(left_.data(), stride_);
     for (Index i = 0; i < n_; ++i) {
-      if (free_[static_cast<std::size_t>(i)] == 0) continue;
-      if (pull[i] < Scalar(0) || pull[i] > Scalar(0)) right_.head(rows_) -= (pull[i] / damping[i]) * J.col(i);
+      if (free_[static_cast<std::size_t>(i)] == 0 || (!(pull[i] < Scalar(0)) && !(pull[i] > Scalar(0)))) continue;
+      right -= (pull[i] * weights_[i]) * column<kRows>(i);
     }
-    L_.topLeftCorner(rows_, rows_) = S_.topLeftCorner(rows_, rows_);
-    clothctl::detail::factor_small<Scalar>(L_.topLeftCorner(rows_, rows_));  // S ≥ 1
-    clothctl::detail::solve_small<Scalar>(L_.topLeftCorner(rows_, rows_), right_.head(rows_));
+    factor_.resize(rows_);
+    std::copy(sum_.data(), sum_.data() + rows_ * stride_, factor_.column(0));
+    factor_.solve(right_.head(rows_));  // S ≥ 1
     for (Index i = 0; i < n_; ++i) {
-      if (free_[static_cast<std::size_t>(i)] == 0) continue;
-      step[i] = (J.col(i).dot(right_.head(rows_)) + pull[i]) / damping[i];
+      if (free_[static_cast<std::size_t>(i)] != 0) step[i] = ((column<kRows>(i) * right).sum() + pull[i]) * weights_[i];
     }
   }
 
   /// The same from (JᵀJ + D) dq = Jᵀ e + r on the free entries: fewer than rows.
-  void solve_by_columns(const MatrixView& J, const View& pull, const View& damping, Eigen::Ref<VectorX<Scalar>> step) {
-    Index count = 0;
+  template <int kRows>
+  void solve_by_columns(const View& pull, const View& damping, Eigen::Ref<VectorX<Scalar>> step) {
+    const Index count = std::count(free_.begin(), free_.end(), char(1));
+    factor_.resize(count);
+    Index at = 0;
     for (Index i = 0; i < n_; ++i) {
       if (free_[static_cast<std::size_t>(i)] == 0) continue;
-      Index row = count;
+      const Column<kRows> own = column<kRows>(i);
+      Index row = at;
       for (Index k = i; k < n_; ++k) {
         if (free_[static_cast<std::size_t>(k)] == 0) continue;
-        L_(row++, count) = J.col(i).dot(J.col(k)) + (k == i ? damping[i] : Scalar(0));
+        factor_(row++, at) = (own * column<kRows>(k)).sum() + (k == i ? damping[i] : Scalar(0));
       }
-      right_[count++] = J.col(i).dot(left_.head(rows_)) + pull[i];
+      right_[at++] = (own * Column<kRows>(left_.data(), stride_)).sum() + pull[i];
     }
-    clothctl::detail::factor_small<Scalar>(L_.topLeftCorner(count, count));
-    clothctl::detail::solve_small<Scalar>(L_.topLeftCorner(count, count), right_.head(count));
+    factor_.solve(right_.head(count));
     for (Index i = 0, k = 0; i < n_; ++i) {
       if (free_[static_cast<std::size_t>(i)] != 0) step[i] = right_[k++];
     }
   }
 
-  MatrixX<Scalar> S_, L_;
-  VectorX<Scalar> left_, right_;
+  Factor factor_;
+  VectorX<Scalar> columns_, sum_, left_, right_, weights_;
   std::vector<char> free_;
-  Index n_, rows_ = 0;
+  Index n_, rows_ = 0, stride_ = 0;
 };
 
 }  // namespace clothctl::robot

@@ -17,14 +17,56 @@ namespace clothctl::robot {
 /// Memory of `mass_matrix`.
 template <RealScalar Scalar>
 struct MassMatrixWorkspace {
-  /// Inertias; velocities are of no use.
-  Motion<Scalar> motion;
-  /// Masses of all that hangs on a body, itself included.
-  std::vector<Scalar> masses;
+  /// Inertias in the bodies' own axes.
+  std::vector<detail::BodyInertia<Scalar>> inertias;
+  /// Inertias of all that hangs on a body, itself included, in world axes.
+  std::vector<detail::BodyInertia<Scalar>> composites;
 
   /// Makes room for a tree's bodies. Allocates.
-  explicit MassMatrixWorkspace(const Tree<Scalar>& tree) : motion(tree), masses(tree.bodies().size()) {}
+  explicit MassMatrixWorkspace(const Tree<Scalar>& tree) : inertias(detail::own_inertias(tree)), composites(inertias) {}
 };
+
+namespace detail {
+
+/// Adds a body's composite inertia to its parent's, which is r away.
+template <RealScalar Scalar>
+void add_composite(const Vector3<Scalar>& r, const BodyInertia<Scalar>& own, BodyInertia<Scalar>& parent) {
+  const Vector3<Scalar> shift = own.mass * r, s = Scalar(2) * own.h + shift;
+  const Scalar x = r[0] * s[0], y = r[1] * s[1], z = r[2] * s[2], half(0.5);
+  const Symmetric<Scalar> more{y + z, -half * (r[0] * s[1] + s[0] * r[1]), -half * (r[0] * s[2] + s[0] * r[2]),
+                               x + z, -half * (r[1] * s[2] + s[1] * r[2]), x + y};  // -[r][h] - [h][r] - m [r][r]
+  parent.I += own.I;
+  parent.I += more;
+  parent.h += own.h + shift;
+  parent.mass += own.mass;
+}
+
+/// Writes column `column` of the mass matrix above its diagonal, and the row beside it: N, F move body i.
+template <RealScalar Scalar>
+void walk_up(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int i, Index column, Vector3<Scalar> N,
+             const Vector3<Scalar>& F, Eigen::Ref<MatrixX<Scalar>>& M) {
+  const Body<Scalar>* const bodies = tree.bodies().data();
+  const BodyPlace<Scalar>* const places = kinematics.places.data();
+  const auto add = [&](Index row, const Scalar& value) {
+    M(row, column) += value;
+    M(column, row) += value;
+  };
+  for (int below = i, j = bodies[i].parent; j >= 0; below = j, j = bodies[j].parent) {
+    const Body<Scalar>& body = bodies[j];
+    N += places[below].from_parent.cross(F);
+    if (body.type != JointType::Free) {
+      add(body.velocity, body.ratio * places[j].R.col(2).dot(body.type == JointType::Revolute ? N : F));
+      continue;
+    }
+    const Matrix3<Scalar> axes = outer_axes(kinematics, body);
+    for (int k = 0; k < 3; ++k) {
+      add(body.velocity + k, axes.col(k).dot(F));
+      add(body.velocity + 3 + k, axes.col(k).dot(N));
+    }
+  }
+}
+
+}  // namespace detail
 
 /// Writes the mass matrix M (velocities × velocities, symmetric, all of it) where `kinematics` stands. Never allocates.
 /// Complexity: O(bodies × depth) and the zeros.
@@ -33,59 +75,39 @@ void mass_matrix(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics,
                  Eigen::Ref<MatrixX<Scalar>> M) {
   assert(M.rows() == tree.velocities() && M.cols() == tree.velocities());
   const std::vector<Body<Scalar>>& bodies = tree.bodies();
-  detail::place_inertias(tree, kinematics, work.motion);
-  for (std::size_t i = 0; i < bodies.size(); ++i) work.masses[i] = bodies[i].inertia.mass;
+  for (std::size_t i = 0; i < bodies.size(); ++i) work.inertias[i].turn(kinematics.places[i].R, work.composites[i]);
   M.setConstant(Scalar(0));
-  const auto walk = [&](std::size_t i, Index column, Vector3<Scalar> N, Vector3<Scalar> F, const Scalar& ratio) {
-    for (int j = static_cast<int>(i); j >= 0;) {
-      const Body<Scalar>& body = bodies[static_cast<std::size_t>(j)];
-      const BodyPlace<Scalar>& place = kinematics.places[static_cast<std::size_t>(j)];
-      const bool own = j == static_cast<int>(i);
-      const auto add = [&](Index row, const Scalar& value) {
-        M(row, column) += value;
-        if (!own) M(column, row) += value;
-      };
-      if (body.type == JointType::Revolute) {
-        add(body.velocity, Scalar(ratio * body.ratio * place.R.col(2).dot(N)));
-      } else if (body.type == JointType::Prismatic) {
-        add(body.velocity, Scalar(ratio * body.ratio * place.R.col(2).dot(F)));
-      } else {
-        const Matrix3<Scalar> axes = detail::outer_axes(kinematics, body);
-        for (int k = 0; k < 3; ++k) {
-          add(body.velocity + k, Scalar(ratio * axes.col(k).dot(F)));
-          add(body.velocity + 3 + k, Scalar(ratio * axes.col(k).dot(N)));
-        }
-      }
-      N += place.from_parent.cross(F);
-      j = body.parent;
-    }
-  };
   for (std::size_t i = bodies.size(); i-- > 0;) {
     const Body<Scalar>& body = bodies[i];
     const BodyPlace<Scalar>& place = kinematics.places[i];
-    const detail::BodyMotion<Scalar>& own = work.motion.bodies[i];
-    const Scalar mass = work.masses[i];
-    const Vector3<Scalar> axis = place.R.col(2);
-    if (body.type == JointType::Revolute) {
-      walk(i, body.velocity, own.I * axis, axis.cross(own.h), body.ratio);
-    } else if (body.type == JointType::Prismatic) {
-      walk(i, body.velocity, own.h.cross(axis), mass * axis, body.ratio);
-    } else {
-      const Matrix3<Scalar> axes = detail::outer_axes(kinematics, body);
+    const detail::BodyInertia<Scalar>& own = work.composites[i];
+    const int at = static_cast<int>(i);
+    if (body.type == JointType::Free) {
+      const Matrix3<Scalar> axes = detail::outer_axes(kinematics, body), slide = own.mass * axes;
+      Matrix3<Scalar> turn_N, turn_F;
       for (int k = 0; k < 3; ++k) {
-        walk(i, body.velocity + k, own.h.cross(axes.col(k)), mass * axes.col(k), Scalar(1));
-        walk(i, body.velocity + 3 + k, own.I * axes.col(k), axes.col(k).cross(own.h), Scalar(1));
+        turn_N.col(k) = own.I * Vector3<Scalar>(axes.col(k));
+        turn_F.col(k) = axes.col(k).cross(own.h);
       }
+      M.template block<3, 3>(body.velocity, body.velocity) = axes.transpose() * slide;
+      M.template block<3, 3>(body.velocity, body.velocity + 3) = axes.transpose() * turn_F;
+      M.template block<3, 3>(body.velocity + 3, body.velocity) = turn_F.transpose() * axes;
+      M.template block<3, 3>(body.velocity + 3, body.velocity + 3) = axes.transpose() * turn_N;
+      for (int k = 0; k < 3; ++k) {
+        detail::walk_up<Scalar>(tree, kinematics, at, body.velocity + k, own.h.cross(axes.col(k)), slide.col(k), M);
+        detail::walk_up<Scalar>(tree, kinematics, at, body.velocity + 3 + k, turn_N.col(k), turn_F.col(k), M);
+      }
+    } else {
+      const bool turns = body.type == JointType::Revolute;
+      const Vector3<Scalar> axis = body.ratio * place.R.col(2);
+      const Vector3<Scalar> N = turns ? own.I * axis : Vector3<Scalar>(own.h.cross(axis));
+      const Vector3<Scalar> F = turns ? axis.cross(own.h) : Vector3<Scalar>(own.mass * axis);
+      M(body.velocity, body.velocity) += axis.dot(turns ? N : F);
+      detail::walk_up<Scalar>(tree, kinematics, at, body.velocity, N, F, M);
     }
-    if (body.parent < 0) continue;
-    const std::size_t p = static_cast<std::size_t>(body.parent);
-    detail::BodyMotion<Scalar>& parent = work.motion.bodies[p];
-    const Vector3<Scalar>& r = place.from_parent;
-    // I about the parent's origin: - [r][h] - [h][r] - m [r][r] more
-    const Vector3<Scalar> lever = Scalar(2) * own.h + mass * r;
-    parent.I += own.I + r.dot(lever) * Matrix3<Scalar>::Identity() - own.h * r.transpose() - r * (own.h + mass * r).transpose();
-    parent.h += own.h + mass * r;
-    work.masses[p] += mass;
+    if (body.parent >= 0) {
+      detail::add_composite<Scalar>(place.from_parent, own, work.composites[static_cast<std::size_t>(body.parent)]);
+    }
   }
 }
 

@@ -73,6 +73,11 @@ struct articulated_traits<robot::Tree<Scalar>> {
                              Eigen::Ref<MatrixX<Scalar>> J) {
     robot::point_jacobian<Scalar>(tree, work.kinematics, link, x, J);
   }
+  /// The same, linear rows alone, times a factor: what inverse kinematics asks most often.
+  static void position_jacobian(const Model& tree, const workspace_type& work, int link, const Vector3<Scalar>& x,
+                                const Scalar& factor, Eigen::Ref<MatrixX<Scalar>> J) {
+    robot::position_jacobian<Scalar>(tree, work.kinematics, link, x, factor, J);
+  }
   /// Torques of an acceleration.
   static void inverse_dynamics(const Model& tree, const View& qd, const View& qdd, workspace_type& work, Out torques) {
     robot::inverse_dynamics<Scalar>(tree, work.kinematics, qd, qdd, work.gravity, work.inverse, torques);
