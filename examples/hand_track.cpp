@@ -274,6 +274,7 @@ int main(int argc, char** argv) {
   const HandShape shape = make_hand_shape(tree, run.marks().kinematics());
   const Index every = std::max<Index>(1, std::lround(1.0 / 30 / o.step));
   clothctl::PlayerScene scene;
+  scene.mesh_name = "Robot";
   scene.title = name + " follows keyframes";
   scene.subtitle = std::to_string(tree.velocities()) + " joints, " + o.form + " PD control, kp " + clothctl::number_text(o.kp) +
                    ", kd " + clothctl::number_text(o.kd) + ", step " + clothctl::number_text(o.step) + " s";

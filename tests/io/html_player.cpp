@@ -151,7 +151,7 @@ TEST_CASE("the page is whole", "[html_player]") {
 TEST_CASE("hostile text stays text", "[html_player]") {
   PlayerScene scene = small_scene();
   const std::string hostile = "</script><script>alert(1)</script><!-- \" ' & \xff";
-  scene.title = scene.subtitle = scene.arrow_name = scene.arrow_unit = hostile;
+  scene.title = scene.subtitle = scene.mesh_name = scene.arrow_name = scene.arrow_unit = hostile;
   scene.feature_names = {hostile, hostile};
   scene.figures = {{hostile, hostile}};
   const std::string page = *small_recording(std::move(scene)).page();

@@ -219,6 +219,7 @@ class PlayerRecorder {
     text.append(",\"scored\":").append(std::to_string(scene_.scored_frames));
     triple(",\"low\":", low);
     triple(",\"size\":", size);
+    words(",\"meshName\":", scene_.mesh_name);
     words(",\"arrowName\":", scene_.arrow_name);
     words(",\"arrowUnit\":", scene_.arrow_unit);
     text.append(",\"features\":[");

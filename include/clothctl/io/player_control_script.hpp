@@ -60,7 +60,7 @@ const zoom = factor => { moved = true; camera.distance = clamp(camera.distance *
 
 const arrowName = scene.arrowName;
 const layers = [
-  ['surface', triangles.length ? 'Sheet' : 'Rope', 'C', N > 0, triangles.length ? '<rect x="1" y="1" width="20" height="10" rx="2.5" fill="#cdbfa9" stroke="currentColor" stroke-opacity=".35"/>'
+  ['surface', scene.meshName || (triangles.length ? 'Sheet' : 'Rope'), 'C', N > 0, triangles.length ? '<rect x="1" y="1" width="20" height="10" rx="2.5" fill="#cdbfa9" stroke="currentColor" stroke-opacity=".35"/>'
     : '<path d="M2 8c6-8 12 4 18-4" stroke="#a88d6f" stroke-width="4" fill="none" stroke-linecap="round"/>'],
   ['lines', 'Mesh lines', 'W', triangles.length > 0, '<path d="M1 1.5h20M1 6h20M1 10.500h20M3 1v10M8 1v10M14 1v10M19 1v10" stroke="currentColor" stroke-opacity=".45" fill="none"/>'],
   ['actual', 'Path of features', 'P', K > 0, '<path d="M1 9c6-10 12 6 20-6" stroke="currentColor" stroke-width="2.2" fill="none" stroke-linecap="round"/>'],

@@ -27,6 +27,8 @@ struct PlayerScene {
   std::vector<std::pair<std::string, std::string>> figures{};
   /// Names of the features; missing ones are numbered.
   std::vector<std::string> feature_names{};
+  /// What the mesh is; where it is empty: "Sheet", or "Rope" without triangles.
+  std::string mesh_name{};
   /// What the arrows stand for.
   std::string arrow_name = "Forces";
   /// Unit of the arrows' lengths.
