@@ -373,6 +373,78 @@ EIGEN_ALWAYS_INLINE void hand_down(const Vector3<Scalar>& r, const Articulated<S
   parent.N += N;
 }
 
+/// The pass down, leaves first. Answers the body whose joint has no inertia to move, or -1.
+template <RealScalar Scalar>
+[[gnu::flatten]] int release_joints(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics,
+                                    const Eigen::Ref<const VectorX<Scalar>>& torques,
+                                    const Eigen::Ref<const VectorX<Scalar>>& diagonal, ForwardDynamicsWorkspace<Scalar>& work) {
+  const std::vector<Body<Scalar>>& bodies = tree.bodies();
+  for (std::size_t i = bodies.size(); i-- > 0;) {
+    const Body<Scalar>& body = bodies[i];
+    const BodyPlace<Scalar>& place = kinematics.places[i];
+    ReleasedJoint<Scalar>& joint = work.joints[i];
+    Articulated<Scalar>& a = work.articulated[static_cast<std::size_t>(joint.depth)];
+    if (body.subtree_end == static_cast<int>(i) + 1) a.clear();
+    a.add(work.motion.bodies[i]);
+    bool released;
+    if (body.type != JointType::Free) {
+      const Scalar more = diagonal.size() > 0 ? diagonal[body.velocity] : Scalar(0);
+      released =
+          release_joint<Scalar>(body.type == JointType::Revolute, place.R.col(2), torques[body.velocity], more, a, joint);
+    } else {
+      const std::size_t k = static_cast<std::size_t>(work.free_place[i]);
+      released = release_free<Scalar>(outer_axes(kinematics, body), torques, diagonal, body.velocity, work.free_U[k],
+                                      work.free_solved[k], a);
+    }
+    if (!released) return static_cast<int>(i);
+    if (body.parent < 0) continue;
+    Articulated<Scalar>& parent = work.articulated[static_cast<std::size_t>(joint.depth - 1)];
+    if (body.subtree_end == bodies[static_cast<std::size_t>(body.parent)].subtree_end) parent.clear();  // first to come down
+    hand_down<Scalar>(place.from_parent, a, parent);
+  }
+  return -1;
+}
+
+/// The pass up, leaves last.
+template <RealScalar Scalar>
+[[gnu::flatten]] void find_accelerations(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics,
+                                         ForwardDynamicsWorkspace<Scalar>& work, Eigen::Ref<VectorX<Scalar>>& qdd) {
+  const std::vector<Body<Scalar>>& bodies = tree.bodies();
+  const Lanes<Scalar> zero = Lanes<Scalar>::Constant(Scalar(0));
+  for (std::size_t i = 0; i < bodies.size(); ++i) {
+    const Body<Scalar>& body = bodies[i];
+    const BodyPlace<Scalar>& place = kinematics.places[i];
+    ReleasedJoint<Scalar>& joint = work.joints[i];
+    if (body.parent < 0) {
+      joint.turn = joint.move = zero;
+    } else {
+      const ReleasedJoint<Scalar>& parent = work.joints[static_cast<std::size_t>(body.parent)];
+      joint.turn = parent.turn;
+      LaneMatrix<Scalar> back;
+      back.clear();
+      back.add_cross(-place.from_parent);
+      Lanes<Scalar> move = parent.move;
+      back.add_product(parent.turn, move);
+      joint.move = move;
+    }
+    if (body.type == JointType::Free) {
+      const Eigen::Matrix<Scalar, 6, 7>& solved = work.free_solved[static_cast<std::size_t>(work.free_place[i])];
+      const Matrix3<Scalar> axes = outer_axes(kinematics, body);
+      auto own_qdd = qdd.template segment<6>(body.velocity);
+      own_qdd = solved.col(6) - solved.template leftCols<3>() * joint.turn.template head<3>() -
+                solved.template block<6, 3>(0, 3) * joint.move.template head<3>();
+      joint.move.template head<3>() += axes * own_qdd.template head<3>();
+      joint.turn.template head<3>() += axes * own_qdd.template tail<3>();
+      continue;
+    }
+    const Scalar acceleration =
+        joint.inverse * (joint.u - dot<Scalar>(joint.turn, joint.U_N) - dot<Scalar>(joint.move, joint.U_F));
+    qdd[body.velocity] = acceleration;
+    const Vector3<Scalar>& axis = place.R.col(2);
+    add_lanes<Scalar>(acceleration * axis, body.type == JointType::Revolute ? joint.turn : joint.move);
+  }
+}
+
 }  // namespace detail
 
 /// Writes the accelerations that torques (N, N m) cause at velocities qd where `kinematics` stands; `diagonal` (velocities, or
@@ -398,64 +470,10 @@ template <RealScalar Scalar>
     if (report.status == DynamicsStatus::Solved && all_finite(qdd)) return report;
     return refuse(report.body);
   }
-  const std::vector<Body<Scalar>>& bodies = tree.bodies();
   detail::place_motions<Scalar>(tree, kinematics, qd, work.none, gravity, work.motion);
-  for (std::size_t i = bodies.size(); i-- > 0;) {
-    const Body<Scalar>& body = bodies[i];
-    const BodyPlace<Scalar>& place = kinematics.places[i];
-    detail::ReleasedJoint<Scalar>& joint = work.joints[i];
-    detail::Articulated<Scalar>& a = work.articulated[static_cast<std::size_t>(joint.depth)];
-    if (body.subtree_end == static_cast<int>(i) + 1) a.clear();
-    a.add(work.motion.bodies[i]);
-    bool released;
-    if (body.type != JointType::Free) {
-      const Scalar more = diagonal.size() > 0 ? diagonal[body.velocity] : Scalar(0);
-      released = detail::release_joint<Scalar>(body.type == JointType::Revolute, place.R.col(2), torques[body.velocity], more,
-                                               a, joint);
-    } else {
-      const std::size_t k = static_cast<std::size_t>(work.free_place[i]);
-      released = detail::release_free<Scalar>(detail::outer_axes(kinematics, body), torques, diagonal, body.velocity,
-                                              work.free_U[k], work.free_solved[k], a);
-    }
-    if (!released) return refuse(static_cast<int>(i));
-    if (body.parent < 0) continue;
-    detail::Articulated<Scalar>& parent = work.articulated[static_cast<std::size_t>(joint.depth - 1)];
-    if (body.subtree_end == bodies[static_cast<std::size_t>(body.parent)].subtree_end) parent.clear();  // first to come down
-    detail::hand_down<Scalar>(place.from_parent, a, parent);
-  }
-  const detail::Lanes<Scalar> zero = detail::Lanes<Scalar>::Constant(Scalar(0));
-  for (std::size_t i = 0; i < bodies.size(); ++i) {
-    const Body<Scalar>& body = bodies[i];
-    const BodyPlace<Scalar>& place = kinematics.places[i];
-    detail::ReleasedJoint<Scalar>& joint = work.joints[i];
-    if (body.parent < 0) {
-      joint.turn = joint.move = zero;
-    } else {
-      const detail::ReleasedJoint<Scalar>& parent = work.joints[static_cast<std::size_t>(body.parent)];
-      joint.turn = parent.turn;
-      detail::LaneMatrix<Scalar> back;
-      back.clear();
-      back.add_cross(-place.from_parent);
-      detail::Lanes<Scalar> move = parent.move;
-      back.add_product(parent.turn, move);
-      joint.move = move;
-    }
-    if (body.type == JointType::Free) {
-      const Eigen::Matrix<Scalar, 6, 7>& solved = work.free_solved[static_cast<std::size_t>(work.free_place[i])];
-      const Matrix3<Scalar> axes = detail::outer_axes(kinematics, body);
-      auto own_qdd = qdd.template segment<6>(body.velocity);
-      own_qdd = solved.col(6) - solved.template leftCols<3>() * joint.turn.template head<3>() -
-                solved.template block<6, 3>(0, 3) * joint.move.template head<3>();
-      joint.move.template head<3>() += axes * own_qdd.template head<3>();
-      joint.turn.template head<3>() += axes * own_qdd.template tail<3>();
-      continue;
-    }
-    const Scalar acceleration =
-        joint.inverse * (joint.u - detail::dot<Scalar>(joint.turn, joint.U_N) - detail::dot<Scalar>(joint.move, joint.U_F));
-    qdd[body.velocity] = acceleration;
-    const Vector3<Scalar>& axis = place.R.col(2);
-    detail::add_lanes<Scalar>(acceleration * axis, body.type == JointType::Revolute ? joint.turn : joint.move);
-  }
+  const int stuck = detail::release_joints<Scalar>(tree, kinematics, torques, diagonal, work);
+  if (stuck >= 0) return refuse(stuck);
+  detail::find_accelerations<Scalar>(tree, kinematics, work, qdd);
   return all_finite(qdd) ? DynamicsReport{} : refuse(-1);
 }
 

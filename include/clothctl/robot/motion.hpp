@@ -133,8 +133,9 @@ EIGEN_ALWAYS_INLINE Matrix3<Scalar> point_accelerations(const Vector3<Scalar>& w
 
 /// Fills motions, inertias, and the moments and forces that they take of each body alone. An empty qdd is zero.
 template <RealScalar Scalar>
-void place_motions(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, const Eigen::Ref<const VectorX<Scalar>>& qd,
-                   const Eigen::Ref<const VectorX<Scalar>>& qdd, const Vector3<Scalar>& gravity, Motion<Scalar>& motion) {
+[[gnu::flatten]] void place_motions(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics,
+                                    const Eigen::Ref<const VectorX<Scalar>>& qd, const Eigen::Ref<const VectorX<Scalar>>& qdd,
+                                    const Vector3<Scalar>& gravity, Motion<Scalar>& motion) {
   const Vector3<Scalar> zero = Vector3<Scalar>::Constant(Scalar(0));
   Vector3<Scalar> w = zero, turn = zero, move = -gravity;
   Matrix3<Scalar> K = Matrix3<Scalar>::Constant(Scalar(0));
