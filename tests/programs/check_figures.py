@@ -69,7 +69,8 @@ def hand_jobs(models, full):
             yield f"{name} {' '.join(flags)}", "hand_reach", [*model, "--oracle", models / "oracle" / f"{name}.json", *flags], bars
         count = (10000 if name in HANDS[:2] else 1000) if full else 100
         yield (f"{name} reach {count}", "hand_reach", [*model, "--targets", count, "--seed", 2],
-               {"reached_share": (0.99, 1), "reached_share_near": (1, 1), "error_m": (0, 1e-3)})
+               {"reached_share": (0.99, 1), "reached_share_near": (1, 1), "error_m": (0, 1e-3),
+                "unreachable_local_minima": (1, 1)})
     for step in (0.02, 0.01, 0.005, 0.002, 0.001) if full else (0.02, 0.002):
         yield f"hand34 track {step}", "hand_track", ["--step", step], {"lag_at_speed_m": (0, 1e-3), "saturated_steps": (0, 0)}
         yield (f"hand34 hold {step}", "hand_track", ["--hold", "--no-gravity", "--step", step, "--seconds", 2],

@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 
+#include "clothctl/robot/tree_model.hpp"
 #include "robot/random_tree.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -108,4 +109,44 @@ TEST_CASE("what has no inertia is named, and what is not finite is told apart fr
     CHECK(forward_dynamics<double>(tree, kinematics, zero, zero, diagonal, gravity, work, answer).status ==
           DynamicsStatus::Solved);
   }
+}
+
+TEST_CASE("a joint that moves nothing of its own is named whatever way its axis points", "[robot]") {
+  RobotDraws draws(95);
+  int solved = 0;
+  for (int trial = 0; trial < 200; ++trial) {
+    // Two joints on one axis with nothing between them; or a point mass on the axis of its joint.
+    const bool twins = trial % 2 == 0;
+    const Vector3<double> axis = draws.vector().normalized();
+    TreeBuilder<double> builder;
+    builder.add_link("world");
+    builder.add_link("first", twins ? std::nullopt : std::optional<Inertia<double>>(draws.inertia<double>()));
+    Inertia<double> end = draws.inertia<double>();
+    if (!twins) {
+      end.about_com.setZero();
+      end.com = 0.3 * axis;
+    }
+    builder.add_link("second", end);
+    for (int k = 0; k < 2; ++k) {
+      Joint<double> joint;
+      joint.name = "joint" + std::to_string(k);
+      joint.parent = k == 0 ? "world" : "first";
+      joint.child = k == 0 ? "first" : "second";
+      joint.axis = twins || k == 1 ? axis : Vector3<double>(draws.vector());
+      if (!twins) joint.origin.p = draws.vector();
+      builder.add_joint(joint);
+    }
+    const Tree<double> tree = builder.build().value();
+    TreeWorkspace<double> work(tree);
+    const VectorX<double> none, rest = VectorX<double>::Zero(2), q = draws.entries<double>(2), push = draws.entries<double>(2);
+    VectorX<double> qdd(2);
+    forward_kinematics<double>(tree, q, work.kinematics);
+    const DynamicsReport report =
+        forward_dynamics<double>(tree, work.kinematics, rest, push, none, standard_gravity<double>(), work.forward, qdd);
+    solved += report.status == DynamicsStatus::Solved ? 1 : 0;
+    const VectorX<double> trace = VectorX<double>::Constant(2, 1e-6);
+    CHECK(forward_dynamics<double>(tree, work.kinematics, rest, push, trace, standard_gravity<double>(), work.forward, qdd)
+              .status == DynamicsStatus::Solved);
+  }
+  CHECK(solved == 0);
 }

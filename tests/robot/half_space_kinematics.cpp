@@ -116,5 +116,25 @@ TEST_CASE("planes that cannot all be kept are said, and input that is not finite
   hand.planes.resize(11, up);
   CHECK(hand.ik.solve(hand.tree, hand.tasks, hand.planes, VectorX<double>(), q).message ==
         "there are more planes than memory was made for");
+  hand.planes.resize(2, up);
+  hand.planes[0].frame = -1;
+  CHECK(hand.ik.solve(hand.tree, hand.tasks, hand.planes, VectorX<double>(), q).message == "a plane's frame does not exist");
   CHECK(q == before);
+}
+
+TEST_CASE("a plane is kept although every task is met where the robot starts, and without any task", "[robot]") {
+  Walled hand;
+  for (const bool with_task : {true, false}) {
+    VectorX<double> q = hand.tree.neutral();
+    hand.aim_at(q);
+    hand.tasks.resize(with_task ? 1 : 0);
+    HalfSpace<double> plane;
+    plane.frame = hand.tree.find_link("finger43");
+    forward_kinematics<double>(hand.tree, q, hand.kinematics);
+    plane.offset = link_pose(hand.tree, hand.kinematics, plane.frame).p.z() + 0.02;
+    hand.planes = {plane};
+    const IkReport<double> report = hand.ik.solve(hand.tree, hand.tasks, hand.planes, VectorX<double>(), q);
+    CHECK(report.status == IkStatus::Reached);
+    CHECK(hand.missing(q) <= 1e-4);
+  }
 }

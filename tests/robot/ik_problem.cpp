@@ -109,6 +109,20 @@ TEST_CASE("what is wrong with a problem is named", "[robot]") {
   tasks = reach.tasks;
   tasks[0] = IkTask<double>::pointing(3, Vector3<double>(0, 0, 2), Vector3<double>(0, 0, 1));
   CHECK(problem.check(reach.tree, tasks, none, q) == "a pointing task's axis or direction is not a unit vector");
+  for (const Matrix3<double>& bad_rotation :
+       {Matrix3<double>(Matrix3<double>::Zero()), Matrix3<double>(5 * Matrix3<double>::Identity()),
+        Matrix3<double>(-Matrix3<double>::Identity())}) {
+    tasks[0] = IkTask<double>::orientation(3, bad_rotation);
+    CHECK(problem.check(reach.tree, tasks, none, q) == "an orientation task's rotation is none");
+  }
+  for (const int frame : {-1, static_cast<int>(reach.tree.links().size())}) {
+    tasks = reach.tasks;
+    tasks[4].frame = frame;
+    CHECK(problem.check(reach.tree, tasks, none, q) == "a task's frame does not exist");
+  }
+  tasks = reach.tasks;
+  tasks[4].target[2] = 1e160;
+  CHECK(problem.check(reach.tree, tasks, none, q) == "a task's point or target holds a value beyond 1e15");
   tasks = reach.tasks;
   tasks.push_back(tasks[0]);
   CHECK(problem.check(reach.tree, tasks, none, q) == "there are more tasks than memory was made for");

@@ -26,9 +26,15 @@ TEST_CASE("settings of inverse kinematics name the first bad value", "[robot]") 
   CHECK(settings.check() == "max_iterations is less than 1");
 }
 
+TEST_CASE("the gradient's tolerance leaves room for rounding", "[robot]") {
+  CHECK(IkSettings<double>().gradient_tolerance == 1e-6);
+  CHECK(IkSettings<float>().gradient_tolerance == Approx(4 * std::sqrt(clothctl::scalar_traits<float>::epsilon())));
+}
+
 TEST_CASE("every reason to stop has a name of its own", "[robot]") {
   CHECK(to_string(IkStatus::Reached) == "reached");
   CHECK(to_string(IkStatus::LocalMinimum) == "local_minimum");
+  CHECK(to_string(IkStatus::Stalled) == "stalled");
   CHECK(to_string(IkStatus::IterationLimit) == "iteration_limit");
   CHECK(to_string(IkStatus::InvalidInput) == "invalid_input");
 }

@@ -1,5 +1,6 @@
 #include "clothctl/robot/inverse_kinematics.hpp"
 
+#include "clothctl/robot/hand34.hpp"
 #include "clothctl/robot/tree_model.hpp"
 #include "robot/random_tree.hpp"
 #include "robot/small_hand.hpp"
@@ -170,4 +171,119 @@ TEST_CASE("starts near a local minimum are led to the targets all the same, and 
     CHECK(error == Approx(with.error));
   }
   CHECK(reached > plainly);
+}
+
+TEST_CASE("a stretched arm bends towards a target in its own line, and a robot without joints stays", "[robot]") {
+  TreeBuilder<double> builder;
+  builder.add_link("world");
+  for (int k = 0; k < 3; ++k) {
+    Joint<double> joint;
+    joint.name = "joint" + std::to_string(k);
+    joint.parent = k == 0 ? "world" : "rod" + std::to_string(k - 1);
+    joint.child = "rod" + std::to_string(k);
+    joint.axis << 0.0, 0.0, 1.0;
+    joint.origin.p << (k == 0 ? 0.0 : 1.0), 0.0, 0.0;
+    builder.add_link(joint.child).add_joint(joint);
+  }
+  const Tree<double> arm = builder.build().value();
+  InverseKinematics<Tree<double>> ik(arm, 1);
+  for (const double x : {0.5, -2.5}) {
+    VectorX<double> q = arm.neutral();
+    const std::vector<IkTask<double>> tasks = {
+        IkTask<double>::position(3, Vector3<double>(1.0, 0.0, 0.0), Vector3<double>(x, 0.0, 0.0))};
+    CHECK(ik.solve(arm, tasks, VectorX<double>(), q).status == IkStatus::Reached);
+  }
+
+  const Tree<double> stone = TreeBuilder<double>().add_link("world").build().value();
+  InverseKinematics<Tree<double>> still(stone, 1);
+  VectorX<double> none;
+  std::vector<IkTask<double>> tasks = {IkTask<double>::position(0, Vector3<double>::Zero(), Vector3<double>(1.0, 0.0, 0.0))};
+  CHECK(still.solve(stone, tasks, VectorX<double>(), none).status == IkStatus::LocalMinimum);
+  tasks[0].target.setZero();
+  CHECK(still.solve(stone, tasks, VectorX<double>(), none).status == IkStatus::Reached);
+}
+
+TEST_CASE("orientations and directions are reached, from half a turn away too, on free and coupled robots", "[robot]") {
+  RobotDraws draws(91);
+  int reached = 0;
+  for (int round = 0; round < 40; ++round) {
+    const Tree<double> tree = draws.tree<double>(12, true, round % 2 == 0);
+    const int frame = static_cast<int>(tree.links().size()) - 1;
+    InverseKinematics<Tree<double>> ik(tree, 2);
+    Kinematics<double> kinematics(tree);
+    const VectorX<double> goal = draws.positions(tree);
+    VectorX<double> q = draws.positions(tree);
+    forward_kinematics<double>(tree, goal, kinematics);
+    const Pose<double> there = link_pose(tree, kinematics, frame);
+    const Vector3<double> axis = draws.vector().normalized();
+    std::vector<IkTask<double>> tasks = {
+        IkTask<double>::position(frame, Vector3<double>::Zero(), there.p),
+        round % 3 == 0 ? IkTask<double>::pointing(frame, axis, there.R * axis) : IkTask<double>::orientation(frame, there.R)};
+    const IkReport<double> report = ik.solve(tree, tasks, VectorX<double>(), q);
+    reached += report.status == IkStatus::Reached ? 1 : 0;
+    forward_kinematics<double>(tree, q, kinematics);
+    const Pose<double> here = link_pose(tree, kinematics, frame);
+    if (report.status != IkStatus::Reached) continue;
+    CHECK((here.p - there.p).norm() <= 1e-4);
+    if (round % 3 == 0) {
+      CHECK((here.R * axis - there.R * axis).norm() <= 1e-3);
+    } else {
+      CHECK((here.R - there.R).norm() <= 2e-3);
+    }
+  }
+  CHECK(reached >= 38);
+}
+
+TEST_CASE("the reasons to stop are told apart, and restarts count", "[robot]") {
+  Hand reach;
+  reach.aim_at(reach.anywhere());
+  IkSettings<double> settings;
+  settings.max_iterations = 1;
+  settings.fallbacks = false;
+  InverseKinematics<Tree<double>> hasty(reach.tree, 5, settings);
+  VectorX<double> q = reach.anywhere();
+  CHECK(hasty.solve(reach.tree, reach.tasks, VectorX<double>(), q).status == IkStatus::IterationLimit);
+  for (IkTask<double>& task : reach.tasks) task.target.x() += 5.0;
+  const IkReport<double> far =
+      reach.ik.solve(reach.tree, reach.tasks, VectorX<double>(), q, 3, [&] { return reach.uniform(); });
+  CHECK(far.starts == 4);
+  CHECK(far.status == IkStatus::LocalMinimum);
+
+  RobotDraws draws(92);
+  const Tree<double> tree = draws.tree<double>(6, true, false);
+  InverseKinematics<Tree<double>> ik(tree, 1);
+  VectorX<double> zero = VectorX<double>::Zero(tree.positions());  // quaternions of zero are no rotations
+  const std::vector<IkTask<double>> tasks = {
+      IkTask<double>::position(6, Vector3<double>::Zero(), Vector3<double>(5.0, 5.0, 5.0))};
+  const IkReport<double> refused = ik.solve(tree, tasks, VectorX<double>(), zero);
+  CHECK(refused.status == IkStatus::InvalidInput);
+  CHECK_FALSE(refused.message.empty());
+}
+
+TEST_CASE("in float, tips are reached and what is out of reach ends at a minimum", "[robot]") {
+  const Tree<float> tree = hand34<float>();
+  InverseKinematics<Tree<float>> ik(tree, 5);
+  Kinematics<float> kinematics(tree);
+  std::mt19937 random(93);
+  std::uniform_real_distribution<float> uniform(0.0f, 1.0f);
+  int reached = 0, minima = 0;
+  for (int round = 0; round < 40; ++round) {
+    VectorX<float> goal(tree.positions()), q(tree.positions());
+    for (Index i = 0; i < q.size(); ++i) {
+      const float range = tree.upper()[i] - tree.lower()[i];
+      goal[i] = tree.lower()[i] + uniform(random) * range;
+      q[i] = goal[i] + 0.1f * (2 * uniform(random) - 1) * range;
+    }
+    forward_kinematics<float>(tree, goal, kinematics);
+    std::vector<IkTask<float>> tasks;
+    for (const FingerTip<float>& tip : hand34_tips<float>()) {
+      const int link = tree.find_link(tip.link);
+      tasks.push_back(IkTask<float>::position(link, Vector3<float>::Zero(), link_pose(tree, kinematics, link).p));
+    }
+    reached += ik.solve(tree, tasks, VectorX<float>(), q).status == IkStatus::Reached ? 1 : 0;
+    tasks[0].target.x() += 2.0f;
+    minima += ik.solve(tree, tasks, VectorX<float>(), q).status == IkStatus::LocalMinimum ? 1 : 0;
+  }
+  CHECK(reached == 40);
+  CHECK(minima >= 30);  // the others stall on rounding, and say so
 }

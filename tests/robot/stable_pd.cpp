@@ -115,6 +115,40 @@ TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always w
   }
 }
 
+TEST_CASE("joints that are too weakly damped only together are named", "[robot]") {
+  // Two carriages side by side: the lighter one alone decides, since they do not feel each other … but where one rides on
+  // the other, the two move together with less inertia than each has alone.
+  TreeBuilder<double> builder;
+  builder.add_link("world");
+  for (int k = 0; k < 2; ++k) {
+    Inertia<double> inertia;
+    inertia.mass = k == 0 ? 0.01 : 1.0;
+    Joint<double> joint;
+    joint.name = "slide" + std::to_string(k);
+    joint.type = JointType::Prismatic;
+    joint.parent = k == 0 ? "world" : "part0";
+    joint.child = "part" + std::to_string(k);
+    joint.axis << 1.0, 0.0, 0.0;
+    builder.add_link(joint.child, inertia).add_joint(joint);
+  }
+  const Tree<double> tree = builder.build().value();
+  const double kp = 800, h = 0.02;
+  int between = 0;
+  for (double kd = 22.9; kd < 24.2; kd += 0.1) {
+    CAPTURE(kd);
+    Loop loop(tree, StablePdSettings<double>::uniform(2, kp, kd));
+    const bool warned = !loop.controller.unstable_at(tree, loop.tree.neutral(), loop.work).empty();
+    // M = [1.01 1; 1 1]: the least eigenvalue decides.
+    const double least = 0.5 * (2.01 - std::sqrt(0.01 * 0.01 + 4.0));
+    CHECK(warned == (kd < 1.5 * kp * h - 2 * least / h));
+    loop.q << 1e-3, -1e-3;
+    for (int k = 0; k < 20000 && loop.largest() < 1e3; ++k) REQUIRE(loop.step() == PdStatus::Solved);
+    CHECK((loop.largest() < 1e-4) == !warned);
+    if (warned && kd > 1.5 * kp * h - 2 * 0.01 / h) ++between;  // what each joint alone would not tell
+  }
+  CHECK(between > 0);
+}
+
 TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has both, as computed", "[robot]") {
   const double v = 0.3, h = 0.02, mass = 0.5;
   for (const bool paper : {false, true}) {
@@ -175,6 +209,15 @@ TEST_CASE("gains are checked and bad states refused without a trace", "[robot]")
   loop.target[0] = std::nan("");
   CHECK(loop.step() == PdStatus::InvalidInput);
   CHECK(loop.torques[0] == 7.0);
+  for (VectorX<double>* bad : {&loop.q, &loop.qd, &loop.target_velocity}) {
+    loop.target[0] = 0.0;
+    const double kept = (*bad)[0];
+    (*bad)[0] = std::nan("");
+    loop.qdd[0] = 5.0;
+    CHECK(loop.step() == PdStatus::InvalidInput);
+    CHECK(loop.qdd[0] == 5.0);
+    (*bad)[0] = kept;
+  }
   Loop feather(slider(0.0), StablePdSettings<double>::uniform(1, 800, 0));
   CHECK(feather.step() == PdStatus::NoInertia);
   loop.target[0] = 0.1;

@@ -3,6 +3,7 @@
 #include <functional>
 #include <limits>
 
+#include "clothctl/robot/kinematics.hpp"
 #include "clothctl/robot/mass_matrix.hpp"
 #include "robot/random_tree.hpp"
 #include "support/catch.hpp"
@@ -186,4 +187,55 @@ TEST_CASE("long chains build fast", "[robot]") {
   const Result<Tree<double>> tree = builder.build();
   REQUIRE(tree);
   CHECK(tree->bodies().back().parent == 19998);
+}
+
+TEST_CASE("numbers that overflow on the way to leaders, tensors without symmetry and rounded rotations", "[robot]") {
+  const auto chain = [](double ratio_one, double ratio_two, double limit) {
+    TreeBuilder<double> builder;
+    builder.add_link("world");
+    for (int k = 0; k < 3; ++k) {
+      Joint<double> joint;
+      joint.name = "j" + std::to_string(k);
+      joint.parent = k == 0 ? "world" : "l" + std::to_string(k - 1);
+      joint.child = "l" + std::to_string(k);
+      joint.axis << 0.0, 0.0, 1.0;
+      if (k > 0) {
+        joint.leader = "j" + std::to_string(k - 1);
+        joint.ratio = k == 1 ? ratio_one : ratio_two;
+        joint.limits.lower = -limit;
+        joint.limits.upper = limit;
+      }
+      builder.add_link(joint.child).add_joint(joint);
+    }
+    return builder.build();
+  };
+  CHECK(chain(2.0, 0.5, 1.0));
+  CHECK(chain(1e-200, 1e-200, 1.0).error() == "joint \"j2\": ratios to its leaders multiply to 0");
+  CHECK(chain(1e-300, 1.0, 1e10).error() == "joint \"j1\": numbers overflow");
+
+  Inertia<double> inertia;
+  inertia.mass = 1.0;
+  inertia.about_com.setIdentity();
+  inertia.about_com(1, 0) = 0.9;
+  TreeBuilder<double> uneven;
+  uneven.add_link("world", inertia);
+  CHECK(uneven.build().error() == "link \"world\": inertia tensor is not symmetric");
+
+  // A chain of rotations with seven digits stays a chain of rotations.
+  TreeBuilder<float> rounded;
+  rounded.add_link("world");
+  for (int k = 0; k < 30; ++k) {
+    Joint<float> joint;
+    joint.name = "j" + std::to_string(k);
+    joint.parent = k == 0 ? "world" : "l" + std::to_string(k - 1);
+    joint.child = "l" + std::to_string(k);
+    joint.axis << 1.0f, 2.0f, 3.0f;
+    joint.origin.R *= 1.005f;
+    rounded.add_link(joint.child).add_joint(joint);
+  }
+  const Tree<float> tree = rounded.build().value();
+  Kinematics<float> kinematics(tree);
+  forward_kinematics<float>(tree, tree.neutral(), kinematics);
+  const Matrix3<float> R = kinematics.places.back().R;
+  CHECK((R.transpose() * R - Matrix3<float>::Identity()).cwiseAbs().maxCoeff() < 1e-5f);
 }

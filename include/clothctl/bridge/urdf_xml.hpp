@@ -125,7 +125,12 @@ class XmlReader {
   const std::string& owner() const { return owner_; }
 
   static bool named(const XmlElement& element, std::string_view name) { return element.Name() == name; }
-  static std::string tag(const XmlElement& element) { return "<" + std::string(head_of(element.Name(), 40)) + ">"; }
+  static std::string tag(const XmlElement& element) {
+    std::string text = "<";
+    text += head_of(element.Name(), 40);
+    text += '>';
+    return text;
+  }
 
   /// The child of that name, or null; an error where there are two.
   bool find(const XmlElement& parent, const char* name, const XmlElement*& child) {

@@ -311,8 +311,10 @@ EIGEN_ALWAYS_INLINE bool release_joint(bool turns, const Vector3<Scalar>& axis, 
   const Lanes<Scalar> U_N = turns ? a.A * axis : a.B * axis, U_F = turns ? a.G * axis : a.C * axis;
   joint.U_N = U_N;
   joint.U_F = U_F;
+  // What is left of inertia about the axis when joints below gave way to it may be rounding alone.
+  const LaneMatrix<Scalar>& own = turns ? a.A : a.C;
   const Scalar D = dot<Scalar>(axis, turns ? joint.U_N : joint.U_F) + diagonal;
-  if (!(D > Scalar(0))) return false;
+  if (!(D > Scalar(64) * scalar_traits<Scalar>::epsilon() * (own.x[0] + own.y[1] + own.z[2]))) return false;
   joint.inverse = Scalar(1) / D;
   joint.u = torque - dot<Scalar>(axis, turns ? a.N : a.F);
   const Lanes<Scalar> share_N = -joint.inverse * U_N, share_F = -joint.inverse * U_F;
@@ -459,7 +461,7 @@ template <RealScalar Scalar>
   assert(qd.size() == tree.velocities() && torques.size() == tree.velocities() && qdd.size() == tree.velocities());
   assert(diagonal.size() == 0 || diagonal.size() == tree.velocities());
   const auto refuse = [&](int body) -> DynamicsReport {
-    const bool finite = all_finite(qd) && all_finite(torques) && all_finite(diagonal);
+    const bool finite = all_finite(qd) && all_finite(torques) && all_finite(diagonal) && all_finite(gravity);
     bool placed = true;
     for (const BodyPlace<Scalar>& place : kinematics.places) placed = placed && all_finite(place.R) && all_finite(place.p);
     return finite && placed ? DynamicsReport{DynamicsStatus::NoInertia, body}

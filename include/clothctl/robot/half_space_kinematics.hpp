@@ -57,7 +57,8 @@ class HalfSpaceKinematics {
   }
 
   /// Moves q to a minimum of the tasks' residuals within limits and planes, from q (moved into its limits first). Reached:
-  /// every task is, and every plane is kept to the tolerance. LocalMinimum: no step helps. `reference` as in
+  /// every task is, and every plane is kept to the tolerance. LocalMinimum: the gradient is zero, but for what
+  /// limits and planes hold. Stalled: no step helps. `reference` as in
   /// `InverseKinematics`. Allocates only what the QP solver does when the number of planes changes.
   IkReport<Scalar> solve(const Model& model, Tasks tasks, HalfSpaces planes, const View& reference,
                          Eigen::Ref<VectorX<Scalar>> q) {
@@ -77,14 +78,19 @@ class HalfSpaceKinematics {
     problem_.start(tasks, reference_, settings_.posture_weight);
     Scalar mu = settings_.damping;
     report.cost = problem_.place(model, tasks, q);
+    if (!is_finite(report.cost)) {
+      report.status = IkStatus::InvalidInput;
+      report.message = "q has no finite pose: a quaternion of zero, or numbers that overflow";
+      return report;
+    }
     price_ = Scalar(1) + Scalar(10) * problem_.placed_residuals().cwiseAbs().sum();
     Scalar missing = measure(model, planes);
     for (;;) {
       report.error = problem_.largest_residual();
       violation_ = missing;
       const bool reached = report.error <= settings_.tolerance && missing <= settings_.tolerance;
-      report.status = reached ? IkStatus::Reached : IkStatus::LocalMinimum;
-      if (reached && !(problem_.weight() > Scalar(0))) return report;
+      report.status = reached ? IkStatus::Reached : IkStatus::Stalled;
+      if ((reached && !(problem_.weight() > Scalar(0))) || n_ == 0) return report;
       problem_.linearise(model, tasks, q);
       linearise_planes(model, planes);
       for (bool better = false; !better;) {
@@ -99,7 +105,10 @@ class HalfSpaceKinematics {
           continue;
         }
         report.gradient = stillness();
-        if (report.gradient <= settings_.gradient_tolerance) return report;
+        if (report.gradient <= settings_.gradient_tolerance) {
+          if (!reached) report.status = IkStatus::LocalMinimum;
+          return report;
+        }
         if (QpTraits::solution(answer_).tail(planes_).sum() > settings_.tolerance && price_ < Scalar(1e6)) {
           price_ *= Scalar(10);  // planes were given up: is that for want of room or of price?
           continue;
@@ -134,6 +143,7 @@ class HalfSpaceKinematics {
     if (const std::string_view fault = settings_.check(); !fault.empty()) return fault;
     if (static_cast<Index>(planes.size()) > most_planes_) return "there are more planes than memory was made for";
     for (const HalfSpace<Scalar>& plane : planes) {
+      if (!IkProblem<Model, Scalar>::has_frame(model, plane.frame)) return "a plane's frame does not exist";
       if (!all_finite(plane.point) || !all_finite(plane.normal) || !is_finite(plane.offset)) {
         return "a plane's point, normal or offset holds NaN or an infinity";
       }
@@ -214,7 +224,11 @@ class HalfSpaceKinematics {
     for (Index i = 0; i < n_; ++i) {
       const Scalar terms = sqrt(problem_.squares()[i]) * length + abs(problem_.pull()[i]);
       const Scalar force = abs(H_.col(i).head(n_).dot(step_));
-      if (terms > Scalar(0)) worst = (std::max)(worst, Scalar(force / terms));
+      if (terms > Scalar(0)) {
+        worst = (std::max)(worst, Scalar(force / terms));
+      } else if (abs(step_[i]) > Scalar(64) * scalar_traits<Scalar>::epsilon()) {
+        worst = (std::max)(worst, Scalar(1));  // planes alone move it
+      }
     }
     return worst;
   }

@@ -54,19 +54,21 @@ class IkProblem {
     if (static_cast<Index>(tasks.size()) > most_tasks_) return "there are more tasks than memory was made for";
     if (reference.size() > 0 && reference.size() != positions) return "the reference is not of the robot's size";
     if (!all_finite(reference)) return "the reference holds NaN or an infinity";
+    if (!reasonable(q) || !reasonable(reference)) return "q or the reference holds a value beyond 1e15";
+    if (!reasonable(q) || !reasonable(reference)) return "q or the reference holds a value beyond 1e20";
     for (const IkTask<Scalar>& task : tasks) {
-      if (!all_finite(task.local) || !all_finite(task.target) || !all_finite(task.rotation)) {
-        return "a task's point, target or rotation holds NaN or an infinity";
-      }
-      if (!is_finite(task.weight) || task.weight < Scalar(0)) return "a task's weight is negative or not finite";
-      if (task.kind != IkKind::Pointing) continue;
-      for (const Vector3<Scalar>* v : {&task.local, &task.target}) {
-        using std::abs;
-        if (!(abs(v->squaredNorm() - Scalar(1)) < Scalar(1e-3)))
-          return "a pointing task's axis or direction is not a unit vector";
-      }
+      if (const std::string_view fault = check_task(model, task); !fault.empty()) return fault;
     }
     return {};
+  }
+
+  /// Whether a frame of that number exists, as far as the model can tell: its trait may offer `frames`, how many there are.
+  static bool has_frame(const Model& model, int frame) {
+    if constexpr (requires { Traits::frames(model); }) {
+      return frame >= 0 && frame < static_cast<int>(Traits::frames(model));
+    } else {
+      return frame >= 0;
+    }
   }
 
   /// Takes tasks, a reference for the posture and its weight w (m²/rad²).
@@ -157,8 +159,10 @@ class IkProblem {
   Scalar largest_residual() const {
     using std::sqrt;
     Scalar worst(0);
-    for (Index row = 0; row < rows_; row += 3)
-      worst = (std::max)(worst, Scalar(placed_.template segment<3>(row).squaredNorm()));
+    for (Index row = 0; row < rows_; row += 3) {
+      const Scalar square = placed_.template segment<3>(row).squaredNorm();
+      if (!(square <= worst)) worst = square;  // NaN stays
+    }
     return sqrt(worst);
   }
 
@@ -166,18 +170,20 @@ class IkProblem {
   Scalar projected_gradient() const {
     using std::abs;
     using std::sqrt;
-    const Scalar square = e_.head(rows_).squaredNorm(), length = sqrt(square);
+    const Scalar length = sqrt(e_.head(rows_).squaredNorm());
     const bool pulled = weight_ > Scalar(0);
-    Scalar most(0), terms_of_most(1);  // squares of both: roots and quotients of each entry would cost more than all the rest
+    // Squares of both, over the residual's: roots and quotients of each entry would cost more than all the rest.
+    Scalar most(0), terms_of_most(1);
+    const Scalar scale = length > Scalar(0) ? Scalar(Scalar(1) / length) : Scalar(1);
     for (Index i = 0; i < n_; ++i) {
       const Scalar edge = direction_[i] > Scalar(0) ? above_[i] : below_[i];
       if (!(abs(edge) > Scalar(64) * scalar_traits<Scalar>::epsilon())) continue;
-      Scalar terms = squares_[i] * square;
+      Scalar terms = squares_[i];
       if (pulled) {
-        const Scalar sum = sqrt(squares_[i]) * length + abs(pull_[i]);
+        const Scalar sum = sqrt(squares_[i]) * length * scale + abs(pull_[i]) * scale;
         terms = sum * sum;
       }
-      const Scalar own = direction_[i] * direction_[i];
+      const Scalar part = direction_[i] * scale, own = part * part;
       if (!(own * terms_of_most > most * terms)) continue;
       most = own;
       terms_of_most = terms;
@@ -188,6 +194,35 @@ class IkProblem {
  private:
   using Traits = articulated_traits<Model>;
   static constexpr float kFar = 1e30f;
+
+  /// Squares of what is larger overflow, or leave no digits for joints.
+  template <class Derived>
+  static bool reasonable(const Eigen::MatrixBase<Derived>& v) {
+    return v.size() == 0 || v.cwiseAbs().maxCoeff() < Scalar(1e15f);
+  }
+
+  static std::string_view check_task(const Model& model, const IkTask<Scalar>& task) {
+    using std::abs;
+    if (!has_frame(model, task.frame)) return "a task's frame does not exist";
+    if (!all_finite(task.local) || !all_finite(task.target) || !all_finite(task.rotation)) {
+      return "a task's point, target or rotation holds NaN or an infinity";
+    }
+    if (!is_finite(task.weight) || task.weight < Scalar(0)) return "a task's weight is negative or not finite";
+    if (!reasonable(task.local) || !reasonable(task.target)) return "a task's point or target holds a value beyond 1e15";
+    const Scalar loose(1e-3f);
+    if (task.kind == IkKind::Pointing) {
+      for (const Vector3<Scalar>* v : {&task.local, &task.target}) {
+        if (!(abs(v->squaredNorm() - Scalar(1)) < loose)) return "a pointing task's axis or direction is not a unit vector";
+      }
+    }
+    if (task.kind == IkKind::Orientation) {
+      const Matrix3<Scalar> square = task.rotation.transpose() * task.rotation - Matrix3<Scalar>::Identity();
+      if (!(square.cwiseAbs().maxCoeff() < loose) || !(task.rotation.determinant() > Scalar(0))) {
+        return "an orientation task's rotation is none";
+      }
+    }
+    return {};
+  }
 
   /// How far each coordinate may go to a limit, down (sign -1) or up. A mark of one beyond it tells limited coordinates from
   /// others, whatever entries of q they have.

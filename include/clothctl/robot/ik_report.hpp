@@ -2,6 +2,7 @@
 
 // What inverse kinematics is told, and what it answers.
 
+#include <cmath>
 #include <string_view>
 
 #include "clothctl/core/types.hpp"
@@ -13,8 +14,8 @@ template <RealScalar Scalar>
 struct IkSettings {
   /// Largest weighted residual of a task that counts as reached (m).
   Scalar tolerance = Scalar(1e-4);
-  /// Largest entry of the projected gradient, relative to its terms, that counts as a minimum.
-  Scalar gradient_tolerance = Scalar(1e-6);
+  /// Largest entry of the projected gradient, relative to its terms, that counts as a minimum: 1e-6, or what rounding allows.
+  Scalar gradient_tolerance = default_gradient_tolerance();
   /// Weight w of the posture (m²/rad², beside residuals in m): 0 leaves it to the damping.
   Scalar posture_weight = Scalar(0);
   /// First damping μ.
@@ -25,6 +26,13 @@ struct IkSettings {
   /// several times as long.
   bool fallbacks = true;
 
+  /// 1e-6, or four roots of the scalar's spacing.
+  static Scalar default_gradient_tolerance() {
+    using std::sqrt;
+    const Scalar rounding = Scalar(4) * sqrt(scalar_traits<Scalar>::epsilon());
+    const Scalar wished = Scalar(1e-6);
+    return wished < rounding ? rounding : wished;
+  }
   /// Names what is wrong, or "".
   std::string_view check() const {
     const auto positive = [](const Scalar& v) { return is_finite(v) && v > Scalar(0); };
@@ -41,9 +49,11 @@ struct IkSettings {
 enum class IkStatus {
   /// Every task is within the tolerance. Use q.
   Reached,
-  /// q is a local minimum: the projected gradient is zero, or no step is short enough to help. Out of reach, or start
-  /// elsewhere.
+  /// q is a local minimum: the projected gradient is zero. Out of reach, or start elsewhere.
   LocalMinimum,
+  /// No step helps although the gradient is not zero: rounding, or levels that stand in each other's way. Use q if `error` will
+  /// do, else start elsewhere.
+  Stalled,
   /// The steps ran out; q is the best met. Allow more, or start elsewhere.
   IterationLimit,
   /// A start, target, reference or setting is not finite or of a wrong size; q was left as it was. Mend the input.
@@ -55,6 +65,7 @@ constexpr std::string_view to_string(IkStatus status) {
   switch (status) {
     case IkStatus::Reached: return "reached";
     case IkStatus::LocalMinimum: return "local_minimum";
+    case IkStatus::Stalled: return "stalled";
     case IkStatus::IterationLimit: return "iteration_limit";
     case IkStatus::InvalidInput: return "invalid_input";
   }

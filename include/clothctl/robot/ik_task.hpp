@@ -1,6 +1,7 @@
 #pragma once
 
-// What inverse kinematics is to reach, as residuals e and their Jacobian J: a step dq changes e by -J dq, to first order.
+// What inverse kinematics is to reach, as residuals e and their Jacobian J: -Jᵀe is the gradient of ½ |e|², and a step dq
+// changes e by -J dq to first order (of a turn: near its end).
 //
 //   Position      e = target - x                    J = J_v      x a point that is fixed on a frame
 //   Orientation   e = log(R_target Rᵀ)              J = J_ω      world axes, the shorter turn
@@ -166,7 +167,10 @@ void task_jacobian(const Model& model, const typename articulated_traits<Model>:
   J = task.weight * twist.template bottomRows<3>();
   if (task.kind == IkKind::Orientation) return;
   const Vector3<Scalar> axis = R * task.local;
-  for (Index k = 0; k < J.cols(); ++k) J.col(k) -= axis.dot(J.col(k)) * axis;
+  for (Index k = 0; k < J.cols(); ++k) {
+    const Scalar along = axis[0] * J(0, k) + axis[1] * J(1, k) + axis[2] * J(2, k);
+    for (Index i = 0; i < 3; ++i) J(i, k) -= along * axis[i];
+  }
 }
 
 }  // namespace clothctl::robot

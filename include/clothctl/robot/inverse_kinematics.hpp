@@ -38,7 +38,7 @@ class InverseKinematics {
     step_ = direction_ = gone_ = damping_;
     lead_.setZero(3 * Index(most_tasks));
     trial_.setZero(Traits::positions(model));
-    start_ = begin_ = attempt_ = reference_ = found_ = trial_;
+    start_ = begin_ = attempt_ = reference_ = posture_ = found_ = trial_;
   }
 
   /// The settings.
@@ -61,18 +61,19 @@ class InverseKinematics {
     start_ = q;
     IkReport<Scalar> best = solve_from(model, tasks, reference, restarts > 0 ? quick : Ways{true, true}, q);
     if (best.status == IkStatus::InvalidInput) return best;
+    posture_ = reference_;  // other starts have the first one's, or costs could not be compared
     found_ = q;
     for (int k = 1; k <= restarts && best.status != IkStatus::Reached; ++k) {
       q = start_;
       for (Index i = 0; i < q.size(); ++i) {
         if (problem_.limited(i)) q[i] = problem_.between(i, static_cast<Scalar>(uniform()));
       }
-      if (keep_better(best, solve_from(model, tasks, reference, quick, q))) found_ = q;
+      if (keep_better(best, solve_from(model, tasks, posture_, quick, q))) found_ = q;
       best.starts = k + 1;
     }
     if (best.status != IkStatus::Reached && restarts > 0) {
       q = start_;
-      if (keep_better(best, solve_from(model, tasks, reference, slow, q))) found_ = q;
+      if (keep_better(best, solve_from(model, tasks, posture_, slow, q))) found_ = q;
     }
     q = found_;
     settle(model, tasks, q, best);
@@ -90,6 +91,7 @@ class InverseKinematics {
   /// Takes the better of two reports, with the iterations of both. Answers whether it is the second.
   static bool keep_better(IkReport<Scalar>& best, IkReport<Scalar> next) {
     next.iterations += best.iterations;
+    next.starts = best.starts;
     const bool better = next.status == IkStatus::Reached || next.cost < best.cost;
     if (better) {
       best = next;
@@ -117,7 +119,11 @@ class InverseKinematics {
     }
     problem_.start(tasks, reference_, settings_.posture_weight);
     descend(model, tasks, q, best);
-    if (!settings_.fallbacks) return best;
+    if (!is_finite(best.cost)) {
+      best.status = IkStatus::InvalidInput;
+      best.message = "q has no finite pose: a quaternion of zero, or numbers that overflow";
+    }
+    if (!settings_.fallbacks || best.status == IkStatus::InvalidInput) return best;
     const auto again = [&](auto&& approach) {
       if (best.status == IkStatus::Reached) return;
       IkReport<Scalar> next;
@@ -127,6 +133,7 @@ class InverseKinematics {
       descend(model, tasks, attempt_, next);
       if (keep_better(best, next)) q = attempt_;
     };
+    if (best.iterations == 0) again([&](IkReport<Scalar>&) { nudge(model); });
     if (ways.near) again([&](IkReport<Scalar>& next) { stay_near(model, tasks, next); });
     if (ways.led) again([&](IkReport<Scalar>& next) { follow(model, tasks, next); });
     return best;
@@ -143,6 +150,7 @@ class InverseKinematics {
     Scalar mu = settings_.damping;
     const int last = report.iterations + settings_.max_iterations;
     report.cost = problem_.place(model, tasks, q);
+    if (!is_finite(report.cost)) return;
     const Scalar first = problem_.largest_residual();
     for (;;) {
       report.error = problem_.largest_residual();
@@ -152,6 +160,7 @@ class InverseKinematics {
       problem_.linearise(model, tasks, q);
       report.gradient = problem_.projected_gradient();
       if (report.gradient <= settings_.gradient_tolerance) return;
+      if (!reached) report.status = IkStatus::Stalled;  // until a step helps
       for (bool lower = false; !lower;) {
         if (report.iterations == last) {
           if (!reached) report.status = IkStatus::IterationLimit;
@@ -188,7 +197,9 @@ class InverseKinematics {
   /// Follows what was not reached to its minimum.
   void settle(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
     using std::sqrt;
-    if (!settings_.fallbacks || report.status == IkStatus::Reached || report.status == IkStatus::InvalidInput) return;
+    const bool ended = report.status == IkStatus::Reached || report.status == IkStatus::InvalidInput;
+    if (!settings_.fallbacks || ended || step_.size() == 0) return;
+    if (report.gradient <= settings_.gradient_tolerance) return;
     const int last = report.iterations + 30 * settings_.max_iterations;
     report.cost = problem_.place(model, tasks, q);
     problem_.linearise(model, tasks, q);
@@ -203,6 +214,7 @@ class InverseKinematics {
       const bool reached = report.error <= settings_.tolerance;
       report.status = reached ? IkStatus::Reached : IkStatus::LocalMinimum;
       if (reached || report.gradient <= settings_.gradient_tolerance) return;
+      report.status = IkStatus::Stalled;  // until a step helps
       if (report.iterations >= last) {
         report.status = IkStatus::IterationLimit;
         return;
@@ -243,6 +255,13 @@ class InverseKinematics {
     return false;
   }
 
+  /// Leaves a place where the gradient is zero for want of a side to go to: a stretched arm whose target lies in its own line.
+  void nudge(const Model& model) {
+    for (Index i = 0; i < step_.size(); ++i) step_[i] = i % 2 == 0 ? Scalar(0.01) : Scalar(-0.02);
+    Traits::advance(model, begin_, step_, attempt_);
+    problem_.limit(attempt_);
+  }
+
   /// Steps with a posture weight that draws to the start.
   void stay_near(const Model& model, Tasks tasks, IkReport<Scalar>& report) {
     problem_.start(tasks, begin_, (std::max)(settings_.posture_weight, Scalar(1e-3)));
@@ -268,7 +287,7 @@ class InverseKinematics {
   LimitedStep<Scalar> limited_;
   LimitedBfgs<Scalar> bfgs_;
   VectorX<Scalar> damping_, step_, direction_, gone_, lead_;
-  VectorX<Scalar> trial_, start_, begin_, attempt_, reference_, found_;
+  VectorX<Scalar> trial_, start_, begin_, attempt_, reference_, posture_, found_;
 };
 
 }  // namespace clothctl::robot

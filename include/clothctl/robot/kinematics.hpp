@@ -110,6 +110,7 @@ void forward_kinematics(const Tree<Scalar>& tree, const typename Tree<Scalar>::V
 /// The pose of link number `link` in the world.
 template <RealScalar Scalar>
 Pose<Scalar> link_pose(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int link) {
+  assert(link >= 0 && link < static_cast<int>(tree.links().size()));
   const Link<Scalar>& frame = tree.links()[static_cast<std::size_t>(link)];
   if (frame.body < 0) return frame.placement;
   const BodyPlace<Scalar>& place = kinematics.places[static_cast<std::size_t>(frame.body)];
@@ -122,6 +123,7 @@ template <RealScalar Scalar>
 void point_jacobian(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int link, const Vector3<Scalar>& x,
                     Eigen::Ref<MatrixX<Scalar>> J) {
   assert(J.rows() == 6 && J.cols() == tree.velocities());
+  assert(link >= 0 && link < static_cast<int>(tree.links().size()));
   J.setConstant(Scalar(0));
   for (int b = tree.links()[static_cast<std::size_t>(link)].body; b >= 0;) {
     const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(b)];
@@ -149,6 +151,7 @@ template <RealScalar Scalar>
 void position_jacobian(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int link, const Vector3<Scalar>& x,
                        const Scalar& factor, Eigen::Ref<MatrixX<Scalar>> J) {
   assert(J.rows() == 3 && J.cols() == tree.velocities());
+  assert(link >= 0 && link < static_cast<int>(tree.links().size()));
   J.setConstant(Scalar(0));
   for (int b = tree.links()[static_cast<std::size_t>(link)].body; b >= 0;) {
     const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(b)];

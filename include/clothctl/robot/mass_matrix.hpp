@@ -30,7 +30,7 @@ namespace detail {
 
 /// Adds a body's composite inertia to its parent's, which is r away.
 template <RealScalar Scalar>
-[[gnu::flatten]] void add_composite(const Vector3<Scalar>& r, const BodyInertia<Scalar>& own, BodyInertia<Scalar>& parent) {
+void add_composite(const Vector3<Scalar>& r, const BodyInertia<Scalar>& own, BodyInertia<Scalar>& parent) {
   const Vector3<Scalar> shift = own.mass * r, s = Scalar(2) * own.h + shift;
   const Scalar x = r[0] * s[0], y = r[1] * s[1], z = r[2] * s[2], half(0.5);
   const Symmetric<Scalar> more{y + z, -half * (r[0] * s[1] + s[0] * r[1]), -half * (r[0] * s[2] + s[0] * r[2]),
@@ -43,8 +43,8 @@ template <RealScalar Scalar>
 
 /// Writes column `column` of the mass matrix above its diagonal, and the row beside it: N, F move body i.
 template <RealScalar Scalar>
-[[gnu::flatten]] void walk_up(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int i, Index column,
-                              Vector3<Scalar> N, const Vector3<Scalar>& F, Eigen::Ref<MatrixX<Scalar>>& M) {
+void walk_up(const Tree<Scalar>& tree, const Kinematics<Scalar>& kinematics, int i, Index column, Vector3<Scalar> N,
+             const Vector3<Scalar>& F, Eigen::Ref<MatrixX<Scalar>>& M) {
   const Body<Scalar>* const bodies = tree.bodies().data();
   const BodyPlace<Scalar>* const places = kinematics.places.data();
   const auto add = [&](Index row, const Scalar& value) {

@@ -47,7 +47,9 @@ class PriorityKinematics {
 
   /// Moves q to a pose that serves `tasks` by rank: the first `levels[0]` of them are the first level, the next `levels[1]` the
   /// second … `reference` (may be empty) is the posture that what is left free draws to. Reached: every task of every level is.
-  /// LocalMinimum: no step helps; `level_error` tells which level falls short. Never allocates.
+  /// LocalMinimum: the gradient of all residuals is zero. Stalled: no step was found that is better by rank; `level_error`
+  /// tells which level falls short. Tasks out of reach mostly end so: `InverseKinematics` follows those to their minimum. Never
+  /// allocates.
   IkReport<Scalar> solve(const Model& model, Tasks tasks, std::span<const int> levels, const View& reference,
                          Eigen::Ref<VectorX<Scalar>> q) {
     IkReport<Scalar> report;
@@ -61,11 +63,17 @@ class PriorityKinematics {
     posture_ = reference.size() > 0;
     if (posture_) reference_ = reference;
     report.cost = problem_.place(model, tasks, q);
+    if (!is_finite(report.cost)) {
+      report.status = IkStatus::InvalidInput;
+      report.message = "q has no finite pose: a quaternion of zero, or numbers that overflow";
+      return report;
+    }
     measure(levels, costs_);
     for (;;) {
       report.error = problem_.largest_residual();
-      report.status = report.error <= settings_.tolerance ? IkStatus::Reached : IkStatus::LocalMinimum;
+      report.status = report.error <= settings_.tolerance ? IkStatus::Reached : IkStatus::Stalled;
       if (report.status == IkStatus::Reached && !posture_) return report;
+      if (step_.size() == 0) return report;
       if (report.iterations == settings_.max_iterations) {
         if (report.status != IkStatus::Reached) report.status = IkStatus::IterationLimit;
         return report;
@@ -86,6 +94,8 @@ class PriorityKinematics {
       if (!moved) {
         problem_.place(model, tasks, q);
         measure(levels, costs_);
+        const bool still = report.gradient <= settings_.gradient_tolerance;
+        if (report.status == IkStatus::Stalled && still) report.status = IkStatus::LocalMinimum;
         return report;
       }
     }

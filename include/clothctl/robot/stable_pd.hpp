@@ -7,7 +7,7 @@
 //   (M + h Kd) q̈ = -C - Kp (q + h q̇ - q̄) - Kd (q̇ - v̄) + τ_ext                                                  Stable
 //   (M + h Kd + h² Kp) q̈ = the same,   τ = -Kp (q + h q̇ + h² q̈ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)               Implicit
 //
-// q̄, v̄ are the target at the end of the step. Without v̄ a target moving at v is followed at a distance (h + kd/kp) v; without
+// q̄, v̄ are the target at the end of the step. Without v̄ a target moving at v is followed kd/kp v behind; without
 // g(q) joint i sags by g_i/kp_i. One joint of mass m under symplectic Euler is stable for kd > 1.5 kp h - 2 m/h; Implicit for
 // all gains. A torque beyond its limit is held there, and the others are solved again with it: clipping afterwards would take
 // the implicit damping away, and can diverge. Reference: Bai, Yu, Liu (2016) eq. 12, 13, corrected (docs/robot.md); Tan, Liu,
@@ -147,27 +147,36 @@ class StablePd {
   /// The settings.
   const StablePdSettings<Scalar>& settings() const { return settings_; }
 
-  /// The coordinates whose damping is below `least_damping` for the inertia that they feel at q, others free: there the control
-  /// oscillates and grows. Empty when the gains hold. Allocates. Complexity: one solve for each coordinate.
+  /// The coordinates whose damping is too low at q: where 2 M/h + diag(kd - 1.5 kp h), which holds `least_damping` for every
+  /// way in which joints can move together, is not positive definite. There the control oscillates and grows. Empty when the
+  /// gains hold. Allocates. Complexity: O(n³).
   std::vector<Index> unstable_at(const Model& model, const View& q, Workspace& work) const {
     std::vector<Index> found;
     if (settings_.form == PdForm::Implicit) return found;
     using Traits = articulated_traits<Model>;
     const Index n = Traits::velocities(model);
     const VectorX<Scalar> rest = VectorX<Scalar>::Constant(n, Scalar(0));
-    VectorX<Scalar> held = rest, push = rest, answer = rest;
+    VectorX<Scalar> held = rest, push = rest, one = rest;
+    MatrixX<Scalar> S(n, n);
     Traits::place(model, q, work);
     Traits::inverse_dynamics(model, rest, rest, work, held);
-    // A trace of the damping keeps massless joints solvable; it can only hide instability of its own size.
-    const VectorX<Scalar> trace = (Scalar(1e-6) * settings_.step * settings_.kd).eval();
+    const Scalar h = settings_.step;
     for (Index i = 0; i < n; ++i) {
-      const Scalar bound = Scalar(1.5) * settings_.kp[i] * settings_.step;
-      if (!(settings_.kd[i] < bound)) continue;
-      push = held;
-      push[i] += Scalar(1);
-      const bool solved = Traits::forward_dynamics(model, rest, push, trace, work, answer) < 0 && answer[i] > Scalar(0);
-      const Scalar mass = solved ? Scalar(Scalar(1) / answer[i]) : Scalar(0);
-      if (settings_.kd[i] < least_damping<Scalar>(settings_.kp[i], settings_.step, mass)) found.push_back(i);
+      one[i] = Scalar(1);
+      Traits::inverse_dynamics(model, rest, one, work, push);
+      one[i] = Scalar(0);
+      S.col(i) = (Scalar(2) / h) * (push - held);
+    }
+    S.diagonal() += settings_.kd - Scalar(1.5) * h * settings_.kp;
+    for (Index j = 0; j < n; ++j) {  // elimination; what has no positive pivot is named and left out
+      if (!(S(j, j) > Scalar(0))) {
+        found.push_back(j);
+        continue;
+      }
+      for (Index k = j + 1; k < n; ++k) {
+        const Scalar share = S(j, k) / S(j, j);
+        S.col(k).tail(n - j - 1) -= share * S.col(j).tail(n - j - 1);
+      }
     }
     return found;
   }

@@ -97,6 +97,8 @@ class TreeBuilder {
       if (inertia.mass < Scalar(0)) return where + "mass is negative: " + text(inertia.mass);
       if (!all_finite(inertia.com)) return where + "centre of mass is not finite";
       if (!all_finite(inertia.about_com)) return where + "inertia tensor is not finite";
+      const Scalar uneven = (inertia.about_com - inertia.about_com.transpose()).cwiseAbs().maxCoeff();
+      if (uneven > sqrt_epsilon() * inertia.about_com.cwiseAbs().maxCoeff()) return where + "inertia tensor is not symmetric";
       for (int i = 0; i < 3; ++i) {
         if (inertia.about_com(i, i) < Scalar(0))
           return where + "moment of inertia is negative: " + text(inertia.about_com(i, i));
@@ -200,7 +202,7 @@ class TreeBuilder {
   void attach(Tree<Scalar>& tree, const Joint<Scalar>& joint, int child) const {
     const Link<Scalar>& parent = tree.links_[static_cast<std::size_t>(find_link(joint.parent))];
     Link<Scalar>& link = tree.links_[static_cast<std::size_t>(child)];
-    const Pose<Scalar> place = parent.placement * joint.origin;
+    const Pose<Scalar> place = parent.placement * Pose<Scalar>{orthonormal(joint.origin.R), joint.origin.p};
     if (joint.type == JointType::Fixed) {
       link.body = parent.body;
       link.placement = place;
@@ -218,6 +220,18 @@ class TreeBuilder {
     }
     const std::optional<Inertia<Scalar>>& inertia = links_[static_cast<std::size_t>(child)].inertia;
     if (inertia && link.body >= 0) merge(*inertia, link.placement, tree.bodies_[static_cast<std::size_t>(link.body)].inertia);
+  }
+
+  /// The rotation that an accepted R is meant to be: itself, or where it has been rounded, the one with its x axis and x-y
+  /// plane.
+  static Matrix3<Scalar> orthonormal(const Matrix3<Scalar>& R) {
+    const Matrix3<Scalar> square = R.transpose() * R - Matrix3<Scalar>::Identity();
+    if (!(square.cwiseAbs().maxCoeff() > Scalar(16) * scalar_traits<Scalar>::epsilon())) return R;
+    Matrix3<Scalar> exact;
+    exact.col(0) = R.col(0).normalized();
+    exact.col(2) = exact.col(0).cross(R.col(1)).normalized();
+    exact.col(1) = exact.col(2).cross(exact.col(0));
+    return exact;
   }
 
   /// A rotation whose z axis is that of a joint: the identity where it is z already.
@@ -273,6 +287,9 @@ class TreeBuilder {
         if (hops == joints_.size()) return "joint \"" + body.name + "\": its leaders go in a circle";
         body.offset += body.ratio * joint->offset;
         body.ratio *= joint->ratio;
+        if (!is_finite(body.ratio) || !is_finite(body.offset) || (!(body.ratio < Scalar(0)) && !(body.ratio > Scalar(0)))) {
+          return "joint \"" + body.name + "\": ratios to its leaders multiply to " + text(body.ratio);
+        }
         joint = &joints_[static_cast<std::size_t>(find_joint(joint->leader))];
         body.follows = tree.coupled_ = true;
       }
@@ -287,6 +304,9 @@ class TreeBuilder {
       if (body.type == JointType::Free) continue;
       const JointLimits<Scalar>& limits = joint_of(body).limits;
       const Scalar one = bound(limits.lower, body), other = bound(limits.upper, body);
+      for (const auto& [own, given] : {std::pair{one, limits.lower}, std::pair{other, limits.upper}}) {
+        if (!is_finite(own) && !is_unbounded(given)) return "joint \"" + body.name + "\": numbers overflow";
+      }
       Scalar &lower = tree.lower_[body.position], &upper = tree.upper_[body.position];
       lower = (std::max)(lower, (std::min)(one, other));
       upper = (std::min)(upper, (std::max)(one, other));

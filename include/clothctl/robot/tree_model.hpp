@@ -44,6 +44,8 @@ struct articulated_traits<robot::Tree<Scalar>> {
 
   /// Makes a workspace. Allocates.
   static workspace_type make_workspace(const Model& tree) { return workspace_type(tree); }
+  /// Number of frames: the links.
+  static Index frames(const Model& tree) { return static_cast<Index>(tree.links().size()); }
   /// Length of positions.
   static Index positions(const Model& tree) { return tree.positions(); }
   /// Length of velocities.
