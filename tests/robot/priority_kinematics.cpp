@@ -89,6 +89,14 @@ TEST_CASE("what the tasks leave free draws to the reference", "[robot]") {
   CHECK((q - reference).norm() < 0.5 * before);
 }
 
+TEST_CASE("without any task the posture alone draws", "[robot]") {
+  Ranked hand;
+  VectorX<double> q = hand.anywhere();
+  const VectorX<double> reference = hand.anywhere();
+  CHECK(hand.ik.solve(hand.tree, {}, {}, reference, q).status == IkStatus::Reached);
+  CHECK((q - reference).norm() < 1e-3);
+}
+
 TEST_CASE("counts of levels must fit", "[robot]") {
   Ranked hand;
   VectorX<double> q = hand.anywhere();

@@ -84,11 +84,12 @@ class PriorityKinematics {
       bool moved = false;
       Scalar share(1);
       for (int halving = 0; halving < 10 && !moved; ++halving) {
-        for (std::size_t served = levels.size(); served > 0 && !moved; --served) {
+        std::size_t served = levels.size();
+        do {
           find_step(model, levels.first(served), served == levels.size(), q);
           step_ *= share;
           moved = take_step(model, tasks, levels, q, report);
-        }
+        } while (!moved && served > 0 && --served > 0);
         share *= Scalar(0.5);
       }
       if (!moved) {
