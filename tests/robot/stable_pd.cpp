@@ -209,6 +209,13 @@ TEST_CASE("gains are checked and bad states refused without a trace", "[robot]")
   loop.target[0] = std::nan("");
   CHECK(loop.step() == PdStatus::InvalidInput);
   CHECK(loop.torques[0] == 7.0);
+  for (VectorX<double>* bad : {&loop.q, &loop.qd, &loop.target, &loop.target_velocity, &loop.torques, &loop.qdd}) {
+    loop.target[0] = 0.0;
+    const VectorX<double> kept = *bad;
+    bad->setZero(3);
+    CHECK(loop.step() == PdStatus::WrongSize);
+    *bad = kept;
+  }
   for (VectorX<double>* bad : {&loop.q, &loop.qd, &loop.target_velocity}) {
     loop.target[0] = 0.0;
     const double kept = (*bad)[0];

@@ -99,7 +99,10 @@ enum class PdStatus {
   Clipped,
   /// Positions, velocities, target or external torques hold NaN or an infinity; nothing was written. Mend the input.
   InvalidInput,
-  /// No finite acceleration exists: the coordinate in the report has neither inertia nor damping. Torques are not to be used.
+  /// A vector is not as long as the robot's positions or velocities; nothing was written. Mend the call.
+  WrongSize,
+  /// No finite acceleration exists: the state has grown beyond numbers (look at gains and step), or the coordinate in the
+  /// report has neither inertia nor damping. Torques are not to be used.
   NoInertia
 };
 
@@ -109,6 +112,7 @@ constexpr std::string_view to_string(PdStatus status) {
     case PdStatus::Solved: return "solved";
     case PdStatus::Clipped: return "clipped";
     case PdStatus::InvalidInput: return "invalid_input";
+    case PdStatus::WrongSize: return "wrong_size";
     case PdStatus::NoInertia: return "no_inertia";
   }
   return "unknown";
@@ -189,8 +193,15 @@ class StablePd {
                                const View& target_velocity, const View& external, Workspace& work,
                                Eigen::Ref<VectorX<Scalar>> torques, Eigen::Ref<VectorX<Scalar>> qdd) {
     using Traits = articulated_traits<Model>;
-    assert(torques.size() == n_ && qdd.size() == n_ && qd.size() == n_);
     PdReport report;
+    const Index positions = Traits::positions(model);
+    const bool fits = q.size() == positions && target.size() == positions && qd.size() == n_ && torques.size() == n_ &&
+                      qdd.size() == n_ && (target_velocity.size() == 0 || target_velocity.size() == n_) &&
+                      (external.size() == 0 || external.size() == n_);
+    if (!fits) {
+      report.status = PdStatus::WrongSize;
+      return report;
+    }
     if (!all_finite(q) || !all_finite(qd) || !all_finite(target) || !all_finite(target_velocity) || !all_finite(external)) {
       report.status = PdStatus::InvalidInput;
       return report;
