@@ -204,6 +204,13 @@ TEST_CASE("gains are checked and bad states refused without a trace", "[robot]")
   settings = StablePdSettings<double>::uniform(1);
   settings.step = 0;
   CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "step is not a positive time: 0");
+  const VectorX<double> rest = VectorX<double>::Zero(1);
+  const Tree<double> light = slider(0.001);
+  CHECK(StablePd<Tree<double>>::make(light, StablePdSettings<double>::uniform(1), rest));
+  CHECK(StablePd<Tree<double>>::make(light, StablePdSettings<double>::uniform(1, 800, 20), rest).error() ==
+        "kd of coordinate 0 is too low for its kp and the step: 20 (1 in all)");
+  CHECK(StablePd<Tree<double>>::make(light, StablePdSettings<double>::uniform(1), VectorX<double>::Zero(2)).error() ==
+        "q is not of the robot's size");
   Loop loop(slider(1.0), StablePdSettings<double>::uniform(1));
   loop.torques[0] = 7.0;
   loop.target[0] = std::nan("");

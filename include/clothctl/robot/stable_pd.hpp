@@ -14,7 +14,6 @@
 // Turk (2011).
 
 #include <algorithm>
-#include <cassert>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -146,6 +145,20 @@ class StablePd {
       return Error{std::move(fault)};
     }
     return StablePd(model, std::move(settings));
+  }
+
+  /// The same, and looks whether the gains hold at positions q. Allocates. Fails when: `settings.check` does, q is not finite
+  /// or of a wrong size, or `unstable_at` names a coordinate.
+  static Result<StablePd> make(const Model& model, StablePdSettings<Scalar> settings, const View& q) {
+    if (q.size() != articulated_traits<Model>::positions(model)) return Error{"q is not of the robot's size"};
+    if (!all_finite(q)) return Error{"q holds NaN or an infinity"};
+    Result<StablePd> made = make(model, std::move(settings));
+    if (!made) return made;
+    Workspace work = articulated_traits<Model>::make_workspace(model);
+    const std::vector<Index> weak = made->unstable_at(model, q, work);
+    if (weak.empty()) return made;
+    return Error{"kd of coordinate " + std::to_string(weak.front()) + " is too low for its kp and the step: " +
+                 number_text(made->settings().kd[weak.front()]) + " (" + std::to_string(weak.size()) + " in all)"};
   }
 
   /// The settings.
