@@ -1,5 +1,5 @@
-// A step of the mass-spring sheet that swings from two pinned corners: by one solve and by Newton, in double and single
-// precision; the linearisation of the response that predictors use.
+// A step of the mass-spring sheet that swings from two pinned corners: by one solve and by Newton,
+// in double and single precision; the linearisation of the response that predictors use.
 
 #include "clothctl/cloth/mass_spring.hpp"
 
@@ -51,12 +51,13 @@ void step(benchmark::State& bench, Integration integration) {
     if (!report.advanced) return bench.SkipWithError("step failed");
     solves += report.iterations;
   }
-  bench.counters["solves"] = benchmark::Counter(static_cast<double>(solves), benchmark::Counter::kAvgIterations);
+  bench.counters["solves"] =
+      benchmark::Counter(static_cast<double>(solves), benchmark::Counter::kAvgIterations);
 }
 
 template <class Scalar>
 void one_solve(benchmark::State& bench) {
-  step<Scalar>(bench, Integration::OneSolve);
+  step<Scalar>(bench, Integration::LinearlyImplicit);
 }
 
 template <class Scalar>
@@ -66,7 +67,8 @@ void newton(benchmark::State& bench) {
 
 template <class Scalar>
 void linearise(benchmark::State& bench) {
-  const Result<MassSpring<Scalar>> model = sheet<Scalar>(static_cast<int>(bench.range(0)), Integration::OneSolve);
+  const Result<MassSpring<Scalar>> model =
+      sheet<Scalar>(static_cast<int>(bench.range(0)), Integration::LinearlyImplicit);
   if (!model) return bench.SkipWithError(model.error().c_str());
   MassSpringResponse<Scalar> response(model.value());
   const ClothState<Scalar> state = model.value().rest_state();

@@ -21,13 +21,15 @@ void step(benchmark::State& bench, PositionBasedSettings<Scalar> settings) {
   if (!network) return bench.SkipWithError(network.error().c_str());
   settings.pinned = {n * n - n, n * n - 1};
   settings.drag = Scalar(0.5);
-  const Result<PositionBased<Scalar>> model = PositionBased<Scalar>::create(network.value(), settings);
+  const Result<PositionBased<Scalar>> model =
+      PositionBased<Scalar>::create(network.value(), settings);
   if (!model) return bench.SkipWithError(model.error().c_str());
   auto workspace = model.value().make_workspace();
   ClothState<Scalar> state = model.value().rest_state();
   const ClothInput<Scalar> input;
   for (auto _ : bench) {
-    if (!model.value().step(state, input, Scalar(0.02), workspace).advanced) return bench.SkipWithError("step failed");
+    if (!model.value().step(state, input, Scalar(0.02), workspace).advanced)
+      return bench.SkipWithError("step failed");
   }
 }
 
@@ -43,7 +45,9 @@ void xpbd_air(benchmark::State& bench) {
   step<double>(bench, settings);
 }
 
-void verlet(benchmark::State& bench) { step<double>(bench, PositionBasedSettings<double>::verlet()); }
+void verlet(benchmark::State& bench) {
+  step<double>(bench, PositionBasedSettings<double>::verlet());
+}
 
 BENCHMARK_TEMPLATE(xpbd, double)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(xpbd, float)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);

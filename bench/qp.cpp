@@ -1,4 +1,5 @@
-// The QP solvers alone: cold and warm solves of seeded random problems, the cost of a new Hessian, updates of the factor.
+// The QP solvers alone: cold and warm solves of seeded random problems, the cost of a new Hessian,
+// updates of the factor.
 
 #include <benchmark/benchmark.h>
 
@@ -83,8 +84,9 @@ struct RowProblem : BoxProblem<Scalar> {
   }
 };
 
-/// A receding horizon: min Σ_t |Σ_{s≤t} B_{t-s} d_s - r_t|² + 0.01 |d|², d ≥ 0, with 8 unknowns a frame and a moving reference,
-/// so that the solution of a frame is nearly that of the frame before, moved by 8 unknowns.
+/// A receding horizon: min Σ_t |Σ_{s≤t} B_{t-s} d_s - r_t|² + 0.01 |d|², d ≥ 0, with 8 unknowns a
+/// frame and a moving reference, so that the solution of a frame is nearly that of the frame
+/// before, moved by 8 unknowns.
 struct Sequence {
   static constexpr Index kUnknowns = 8, kOutputs = 6;
   MatrixX<double> H;
@@ -112,7 +114,8 @@ struct Sequence {
         for (Index i = 0; i < kOutputs; ++i) {
           const double time = 0.05 * static_cast<double>(f + t);
           reference[kOutputs * t + i] =
-              std::sin(time * (1.0 + 0.2 * static_cast<double>(i)) + phase[i]) + 0.02 * random.normal();
+              std::sin(time * (1.0 + 0.2 * static_cast<double>(i)) + phase[i]) +
+              0.02 * random.normal();
         }
       }
       g.push_back(-J.transpose() * reference);
@@ -230,8 +233,8 @@ void general_set_matrices(benchmark::State& state) {
   }
 }
 
-/// Closes and opens the bounds of one free unknown in turn: one column leaves or joins the factor a solve. `box_again` is what
-/// the solve costs without it.
+/// Closes and opens the bounds of one free unknown in turn: one column leaves or joins the factor a
+/// solve. `box_again` is what the solve costs without it.
 void box_one_update(benchmark::State& state) {
   const BoxProblem<double> p(state.range(0));
   BoxActiveSet<double> solver;
@@ -258,7 +261,8 @@ void box_one_update(benchmark::State& state) {
 }
 
 void sizes(benchmark::internal::Benchmark* bench) {
-  bench->ArgName("n")->Arg(40)->Arg(80)->Arg(160)->Arg(320)->Arg(640)->Unit(benchmark::kMicrosecond);
+  bench->ArgName("n")->Arg(40)->Arg(80)->Arg(160)->Arg(320)->Arg(640)->Unit(
+      benchmark::kMicrosecond);
 }
 
 void sizes_with_rows(benchmark::internal::Benchmark* bench) {

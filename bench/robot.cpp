@@ -1,5 +1,6 @@
-// The robot library alone: kinematics, Jacobians, dynamics, stable PD and inverse kinematics, in double and float, on our hand
-// of 34 joints, and with --models=DIR on the Shadow hand on its arm (sia10d_shadow.urdf) too.
+// The robot library alone: kinematics, Jacobians, dynamics, stable PD and inverse kinematics, in
+// double and float, on our hand of 34 joints, and with --models=DIR on the Shadow hand on its arm
+// (sia10d_shadow.urdf) too.
 
 #include <benchmark/benchmark.h>
 
@@ -13,36 +14,38 @@
 #include "clothctl/bridge/urdf.hpp"
 #include "clothctl/robot/hand34.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 #include "clothctl/robot/stable_pd.hpp"
-#include "clothctl/robot/tree_model.hpp"
 
 namespace {
 
 using namespace clothctl;
-using namespace clothctl::robot;
+using namespace clothctl;
 
 constexpr std::size_t kSamples = 32;
 
-/// A robot, its tips, all memory, and inputs: positions within the limits, the rest normally distributed.
+/// A robot, its tips, all memory, and inputs: positions within the limits, the rest normally
+/// distributed.
 template <class Scalar>
 struct Robot {
   using Vector = VectorX<Scalar>;
 
-  Tree<Scalar> tree;
+  KinematicTree<Scalar> tree;
   std::vector<int> tips;
-  TreeWorkspace<Scalar> work;
+  KinematicTreeWorkspace<Scalar> work;
   MassMatrixWorkspace<Scalar> mass;
   std::vector<Vector> q, qd, qdd, torques;
   Vector none, diagonal, out, more;
   MatrixX<Scalar> J, M;
   std::mt19937_64 engine{1};
 
-  explicit Robot(Tree<Scalar> t) : tree(std::move(t)), work(tree), mass(tree) {
+  explicit Robot(KinematicTree<Scalar> t) : tree(std::move(t)), work(tree), mass(tree) {
     for (std::size_t k = 0; k < tree.links().size(); ++k) {
       const Link<Scalar>& link = tree.links()[k];
-      if (link.body >= 0 && link.name.find("tip") != std::string::npos) tips.push_back(static_cast<int>(k));
+      if (link.body >= 0 && link.name.find("tip") != std::string::npos)
+        tips.push_back(static_cast<int>(k));
     }
-    const Index n = tree.velocities();
+    const Index n = tree.nv();
     for (std::size_t k = 0; k < kSamples; ++k) {
       q.push_back(anywhere());
       for (std::vector<Vector>* v : {&qd, &qdd, &torques}) v->push_back(normal(n));
@@ -61,7 +64,7 @@ struct Robot {
     return v;
   }
   Vector anywhere() {
-    Vector v(tree.positions());
+    Vector v(tree.nq());
     for (Index i = 0; i < v.size(); ++i) {
       const Scalar low = tree.lower()[i], high = tree.upper()[i];
       v[i] = low + static_cast<Scalar>(uniform()) * (high - low);
@@ -86,7 +89,7 @@ using Shared = std::shared_ptr<Robot<Scalar>>;
 template <class Scalar>
 void poses(benchmark::State& state, const Shared<Scalar>& r) {
   each(state, [&](std::size_t k) {
-    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.kinematics);
+    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.body_poses);
     benchmark::ClobberMemory();
   });
 }
@@ -94,9 +97,9 @@ void poses(benchmark::State& state, const Shared<Scalar>& r) {
 template <class Scalar>
 void jacobians(benchmark::State& state, const Shared<Scalar>& r) {
   each(state, [&](std::size_t k) {
-    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.kinematics);
+    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.body_poses);
     for (const int tip : r->tips) {
-      link_jacobian<Scalar>(r->tree, r->work.kinematics, tip, r->J);
+      link_jacobian<Scalar>(r->tree, r->work.body_poses, tip, r->J);
       benchmark::ClobberMemory();
     }
   });
@@ -105,8 +108,9 @@ void jacobians(benchmark::State& state, const Shared<Scalar>& r) {
 template <class Scalar>
 void inverse(benchmark::State& state, const Shared<Scalar>& r) {
   each(state, [&](std::size_t k) {
-    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.kinematics);
-    inverse_dynamics<Scalar>(r->tree, r->work.kinematics, r->qd[k], r->qdd[k], r->work.gravity, r->work.inverse, r->out);
+    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.body_poses);
+    inverse_dynamics<Scalar>(r->tree, r->work.body_poses, r->qd[k], r->qdd[k], r->work.gravity,
+                             r->work.inverse, r->out);
     benchmark::ClobberMemory();
   });
 }
@@ -114,8 +118,8 @@ void inverse(benchmark::State& state, const Shared<Scalar>& r) {
 template <class Scalar>
 void mass(benchmark::State& state, const Shared<Scalar>& r) {
   each(state, [&](std::size_t k) {
-    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.kinematics);
-    mass_matrix<Scalar>(r->tree, r->work.kinematics, r->mass, r->M);
+    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.body_poses);
+    mass_matrix<Scalar>(r->tree, r->work.body_poses, r->mass, r->M);
     benchmark::ClobberMemory();
   });
 }
@@ -124,27 +128,30 @@ template <class Scalar>
 void forward(benchmark::State& state, const Shared<Scalar>& r, bool damped) {
   const VectorX<Scalar>& diagonal = damped ? r->diagonal : r->none;
   each(state, [&](std::size_t k) {
-    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.kinematics);
-    const DynamicsReport report = forward_dynamics<Scalar>(r->tree, r->work.kinematics, r->qd[k], r->torques[k], diagonal,
-                                                           r->work.gravity, r->work.forward, r->out);
-    if (report.status != DynamicsStatus::Solved) state.SkipWithError(std::string(to_string(report.status)).c_str());
+    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.body_poses);
+    const DynamicsReport report =
+        forward_dynamics<Scalar>(r->tree, r->work.body_poses, r->qd[k], r->torques[k], diagonal,
+                                 r->work.gravity, r->work.forward, r->out);
+    if (report.status != DynamicsStatus::Solved)
+      state.SkipWithError(std::string(to_string(report.status)).c_str());
   });
 }
 
 /// A whole control step; without limits it is one solve, with them some are met and it is more.
 template <class Scalar>
 void pd(benchmark::State& state, const Shared<Scalar>& r, bool limited) {
-  StablePdSettings<Scalar> settings = StablePdSettings<Scalar>::uniform(r->tree.velocities());
-  settings.step = Scalar(0.005);
+  StablePdSettings<Scalar> settings = StablePdSettings<Scalar>::uniform(r->tree.nv());
+  settings.dt = Scalar(0.005);
   settings.limit_torques = limited;
-  auto made = StablePd<Tree<Scalar>>::make(r->tree, settings);
+  auto made = StablePd<KinematicTree<Scalar>>::create(r->tree, settings);
   if (!made) return state.SkipWithError(made.error().c_str());
-  StablePd<Tree<Scalar>> control = std::move(made).value();
+  StablePd<KinematicTree<Scalar>> control = std::move(made).value();
   double solves = 0;
   std::vector<VectorX<Scalar>> targets;
   for (std::size_t k = 0; k < kSamples; ++k) targets.push_back(r->q[k] + Scalar(0.01) * r->qdd[k]);
   each(state, [&](std::size_t k) {
-    const PdReport report = control.solve(r->tree, r->q[k], r->qd[k], targets[k], r->qdd[k], r->none, r->work, r->out, r->more);
+    const PdReport report = control.solve(r->tree, r->q[k], r->qd[k], targets[k], r->qdd[k],
+                                          r->none, r->work, r->out, r->more);
     if (report.status == PdStatus::NoInertia || report.status == PdStatus::InvalidInput) {
       state.SkipWithError(std::string(to_string(report.status)).c_str());
     }
@@ -153,31 +160,34 @@ void pd(benchmark::State& state, const Shared<Scalar>& r, bool limited) {
   state.counters["solves"] = benchmark::Counter(solves, benchmark::Counter::kAvgIterations);
 }
 
-/// All tips to 1 mm, from starts within 10 % of each range or anywhere, there with up to 20 others. The times of single
-/// targets differ much: these are means over 32 targets.
+/// All tips to 1 mm, from starts within 10 % of each range or anywhere, there with up to 20 others.
+/// The times of single targets differ much: these are means over 32 targets.
 template <class Scalar>
 void reach(benchmark::State& state, const Shared<Scalar>& r, bool near) {
-  InverseKinematics<Tree<Scalar>> ik(r->tree, static_cast<int>(r->tips.size()));
+  InverseKinematics<KinematicTree<Scalar>> ik(r->tree, static_cast<int>(r->tips.size()));
   std::vector<std::vector<IkTask<Scalar>>> tasks(kSamples);
   std::vector<VectorX<Scalar>> starts;
   r->engine.seed(2);
   for (std::size_t k = 0; k < kSamples; ++k) {
-    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.kinematics);
+    forward_kinematics<Scalar>(r->tree, r->q[k], r->work.body_poses);
     for (const int tip : r->tips) {
-      tasks[k].push_back(IkTask<Scalar>::position(tip, Vector3<Scalar>::Zero(), link_pose(r->tree, r->work.kinematics, tip).p));
+      tasks[k].push_back(IkTask<Scalar>::position(tip, Vector3<Scalar>::Zero(),
+                                                  link_pose(r->tree, r->work.body_poses, tip).p));
     }
     const VectorX<Scalar> other = r->anywhere();
     const VectorX<Scalar> middle = Scalar(0.5) * (r->tree.lower() + r->tree.upper());
-    const VectorX<Scalar> close =
-        (r->q[k] + Scalar(0.2) * (other - middle)).cwiseMax(r->tree.lower()).cwiseMin(r->tree.upper());
+    const VectorX<Scalar> close = (r->q[k] + Scalar(0.2) * (other - middle))
+                                      .cwiseMax(r->tree.lower())
+                                      .cwiseMin(r->tree.upper());
     starts.push_back(near ? close : other);
   }
   double reached = 0, iterations = 0;
-  VectorX<Scalar> q(r->tree.positions());
+  VectorX<Scalar> q(r->tree.nq());
   const VectorX<Scalar> none;
   each(state, [&](std::size_t k) {
     q = starts[k];
-    const IkReport<Scalar> report = ik.solve(r->tree, tasks[k], none, q, near ? 0 : 20, [&] { return r->uniform(); });
+    const IkReport<Scalar> report =
+        ik.solve(r->tree, tasks[k], none, q, near ? 0 : 20, [&] { return r->uniform(); });
     reached += report.status == IkStatus::Reached ? 1 : 0;
     iterations += report.iterations;
   });
@@ -186,11 +196,12 @@ void reach(benchmark::State& state, const Shared<Scalar>& r, bool near) {
 }
 
 template <class Scalar>
-void add(const std::string& name, Tree<Scalar> tree) {
+void add(const std::string& name, KinematicTree<Scalar> tree) {
   const auto robot = std::make_shared<Robot<Scalar>>(std::move(tree));
   const std::string kind = name + (sizeof(Scalar) == 4 ? "/float/" : "/double/");
   const auto one = [&](const char* what, auto function, auto... choice) {
-    benchmark::RegisterBenchmark((kind + what).c_str(), [=](benchmark::State& state) { function(state, robot, choice...); });
+    benchmark::RegisterBenchmark(
+        (kind + what).c_str(), [=](benchmark::State& state) { function(state, robot, choice...); });
   };
   one("forward_kinematics", poses<Scalar>);
   one("kinematics_and_jacobians_of_tips", jacobians<Scalar>);
@@ -232,7 +243,9 @@ int main(int argc, char** argv) {
   if (benchmark::ReportUnrecognizedArguments(kept, argv)) return 2;
   add<double>("hand34", hand34<double>());
   add<float>("hand34", hand34<float>());
-  if (!models.empty() && !(add_file<double>(models, "sia10d_shadow") && add_file<float>(models, "sia10d_shadow"))) return 2;
+  if (!models.empty() &&
+      !(add_file<double>(models, "sia10d_shadow") && add_file<float>(models, "sia10d_shadow")))
+    return 2;
   benchmark::RunSpecifiedBenchmarks();
   benchmark::Shutdown();
   return 0;

@@ -1,4 +1,5 @@
-// Step matrices of sheets: BlockCholesky against Eigen's SimplicialLLT, the same matrix in the same process.
+// Step matrices of sheets: BlockCholesky against Eigen's SimplicialLLT, the same matrix in the same
+// process.
 
 #include <benchmark/benchmark.h>
 
@@ -7,14 +8,15 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/math/block_cholesky.hpp"
-#include "clothctl/mesh/ordering.hpp"
+#include "clothctl/linalg/block_cholesky.hpp"
+#include "clothctl/linalg/nested_dissection.hpp"
 
 namespace {
 
 using namespace clothctl;
 
-/// An n×n sheet with structural and shear couplings, and bending ones (next but one) where `bending`; random stiffnesses.
+/// An n×n sheet with structural and shear couplings, and bending ones (next but one) where
+/// `bending`; random stiffnesses.
 template <class Scalar>
 struct Sheet {
   Points<Scalar> positions;
@@ -35,11 +37,14 @@ struct Sheet {
     matrix = BlockSymmetric<Scalar>(n * n, pairs);
     std::mt19937 random(1);
     std::uniform_real_distribution<double> uniform(-1.0, 1.0);
-    for (Index i = 0; i < matrix.rows(); ++i) matrix.diagonal(i) = Scalar(0.01) * Matrix3<Scalar>::Identity();
+    for (Index i = 0; i < matrix.rows(); ++i)
+      matrix.diagonal(i) = Scalar(0.01) * Matrix3<Scalar>::Identity();
     for (Index i = 0; i < matrix.rows(); ++i) {
       for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s) {
-        const Vector3<Scalar> d(Scalar(uniform(random)), Scalar(uniform(random)), Scalar(uniform(random)));
-        const Matrix3<Scalar> stiffness = d * d.transpose() + Scalar(0.05) * Matrix3<Scalar>::Identity();
+        const Vector3<Scalar> d(Scalar(uniform(random)), Scalar(uniform(random)),
+                                Scalar(uniform(random)));
+        const Matrix3<Scalar> stiffness =
+            d * d.transpose() + Scalar(0.05) * Matrix3<Scalar>::Identity();
         matrix.lower(s) = -stiffness;
         matrix.diagonal(i) += stiffness;
         matrix.diagonal(matrix.column(s)) += stiffness;
@@ -52,13 +57,15 @@ struct Sheet {
     const auto add = [&](Index i, Index j, const Matrix3<Scalar>& block) {
       for (Index c = 0; c < 3; ++c) {
         for (Index r = 0; r < 3; ++r) {
-          triplets.emplace_back(static_cast<int>(3 * i + r), static_cast<int>(3 * j + c), block(r, c));
+          triplets.emplace_back(static_cast<int>(3 * i + r), static_cast<int>(3 * j + c),
+                                block(r, c));
         }
       }
     };
     for (Index i = 0; i < matrix.rows(); ++i) {
       add(i, i, matrix.diagonal(i));
-      for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s) add(i, matrix.column(s), matrix.lower(s));
+      for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s)
+        add(i, matrix.column(s), matrix.lower(s));
     }
     Eigen::SparseMatrix<Scalar> full(3 * matrix.rows(), 3 * matrix.rows());
     full.setFromTriplets(triplets.begin(), triplets.end());
@@ -69,7 +76,8 @@ struct Sheet {
 template <class Scalar>
 void factorize_own(benchmark::State& state) {
   const Sheet<Scalar> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
-  BlockCholesky<Scalar> factor(sheet.matrix, nested_dissection<Scalar>(sheet.matrix, sheet.positions));
+  BlockCholesky<Scalar> factor(sheet.matrix,
+                               nested_dissection<Scalar>(sheet.matrix, sheet.positions));
   for (auto _ : state) benchmark::DoNotOptimize(factor.factorize(sheet.matrix));
   state.counters["entries"] = static_cast<double>(factor.factor_entries());
 }
@@ -89,7 +97,8 @@ void factorize_eigen(benchmark::State& state) {
 template <class Scalar, int kLanes>
 void solve_own(benchmark::State& state) {
   const Sheet<Scalar> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
-  BlockCholesky<Scalar> factor(sheet.matrix, nested_dissection<Scalar>(sheet.matrix, sheet.positions));
+  BlockCholesky<Scalar> factor(sheet.matrix,
+                               nested_dissection<Scalar>(sheet.matrix, sheet.positions));
   if (!factor.factorize(sheet.matrix)) state.SkipWithError("not positive definite");
   const Lanes<Scalar, kLanes> b = Lanes<Scalar, kLanes>::Random(kLanes, 3 * sheet.matrix.rows());
   Lanes<Scalar, kLanes> x = b;
@@ -104,7 +113,8 @@ template <class Scalar, int kLanes>
 void solve_eigen(benchmark::State& state) {
   const Sheet<Scalar> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
   const Eigen::SimplicialLLT<Eigen::SparseMatrix<Scalar>> factor(sheet.sparse());
-  using Block = Eigen::Matrix<Scalar, Eigen::Dynamic, kLanes, kLanes == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
+  using Block = Eigen::Matrix<Scalar, Eigen::Dynamic, kLanes,
+                              kLanes == 1 ? Eigen::ColMajor : Eigen::RowMajor>;
   const Block b = Block::Random(3 * sheet.matrix.rows(), kLanes);
   Block x = b;
   for (auto _ : state) {
@@ -128,13 +138,16 @@ template <class Scalar>
 void order_and_analyse(benchmark::State& state) {
   const Sheet<Scalar> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
   for (auto _ : state) {
-    BlockCholesky<Scalar> factor(sheet.matrix, nested_dissection<Scalar>(sheet.matrix, sheet.positions));
+    BlockCholesky<Scalar> factor(sheet.matrix,
+                                 nested_dissection<Scalar>(sheet.matrix, sheet.positions));
     benchmark::DoNotOptimize(factor.factor_entries());
   }
 }
 
 void grids(benchmark::internal::Benchmark* bench) {
-  bench->ArgNames({"n", "bending"})->ArgsProduct({{17, 33, 65}, {0, 1}})->Unit(benchmark::kMillisecond);
+  bench->ArgNames({"n", "bending"})
+      ->ArgsProduct({{17, 33, 65}, {0, 1}})
+      ->Unit(benchmark::kMillisecond);
 }
 
 BENCHMARK(factorize_own<float>)->Apply(grids);

@@ -1,4 +1,5 @@
-// A cart follows a path by model-predictive control: each frame one box-constrained QP, warm from the frame before.
+// A cart follows a path by model-predictive control: each frame one box-constrained QP, warm from
+// the frame before.
 
 #include <cmath>
 #include <cstdio>
@@ -8,22 +9,28 @@
 int main() {
   const int horizon = 40, frames = 300;
   const double dt = 0.05, limit = 1.0, effort = 1e-3;
-  // Positions at the next `horizon` frames: (position + dt k velocity) + M u, with u the accelerations in between.
+  // Positions at the next `horizon` frames: (position + dt k velocity) + M u, with u the
+  // accelerations in between.
   Eigen::MatrixXd M = Eigen::MatrixXd::Zero(horizon, horizon);
   for (int i = 0; i < horizon; ++i) {
     for (int j = 0; j <= i; ++j) M(i, j) = dt * dt * (i - j + 0.5);
   }
-  const Eigen::MatrixXd H = M.transpose() * M + effort * Eigen::MatrixXd::Identity(horizon, horizon);
+  const Eigen::MatrixXd H =
+      M.transpose() * M + effort * Eigen::MatrixXd::Identity(horizon, horizon);
   const Eigen::VectorXd top = Eigen::VectorXd::Constant(horizon, limit), bottom = -top;
 
   clothctl::BoxActiveSet<double> warm, cold;
-  if (warm.set_hessian(H) != clothctl::QpStatus::Solved || cold.set_hessian(H) != clothctl::QpStatus::Solved) return 1;
+  if (warm.set_hessian(H) != clothctl::QpStatus::Solved ||
+      cold.set_hessian(H) != clothctl::QpStatus::Solved)
+    return 1;
   clothctl::QpResult<double> plan, check;
-  Eigen::VectorXd miss(horizon);  // where the cart would be without acceleration, less where it should be
+  Eigen::VectorXd miss(
+      horizon);  // where the cart would be without acceleration, less where it should be
   double x = 0, v = 0, worst = 0;
   int warm_rounds = 0, cold_rounds = 0;
   for (int frame = 0; frame < frames; ++frame) {
-    for (int k = 0; k < horizon; ++k) miss[k] = x + dt * (k + 1) * v - std::sin(dt * (frame + k + 1));
+    for (int k = 0; k < horizon; ++k)
+      miss[k] = x + dt * (k + 1) * v - std::sin(dt * (frame + k + 1));
     const Eigen::VectorXd g = M.transpose() * miss;
     warm.shift(1);  // one acceleration a frame
     cold.reset();
@@ -33,5 +40,6 @@ int main() {
     x += dt * (v + 0.5 * dt * plan.x[0]), v += dt * plan.x[0];
     if (frame > 100) worst = std::fmax(worst, std::fabs(x - std::sin(dt * (frame + 1))));
   }
-  std::printf("largest error after 5 s: %.1f mm; active-set rounds: %d warm, %d cold\n", 1e3 * worst, warm_rounds, cold_rounds);
+  std::printf("largest error after 5 s: %.1f mm; active-set rounds: %d warm, %d cold\n",
+              1e3 * worst, warm_rounds, cold_rounds);
 }

@@ -1,5 +1,5 @@
-// A ball hangs from a rope; the rope's top is moved so that the ball follows a drawn curve. The ball is a tetrahedral
-// mass-spring solid, the rope a chain of springs. Paper 000, figure 10.
+// A ball hangs from a rope; the rope's top is moved so that the ball follows a drawn curve. The
+// ball is a tetrahedral mass-spring solid, the rope a chain of springs. [Bai 2016], figure 10.
 //
 //   rope_ball --out out          then open out/player.html
 
@@ -11,7 +11,8 @@ namespace {
 
 using namespace program;
 
-/// A figure of eight in the vertical plane, drawn twice, opened during the first second; a second swing goes across it.
+/// A figure of eight in the vertical plane, drawn twice, opened during the first second; a slower
+/// swing goes across it.
 Task make_task(const std::string& name, double size, const Vec& start) {
   Task task;
   task.names = {"Ball"};
@@ -32,53 +33,73 @@ Task make_task(const std::string& name, double size, const Vec& start) {
   return task;
 }
 
-}  // namespace
+/// The ball at the rope's end.
+struct Ball {
+  double radius = 0.04;
+  int resolution = 3;
+};
 
-int main(int argc, char** argv) {
+Options read_options(int argc, char** argv, Ball& ball) {
   Options o;
   o.cloth = 21;
   o.material = "rope";
-  int resolution = 3;
-  double radius = 0.04;
-  CLI::App app{"A ball on a rope, moved from the rope's top so that the ball follows a drawn curve."};
+  CLI::App app{
+      "A ball on a rope, moved from the rope's top so that the ball follows a drawn curve."};
   o.task = "draw";
-  add_common(app, o, {"draw", "circle"}, "Built-in curve, instead of --targets; draw: a figure of eight");
-  app.add_option("--cloth", o.cloth, "Vertices along the rope")->check(between(2, 1000))->capture_default_str();
-  app.add_option("--size", o.size, "Length of the rope, m")->check(between(0.01, 100))->capture_default_str();
+  add_common(app, o, {"draw", "circle"},
+             "Built-in curve, instead of --targets; draw: a figure of eight");
+  app.add_option("--cloth", o.cloth, "Vertices along the rope")
+      ->check(between(2, 1000))
+      ->capture_default_str();
+  app.add_option("--size", o.size, "Length of the rope, m")
+      ->check(between(0.01, 100))
+      ->capture_default_str();
   app.add_option("--material", o.material, "rope: 0.04 kg/m, 500 N, a foam ball of 300 kg/m³")
       ->check(CLI::IsMember({"rope"}))
       ->capture_default_str();
   app.add_option("--patch", o.patch, "Patch motion: soft or hard")
       ->check(CLI::IsMember({"soft", "hard"}))
       ->capture_default_str();
-  app.add_option("--radius", radius, "Radius of the ball, m")->check(between(1e-3, 10))->capture_default_str();
-  app.add_option("--resolution", resolution, "Cells from the ball's centre to its surface")
+  app.add_option("--radius", ball.radius, "Radius of the ball, m")
+      ->check(between(1e-3, 10))
+      ->capture_default_str();
+  app.add_option("--resolution", ball.resolution, "Cells from the ball's centre to its surface")
       ->check(between(1, 20))
       ->capture_default_str();
   parse(app, o, argc, argv);
+  return o;
+}
 
-  clothctl::RopeSettings<double> rope;
-  rope.length = o.size;
-  rope.segments = o.cloth - 1;
-  clothctl::RopeBall<double> body =
-      must(clothctl::rope_ball_network<double>(rope, radius, resolution, clothctl::SolidSettings<double>{}));
-
+/// Body, grip, feature and settings.
+Scene make_scene(const Options& o, const clothctl::RopeBall<double>& body) {
   Scene scene;
   scene.title = "Rope with a ball";
   scene.material = o.material;
   scene.body.network = body.network;
   scene.body.drag = 0.5;
   for (int i = 0; i + 1 < o.cloth; ++i) scene.segments.push_back({i, i + 1});
-  scene.setup.grips.push_back(
-      clothctl::make_pinch<double>({body.grip}, o.friction_given ? o.friction : 0.5, o.limit, o.generators));
+  scene.setup.grips.push_back(clothctl::make_pinch<double>(
+      {body.grip}, o.friction_given ? o.friction : 0.5, o.limit, o.generators));
   scene.setup.features.add_centroid(body.ball);
   scene.settings = planner_settings(o, 9.81 * body.network.mass.sum());
-  scene.settings.swing = clothctl::Swing::Pendulum;
-  if (std::string problem = clothctl::check_grips(scene.setup.grips, body.network.vertex_count()); !problem.empty())
-    refuse(problem);
-  if (std::string problem = scene.settings.check(); !problem.empty()) refuse(problem);
+  scene.settings.heavy_chain_axes = clothctl::HeavyChainAxes::Horizontal;
+  check_scene(scene);
+  return scene;
+}
 
-  clothctl::ClothState<double> state{body.network.rest_positions, Points::Zero(3, body.network.vertex_count())};
+}  // namespace
+
+int main(int argc, char** argv) {
+  Ball ball;
+  const Options o = read_options(argc, argv, ball);
+  clothctl::RopeSettings<double> rope;
+  rope.length = o.size;
+  rope.segments = o.cloth - 1;
+  clothctl::RopeBall<double> body = must(clothctl::rope_ball_network<double>(
+      rope, ball.radius, ball.resolution, clothctl::SolidSettings<double>{}));
+  Scene scene = make_scene(o, body);
+  clothctl::ClothState<double> state{body.network.rest_positions,
+                                     Points::Zero(3, body.network.vertex_count())};
   state = settle(o, scene.body, std::move(state), {body.grip}, 4.8);
   Points centre(3, 1);
   clothctl::evaluate_features<double>(scene.setup.features, state.positions, centre);
@@ -87,7 +108,8 @@ int main(int argc, char** argv) {
   } else {
     scene.task = read_task(o);
     if (scene.task.curves.size() != 1)
-      refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) + " curves for 1 feature");
+      refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) +
+             " curves for 1 feature");
     scene.task.curves[0].translate(centre.col(0) - scene.task.curves[0].position(0));
   }
   AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);

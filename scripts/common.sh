@@ -17,7 +17,7 @@ need() {
   "$@" >/dev/null 2>&1 || missing_packages+=("$package")
 }
 
-# Tells whether one of the given files exists.
+# Succeeds when one of the given files exists.
 any_file() {
   local file
   for file in "$@"; do [ -e "$file" ] && return 0; done
@@ -56,6 +56,9 @@ need_test_tools() {
   need catch2 any_file /usr/include/catch2 /usr/local/include/catch2
   need clang command -v clang++
   need clang-format command -v clang-format
+  need clang-tidy command -v clang-tidy
+  need lld command -v ld.lld
+  need pkg-config command -v pkg-config
   need libbenchmark-dev any_file /usr/include/benchmark /usr/local/include/benchmark
   need python3 command -v python3
   need nodejs command -v node

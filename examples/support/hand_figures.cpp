@@ -20,11 +20,13 @@ double thread_seconds() {
 
 void print_figures(const nlohmann::ordered_json& figures, bool json) {
   if (json) {
-    std::printf("%s\n", figures.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+    std::printf("%s\n",
+                figures.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
     return;
   }
   for (const auto& [key, value] : figures.items()) {
-    std::string text = value.is_string() ? value.get<std::string>() : value.is_null() ? "-" : value.dump();
+    if (value.is_null()) continue;
+    std::string text = value.is_string() ? value.get<std::string>() : value.dump();
     if (value.is_number_float()) {
       char number[32];
       std::snprintf(number, sizeof number, "%.4g", value.get<double>());
@@ -35,7 +37,8 @@ void print_figures(const nlohmann::ordered_json& figures, bool json) {
 }
 
 nlohmann::ordered_json known(double value, bool is_known) {
-  return is_known && clothctl::is_finite(value) ? nlohmann::ordered_json(value) : nlohmann::ordered_json();
+  return is_known && clothctl::is_finite(value) ? nlohmann::ordered_json(value)
+                                                : nlohmann::ordered_json();
 }
 
 void make_folder(const std::string& path) {
@@ -50,7 +53,9 @@ std::string millimetres(double metres) {
   return text;
 }
 
-double smooth_share(double s) { return s <= 0 ? 0 : s >= 1 ? 1 : s * s * s * (10 + s * (6 * s - 15)); }
+double smooth_share(double s) {
+  return s <= 0 ? 0 : s >= 1 ? 1 : s * s * s * (10 + s * (6 * s - 15));
+}
 
 double smooth_speed(double s) { return s <= 0 || s >= 1 ? 0 : 30 * s * s * (1 - s) * (1 - s); }
 

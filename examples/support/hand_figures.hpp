@@ -1,19 +1,20 @@
 #pragma once
 
-// What the programs about hands share: the ends of a robot's fingers, a path from pose to pose, times, and printing.
+// What the programs about hands share: the ends of a robot's fingers, a path from pose to pose,
+// times, and printing.
 
 #include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
-#include "clothctl/robot/tree.hpp"
+#include "clothctl/robot/kinematic_tree.hpp"
 
 namespace program {
 
 /// Processor time of this thread (s): other work on the machine disturbs it little.
 double thread_seconds();
 
-/// Prints figures as one JSON object on a line, or as a table.
+/// Prints figures as one JSON object on a line, or as a table. The table leaves out null.
 void print_figures(const nlohmann::ordered_json& figures, bool json);
 
 /// A number, or null where it is not known or not finite.
@@ -25,21 +26,25 @@ void make_folder(const std::string& path);
 /// A length as text, in millimetres.
 std::string millimetres(double metres);
 
-/// Share of the way, 0 to 1, of a motion from rest to rest at time share s, with continuous acceleration: 10 s³ - 15 s⁴ + 6 s⁵.
+/// Share of the way, 0 to 1, of a motion from rest to rest at time share s, with continuous
+/// acceleration: 10 s³ - 15 s⁴ + 6 s⁵.
 double smooth_share(double s);
 /// Its derivative.
 double smooth_speed(double s);
 
-/// The link at the end of each chain of joints: of each body that carries no other the link furthest from the body's origin.
+/// The link at the end of each chain of joints: of each body that carries no other the link
+/// furthest from the body's origin.
 template <class Scalar>
-std::vector<int> chain_ends(const clothctl::robot::Tree<Scalar>& tree) {
+std::vector<int> chain_ends(const clothctl::KinematicTree<Scalar>& tree) {
   std::vector<int> ends;
   for (int b = 0; b < static_cast<int>(tree.bodies().size()); ++b) {
     if (tree.bodies()[static_cast<std::size_t>(b)].subtree_end != b + 1) continue;
     int end = -1;
     for (int k = 0; k < static_cast<int>(tree.links().size()); ++k) {
       if (tree.links()[static_cast<std::size_t>(k)].body != b) continue;
-      const auto reach = [&](int link) { return tree.links()[static_cast<std::size_t>(link)].placement.p.norm(); };
+      const auto reach = [&](int link) {
+        return tree.links()[static_cast<std::size_t>(link)].placement.p.norm();
+      };
       if (end < 0 || reach(k) >= reach(end)) end = k;
     }
     if (end >= 0) ends.push_back(end);

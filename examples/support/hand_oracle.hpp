@@ -1,18 +1,19 @@
 #pragma once
 
-// Compares a robot's kinematics and dynamics with samples that other libraries computed: JSON with joint_order, jacobian_link,
-// gravity, spd {kp, kd, h} and samples of q, qd, qdd, qbar, fk, jacobian, mass_matrix, gravity, coriolis, rnea_tau, fd_tau,
-// fd_qdd, spd_qdd, spd_tau. Joints and links are matched by name.
+// Compares a robot's kinematics and dynamics with samples that other libraries computed: JSON with
+// joint_order, jacobian_link, gravity, spd {kp, kd, h} and samples of q, qd, qdd, qbar, fk,
+// jacobian, mass_matrix, gravity, coriolis, rnea_tau, fd_tau, fd_qdd, spd_qdd, spd_tau. Joints and
+// links are matched by name.
 
 #include <array>
 #include <string>
 
-#include "clothctl/robot/tree.hpp"
+#include "clothctl/robot/kinematic_tree.hpp"
 
 namespace program {
 
-/// The largest differences of all samples. Torques, accelerations and the mass matrix count relative to the largest entry of
-/// the sample's.
+/// The largest differences of all samples. Torques, accelerations and the mass matrix count
+/// relative to the largest entry of the sample's.
 struct OracleErrors {
   /// Places of links (m) and entries of their rotations.
   double fk = 0;
@@ -35,13 +36,16 @@ struct OracleErrors {
   /// Number of samples.
   int samples = 0;
 
-  /// Whether all are within a tolerance; forward dynamics may miss by 1e-6, since they divide by the mass matrix.
+  /// Whether all are within a tolerance; forward dynamics may miss by 1e-6, since they divide by
+  /// the mass matrix.
   bool within(double tolerance) const;
 };
 
-/// Compares a robot with an oracle's file. Ends the program, naming file, sample and field, where the file is not complete, not
-/// finite, or of another robot. `model` stands for the robot in messages.
+/// Compares a robot with an oracle's file. Ends the program, naming file, sample and field, where
+/// the file is not complete, not finite, or of another robot. `model` stands for the robot in
+/// messages.
 template <class Scalar>
-OracleErrors compare_with_oracle(const clothctl::robot::Tree<Scalar>& tree, const std::string& model, const std::string& path);
+OracleErrors compare_with_oracle(const clothctl::KinematicTree<Scalar>& tree,
+                                 const std::string& model, const std::string& path);
 
 }  // namespace program

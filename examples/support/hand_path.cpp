@@ -7,48 +7,57 @@
 
 namespace program {
 
+using clothctl::Body;
 using clothctl::Index;
-using clothctl::robot::Body;
-using clothctl::robot::JointType;
-using clothctl::robot::Tree;
+using clothctl::JointType;
+using clothctl::KinematicTree;
 using Vec = Eigen::Vector3d;
 
-HandPath::HandPath(const Tree<double>& tree, const Eigen::VectorXd& home, bool hold) : tree_(tree), home_(home), hold_(hold) {
-  // From rest to full speed, then around: two long and two short sides, corners rounded and a little up and down.
+HandPath::HandPath(const KinematicTree<double>& tree, const Eigen::VectorXd& home, bool hold)
+    : tree_(tree), home_(home), hold_(hold) {
+  // From rest to full speed, then around: two long and two short sides, corners rounded and a
+  // little up and down.
   constexpr double v = kSpeed;
   const auto go = [this](double duration, const Vec& velocity) {
     const Key& last = keys_.back();
-    keys_.push_back({last.time + duration, last.place + 0.5 * duration * (last.velocity + velocity), velocity});
+    keys_.push_back(
+        {last.time + duration, last.place + 0.5 * duration * (last.velocity + velocity), velocity});
   };
-  const Vec rest = Vec::Zero(), along(v, 0, 0), across(0, 0.8 * v, 0.6 * v), down(0, -0.8 * v, -0.6 * v);
+  const Vec rest = Vec::Zero(), along(v, 0, 0), across(0, 0.8 * v, 0.6 * v),
+            down(0, -0.8 * v, -0.6 * v);
   keys_.push_back({0, Vec(-0.24, -0.12, -0.06), rest});
   go(1.0, along);
   for (const auto& [duration, velocity] :
-       {std::pair(0.6, along), std::pair(1.1, across), std::pair(0.2, across), std::pair(1.1, Vec(-along)),
-        std::pair(0.6, Vec(-along)), std::pair(1.1, down), std::pair(0.2, down), std::pair(1.1, along)})
+       {std::pair(0.6, along), std::pair(1.1, across), std::pair(0.2, across),
+        std::pair(1.1, Vec(-along)), std::pair(0.6, Vec(-along)), std::pair(1.1, down),
+        std::pair(0.2, down), std::pair(1.1, along)})
     go(duration, velocity);
 
-  clothctl::robot::Kinematics<double> kinematics(tree);
-  clothctl::robot::forward_kinematics<double>(tree, home, kinematics);
+  clothctl::BodyPoses<double> body_poses(tree);
+  clothctl::forward_kinematics<double>(tree, home, body_poses);
   axes_.assign(tree.bodies().size(), Vec::Zero());
   int fingers = 0;
   for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
     const Body<double>& body = tree.bodies()[i];
     if (body.type == JointType::Free || body.follows) continue;
-    const double low = tree.lower()[body.position], high = tree.upper()[body.position], range = high - low;
+    const double low = tree.lower()[body.position], high = tree.upper()[body.position],
+                 range = high - low;
     const bool base = body.parent < 0 || axes_[static_cast<std::size_t>(body.parent)].norm() > 0;
     if (body.type == JointType::Prismatic) {
-      if (base && range > 0.8) axes_[i] = kinematics.places[i].R.col(2);
+      if (base && range > 0.8) axes_[i] = body_poses.poses[i].R.col(2);
       slides_ = slides_ || axes_[i].norm() > 0;
       continue;
     }
     if (!(range < 6)) continue;
-    // Joints that mostly bend one way close; those that go both ways sway a little. Each finger keeps its own time.
-    if (body.parent >= 0 && tree.bodies()[static_cast<std::size_t>(body.parent)].subtree_end > body.subtree_end) ++fingers;
+    // Joints that mostly bend one way close; those that go both ways sway a little. Each finger
+    // keeps its own time.
+    if (body.parent >= 0 &&
+        tree.bodies()[static_cast<std::size_t>(body.parent)].subtree_end > body.subtree_end)
+      ++fingers;
     const double room = high - home[body.position];
     const bool bends = high > 2 * std::abs(low) && range < 2.5;
     const double amount = bends ? 0.45 * room : std::min(0.12, 0.5 * room);
-    swings_.push_back({body.position, body.velocity, amount, 2.0 + 0.2 * (fingers % 4)});
+    oscillations_.push_back({body.position, body.velocity, amount, 2.0 + 0.2 * (fingers % 4)});
   }
 }
 
@@ -61,14 +70,15 @@ bool HandPath::is_straight(double t0, double t1) const {
   const double a = wrapped(t0), b = wrapped(t1);
   for (std::size_t k = 1; k < keys_.size(); ++k) {
     const Key &from = keys_[k - 1], &to = keys_[k];
-    if (from.time <= a && a <= b && b <= to.time) return slides_ && !hold_ && (from.velocity - to.velocity).norm() < 1e-12;
+    if (from.time <= a && a <= b && b <= to.time)
+      return slides_ && !hold_ && (from.velocity - to.velocity).norm() < 1e-12;
   }
   return false;
 }
 
 void HandPath::at(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd) const {
   q = home_;
-  qd.setZero(tree_.velocities());
+  qd.setZero(tree_.nv());
   if (hold_) return;
   const double now = wrapped(t);
   std::size_t k = 1;
@@ -81,16 +91,18 @@ void HandPath::at(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd) const {
   for (std::size_t i = 0; i < axes_.size(); ++i) {
     if (!(axes_[i].norm() > 0)) continue;
     const Body<double>& body = tree_.bodies()[i];
-    q[body.position] =
-        std::clamp(q[body.position] + axes_[i].dot(place), tree_.lower()[body.position], tree_.upper()[body.position]);
+    q[body.position] = std::clamp(q[body.position] + axes_[i].dot(place),
+                                  tree_.lower()[body.position], tree_.upper()[body.position]);
     qd[body.velocity] = axes_[i].dot(velocity);
   }
-  for (const Swing& swing : swings_) {
+  for (const Oscillation& oscillation : oscillations_) {
     // There and back, at rest at both ends.
-    const double phase = std::fmod(t, swing.period) / (0.5 * swing.period);
+    const double phase = std::fmod(t, oscillation.period) / (0.5 * oscillation.period);
     const bool back = phase > 1;
-    q[swing.position] += swing.amount * (back ? 1 - smooth_share(phase - 1) : smooth_share(phase));
-    qd[swing.velocity] = (back ? -1 : 1) * swing.amount * smooth_speed(back ? phase - 1 : phase) / (0.5 * swing.period);
+    q[oscillation.position] +=
+        oscillation.amount * (back ? 1 - smooth_share(phase - 1) : smooth_share(phase));
+    qd[oscillation.velocity] = (back ? -1 : 1) * oscillation.amount *
+                               smooth_speed(back ? phase - 1 : phase) / (0.5 * oscillation.period);
   }
 }
 

@@ -1,8 +1,8 @@
 #pragma once
 
-// A motion for a hand: the base goes around a rounded rectangle while wrist and fingers open and close. Positions, velocities
-// and accelerations are continuous and known exactly: between keys the base's velocity changes smoothly, and at the keys it
-// has no acceleration,
+// A motion for a hand: the base goes around a rounded rectangle while wrist and fingers open and
+// close. Positions, velocities and accelerations are continuous and known exactly: between keys the
+// base's velocity changes smoothly, and at the keys it has no acceleration,
 //
 //   x(t) = x0 + v0 t + (v1 - v0) T (s³ - s⁴/2),   s = t/T,   x1 = x0 + (v0 + v1) T/2
 //
@@ -10,7 +10,7 @@
 
 #include <vector>
 
-#include "clothctl/robot/kinematics.hpp"
+#include "clothctl/robot/forward_kinematics.hpp"
 
 namespace program {
 
@@ -18,7 +18,7 @@ namespace program {
 class HandPath {
  public:
   /// Makes the path around `home`. With `hold` it stays there.
-  HandPath(const clothctl::robot::Tree<double>& tree, const Eigen::VectorXd& home, bool hold);
+  HandPath(const clothctl::KinematicTree<double>& tree, const Eigen::VectorXd& home, bool hold);
 
   /// Writes positions and velocities at time t (s).
   void at(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd) const;
@@ -35,18 +35,18 @@ class HandPath {
     double time;
     Eigen::Vector3d place, velocity;
   };
-  struct Swing {
+  struct Oscillation {
     clothctl::Index position, velocity;
     double amount, period;
   };
 
   double wrapped(double t) const;
 
-  const clothctl::robot::Tree<double>& tree_;
+  const clothctl::KinematicTree<double>& tree_;
   Eigen::VectorXd home_;
   std::vector<Key> keys_;
   std::vector<Eigen::Vector3d> axes_;  // of each body that slides with the base, or zero
-  std::vector<Swing> swings_;
+  std::vector<Oscillation> oscillations_;
   bool hold_ = false, slides_ = false;
 };
 

@@ -7,11 +7,11 @@ namespace program {
 
 namespace {
 
+using clothctl::Body;
+using clothctl::BodyPoses;
 using clothctl::Index;
-using clothctl::robot::Body;
-using clothctl::robot::Kinematics;
-using clothctl::robot::Link;
-using clothctl::robot::Tree;
+using clothctl::KinematicTree;
+using clothctl::Link;
 using Vec = Eigen::Vector3d;
 
 struct Ball {
@@ -28,10 +28,10 @@ struct Bone {
   double length = 0;          // how far it reaches
   double thickness = 0;       // radius at its middle
   int last = 0;               // the last bone above it that has a length, or itself
-  bool stub = false;          // its length is a guess, and joints hang on it: others do not go by it
+  bool stub = false;  // its length is a guess, and joints hang on it: others do not go by it
 };
 
-std::vector<Bone> find_bones(const Tree<double>& tree) {
+std::vector<Bone> find_bones(const KinematicTree<double>& tree) {
   std::vector<Bone> bones(tree.bodies().size() + 1);
   for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
     const Body<double>& body = tree.bodies()[i];
@@ -39,7 +39,8 @@ std::vector<Bone> find_bones(const Tree<double>& tree) {
     parent.hinges.push_back(body.placement.p);
     parent.children.push_back(static_cast<int>(i + 1));
   }
-  for (const Link<double>& link : tree.links()) bones[static_cast<std::size_t>(link.body + 1)].tips.push_back(link.placement.p);
+  for (const Link<double>& link : tree.links())
+    bones[static_cast<std::size_t>(link.body + 1)].tips.push_back(link.placement.p);
   for (std::size_t i = 0; i < bones.size(); ++i) {
     Bone& bone = bones[i];
     if (!bone.hinges.empty()) bone.tips.clear();  // sensors and the like
@@ -48,7 +49,8 @@ std::vector<Bone> find_bones(const Tree<double>& tree) {
         if (p.norm() > bone.end.norm()) bone.end = p;
       }
     }
-    // Where neither joints nor links tell how long a body is, its centre of mass does: it lies half way.
+    // Where neither joints nor links tell how long a body is, its centre of mass does: it lies half
+    // way.
     if (i > 0 && bone.end.norm() < 1e-6 && tree.bodies()[i - 1].inertia.mass > 0) {
       bone.end = 2 * tree.bodies()[i - 1].inertia.com;
       bone.tips.assign(1, bone.end);
@@ -60,8 +62,9 @@ std::vector<Bone> find_bones(const Tree<double>& tree) {
   return bones;
 }
 
-/// Radii from lengths, but not in proportion: an arm is thicker than its fingers, though not by as much as it is longer.
-void find_thickness(const Tree<double>& tree, std::vector<Bone>& bones) {
+/// Radii from lengths, but not in proportion: an arm is thicker than its fingers, though not by as
+/// much as it is longer.
+void find_thickness(const KinematicTree<double>& tree, std::vector<Bone>& bones) {
   std::vector<double> lengths;
   for (const Bone& bone : bones) {
     if (bone.length > 0) lengths.push_back(bone.length);
@@ -71,13 +74,16 @@ void find_thickness(const Tree<double>& tree, std::vector<Bone>& bones) {
   const double usual = lengths[lengths.size() / 3];
   for (std::size_t i = 0; i < bones.size(); ++i) {
     Bone& bone = bones[i];
-    const int above = i > 0 ? bones[static_cast<std::size_t>(tree.bodies()[i - 1].parent + 1)].last : 0;
+    const int above =
+        i > 0 ? bones[static_cast<std::size_t>(tree.bodies()[i - 1].parent + 1)].last : 0;
     bone.last = bone.length > 0 && !bone.stub ? static_cast<int>(i) : above;
     bone.thickness =
-        std::min(0.27 * usual * std::pow(bone.length / usual, bone.length > usual ? 0.75 : 0.5), 0.45 * bone.length);
+        std::min(0.27 * usual * std::pow(bone.length / usual, bone.length > usual ? 0.75 : 0.5),
+                 0.45 * bone.length);
     // Along a chain it only gets thinner, and not much at a time.
     const Bone& before = bones[static_cast<std::size_t>(above)];
-    if (bone.length > 0 && !bone.stub && above > 0 && before.thickness > 0 && before.children.size() < 2)
+    if (bone.length > 0 && !bone.stub && above > 0 && before.thickness > 0 &&
+        before.children.size() < 2)
       bone.thickness = std::clamp(bone.thickness, 0.80 * before.thickness, 0.97 * before.thickness);
   }
 }
@@ -85,7 +91,8 @@ void find_thickness(const Tree<double>& tree, std::vector<Bone>& bones) {
 /// The bone that moves with a bone's joint: itself, or the next one below that has a length.
 const Bone* next_bone(const std::vector<Bone>& bones, int i) {
   const Bone* bone = &bones[static_cast<std::size_t>(i)];
-  while (!(bone->length > 0) && bone->children.size() == 1) bone = &bones[static_cast<std::size_t>(bone->children[0])];
+  while (!(bone->length > 0) && bone->children.size() == 1)
+    bone = &bones[static_cast<std::size_t>(bone->children[0])];
   return bone->length > 0 ? bone : nullptr;
 }
 
@@ -103,7 +110,8 @@ std::vector<Ball> balls_of(const std::vector<Bone>& bones, const Bone& bone, boo
     balls.push_back({bone.hinges[k], radius});
   }
   if (palm) {  // the heel of the hand is half as wide as the knuckles
-    for (std::size_t k = 0; k < bone.hinges.size(); ++k) balls.push_back({0.5 * (bone.hinges[k] - middle), 1.1 * thinnest});
+    for (std::size_t k = 0; k < bone.hinges.size(); ++k)
+      balls.push_back({0.5 * (bone.hinges[k] - middle), 1.1 * thinnest});
   }
   for (const Vec& p : bone.tips) {
     if (p.norm() > 0.5 * bone.length) balls.push_back({p * (1 - 0.5 * own / p.norm()), 0.78 * own});
@@ -112,7 +120,8 @@ std::vector<Ball> balls_of(const std::vector<Bone>& bones, const Bone& bone, boo
   return balls;
 }
 
-void add_hull(const std::vector<Ball>& balls, int body, std::vector<Vec>& vertices, HandShape& shape) {
+void add_hull(const std::vector<Ball>& balls, int body, std::vector<Vec>& vertices,
+              HandShape& shape) {
   // The axis goes along the largest distance of two centres.
   const Ball *low = &balls[0], *high = &balls[0];
   double largest = 0;
@@ -144,14 +153,16 @@ void add_hull(const std::vector<Ball>& balls, int body, std::vector<Vec>& vertic
   const double pi = std::acos(-1.0);
   add(-axis);
   // The latitude at which the two ends of a bone part has a ring on either side.
-  const double parting = largest > 0 ? std::asin(std::clamp((low->radius - high->radius) / largest, -0.99, 0.99)) : 0;
+  const double parting =
+      largest > 0 ? std::asin(std::clamp((low->radius - high->radius) / largest, -0.99, 0.99)) : 0;
   for (int i = 0; i < rings; ++i) {
     const int half = rings / 2;
     const double angle = i < half ? -pi / 2 + (parting - 1e-3 + pi / 2) * (i + 1) / half
                                   : parting + 1e-3 + (pi / 2 - parting - 1e-3) * (i - half) / half;
     for (int k = 0; k < around; ++k) {
       const double turn = 2 * pi * k / around;
-      add(std::sin(angle) * axis + std::cos(angle) * (std::cos(turn) * side + std::sin(turn) * other));
+      add(std::sin(angle) * axis +
+          std::cos(angle) * (std::cos(turn) * side + std::sin(turn) * other));
     }
   }
   add(axis);
@@ -169,7 +180,7 @@ void add_hull(const std::vector<Ball>& balls, int body, std::vector<Vec>& vertic
 
 }  // namespace
 
-HandShape make_hand_shape(const Tree<double>& tree, const Kinematics<double>& start) {
+HandShape make_hand_shape(const KinematicTree<double>& tree, const BodyPoses<double>& start) {
   HandShape shape;
   std::vector<Bone> bones = find_bones(tree);
   find_thickness(tree, bones);
@@ -180,12 +191,13 @@ HandShape make_hand_shape(const Tree<double>& tree, const Kinematics<double>& st
     if (!balls.empty()) add_hull(balls, static_cast<int>(i) - 1, vertices, shape);
   }
   if (!vertices.empty()) {
-    // The player looks at a sheet from where its triangles face. A closed mesh faces nowhere: a speck within it, which faces up
-    // in the first frame, decides.
+    // The player looks at a sheet from where its triangles face. A closed mesh faces nowhere: a
+    // speck within it, which faces up in the first frame, decides.
     const int body = shape.bodies.back(), first = static_cast<int>(vertices.size());
     const Vec inside = 0.5 * bones[static_cast<std::size_t>(body + 1)].end;
-    const Eigen::Matrix3d axes =
-        body < 0 ? Eigen::Matrix3d(Eigen::Matrix3d::Identity()) : start.places[static_cast<std::size_t>(body)].R.transpose();
+    const Eigen::Matrix3d axes = body < 0
+                                     ? Eigen::Matrix3d(Eigen::Matrix3d::Identity())
+                                     : start.poses[static_cast<std::size_t>(body)].R.transpose();
     for (const Vec& corner : {Vec(0, 0, 0), Vec(5e-4, 0, 0), Vec(0, 5e-4, 0)}) {
       vertices.push_back(inside + axes * corner);
       shape.bodies.push_back(body);
@@ -193,11 +205,13 @@ HandShape make_hand_shape(const Tree<double>& tree, const Kinematics<double>& st
     shape.triangles.push_back({first, first + 1, first + 2});
   }
   shape.vertices.resize(3, static_cast<Index>(vertices.size()));
-  for (std::size_t v = 0; v < vertices.size(); ++v) shape.vertices.col(static_cast<Index>(v)) = vertices[v];
+  for (std::size_t v = 0; v < vertices.size(); ++v)
+    shape.vertices.col(static_cast<Index>(v)) = vertices[v];
   return shape;
 }
 
-void place_hand(const HandShape& shape, const Kinematics<double>& kinematics, Eigen::Matrix3Xd& vertices) {
+void place_hand(const HandShape& shape, const BodyPoses<double>& body_poses,
+                Eigen::Matrix3Xd& vertices) {
   vertices.resize(3, shape.vertices.cols());
   for (Index v = 0; v < shape.vertices.cols(); ++v) {
     const int body = shape.bodies[static_cast<std::size_t>(v)];
@@ -205,7 +219,7 @@ void place_hand(const HandShape& shape, const Kinematics<double>& kinematics, Ei
       vertices.col(v) = shape.vertices.col(v);
       continue;
     }
-    const clothctl::robot::BodyPlace<double>& place = kinematics.places[static_cast<std::size_t>(body)];
+    const clothctl::BodyPose<double>& place = body_poses.poses[static_cast<std::size_t>(body)];
     vertices.col(v) = place.R * shape.vertices.col(v) + place.p;
   }
 }

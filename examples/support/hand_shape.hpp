@@ -1,15 +1,17 @@
 #pragma once
 
-// A mesh for robots that come without shapes: every body is the hull of balls at its joints and at the ends of its links,
+// A mesh for robots that come without shapes: every body is the hull of balls at its joints and at
+// the ends of its links,
 //
 //   x(d) = c + r d,   (c, r) the ball that reaches furthest along d: max c·d + r
 //
-// over the directions d of a globe whose axis is the body's longest extent. Two balls make a tapered bone, more a palm.
+// over the directions d of a globe whose axis is the body's longest extent. Two balls make a
+// tapered bone, more a palm.
 
 #include <array>
 #include <vector>
 
-#include "clothctl/robot/kinematics.hpp"
+#include "clothctl/robot/forward_kinematics.hpp"
 
 namespace program {
 
@@ -24,9 +26,11 @@ struct HandShape {
 };
 
 /// Makes the shape of a robot. `start` is where it stands in the first frame.
-HandShape make_hand_shape(const clothctl::robot::Tree<double>& tree, const clothctl::robot::Kinematics<double>& start);
+HandShape make_hand_shape(const clothctl::KinematicTree<double>& tree,
+                          const clothctl::BodyPoses<double>& start);
 
 /// Writes where the vertices are (3 × vertices, m, world).
-void place_hand(const HandShape& shape, const clothctl::robot::Kinematics<double>& kinematics, Eigen::Matrix3Xd& vertices);
+void place_hand(const HandShape& shape, const clothctl::BodyPoses<double>& body_poses,
+                Eigen::Matrix3Xd& vertices);
 
 }  // namespace program

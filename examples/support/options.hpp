@@ -54,8 +54,10 @@ struct Options {
 /// Accepts numbers from `least` to `most`; --help shows the range.
 CLI::Validator between(double least, double most);
 
-/// Adds the keys that every program has. `tasks`: the built-in motions that --task names, instead of --targets.
-void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks, const std::string& task_help);
+/// Adds the keys that every program has. `tasks`: the built-in motions that --task names, instead
+/// of --targets.
+void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
+                const std::string& task_help);
 
 /// Parses; --help exits 0, a bad command line exits 2 with one line.
 void parse(CLI::App& app, int argc, char** argv);

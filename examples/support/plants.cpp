@@ -3,7 +3,8 @@
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/position_based.hpp"
-#include "clothctl/mpc/exact_predictor.hpp"
+#include "clothctl/mpc/linearised_predictor.hpp"
+#include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/mpc/rollout_predictor.hpp"
 
 namespace program {
@@ -23,10 +24,12 @@ clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integr
 AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   Body changed = body;
   changed.drag = drag;
-  if (name == "one-solve") return AnyPlant(make_mass_spring(changed, clothctl::Integration::OneSolve));
+  if (name == "linear-implicit")
+    return AnyPlant(make_mass_spring(changed, clothctl::Integration::LinearlyImplicit));
   if (name == "newton") return AnyPlant(make_mass_spring(changed, clothctl::Integration::Newton));
   clothctl::PositionBasedSettings<double> settings =
-      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet() : clothctl::PositionBasedSettings<double>();
+      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet()
+                    : clothctl::PositionBasedSettings<double>();
   settings.drag = drag;
   settings.air = body.air;
   return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
@@ -34,32 +37,36 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
 
 std::string chosen_predictor(const Options& o, const Body& body) {
   if (o.predictor != "auto") return o.predictor;
-  // Rolling out in the wind or under hard patch rows can go unstable (docs/performance.md): there the frozen predictor serves.
-  const bool better = is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
-  return better ? "rollout" : "frozen";
+  // Rolling out in the wind or under hard patch rows can go unstable (docs/performance.md): there
+  // the linearised predictor serves.
+  const bool better =
+      is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
+  return better ? "rollout" : "linearised";
 }
 
-AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
+AnyPredictor make_predictor(const Options& o, const Body& body,
+                            clothctl::PlannerSettings<double>& settings) {
   using Response = clothctl::MassSpringResponse<float>;
   const bool implicit = is_implicit(o.plant);
   clothctl::ResponseSettings<float> response;
-  clothctl::ExactPredictorSettings<double> exact;
+  clothctl::LinearisedPredictorSettings<double> exact;
   if (!implicit) {
-    response = clothctl::ResponseSettings<float>::loose_plant();
-    exact = clothctl::ExactPredictorSettings<double>::loose_plant();
+    const auto loose = clothctl::loose_plant<double>(clothctl::WeightBearing::Elongation);
+    response = loose.response;
+    exact = loose.predictor;
     if (o.profile != "paper") {
-      const clothctl::PlannerSettings<double> loose = clothctl::PlannerSettings<double>::loose_plant();
-      settings.weights.smooth = loose.weights.smooth;
-      settings.weights.anchor = loose.weights.anchor;
+      settings.weights.smooth = loose.planner.weights.smooth;
+      settings.weights.anchor = loose.planner.weights.anchor;
     }
     if (o.plant == "pbd") {  // Verlet sheets are softer still
       response.scale.geometric = 0.003f;
       if (o.profile != "paper") settings.weights.anchor = 100;
     }
   }
-  clothctl::MassSpring<double> model = make_mass_spring(body, clothctl::Integration::OneSolve);
-  clothctl::ExactPredictor<Response, double> frozen(Response(model, response), exact);
-  if (chosen_predictor(o, body) == "frozen") return AnyPredictor(std::move(frozen));
+  clothctl::MassSpring<double> model =
+      make_mass_spring(body, clothctl::Integration::LinearlyImplicit);
+  clothctl::LinearisedPredictor<Response, double> linearised(Response(model, response), exact);
+  if (chosen_predictor(o, body) == "linearised") return AnyPredictor(std::move(linearised));
   if (o.profile != "paper") {
     const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
     settings.weights.jerk = calm.weights.jerk;
@@ -68,8 +75,9 @@ AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::Planne
   }
   clothctl::RolloutSettings rollout;
   if (o.plant != "newton") rollout.newton_steps = 0;
-  return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>, clothctl::ExactPredictor<Response, double>>(
-      std::move(model), std::move(frozen), rollout));
+  return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>,
+                                                 clothctl::LinearisedPredictor<Response, double>>(
+      std::move(model), std::move(linearised), rollout));
 }
 
 }  // namespace program

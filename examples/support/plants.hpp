@@ -2,16 +2,17 @@
 
 // Plants and predictors chosen at run time: one virtual step around the library's templates.
 
+#include <chrono>
 #include <functional>
 #include <memory>
 #include <string>
 #include <utility>
 
-#include "clothctl/cloth/air.hpp"
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
 #include "support/options.hpp"
+#include "support/timing.hpp"
 
 namespace program {
 
@@ -31,7 +32,14 @@ class AnyPlant {
   const Points& velocities() const { return plant_->velocities(); }
   void set_state(const clothctl::ClothState<double>& state) { plant_->set_state(state); }
   void apply(const clothctl::ClothInput<double>& input) { plant_->apply(input); }
-  clothctl::StepReport<double> advance(double dt) { return plant_->advance(dt); }
+  clothctl::StepReport<double> advance(double dt) {
+    const std::chrono::steady_clock::time_point before = std::chrono::steady_clock::now();
+    const clothctl::StepReport<double> report = plant_->advance(dt);
+    last_step_ms_ = milliseconds(before);
+    return report;
+  }
+  /// How long the last step took, ms.
+  double last_step_ms() const { return last_step_ms_; }
 
  private:
   struct Base {
@@ -53,6 +61,7 @@ class AnyPlant {
     clothctl::ModelPlant<Model> plant;
   };
   std::unique_ptr<Base> plant_;
+  double last_step_ms_ = 0;
 };
 
 /// Any predictor of the planner.
@@ -64,7 +73,9 @@ class AnyPredictor {
   template <class Predictor>
   requires(!std::same_as<Predictor, AnyPredictor>) explicit AnyPredictor(Predictor predictor)
       : predictor_(std::make_unique<Holder<Predictor>>(std::move(predictor))) {}
-  void reserve(const Request& request, Response& response) { predictor_->reserve(request, response); }
+  void reserve(const Request& request, Response& response) {
+    predictor_->reserve(request, response);
+  }
   bool predict(const View& x, const View& v, const Request& request, Response& response) {
     return predictor_->predict(x, v, request, response);
   }
@@ -80,8 +91,11 @@ class AnyPredictor {
   template <class Predictor>
   struct Holder final : Base {
     explicit Holder(Predictor p) : predictor(std::move(p)) {}
-    void reserve(const Request& request, Response& response) override { predictor.reserve(request, response); }
-    bool predict(const View& x, const View& v, const Request& request, Response& response) override {
+    void reserve(const Request& request, Response& response) override {
+      predictor.reserve(request, response);
+    }
+    bool predict(const View& x, const View& v, const Request& request,
+                 Response& response) override {
       return predictor.predict(x, v, request, response);
     }
     void reset() override { predictor.reset(); }
@@ -97,16 +111,20 @@ struct Body {
   clothctl::AirSettings<double> air = {};
 };
 
-inline bool is_implicit(const std::string& plant) { return plant == "one-solve" || plant == "newton"; }
+inline bool is_implicit(const std::string& plant) {
+  return plant == "linear-implicit" || plant == "newton";
+}
 
 /// The plant that `name` asks for; `drag` replaces the body's (settling).
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
-/// "frozen" or "rollout": what --predictor auto comes down to.
+/// "linearised" or "rollout": what --predictor auto comes down to.
 std::string chosen_predictor(const Options& o, const Body& body);
 
-/// Weights and predictor for a plant. Position-based sheets carry their weight by unconverged elongation, not by tension:
-/// their predictor scales the tension term and takes the measured net force.
-AnyPredictor make_predictor(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings);
+/// Weights and predictor for a plant. Position-based sheets carry their weight by unconverged
+/// elongation, not by tension: their predictor scales the tension term and takes the measured net
+/// force.
+AnyPredictor make_predictor(const Options& o, const Body& body,
+                            clothctl::PlannerSettings<double>& settings);
 
 }  // namespace program

@@ -1,6 +1,7 @@
 #pragma once
 
-// Targets: read from files, or made for the built-in tasks. Curves are cubic B-splines through or near their points.
+// Targets: read from files, or made for the built-in tasks. Curves are cubic B-splines through or
+// near their points.
 
 #include <cstdint>
 #include <functional>
@@ -23,11 +24,13 @@ struct Task {
 /// Reads `--targets`: one file with a header, or LEFT,RIGHT without.
 Task read_task(const Options& o);
 
-/// Refuses curves a and b that go further apart than ten times the `cloth` between them (m), as in a file of millimetres, and
-/// warns on stderr where they would stretch it.
+/// Refuses curves a and b that go further apart than ten times the `cloth` between them (m), as in
+/// a file of millimetres, and warns on stderr where they would stretch it.
 void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t b, double cloth);
 
-/// The two lower corners start at `left` and `right` (m) and move as `name` says; lengths scale with the sheet's `size`.
-Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size, const Vec& left, const Vec& right);
+/// The two lower corners start at `left` and `right` (m) and move as `name` says; lengths scale
+/// with the sheet's `size`.
+Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size,
+                            const Vec& left, const Vec& right);
 
 }  // namespace program

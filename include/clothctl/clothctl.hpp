@@ -1,12 +1,14 @@
 #pragma once
 
-// The whole library but io/, which reads and writes files, and bridge/, whose adapters each need a library of their own.
+// The whole library but io/, which reads and writes files, and bridge/, whose adapters each need a
+// library of their own.
 
 #include "clothctl/cloth.hpp"
 #include "clothctl/concepts.hpp"
 #include "clothctl/config.hpp"
 #include "clothctl/contact.hpp"
 #include "clothctl/core.hpp"
+#include "clothctl/linalg.hpp"
 #include "clothctl/math.hpp"
 #include "clothctl/mesh.hpp"
 #include "clothctl/mpc.hpp"

@@ -1,19 +1,111 @@
 #pragma once
 
-// Version and the few macros there are. Nothing here includes anything.
+// Version, what the library demands of compiler and Eigen, and its few macros.
 //
-// Macros of the library, besides those below: math/pack.hpp defines CLOTHCTL_KERNEL and CLOTHCTL_KERNEL_LAMBDA, which make
-// numeric kernels inline, and CLOTHCTL_ISA, the name of the instruction set that a unit is compiled for. They stay defined,
-// since several headers use them; they are not for use outside of the library.
+// Other macros of the library: linalg/detail/pack.hpp defines CLOTHCTL_KERNEL and
+// CLOTHCTL_KERNEL_LAMBDA, which make numeric kernels inline. They stay defined, because several
+// headers use them; they are not for use outside of the library.
+
+#if defined(_MSVC_LANG) ? _MSVC_LANG < 202002L : __cplusplus < 202002L
+#error "clothctl needs C++20: compile with -std=c++20 (g++ 12, clang 14 or later) or /std:c++20"
+#include "clothctl needs C++20"  // no such file: stops compilers that would go on
+#endif
+
+// g++ 12 warns of the undefined values in its own AVX-512 intrinsics (GCC bug 105593) wherever
+// Eigen uses them. Whether a warning is shown depends on the place of the text that it is about, so
+// it suffices to include those headers here, before Eigen does. Every header of the library
+// therefore includes this one before Eigen's.
+#if defined(__GNUC__) && !defined(__clang__) && defined(__AVX512F__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wuninitialized"
+#pragma GCC diagnostic ignored "-Wmaybe-uninitialized"
+#include <immintrin.h>
+#pragma GCC diagnostic pop
+#endif
+
+#include <Eigen/Core>
+
+#if !EIGEN_VERSION_AT_LEAST(3, 4, 0)
+#error "clothctl needs Eigen 3.4 or newer"
+#endif
 
 #define CLOTHCTL_VERSION_MAJOR 0
-#define CLOTHCTL_VERSION_MINOR 1
+#define CLOTHCTL_VERSION_MINOR 2
 #define CLOTHCTL_VERSION_PATCH 0
-#define CLOTHCTL_VERSION_STRING "0.1.0"
+#define CLOTHCTL_VERSION_STRING "0.2.0"
 
 /// Forces a small hot function to be inlined where the compiler offers it.
 #if defined(_MSC_VER)
 #define CLOTHCTL_FORCE_INLINE __forceinline
 #else
 #define CLOTHCTL_FORCE_INLINE inline __attribute__((always_inline))
+#endif
+
+// Units of one program may be compiled for different instruction sets. The same template then
+// becomes different code under the same name, of which a linker keeps one. The whole library
+// therefore stands in an inline namespace that is named after everything its code depends on: the
+// instruction set, what the compiler may assume about numbers, and how Eigen aligns memory on the
+// heap and inside of objects.
+#if defined(EIGEN_DONT_VECTORIZE)
+#define CLOTHCTL_ABI_VECTORS plain
+#elif defined(__AVX512F__)
+#define CLOTHCTL_ABI_VECTORS avx512
+#elif defined(__AVX2__) && defined(__FMA__)
+#define CLOTHCTL_ABI_VECTORS avx2_fma
+#elif defined(__AVX2__)
+#define CLOTHCTL_ABI_VECTORS avx2
+#elif defined(__AVX__) && defined(__FMA__)
+#define CLOTHCTL_ABI_VECTORS avx_fma
+#elif defined(__AVX__)
+#define CLOTHCTL_ABI_VECTORS avx
+#elif defined(__SSE4_2__)
+#define CLOTHCTL_ABI_VECTORS sse42
+#elif defined(__SSE4_1__)
+#define CLOTHCTL_ABI_VECTORS sse41
+#elif defined(__SSSE3__)
+#define CLOTHCTL_ABI_VECTORS ssse3
+#elif defined(__SSE3__)
+#define CLOTHCTL_ABI_VECTORS sse3
+#elif defined(__ARM_FEATURE_SVE)
+#define CLOTHCTL_ABI_VECTORS sve
+#else
+#define CLOTHCTL_ABI_VECTORS base
+#endif
+#if defined(__FAST_MATH__) || defined(_M_FP_FAST)
+#define CLOTHCTL_ABI_NUMBERS fast
+#else
+#define CLOTHCTL_ABI_NUMBERS ieee
+#endif
+#define CLOTHCTL_ABI_JOIN(vectors, numbers, heap, object) \
+  abi_##vectors##_##numbers##_##heap##_##object
+#define CLOTHCTL_ABI_NAME(vectors, numbers, heap, object) \
+  CLOTHCTL_ABI_JOIN(vectors, numbers, heap, object)
+
+/// The inline namespace of the library in this unit, such as abi_avx2_fma_ieee_32_32. Not for use
+/// outside of the library.
+#define CLOTHCTL_ABI                                                                       \
+  CLOTHCTL_ABI_NAME(CLOTHCTL_ABI_VECTORS, CLOTHCTL_ABI_NUMBERS, EIGEN_DEFAULT_ALIGN_BYTES, \
+                    EIGEN_MAX_STATIC_ALIGN_BYTES)
+
+// Eigen's own templates stand in no such namespace. A linker may merge them between instruction
+// sets as long as Eigen aligns memory alike in all units, for example by EIGEN_MAX_ALIGN_BYTES=64
+// and EIGEN_MAX_STATIC_ALIGN_BYTES=16. If units differ, one frees what the other allocated in
+// another way. So each unit defines one symbol whose value tells how Eigen aligns, and linkers
+// refuse a program with two values. CLOTHCTL_NO_LINK_CHECK leaves the symbol out.
+#define CLOTHCTL_ABI_TEXT_OF(text) #text
+#define CLOTHCTL_ABI_TEXT(text) CLOTHCTL_ABI_TEXT_OF(text)
+#if defined(CLOTHCTL_NO_LINK_CHECK)
+#elif defined(_MSC_VER)
+#pragma detect_mismatch("clothctl: units differ in EIGEN_MAX_ALIGN_BYTES",                  \
+                        CLOTHCTL_ABI_TEXT(EIGEN_DEFAULT_ALIGN_BYTES) "_" CLOTHCTL_ABI_TEXT( \
+                            EIGEN_MAX_STATIC_ALIGN_BYTES))
+#elif defined(__ELF__) && defined(__GNUC__) && \
+    !defined(__clang__)  // clang -flto refuses equal ones
+#define CLOTHCTL_ABI_SYMBOL                       \
+  "clothctl_needs_one_EIGEN_MAX_ALIGN_BYTES_and_" \
+  "EIGEN_MAX_STATIC_ALIGN_BYTES_in_all_units_of_" CLOTHCTL_ABI_TEXT(Eigen)
+__asm__(".globl " CLOTHCTL_ABI_SYMBOL "\n.hidden " CLOTHCTL_ABI_SYMBOL "\n.set " CLOTHCTL_ABI_SYMBOL
+        ", 1000 * (" CLOTHCTL_ABI_TEXT(EIGEN_DEFAULT_ALIGN_BYTES) ") + (" CLOTHCTL_ABI_TEXT(
+            EIGEN_MAX_STATIC_ALIGN_BYTES) ")\n");
+#undef CLOTHCTL_ABI_SYMBOL
 #endif

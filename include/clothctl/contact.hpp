@@ -2,6 +2,7 @@
 
 // Friction cones, grips and the patches of cloth that they hold.
 
+#include "clothctl/contact/affine_patch.hpp"
+#include "clothctl/contact/contact_models.hpp"
 #include "clothctl/contact/friction_cone.hpp"
 #include "clothctl/contact/grip.hpp"
-#include "clothctl/contact/patch.hpp"

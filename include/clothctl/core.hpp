@@ -1,12 +1,13 @@
 #pragma once
 
-// Scalars, statuses, reports, results and the values that everything shares.
+// Scalars, matrix types, the state of a sheet, statuses, reports and results.
 
 #include "clothctl/core/cloth_state.hpp"
-#include "clothctl/core/executor.hpp"
 #include "clothctl/core/number_text.hpp"
+#include "clothctl/core/quoted_text.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/scalar.hpp"
 #include "clothctl/core/status.hpp"
+#include "clothctl/core/step_input.hpp"
 #include "clothctl/core/types.hpp"

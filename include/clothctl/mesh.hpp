@@ -1,8 +1,7 @@
 #pragma once
 
-// Grids, solids, connectivity and orderings of meshes.
+// Grids, tetrahedral meshes and the connectivity of triangle meshes.
 
 #include "clothctl/mesh/grid.hpp"
-#include "clothctl/mesh/ordering.hpp"
 #include "clothctl/mesh/tetrahedra.hpp"
 #include "clothctl/mesh/topology.hpp"

@@ -1,13 +1,14 @@
-// The archetype of a robot satisfies its concepts, obeys their laws, and every algorithm on robots runs on it.
+// The archetype of a robot satisfies its concepts, obeys their laws, and every algorithm on robots
+// runs on it.
 
 #include "archetypes/articulated.hpp"
 
 #include <type_traits>
 
 #include "clothctl/qp/active_set.hpp"
-#include "clothctl/robot/half_space_kinematics.hpp"
+#include "clothctl/robot/constrained_ik.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
-#include "clothctl/robot/priority_kinematics.hpp"
+#include "clothctl/robot/prioritised_ik.hpp"
 #include "clothctl/robot/stable_pd.hpp"
 #include "laws/articulated_laws.hpp"
 #include "support/catch.hpp"
@@ -15,7 +16,9 @@
 using namespace clothctl;
 using clothctl_test::GantryArchetype;
 
-static_assert(ArticulatedDynamics<GantryArchetype<double>> && ArticulatedDynamics<GantryArchetype<float>, float>);
+static_assert(ArticulatedModel<GantryArchetype<double>>);
+static_assert(ArticulatedDynamics<GantryArchetype<double>> &&
+              ArticulatedDynamics<GantryArchetype<float>, float>);
 static_assert(!std::is_copy_constructible_v<GantryArchetype<double>>);
 static_assert(!std::is_copy_constructible_v<GantryArchetype<double>::workspace_type>);
 
@@ -35,40 +38,42 @@ TEMPLATE_TEST_CASE("the archetype of a robot obeys the laws", "[archetypes]", fl
 TEST_CASE("inverse kinematics of every form and stable PD run on the archetype", "[archetypes]") {
   using Gantry = GantryArchetype<double>;
   const Gantry gantry;
-  const std::vector<robot::IkTask<double>> tasks = {
-      robot::IkTask<double>::position(1, Vector3<double>::Zero(), Vector3<double>(0.5, -1.0, 0.25)),
-      robot::IkTask<double>::position(0, Vector3<double>::Zero(), Vector3<double>(0.5, 1.0, 0.75))};
-  const std::span<const robot::IkTask<double>> all(tasks);
+  const std::vector<IkTask<double>> tasks = {
+      IkTask<double>::position(1, Vector3<double>::Zero(), Vector3<double>(0.5, -1.0, 0.25)),
+      IkTask<double>::position(0, Vector3<double>::Zero(), Vector3<double>(0.5, 1.0, 0.75))};
+  const std::span<const IkTask<double>> all(tasks);
   const VectorX<double> none;
   VectorX<double> q = VectorX<double>::Zero(3);
-  robot::InverseKinematics<Gantry> ik(gantry, 2);
-  CHECK(ik.solve(gantry, all.first(1), none, q).status == robot::IkStatus::Reached);
+  InverseKinematics<Gantry> ik(gantry, 2);
+  CHECK(ik.solve(gantry, all.first(1), none, q).status == IkStatus::Reached);
   CHECK((q - Vector3<double>(0.5, -1.0, 0.75)).norm() < 1e-4);
   q.setZero();
-  CHECK(ik.solve(gantry, all, none, q).status == robot::IkStatus::LocalMinimum);  // y is torn between -1 and 1
+  CHECK(ik.solve(gantry, all, none, q).status ==
+        IkStatus::LocalMinimum);  // y is torn between -1 and 1
   CHECK(q[1] == Approx(0.0).margin(1e-4));
 
-  robot::PriorityKinematics<Gantry> ranked(gantry, 2, 2);
+  PrioritisedIk<Gantry> ranked(gantry, 2, 2);
   const int levels[] = {1, 1};
   q.setZero();
-  CHECK(ranked.solve(gantry, all, levels, none, q).status == robot::IkStatus::Stalled);
+  CHECK(ranked.solve(gantry, all, levels, none, q).status == IkStatus::Stalled);
   CHECK((q - Vector3<double>(0.5, -1.0, 0.75)).norm() < 1e-4);
   CHECK(ranked.level_error(0) < 1e-4);
   CHECK(ranked.level_error(1) == Approx(2.0).epsilon(1e-3));
 
-  robot::HalfSpaceKinematics<Gantry, ActiveSet<double>> walled(gantry, 1, 1);
-  robot::HalfSpace<double> floor;
+  ConstrainedIk<Gantry, ActiveSet<double>> walled(gantry, 1, 1);
+  HalfSpace<double> floor;
   floor.frame = 1;
   floor.offset = 0.4;
   q.setConstant(0.9);
-  CHECK(walled.solve(gantry, all.first(1), std::span(&floor, 1), none, q).status == robot::IkStatus::LocalMinimum);
+  CHECK(walled.solve(gantry, all.first(1), std::span(&floor, 1), none, q).status ==
+        IkStatus::LocalMinimum);
   CHECK((q - Vector3<double>(0.5, -1.0, 0.9)).norm() < 1e-4);
 
-  auto pd = robot::StablePd<Gantry>::make(gantry, robot::StablePdSettings<double>::uniform(3)).value();
+  auto pd = StablePd<Gantry>::create(gantry, StablePdSettings<double>::uniform(3)).value();
   auto work = gantry.make_workspace();
   VectorX<double> at = VectorX<double>::Zero(3), qd = at, torques = at, qdd = at;
   for (int k = 0; k < 500; ++k) {
-    REQUIRE(pd.solve(gantry, at, qd, q, none, none, work, torques, qdd).status == robot::PdStatus::Solved);
+    REQUIRE(pd.solve(gantry, at, qd, q, none, none, work, torques, qdd).status == PdStatus::Solved);
     for (Index i = 0; i < 3; ++i) CHECK(std::abs(torques[i]) <= gantry.effort_limits()[i]);
     qd += 0.02 * qdd;
     at += 0.02 * qd;

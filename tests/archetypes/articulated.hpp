@@ -1,7 +1,7 @@
 #pragma once
 
-// The least type that satisfies ArticulatedDynamics: a gantry of three sliders, offering what the concept names (with results
-// of unusual but allowed types) and refusing everything else but moves.
+// The least type that satisfies ArticulatedDynamics: a gantry of three sliders, offering what the
+// concept names (with results of unusual but allowed types) and refusing everything else but moves.
 
 #include <memory>
 
@@ -26,20 +26,22 @@ class GantryArchetype {
   GantryArchetype& operator=(GantryArchetype&&) = default;
 
   workspace_type make_workspace() const { return {}; }
-  int positions() const { return 3; }
-  int velocities() const { return 3; }
+  int nq() const { return 3; }
+  int nv() const { return 3; }
   Eigen::Matrix<S, 3, 1> lower() const { return {S(-1), S(-2), S(0)}; }
   Eigen::Matrix<S, 3, 1> upper() const { return {S(1), S(2), S(1.5)}; }
   Eigen::Matrix<S, 3, 1> effort_limits() const { return {S(60), S(60), S(90)}; }
   void advance(const View& q, const View& step, Out out) const { out = q + step; }
   void difference(const View& from, const View& to, Out out) const { out = to - from; }
-  void place(const View& q, workspace_type& work) const { *work.place = q; }
-  void frame_pose(const workspace_type& work, int frame, clothctl::Matrix3<S>& R, clothctl::Vector3<S>& p) const {
+  void forward_kinematics(const View& q, workspace_type& work) const { *work.place = q; }
+  void frame_pose(const workspace_type& work, int frame, clothctl::Matrix3<S>& R,
+                  clothctl::Vector3<S>& p) const {
     R.setIdentity();
     p = *work.place;
     if (frame == 1) p[2] -= S(0.5);
   }
-  void point_jacobian(const workspace_type&, int, const clothctl::Vector3<S>&, Eigen::Ref<clothctl::MatrixX<S>> J) const {
+  void point_jacobian(const workspace_type&, int, const clothctl::Vector3<S>&,
+                      Eigen::Ref<clothctl::MatrixX<S>> J) const {
     J.setZero();
     for (int k = 0; k < 3; ++k) J(k, k) = S(1);
   }
@@ -47,7 +49,8 @@ class GantryArchetype {
     torques = mass().cwiseProduct(qdd);
     torques[2] += S(9.81) * mass()[2];
   }
-  int forward_dynamics(const View&, const View& torques, const View& diagonal, workspace_type&, Out qdd) const {
+  int forward_dynamics(const View&, const View& torques, const View& diagonal, workspace_type&,
+                       Out qdd) const {
     qdd = torques;
     qdd[2] -= S(9.81) * mass()[2];
     qdd.array() /= (mass() + diagonal).array();

@@ -1,5 +1,5 @@
-// The archetypes satisfy their concepts, lack everything else, and the algorithms that take a plant or a model compile and
-// run with them.
+// The archetypes satisfy their concepts, lack everything else, and the algorithms that take a plant
+// or a model compile and run with them.
 
 #include "archetypes/cloth.hpp"
 
@@ -13,10 +13,13 @@ using namespace clothctl;
 using clothctl_test::ModelArchetype;
 using clothctl_test::PlantArchetype;
 
-static_assert(ClothPlant<PlantArchetype<float>, float> && ClothPlant<PlantArchetype<double>, double>);
-static_assert(ClothModel<ModelArchetype<float>, float> && ClothModel<ModelArchetype<double>, double>);
+static_assert(ClothPlant<PlantArchetype<float>, float> &&
+              ClothPlant<PlantArchetype<double>, double>);
+static_assert(ClothModel<ModelArchetype<float>, float> &&
+              ClothModel<ModelArchetype<double>, double>);
 static_assert(!ClothModel<PlantArchetype<double>> && !ClothPlant<ModelArchetype<double>>);
-static_assert(!std::is_copy_constructible_v<PlantArchetype<double>> && !std::is_copy_constructible_v<ModelArchetype<double>>);
+static_assert(!std::is_copy_constructible_v<PlantArchetype<double>> &&
+              !std::is_copy_constructible_v<ModelArchetype<double>>);
 static_assert(!std::is_default_constructible_v<ModelArchetype<double>>);
 static_assert(!std::is_copy_constructible_v<ModelArchetype<double>::Scratch>);
 

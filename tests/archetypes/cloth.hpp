@@ -1,8 +1,9 @@
 #pragma once
 
-// The least types that satisfy ClothPlant and ClothModel: they offer what the concepts name and refuse everything else
-// (no copies, no default construction, no comparison, results of unusual but allowed types). An algorithm that compiles
-// with them asks for nothing beyond its concept. They stand still; cloth_laws.hpp says what a real model must do.
+// The least types that satisfy ClothPlant and ClothModel: they offer what the concepts name and
+// refuse everything else (no copies, no default construction, no comparison, results of unusual but
+// allowed types). An algorithm that compiles with them asks for nothing beyond its concept. They
+// stand still; cloth_laws.hpp says what a real model must do.
 
 #include "clothctl/concepts/cloth.hpp"
 
@@ -13,7 +14,8 @@ template <class Scalar>
 class PlantArchetype {
  public:
   explicit PlantArchetype(clothctl::Index vertices)
-      : positions_(clothctl::Points<Scalar>::Zero(3, vertices)), velocities_(clothctl::Points<Scalar>::Zero(3, vertices)) {}
+      : positions_(clothctl::Points<Scalar>::Zero(3, vertices)),
+        velocities_(clothctl::Points<Scalar>::Zero(3, vertices)) {}
   PlantArchetype(const PlantArchetype&) = delete;
   PlantArchetype& operator=(const PlantArchetype&) = delete;
 
@@ -30,7 +32,8 @@ class PlantArchetype {
   clothctl::Points<Scalar> velocities_;
 };
 
-/// A model that offers what ClothModel names, and nothing more. Movable, since algorithms may own their model.
+/// A model that offers what ClothModel names, and nothing more. Movable, since algorithms may own
+/// their model.
 template <class Scalar>
 class ModelArchetype {
  public:
@@ -51,11 +54,12 @@ class ModelArchetype {
 
   int vertex_count() const { return static_cast<int>(vertices_); }
   clothctl::ClothState<Scalar> rest_state() const {
-    return {clothctl::Points<Scalar>::Zero(3, vertices_), clothctl::Points<Scalar>::Zero(3, vertices_)};
+    return {clothctl::Points<Scalar>::Zero(3, vertices_),
+            clothctl::Points<Scalar>::Zero(3, vertices_)};
   }
   Scratch make_workspace() const { return Scratch(); }
-  clothctl::StepReport<Scalar> step(clothctl::ClothState<Scalar>&, const clothctl::ClothInput<Scalar>&, Scalar,
-                                    Scratch&) const {
+  clothctl::StepReport<Scalar> step(clothctl::ClothState<Scalar>&,
+                                    const clothctl::ClothInput<Scalar>&, Scalar, Scratch&) const {
     return {};
   }
 

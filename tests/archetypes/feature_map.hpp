@@ -1,13 +1,14 @@
 #pragma once
 
-// The least type that satisfies FeatureMap: it counts in an int, calls back with types that merely convert, and refuses
-// everything else.
+// The least type that satisfies FeatureMap: it counts in an int, calls back with types that merely
+// convert, and refuses everything else.
 
 #include "clothctl/concepts/prediction.hpp"
 
 namespace clothctl_test {
 
-/// Offers what FeatureMap names, and nothing more: feature i is the mean of the vertices i and i + 1.
+/// Offers what FeatureMap names, and nothing more: feature i is the mean of the vertices i and i
+/// + 1.
 template <class Scalar>
 class FeatureMapArchetype {
  public:

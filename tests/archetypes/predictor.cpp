@@ -1,4 +1,5 @@
-// The archetype satisfies its concept, lacks everything else, obeys the laws, and a planner plans with it.
+// The archetype satisfies its concept, lacks everything else, obeys the laws, and a planner plans
+// with it.
 
 #include "archetypes/predictor.hpp"
 
@@ -6,7 +7,7 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/mpc/exact_predictor.hpp"
+#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/mpc/rollout_predictor.hpp"
 #include "laws/predictor_laws.hpp"
@@ -19,10 +20,12 @@ template <class P, class S = double>
 inline constexpr bool kPredicts = Predictor<P, WindowRequest<S>, WindowResponse<S>>;
 
 static_assert(kPredicts<PredictorArchetype<float>, float> && kPredicts<PredictorArchetype<double>>);
-static_assert(kPredicts<ExactPredictor<MassSpringResponse<float>, double>> &&
-              kPredicts<ExactPredictor<MassSpringResponse<float>, float>, float>);
-static_assert(kPredicts<RolloutPredictor<MassSpring<double>, ExactPredictor<MassSpringResponse<float>, double>>>);
-static_assert(!kPredicts<int> && !kPredicts<MassSpring<double>> && !kPredicts<PredictorArchetype<float>, double>);
+static_assert(kPredicts<LinearisedPredictor<MassSpringResponse<float>, double>> &&
+              kPredicts<LinearisedPredictor<MassSpringResponse<float>, float>, float>);
+static_assert(kPredicts<RolloutPredictor<MassSpring<double>,
+                                         LinearisedPredictor<MassSpringResponse<float>, double>>>);
+static_assert(!kPredicts<int> && !kPredicts<MassSpring<double>> &&
+              !kPredicts<PredictorArchetype<float>, double>);
 static_assert(!std::is_copy_constructible_v<PredictorArchetype<double>> &&
               !std::is_default_constructible_v<PredictorArchetype<double>>);
 
@@ -40,10 +43,12 @@ ClothState<S> row_of_four() {
 TEMPLATE_TEST_CASE("the least predictor obeys the laws", "[archetypes]", float, double) {
   clothctl_test::PredictorLaws<TestType> laws;
   laws.tolerance = std::is_same_v<TestType, float> ? TestType(1e-3) : TestType(1e-9);
-  clothctl_test::check_predictor_laws([] { return PredictorArchetype<TestType>(1); }, row_of_four<TestType>(), {3}, laws);
+  clothctl_test::check_predictor_laws([] { return PredictorArchetype<TestType>(1); },
+                                      row_of_four<TestType>(), {3}, laws);
 }
 
-TEMPLATE_TEST_CASE("a planner asks no more of its predictor than the concept names", "[archetypes]", float, double) {
+TEMPLATE_TEST_CASE("a planner asks no more of its predictor than the concept names", "[archetypes]",
+                   float, double) {
   using S = TestType;
   PlannerSetup<S> setup;
   setup.features.add_point(0);
@@ -53,12 +58,14 @@ TEMPLATE_TEST_CASE("a planner asks no more of its predictor than the concept nam
     PlannerSettings<S> settings;
     settings.horizon = 4;
     settings.input = input;
-    auto made = Planner<PredictorArchetype<S>>::create(setup, settings, PredictorArchetype<S>(1), state.positions);
+    auto made = Planner<PredictorArchetype<S>>::create(setup, settings, PredictorArchetype<S>(1),
+                                                       state.positions);
     REQUIRE(made.has_value());
     auto planner = std::move(made).value();
     PlanResult<S> result = planner.make_result();
     const auto target = [](Index, S) { return Vector3<S>(S(0.001), S(0), S(0)); };
-    CHECK(planner.plan(state.positions, state.velocities, S(0), target, result) == PlanStatus::Planned);
+    CHECK(planner.plan(state.positions, state.velocities, S(0), target, result) ==
+          PlanStatus::Planned);
     CHECK(all_finite(result.plan));
   }
 }

@@ -1,14 +1,15 @@
 #pragma once
 
-// The least type that satisfies Predictor for a given request and response. Movable, since a planner owns its predictor.
+// The least type that satisfies Predictor for a given request and response. Movable, since a
+// planner owns its predictor.
 
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/mpc/window.hpp"
 
 namespace clothctl_test {
 
-/// Offers what Predictor names, and nothing more: outputs stand where their first vertex is measured and an input moves
-/// every output alike, once, by a thousandth.
+/// Offers what Predictor names, and nothing more: outputs stand where their first vertex is
+/// measured and an input moves every output alike, once, by a thousandth.
 template <class S>
 class PredictorArchetype {
  public:
@@ -23,19 +24,22 @@ class PredictorArchetype {
   };
 
   void reserve(const clothctl::WindowRequest<S>& request, clothctl::WindowResponse<S>& response) {
-    response.impulse.setZero(request.output_rows(), request.inputs() * request.horizon);
-    response.free.setZero(request.output_rows(), request.horizon);
+    response.impulse_response.setZero(request.output_rows(), request.inputs() * request.horizon);
+    response.free_response.setZero(request.output_rows(), request.horizon);
   }
-  Answer predict(const clothctl::PointsView<S>& x, const clothctl::PointsView<S>&, const clothctl::WindowRequest<S>& request,
-                 clothctl::WindowResponse<S>& response) {
-    response.impulse.setZero();
-    response.free.setZero();
+  Answer predict(const clothctl::PointsView<S>& x, const clothctl::PointsView<S>&,
+                 const clothctl::WindowRequest<S>& request, clothctl::WindowResponse<S>& response) {
+    response.impulse_response.setZero();
+    response.free_response.setZero();
     for (clothctl::Index i = 0; i < request.outputs.count(); ++i) {
       for (clothctl::Index k = 0; k < request.horizon; ++k) {
-        request.outputs.for_each_term(
-            i, [&](int vertex, const S& weight) { response.free.template block<3, 1>(3 * i, k) += weight * x.col(vertex); });
+        request.outputs.for_each_term(i, [&](int vertex, const S& weight) {
+          response.free_response.template block<3, 1>(3 * i, k) += weight * x.col(vertex);
+        });
         for (clothctl::Index j = 0; 3 * j < request.inputs(); ++j) {
-          response.impulse.template block<3, 3>(3 * i, k * request.inputs() + 3 * j).diagonal().setConstant(S(0.001));
+          response.impulse_response.template block<3, 3>(3 * i, k * request.inputs() + 3 * j)
+              .diagonal()
+              .setConstant(S(0.001));
         }
       }
     }

@@ -3,14 +3,18 @@
 #include <type_traits>
 
 #include "archetypes/qp_solver.hpp"
+#include "laws/qp_solver_laws.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
 using namespace clothctl_test;
 
-static_assert(BoxQpSolver<BoxQpSolverArchetype<float>, float> && BoxQpSolver<BoxQpSolverArchetype<double>, double>);
-static_assert(QpSolver<QpSolverArchetype<float>, float> && QpSolver<QpSolverArchetype<double>, double>);
-static_assert(!WarmStartable<BoxQpSolverArchetype<double>> && !WarmStartable<QpSolverArchetype<double>>);
+static_assert(BoxQpSolver<BoxQpSolverArchetype<float>, float> &&
+              BoxQpSolver<BoxQpSolverArchetype<double>, double>);
+static_assert(QpSolver<QpSolverArchetype<float>, float> &&
+              QpSolver<QpSolverArchetype<double>, double>);
+static_assert(!clothctl_test::WarmStartable<BoxQpSolverArchetype<double>> &&
+              !clothctl_test::WarmStartable<QpSolverArchetype<double>>);
 static_assert(!QpSolver<BoxQpSolverArchetype<double>> && !BoxQpSolver<QpSolverArchetype<double>>);
 static_assert(!std::is_copy_constructible_v<QpSolverArchetype<double>>);
 

@@ -1,7 +1,8 @@
 #pragma once
 
-// The least types that satisfy BoxQpSolver and QpSolver: they offer what the concepts name and nothing more (no copies, no
-// warm start). They do not solve; qp_solver_laws.hpp says what a real solver must do.
+// The least types that satisfy BoxQpSolver and QpSolver: they offer what the concepts name and
+// nothing more (no copies, no warm start). They do not solve; qp_solver_laws.hpp says what a real
+// solver must do.
 
 #include "clothctl/concepts/qp_solver.hpp"
 
@@ -25,7 +26,9 @@ class BoxQpSolverArchetype {
   BoxQpSolverArchetype& operator=(const BoxQpSolverArchetype&) = delete;
 
   void reserve(clothctl::Index) {}
-  clothctl::QpStatus set_hessian(const Eigen::Ref<const clothctl::MatrixX<Scalar>>&) { return clothctl::QpStatus::Solved; }
+  clothctl::QpStatus set_hessian(const Eigen::Ref<const clothctl::MatrixX<Scalar>>&) {
+    return clothctl::QpStatus::Solved;
+  }
   clothctl::QpStatus solve(const View& g, const View&, const View&, result_type& result) {
     result.x.setZero(g.size());
     result.bound_multipliers.setZero(g.size());
@@ -48,7 +51,8 @@ class QpSolverArchetype {
   void reserve(clothctl::Index, clothctl::Index) {}
   clothctl::QpStatus set_hessian(const MatrixView&) { return clothctl::QpStatus::Solved; }
   clothctl::QpStatus set_rows(const MatrixView&) { return clothctl::QpStatus::Solved; }
-  clothctl::QpStatus solve(const View& g, const View&, const View&, const View& rl, const View&, result_type& result) {
+  clothctl::QpStatus solve(const View& g, const View&, const View&, const View& rl, const View&,
+                           result_type& result) {
     result.x.setZero(g.size());
     result.bound_multipliers.setZero(g.size());
     result.row_multipliers.setZero(rl.size());

@@ -1,7 +1,7 @@
 #pragma once
 
-// The least type that satisfies StepResponse: two masses on a dense 6×6 system, offering what the concept names (with results
-// of unusual but allowed types) and refusing everything else but moves.
+// The least type that satisfies StepResponse: two masses on a dense 6×6 system, offering what the
+// concept names (with results of unusual but allowed types) and refusing everything else but moves.
 
 #include <Eigen/Cholesky>
 #include <vector>
@@ -10,7 +10,8 @@
 
 namespace clothctl_test {
 
-/// Two masses joined by an isotropic linear spring with a damper, the first tied to its place by another.
+/// Two masses joined by an isotropic linear spring with a damper, the first tied to its place by
+/// another.
 template <class S>
 class StepResponseArchetype {
  public:
@@ -25,15 +26,16 @@ class StepResponseArchetype {
 
   int vertex_count() const { return 2; }
   /// The concept asks for a conversion to bool, no more.
-  int linearise(const clothctl::PointsView<S>& x, const clothctl::PointsView<S>&, const clothctl::Vector3<S>& wind, S dt,
-                const std::vector<int>& driven) {
+  int linearise(const clothctl::PointsView<S>& x, const clothctl::PointsView<S>&,
+                const clothctl::Vector3<S>& wind, S dt, const std::vector<int>& driven) {
     held_.assign(2, 0);
     for (int i : driven) held_[static_cast<std::size_t>(i)] = 1;
     Eigen::Matrix<S, 2, 2> spring;
     spring << S(9), S(-5), S(-5), S(5);
     stiffness_.setZero();
     for (int i = 0; i < 2; ++i) {
-      for (int j = 0; j < 2; ++j) stiffness_.template block<3, 3>(3 * i, 3 * j).diagonal().array() += spring(i, j);
+      for (int j = 0; j < 2; ++j)
+        stiffness_.template block<3, 3>(3 * i, 3 * j).diagonal().array() += spring(i, j);
     }
     force_ = -(x * spring);
     force_.row(2) -= S(9.81) * mass_.transpose();
@@ -68,15 +70,19 @@ class StepResponseArchetype {
       w.row(lane) = solved.transpose();
     }
   }
-  void add_wind_force(const clothctl::Vector3<S>& dw, clothctl::Points<S>& out) const { out.colwise() += S(0.02) * dw; }
+  void add_wind_force(const clothctl::Vector3<S>& dw, clothctl::Points<S>& out) const {
+    out.colwise() += S(0.02) * dw;
+  }
 
  private:
   clothctl::VectorX<S> mass_ = clothctl::VectorX<S>(2);
   clothctl::Points<S> force_;
   std::vector<unsigned char> held_;
   Eigen::Matrix<S, 6, 6> stiffness_, coupling_;
-  // Of a matrix from the start: to move an Eigen factor that was never computed reads its unset status.
-  Eigen::LLT<Eigen::Matrix<S, 6, 6>> factor_ = Eigen::LLT<Eigen::Matrix<S, 6, 6>>(Eigen::Matrix<S, 6, 6>::Identity());
+  // Of a matrix from the start: to move an Eigen factor that was never computed reads its unset
+  // status.
+  Eigen::LLT<Eigen::Matrix<S, 6, 6>> factor_ =
+      Eigen::LLT<Eigen::Matrix<S, 6, 6>>(Eigen::Matrix<S, 6, 6>::Identity());
 };
 
 }  // namespace clothctl_test

@@ -1,4 +1,5 @@
-// URDF as a tree: the shared models against their table, every kind of joint, couplings, merging, and how links hang together.
+// URDF as a tree: the shared models against their table, every kind of joint, couplings, merging,
+// and how links hang together.
 
 #include "clothctl/bridge/urdf.hpp"
 
@@ -10,13 +11,13 @@
 #include <vector>
 
 #include "bridge/urdf_text.hpp"
-#include "clothctl/robot/kinematics.hpp"
+#include "clothctl/robot/forward_kinematics.hpp"
 #include "support/catch.hpp"
 #include "support/reading.hpp"
 #include "support/shared_data.hpp"
 
 using namespace clothctl;
-using namespace clothctl::robot;
+using namespace clothctl;
 using namespace clothctl_test;
 
 namespace {
@@ -58,9 +59,10 @@ TEST_CASE("URDF: the shared models have their joints, links and masses", "[urdf]
     std::size_t links;
     double mass;
   };
-  const std::vector<Row> table = {{"shadow_hand_right", 24, 33, 3.794}, {"allegro_hand_right", 16, 24, 0.974},
-                                  {"leap_hand_right", 16, 23, 0.746},   {"hand34", 34, 40, 1.037},
-                                  {"motoman_sia10d", 7, 10, 432.886},   {"sia10d_shadow", 31, 42, 436.680}};
+  const std::vector<Row> table = {
+      {"shadow_hand_right", 24, 33, 3.794}, {"allegro_hand_right", 16, 24, 0.974},
+      {"leap_hand_right", 16, 23, 0.746},   {"hand34", 34, 40, 1.037},
+      {"motoman_sia10d", 7, 10, 432.886},   {"sia10d_shadow", 31, 42, 436.680}};
   for (const Row& row : table) {
     INFO(row.name);
     const std::string path = shared_path("data/models/" + row.name + ".urdf");
@@ -70,8 +72,8 @@ TEST_CASE("URDF: the shared models have their joints, links and masses", "[urdf]
       continue;
     }
     const UrdfModel<double> model = value_of(read_urdf(path));
-    CHECK(model.tree.velocities() == row.dof);
-    CHECK(model.tree.positions() == row.dof);
+    CHECK(model.tree.nv() == row.dof);
+    CHECK(model.tree.nq() == row.dof);
     CHECK(model.tree.links().size() == row.links);
     CHECK(std::abs(model.mass - row.mass) < 0.00051);
     CHECK(model.warnings.empty());
@@ -85,21 +87,21 @@ TEST_CASE("URDF: the shared models have their joints, links and masses", "[urdf]
     CHECK(model.tree.lower().minCoeff() > -4);
     CHECK(model.tree.upper().maxCoeff() < 4);
     const UrdfModel<float> single = value_of(read_urdf<float>(path));
-    CHECK(single.tree.velocities() == row.dof);
+    CHECK(single.tree.nv() == row.dof);
     CHECK(std::abs(static_cast<double>(single.mass) - row.mass) < 0.001);
   }
 }
 
 TEST_CASE("URDF: every kind of joint, with limits, damping and friction", "[urdf]") {
   const UrdfModel<double> model = parsed(full_robot());
-  const Tree<double>& tree = model.tree;
+  const KinematicTree<double>& tree = model.tree;
   CHECK(model.name == "everything");
   CHECK(model.warnings.empty());
   CHECK(model.weightless_links == std::vector<std::string>{"marker"});
   CHECK(model.mass == Approx(6.3));
   REQUIRE(tree.bodies().size() == 5);
-  CHECK(tree.velocities() == 9);  // lift, turn, bend (leads curl), fly
-  CHECK(tree.positions() == 10);
+  CHECK(tree.nv() == 9);  // lift, turn, bend (leads curl), fly
+  CHECK(tree.nq() == 10);
   CHECK(body_of(model, "lift").type == JointType::Prismatic);
   CHECK(body_of(model, "turn").type == JointType::Revolute);
   CHECK(body_of(model, "bend").type == JointType::Revolute);
@@ -134,35 +136,38 @@ TEST_CASE("URDF: every kind of joint, with limits, damping and friction", "[urdf
 
 TEST_CASE("URDF: frames stand where origin and axis put them", "[urdf]") {
   const UrdfModel<double> model = parsed(full_robot());
-  Kinematics<double> kinematics(model.tree);
+  BodyPoses<double> body_poses(model.tree);
   VectorX<double> q = model.tree.neutral();
   q[body_of(model, "lift").position] = 0.7;
-  forward_kinematics<double>(model.tree, q, kinematics);
+  forward_kinematics<double>(model.tree, q, body_poses);
   // rpy = (0.3, -0.2, 0.1): the third column of Rz(0.1) Ry(-0.2) Rx(0.3).
-  const double sr = std::sin(0.3), cr = std::cos(0.3), sp = std::sin(-0.2), cp = std::cos(-0.2), sy = std::sin(0.1),
-               cy = std::cos(0.1);
-  const Vector3<double> z(cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr), start(0.1, 0.2, 0.3);
-  const Pose<double> carriage = link_pose(model.tree, kinematics, model.tree.find_link("carriage"));
+  const double sr = std::sin(0.3), cr = std::cos(0.3), sp = std::sin(-0.2), cp = std::cos(-0.2),
+               sy = std::sin(0.1), cy = std::cos(0.1);
+  const Vector3<double> z(cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr),
+      start(0.1, 0.2, 0.3);
+  const Pose<double> carriage = link_pose(model.tree, body_poses, model.tree.find_link("carriage"));
   CHECK((carriage.p - start - 0.7 * z).norm() < 1e-15);
   CHECK((carriage.R.col(2) - z).norm() < 1e-15);
   CHECK((carriage.R.col(0) - Vector3<double>(cy * cp, sy * cp, -sp)).norm() < 1e-15);
-  const Pose<double> plate = link_pose(model.tree, kinematics, model.tree.find_link("plate"));
+  const Pose<double> plate = link_pose(model.tree, body_poses, model.tree.find_link("plate"));
   CHECK((plate.p - carriage * Vector3<double>(0, 0.1, 0)).norm() < 1e-15);
   CHECK((plate.R.col(0) - carriage.R.col(1)).norm() < 1e-15);
-  // The axis of `bend` is of length sqrt 2: a quarter turn about (1, 1, 0) brings x to (0.5, 0.5, -sqrt 0.5).
+  // The axis of `bend` is of length sqrt 2: a quarter turn about (1, 1, 0) brings x to (0.5, 0.5,
+  // -sqrt 0.5).
   q[body_of(model, "bend").position] = std::acos(0.0);
-  forward_kinematics<double>(model.tree, q, kinematics);
-  const Pose<double> finger = link_pose(model.tree, kinematics, model.tree.find_link("finger"));
+  forward_kinematics<double>(model.tree, q, body_poses);
+  const Pose<double> finger = link_pose(model.tree, body_poses, model.tree.find_link("finger"));
   CHECK((finger.R.col(0) - plate.R * Vector3<double>(0.5, 0.5, -std::sqrt(0.5))).norm() < 1e-14);
 }
 
 TEST_CASE("URDF: links joined without motion keep mass, centre and tensor", "[urdf]") {
   const UrdfModel<double> model = parsed(full_robot());
-  // By hand, in the carriage's frame: the plate is turned by 90 degrees about z and stands at (0, 0.1, 0).
+  // By hand, in the carriage's frame: the plate is turned by 90 degrees about z and stands at (0,
+  // 0.1, 0).
   Matrix3<double> I, R, Rz;
   I << 0.02, 0.001, -0.002, 0.001, 0.03, 0.003, -0.002, 0.003, 0.025;
-  const double sr = std::sin(0.1), cr = std::cos(0.1), sp = std::sin(0.2), cp = std::cos(0.2), sy = std::sin(0.3),
-               cy = std::cos(0.3);
+  const double sr = std::sin(0.1), cr = std::cos(0.1), sp = std::sin(0.2), cp = std::cos(0.2),
+               sy = std::sin(0.3), cy = std::cos(0.3);
   Matrix3<double> Z, Y, X;
   Z << cy, -sy, 0, sy, cy, 0, 0, 0, 1;
   Y << cp, 0, sp, 0, 1, 0, -sp, 0, cp;
@@ -174,8 +179,8 @@ TEST_CASE("URDF: links joined without motion keep mass, centre and tensor", "[ur
     return m * (d.squaredNorm() * Matrix3<double>::Identity() - d * d.transpose());
   };
   const Matrix3<double> plate = Vector3<double>(0.004, 0.005, 0.006).asDiagonal();
-  const Matrix3<double> tensor =
-      R * I * R.transpose() + steiner(3, one - com) + Rz * plate * Rz.transpose() + steiner(1, other - com);
+  const Matrix3<double> tensor = R * I * R.transpose() + steiner(3, one - com) +
+                                 Rz * plate * Rz.transpose() + steiner(1, other - com);
   const Body<double>& body = body_of(model, "lift");
   // The body's frame is the joint's, whose z axis is the axis of the joint: here that of the link.
   CHECK(body.inertia.mass == 4);
@@ -184,35 +189,38 @@ TEST_CASE("URDF: links joined without motion keep mass, centre and tensor", "[ur
 }
 
 TEST_CASE("URDF: couplings from outside do what <mimic> does", "[urdf]") {
-  const std::string links = link_text("a") + link_text("b", inertial_text()) + link_text("c", inertial_text());
+  const std::string links =
+      link_text("a") + link_text("b", inertial_text()) + link_text("c", inertial_text());
   const std::string limit = "<limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/>";
-  const std::string plain =
-      robot_text(links + joint_text("k", "revolute", "b", "c", limit) + joint_text("j", "revolute", "a", "b", limit));
-  const std::string with_mimic = replaced(plain, limit, limit + "<mimic joint=\"j\" multiplier=\"2\" offset=\"-0.25\"/>");
+  const std::string plain = robot_text(links + joint_text("k", "revolute", "b", "c", limit) +
+                                       joint_text("j", "revolute", "a", "b", limit));
+  const std::string with_mimic =
+      replaced(plain, limit, limit + "<mimic joint=\"j\" multiplier=\"2\" offset=\"-0.25\"/>");
   const UrdfModel<double> mimic = parsed(with_mimic);
   const UrdfModel<double> coupled = parsed(plain, UrdfOptions<double>().couple("k", "j", 2, -0.25));
   for (const UrdfModel<double>* model : {&mimic, &coupled}) {
-    CHECK(model->tree.velocities() == 1);
+    CHECK(model->tree.nv() == 1);
     CHECK(model->tree.coupled());
     CHECK(body_of(*model, "k").ratio == 2);
     CHECK(body_of(*model, "k").offset == -0.25);
     CHECK(model->tree.lower()[0] == 0.125);
     CHECK(model->tree.upper()[0] == 0.625);
   }
-  CHECK(parsed(plain).tree.velocities() == 2);
-  CHECK(parsed<float>(plain, UrdfOptions<float>().couple("k", "j")).tree.velocities() == 1);
+  CHECK(parsed(plain).tree.nv() == 2);
+  CHECK(parsed<float>(plain, UrdfOptions<float>().couple("k", "j")).tree.nv() == 1);
 
   CHECK(refusal(with_mimic, UrdfOptions<double>().couple("k", "j")) ==
-        "f.urdf:5: coupling of \"k\" to \"j\": the joint follows \"j\" already");
+        "f.urdf:5: coupling of \"k\" to \"j\": the joint already follows \"j\"");
   CHECK(refusal(plain, UrdfOptions<double>().couple("x", "j")) ==
         "f.urdf:1: coupling of \"x\" to \"j\": there is no joint \"x\"");
   CHECK(refusal(plain, UrdfOptions<double>().couple("k", "y")) ==
         "f.urdf:1: coupling of \"k\" to \"y\": there is no joint \"y\"");
   CHECK(refusal(plain, UrdfOptions<double>().couple("k", "j").couple("j", "k")) ==
-        "f.urdf:9: joint \"j\": its leaders go in a circle");
-  CHECK(refusal(plain, UrdfOptions<double>().couple("k", "j", 0)) == "f.urdf:5: joint \"k\": its ratio to its leader is zero");
+        "f.urdf:9: joint \"j\": its leaders follow each other in a circle");
+  CHECK(refusal(plain, UrdfOptions<double>().couple("k", "j", 0)) ==
+        "f.urdf:5: joint \"k\": its ratio to its leader is zero");
   CHECK(refusal(plain, UrdfOptions<double>().couple("k", "j", 1, 5)) ==
-        "f.urdf:5: joint \"k\": its limits and its leader's leave nothing");
+        "f.urdf:5: joint \"k\": its limits and its leader's have no position in common");
 }
 
 TEST_CASE("URDF: the shipped hand with two joints of a finger on one tendon", "[urdf]") {
@@ -222,47 +230,61 @@ TEST_CASE("URDF: the shipped hand with two joints of a finger on one tendon", "[
     return;
   }
   UrdfOptions<double> options;
-  for (const std::string finger : {"rh_FF", "rh_MF", "rh_RF", "rh_LF"}) options.couple(finger + "J1", finger + "J2");
+  for (const std::string finger : {"rh_FF", "rh_MF", "rh_RF", "rh_LF"})
+    options.couple(finger + "J1", finger + "J2");
   const UrdfModel<double> model = value_of(read_urdf(path, options));
-  CHECK(model.tree.velocities() == 20);
+  CHECK(model.tree.nv() == 20);
   CHECK(model.tree.bodies().size() == 24);
   CHECK(body_of(model, "rh_FFJ1").velocity == body_of(model, "rh_FFJ2").velocity);
 }
 
 TEST_CASE("URDF: how links hang together is checked, with the line", "[urdf]") {
   const std::string a = link_text("a"), b = link_text("b"), c = link_text("c");
-  const auto fixed = [](const std::string& name, const std::string& parent, const std::string& child) {
+  const auto fixed = [](const std::string& name, const std::string& parent,
+                        const std::string& child) {
     return joint_text(name, "fixed", parent, child);
   };
-  CHECK(refusal(robot_text("")) == "f.urdf:1: a robot needs a link");
-  CHECK(refusal(robot_text(a + b + fixed("j", "x", "b"))) == "f.urdf:5: joint \"j\": <parent>: there is no link \"x\"");
-  CHECK(refusal(robot_text(a + b + fixed("j", "a", "y"))) == "f.urdf:6: joint \"j\": <child>: there is no link \"y\"");
+  CHECK(refusal(robot_text("")) == "f.urdf:1: the robot has no links");
+  CHECK(refusal(robot_text(a + b + fixed("j", "x", "b"))) ==
+        "f.urdf:5: joint \"j\": <parent>: there is no link \"x\"");
+  CHECK(refusal(robot_text(a + b + fixed("j", "a", "y"))) ==
+        "f.urdf:6: joint \"j\": <child>: there is no link \"y\"");
   CHECK(refusal(robot_text(a + b)) ==
-        "f.urdf:3: link \"b\": no joint moves it, and none moves link \"a\" in line 2: a robot has one root");
+        "f.urdf:3: link \"b\": no joint moves it, and none moves link \"a\" in line 2: a robot has "
+        "one root");
   CHECK(refusal(robot_text(a + b + c + fixed("j", "a", "c") + fixed("k", "b", "c"))) ==
-        "f.urdf:11: joint \"k\": <child>: link \"c\" is moved by joint \"j\" already");
+        "f.urdf:11: joint \"k\": <child>: link \"c\" is already moved by joint \"j\"");
   CHECK(refusal(robot_text(a + fixed("j", "a", "a"))) == "f.urdf:3: joint \"j\" is part of a loop");
-  CHECK(refusal(robot_text(a + b + fixed("j", "a", "b") + fixed("k", "b", "a"))) == "f.urdf:8: joint \"k\" is part of a loop");
-  const std::string beside = refusal(robot_text(a + b + c + fixed("j", "c", "b") + fixed("k", "b", "c")));
-  CHECK((beside == "f.urdf:5: joint \"j\" is part of a loop" || beside == "f.urdf:9: joint \"k\" is part of a loop"));
-  CHECK(refusal(robot_text(a + b + b)) == "f.urdf:4: link \"b\": is there twice, first in line 3");
+  CHECK(refusal(robot_text(a + b + fixed("j", "a", "b") + fixed("k", "b", "a"))) ==
+        "f.urdf:8: joint \"k\" is part of a loop");
+  const std::string beside =
+      refusal(robot_text(a + b + c + fixed("j", "c", "b") + fixed("k", "b", "c")));
+  CHECK((beside == "f.urdf:5: joint \"j\" is part of a loop" ||
+         beside == "f.urdf:9: joint \"k\" is part of a loop"));
+  CHECK(refusal(robot_text(a + b + b)) == "f.urdf:4: link \"b\": occurs twice, first in line 3");
   CHECK(refusal(robot_text(a + b + c + fixed("j", "a", "b") + fixed("j", "a", "c"))) ==
-        "f.urdf:9: joint \"j\": is there twice, first in line 5");
+        "f.urdf:9: joint \"j\": occurs twice, first in line 5");
   const std::string mimic = "<mimic joint=\"nobody\"/>\n";
-  CHECK(refusal(pair_text("continuous", mimic)) == "f.urdf:7: joint \"j\": <mimic>: there is no joint \"nobody\"");
-  CHECK(refusal(pair_text("continuous", "<mimic joint=\"j\"/>\n")) == "f.urdf:4: joint \"j\": its leaders go in a circle");
-  CHECK(refusal(pair_text("fixed", "<mimic joint=\"j\"/>\n")) == "f.urdf:4: joint \"j\": a fixed joint cannot follow another");
-  CHECK(parsed(robot_text(a)).tree.velocities() == 0);
+  CHECK(refusal(pair_text("continuous", mimic)) ==
+        "f.urdf:7: joint \"j\": <mimic>: there is no joint \"nobody\"");
+  CHECK(refusal(pair_text("continuous", "<mimic joint=\"j\"/>\n")) ==
+        "f.urdf:4: joint \"j\": its leaders follow each other in a circle");
+  CHECK(refusal(pair_text("fixed", "<mimic joint=\"j\"/>\n")) ==
+        "f.urdf:4: joint \"j\": a fixed joint cannot follow another");
+  CHECK(parsed(robot_text(a)).tree.nv() == 0);
 }
 
 TEST_CASE("URDF: numbers that are finite each but not together are refused", "[urdf]") {
   const auto chain = [](const std::string& origin) {
-    return robot_text(link_text("a") + link_text("b", inertial_text()) + link_text("c", inertial_text()) +
-                      joint_text("j", "continuous", "a", "b", origin) + joint_text("k", "fixed", "b", "c", origin));
+    return robot_text(link_text("a") + link_text("b", inertial_text()) +
+                      link_text("c", inertial_text()) +
+                      joint_text("j", "continuous", "a", "b", origin) +
+                      joint_text("k", "fixed", "b", "c", origin));
   };
-  CHECK(parsed(chain("<origin xyz=\"1 0 0\"/>")).tree.velocities() == 1);
+  CHECK(parsed(chain("<origin xyz=\"1 0 0\"/>")).tree.nv() == 1);
   CHECK(refusal(chain("<origin xyz=\"1e200 0 0\"/>")) == "f.urdf:5: joint \"j\": numbers overflow");
-  const std::string heavy = replaced(replaced(chain(""), "value=\"2\"", "value=\"1e308\""), "value=\"2\"", "value=\"1e308\"");
+  const std::string heavy = replaced(replaced(chain(""), "value=\"2\"", "value=\"1e308\""),
+                                     "value=\"2\"", "value=\"1e308\"");
   CHECK(refusal(heavy) == "f.urdf:5: joint \"j\": numbers overflow");
   CHECK(refusal_of(parse_urdf<float>(chain("<origin xyz=\"1e30 0 0\"/>"), "f.urdf")) ==
         "f.urdf:5: joint \"j\": numbers overflow");
@@ -272,27 +294,35 @@ TEST_CASE("URDF: what is odd is told", "[urdf]") {
   const auto warnings = [](const std::string& text) { return parsed(text).warnings; };
   using Lines = std::vector<std::string>;
   CHECK(warnings(pair_text("continuous", "")).empty());
-  CHECK(warnings(pair_text("revolute", "")) == Lines{"f.urdf:4: joint \"j\": has no <limit>: it moves without limits"});
+  CHECK(warnings(pair_text("revolute", "")) ==
+        Lines{"f.urdf:4: joint \"j\": has no <limit>: it moves without limits"});
   CHECK(warnings(pair_text("prismatic", "<limit lower=\"0\" upper=\"1\"/>\n")) ==
         Lines{"f.urdf:7: joint \"j\": <limit> has no effort: it is unlimited",
               "f.urdf:7: joint \"j\": <limit> has no velocity: it is unlimited"});
   CHECK(warnings(pair_text("revolute", "<limit effort=\"0\" velocity=\"1\"/>\n")) ==
         Lines{"f.urdf:7: joint \"j\": <limit> effort is zero",
-              "f.urdf:7: joint \"j\": <limit> has neither lower nor upper: both are 0 by the format's rule"});
-  CHECK(warnings(pair_text("continuous", "<limits lower=\"0\"/>\n")) == Lines{"f.urdf:7: joint \"j\": <limits> is not read"});
+              "f.urdf:7: joint \"j\": <limit> has neither lower nor upper: both are 0 by the "
+              "format's rule"});
+  CHECK(warnings(pair_text("continuous", "<limits lower=\"0\"/>\n")) ==
+        Lines{"f.urdf:7: joint \"j\": <limits> is not read"});
   CHECK(warnings("<robot><link name=\"a\"/><loop/><x:y/></robot>") ==
         Lines{"f.urdf:1: <robot> has no name", "f.urdf:1: <loop> is not read"});
-  CHECK(warnings(robot_text(link_text("a") + link_text("b") + joint_text("j", "continuous", "a", "b"))) ==
-        Lines{"f.urdf:4: joint \"j\": what it moves has no mass"});
-  CHECK(warnings(replaced(pair_text("continuous", ""), "izz=\"0.015\"", "izz=\"0.04\"")) ==
-        Lines{"f.urdf:3: link \"b\": <inertia> is that of no body: its principal moments are 0.01, 0.02, 0.04"});
+  CHECK(warnings(robot_text(link_text("a") + link_text("b") +
+                            joint_text("j", "continuous", "a", "b"))) ==
+        Lines{"f.urdf:4: joint \"j\": the links it moves have no mass"});
+  CHECK(
+      warnings(replaced(pair_text("continuous", ""), "izz=\"0.015\"", "izz=\"0.04\"")) ==
+      Lines{
+          "f.urdf:3: link \"b\": <inertia> is not that of a body: its principal moments are 0.01, "
+          "0.02, 0.04"});
   CHECK(warnings(replaced(pair_text("continuous", ""), "izz=\"0.015\"", "izz=\"0.03\"")).empty());
 }
 
 TEST_CASE("URDF: files are read, and what cannot be read is said", "[urdf]") {
   const std::string path = "clothctl_test_robot.urdf";
   std::ofstream(path, std::ios::binary) << pair_text("hinge", "");
-  CHECK(refusal_of(read_urdf(path)).rfind(path + ":4: joint \"j\": <joint> type: \"hinge\" is unknown", 0) == 0);
+  CHECK(refusal_of(read_urdf(path))
+            .rfind(path + ":4: joint \"j\": <joint> type: \"hinge\" is unknown", 0) == 0);
   std::ofstream(path, std::ios::binary) << pair_text("fixed", "");
   CHECK(read_urdf(path).has_value());
   std::ofstream(path, std::ios::binary) << "";
@@ -300,4 +330,17 @@ TEST_CASE("URDF: files are read, and what cannot be read is said", "[urdf]") {
   std::remove(path.c_str());
   CHECK(refusal_of(read_urdf(path)).rfind(path + ": cannot be opened (", 0) == 0);
   CHECK(refusal_of(read_urdf(".")).rfind(".: cannot be ", 0) == 0);
+}
+
+TEST_CASE("URDF: an inertia far from any body's is refused by file, line, link and value",
+          "[urdf]") {
+  for (const char* attribute : {"ixy", "ixz", "iyz"}) {
+    const std::string text =
+        replaced(pair_text("continuous", ""), std::string(attribute) + "=\"0\"",
+                 std::string(attribute) + "=\"1e38\"");
+    INFO(text);
+    const std::string error = refusal(text);
+    CHECK(error.find("f.urdf:3: link \"b\": inertia tensor is not that of a body: entry " +
+                     std::string(attribute + 1) + " is 1e+38") == 0);
+  }
 }

@@ -1,4 +1,5 @@
-// The hand of 34 joints as a file: the one that ships is what the builder gives, and both are the hand of the shared folder.
+// The hand of 34 joints as a file: the one that ships is what the builder gives, and both are the
+// hand of the shared folder.
 
 #include <algorithm>
 #include <cmath>
@@ -13,7 +14,7 @@
 #include "clothctl/bridge/urdf.hpp"
 #include "clothctl/bridge/urdf_writer.hpp"
 #include "clothctl/robot/hand34.hpp"
-#include "clothctl/robot/mass_matrix.hpp"
+#include "clothctl/robot/inverse_dynamics.hpp"
 #include "robot/random_tree.hpp"
 #include "support/catch.hpp"
 #include "support/reading.hpp"
@@ -44,7 +45,8 @@ std::string shipped_text() {
   std::string text = urdf_text(hand34_builder<double>(), "hand34");
   return text.insert(text.find('\n') + 1,
                      "<!--\n"
-                     "A right hand of 34 joints for simulation, part of clothctl; MIT licence. models/README.md describes it.\n"
+                     "A right hand of 34 joints for simulation, part of clothctl; MIT licence. "
+                     "models/README.md describes it.\n"
                      "Written from include/clothctl/robot/hand34.hpp: change it there.\n"
                      "-->\n");
 }
@@ -52,7 +54,9 @@ std::string shipped_text() {
 /// A text in pieces: numbers, and what is between them.
 std::vector<std::string> pieces(const std::string& text) {
   std::vector<std::string> out(1);
-  const auto numeric = [](char c) { return (c >= '0' && c <= '9') || c == '.' || c == '-' || c == '+' || c == 'e'; };
+  const auto numeric = [](char c) {
+    return (c >= '0' && c <= '9') || c == '.' || c == '-' || c == '+' || c == 'e';
+  };
   for (std::size_t k = 0; k < text.size(); ++k) {
     if (k > 0 && numeric(text[k]) != numeric(text[k - 1])) out.emplace_back();
     out.back() += text[k];
@@ -83,28 +87,30 @@ double six_digits(double value) {
 }
 
 struct Masses {
-  explicit Masses(const Tree<double>& robot) : tree(robot), kinematics(robot), work(robot), M(34, 34) {}
+  explicit Masses(const KinematicTree<double>& robot)
+      : tree(robot), body_poses(robot), work(robot), M(34, 34) {}
   const MatrixX<double>& at(const VectorX<double>& q) {
-    forward_kinematics<double>(tree, q, kinematics);
-    mass_matrix<double>(tree, kinematics, work, M);
+    forward_kinematics<double>(tree, q, body_poses);
+    mass_matrix<double>(tree, body_poses, work, M);
     return M;
   }
-  const Tree<double>& tree;
-  Kinematics<double> kinematics;
+  const KinematicTree<double>& tree;
+  BodyPoses<double> body_poses;
   MassMatrixWorkspace<double> work;
   MatrixX<double> M;
 };
 
-VectorX<double> anywhere(RobotDraws& draws, const Tree<double>& tree) {
-  VectorX<double> q(tree.positions());
+VectorX<double> anywhere(RobotDraws& draws, const KinematicTree<double>& tree) {
+  VectorX<double> q(tree.nq());
   for (Index i = 0; i < q.size(); ++i) {
     q[i] = tree.lower()[i] + draws.below(1000001) / 1e6 * (tree.upper()[i] - tree.lower()[i]);
   }
   return q;
 }
 
-/// Checks that trees have the same joints and limits; returns how far any link of one is from that of the other in some poses.
-double apart(const Tree<double>& a, const Tree<double>& b) {
+/// Checks that trees have the same joints and limits; returns how far any link of one is from that
+/// of the other in some poses.
+double apart(const KinematicTree<double>& a, const KinematicTree<double>& b) {
   REQUIRE(a.bodies().size() == b.bodies().size());
   REQUIRE(a.links().size() == b.links().size());
   for (std::size_t k = 0; k < a.bodies().size(); ++k) {
@@ -116,7 +122,7 @@ double apart(const Tree<double>& a, const Tree<double>& b) {
   CHECK(a.velocity_limits() == b.velocity_limits());
   CHECK(a.effort_limits() == b.effort_limits());
   RobotDraws draws(8);
-  Kinematics<double> at_a(a), at_b(b);
+  BodyPoses<double> at_a(a), at_b(b);
   double worst = 0;
   for (int k = 0; k < 30; ++k) {
     const VectorX<double> q = anywhere(draws, a);
@@ -125,7 +131,8 @@ double apart(const Tree<double>& a, const Tree<double>& b) {
     for (std::size_t link = 0; link < a.links().size(); ++link) {
       const int other = b.find_link(a.links()[link].name);
       REQUIRE(other >= 0);
-      const Pose<double> x = link_pose(a, at_a, static_cast<int>(link)), y = link_pose(b, at_b, other);
+      const Pose<double> x = link_pose(a, at_a, static_cast<int>(link)),
+                         y = link_pose(b, at_b, other);
       worst = (std::max)({worst, (x.p - y.p).norm(), (x.R - y.R).cwiseAbs().maxCoeff()});
     }
   }
@@ -133,7 +140,7 @@ double apart(const Tree<double>& a, const Tree<double>& b) {
 }
 
 /// The largest |A - B|_ij / sqrt(A_ii A_jj) over some poses.
-double mass_gap(const Tree<double>& a, const Tree<double>& b) {
+double mass_gap(const KinematicTree<double>& a, const KinematicTree<double>& b) {
   Masses at_a(a), at_b(b);
   RobotDraws draws(9);
   double worst = 0;
@@ -141,7 +148,8 @@ double mass_gap(const Tree<double>& a, const Tree<double>& b) {
     const VectorX<double> q = anywhere(draws, a);
     const MatrixX<double>&A = at_a.at(q), &B = at_b.at(q);
     for (Index i = 0; i < 34; ++i) {
-      for (Index j = 0; j < 34; ++j) worst = (std::max)(worst, std::abs(A(i, j) - B(i, j)) / std::sqrt(A(i, i) * A(j, j)));
+      for (Index j = 0; j < 34; ++j)
+        worst = (std::max)(worst, std::abs(A(i, j) - B(i, j)) / std::sqrt(A(i, i) * A(j, j)));
     }
   }
   return worst;
@@ -167,7 +175,8 @@ TEST_CASE("hand34: the shipped file is what the builder gives", "[urdf][hand34]"
   for (std::size_t k = 0; k < have.size(); ++k) {
     if (have[k] == want[k]) continue;
     // Compilers may fuse a product and a sum: the last digit is theirs.
-    const double a = std::strtod(have[k].c_str(), nullptr), b = std::strtod(want[k].c_str(), nullptr);
+    const double a = std::strtod(have[k].c_str(), nullptr),
+                 b = std::strtod(want[k].c_str(), nullptr);
     INFO(have[k] << " instead of " << want[k]);
     CHECK((b != 0 && std::abs(a - b) < 1e-14 * std::abs(b)));
   }
@@ -176,23 +185,24 @@ TEST_CASE("hand34: the shipped file is what the builder gives", "[urdf][hand34]"
   CHECK(model.name == "hand34");
   CHECK(model.weightless_links.size() == 5);
   CHECK(std::abs(model.mass - 1.037) < 5e-4);
-  const Tree<double> own = hand34<double>();
+  const KinematicTree<double> own = hand34<double>();
   CHECK(apart(own, model.tree) < 2e-15);
   CHECK(mass_gap(own, model.tree) < 1e-14);
 }
 
-TEST_CASE("hand34: it is the hand of the shared folder, to the digits printed there", "[urdf][hand34]") {
+TEST_CASE("hand34: it is the hand of the shared folder, to the digits printed there",
+          "[urdf][hand34]") {
   const std::string path = shared_path("data/models/hand34.urdf");
   if (path.empty()) {
     WARN("no shared hand34.urdf: not checked");
     return;
   }
   const UrdfModel<double> shared = value_of(read_urdf(path));
-  const Tree<double> own = hand34<double>();
+  const KinematicTree<double> own = hand34<double>();
   const double places = apart(own, shared.tree), masses = mass_gap(own, shared.tree);
   // Masses and moments have six digits there: half a unit of the last is up to 5e-6 of the value.
-  TreeBuilder<double> printed;
-  const TreeBuilder<double> builder = hand34_builder<double>();
+  KinematicTreeBuilder<double> printed;
+  const KinematicTreeBuilder<double> builder = hand34_builder<double>();
   for (const auto& link : builder.links()) {
     std::optional<Inertia<double>> inertia = link.inertia;
     if (inertia) {
@@ -209,14 +219,17 @@ TEST_CASE("hand34: it is the hand of the shared folder, to the digits printed th
   CHECK(printed_masses < 1e-9);
 }
 
-TEST_CASE("hand34: capsules, contact points and home are those of the shared folder", "[urdf][hand34]") {
+TEST_CASE("hand34: capsules, contact points and home are those of the shared folder",
+          "[urdf][hand34]") {
   const std::string path = shared_path("data/models/capsules_hand34.json");
   if (path.empty()) {
     WARN("no shared capsules_hand34.json: not checked");
     return;
   }
   const std::string json = contents(path);
-  const auto quoted = [&](const std::string& word, std::size_t from) { return json.find('"' + word + '"', from); };
+  const auto quoted = [&](const std::string& word, std::size_t from) {
+    return json.find('"' + word + '"', from);
+  };
   std::size_t place = quoted("tips", 0);
   for (const FingerTip<double>& tip : hand34_tips<double>()) {
     for (const std::string& word : {tip.finger, tip.link, tip.contact_link}) {
@@ -227,7 +240,7 @@ TEST_CASE("hand34: capsules, contact points and home are those of the shared fol
     REQUIRE(point.size() == 3);
     for (std::size_t k = 0; k < 3; ++k) CHECK(tip.contact_point[static_cast<Index>(k)] == point[k]);
   }
-  const Tree<double> tree = hand34<double>();
+  const KinematicTree<double> tree = hand34<double>();
   const VectorX<double> home = hand34_home(tree);
   place = quoted("home", place);
   for (const Body<double>& body : tree.bodies()) {

@@ -1,5 +1,6 @@
-// URDF that suffered on its way: bytes, tags and numbers lost, doubled, swapped and replaced. Each text is read, and then its
-// tree can be moved, or is refused with one line that names file and line.
+// URDF that suffered on its way: bytes, tags and numbers lost, doubled, swapped and replaced. Each
+// text is read, and then its tree can be moved, or is refused with one line that names file and
+// line.
 
 #include <cstddef>
 #include <random>
@@ -10,14 +11,14 @@
 #include "bridge/urdf_text.hpp"
 #include "clothctl/bridge/urdf.hpp"
 #include "clothctl/robot/forward_dynamics.hpp"
-#include "clothctl/robot/kinematics.hpp"
+#include "clothctl/robot/forward_kinematics.hpp"
 #include "io/spoilt_text.hpp"
 #include "support/catch.hpp"
 #include "support/shared_data.hpp"
 #include "support/tier.hpp"
 
 using namespace clothctl;
-using namespace clothctl::robot;
+using namespace clothctl;
 using namespace clothctl_test;
 
 namespace {
@@ -37,15 +38,16 @@ void judge(const std::string& text, Counts& counts) {
   }
   ++counts.read;
   for (const std::string& warning : model->warnings) check_refusal(warning, "f.urdf", text);
-  const Tree<S>& tree = model->tree;
-  const VectorX<S> q = tree.neutral(), zero = VectorX<S>::Constant(tree.velocities(), S(0));
+  const KinematicTree<S>& tree = model->tree;
+  const VectorX<S> q = tree.neutral(), zero = VectorX<S>::Constant(tree.nv(), S(0));
   if (!all_finite(q) || !all_finite(model->damping)) FAIL("a tree that is not finite: " + text);
-  Kinematics<S> kinematics(tree);
-  forward_kinematics<S>(tree, q, kinematics);
+  BodyPoses<S> body_poses(tree);
+  forward_kinematics<S>(tree, q, body_poses);
   ForwardDynamicsWorkspace<S> work(tree);
-  VectorX<S> qdd(tree.velocities());
+  VectorX<S> qdd(tree.nv());
   const Vector3<S> gravity(S(0), S(0), S(-9.81));
-  const DynamicsReport report = forward_dynamics<S>(tree, kinematics, zero, zero, model->damping, gravity, work, qdd);
+  const DynamicsReport report =
+      forward_dynamics<S>(tree, body_poses, zero, zero, model->damping, gravity, work, qdd);
   if (report.status != DynamicsStatus::Solved) return;
   ++counts.moved;
   if (!all_finite(qdd)) FAIL("accelerations that are not finite: " + text);
@@ -54,7 +56,8 @@ void judge(const std::string& text, Counts& counts) {
 /// Where the tags of a text begin and end.
 std::vector<std::pair<std::size_t, std::size_t>> tags_of(const std::string& text) {
   std::vector<std::pair<std::size_t, std::size_t>> tags;
-  for (std::size_t place = text.find('<'); place != std::string::npos; place = text.find('<', place + 1)) {
+  for (std::size_t place = text.find('<'); place != std::string::npos;
+       place = text.find('<', place + 1)) {
     const std::size_t end = text.find('>', place);
     if (end == std::string::npos) break;
     tags.emplace_back(place, end + 1);
@@ -65,7 +68,8 @@ std::vector<std::pair<std::size_t, std::size_t>> tags_of(const std::string& text
 /// Where the values of attributes begin and end.
 std::vector<std::pair<std::size_t, std::size_t>> values_of(const std::string& text) {
   std::vector<std::pair<std::size_t, std::size_t>> values;
-  for (std::size_t place = text.find("=\""); place != std::string::npos; place = text.find("=\"", place + 1)) {
+  for (std::size_t place = text.find("=\""); place != std::string::npos;
+       place = text.find("=\"", place + 1)) {
     const std::size_t end = text.find('"', place + 2);
     if (end == std::string::npos) break;
     values.emplace_back(place + 2, end);
@@ -75,12 +79,23 @@ std::vector<std::pair<std::size_t, std::size_t>> values_of(const std::string& te
 
 /// Spoils a text in one place as an editor's mistake would.
 std::string edited(const std::string& text, std::mt19937& engine) {
-  static const std::vector<std::string> words = {"",      "x",    "${x}",     "world",    "bend",   "lift",  "mount",
-                                                 "fixed", "curl", "floating", "revolute", "planar", "wheel", "tip"};
-  static const std::vector<std::string> numbers = {
-      "nan",  "1e999", "",      "-inf", "0",   "-1",    "1e308", "1e-320", "1e30", "0.25", "3",
-      "-0.5", "1e-6",  "-1e-9", "1e12", "1e5", "0 0 0", "1 2 3", "0 0",    "2",    "0.01", "1e200 1e200 1e200"};
-  const auto pick = [&engine](std::size_t size) { return static_cast<std::size_t>(engine()) % size; };
+  static const std::vector<std::string> words = {"",         "x",      "${x}",  "world", "bend",
+                                                 "lift",     "mount",  "fixed", "curl",  "floating",
+                                                 "revolute", "planar", "wheel", "tip"};
+  static const std::vector<std::string> numbers = {"nan",   "1e999",
+                                                   "",      "-inf",
+                                                   "0",     "-1",
+                                                   "1e308", "1e-320",
+                                                   "1e30",  "0.25",
+                                                   "3",     "-0.5",
+                                                   "1e-6",  "-1e-9",
+                                                   "1e12",  "1e5",
+                                                   "0 0 0", "1 2 3",
+                                                   "0 0",   "2",
+                                                   "0.01",  "1e200 1e200 1e200"};
+  const auto pick = [&engine](std::size_t size) {
+    return static_cast<std::size_t>(engine()) % size;
+  };
   const auto tags = tags_of(text), values = values_of(text);
   const auto [begin, end] = tags[pick(tags.size())];
   const std::string tag = text.substr(begin, end - begin);
@@ -109,7 +124,8 @@ std::string edited(const std::string& text, std::mt19937& engine) {
 /// Spoils a text in `trials` ways: half of them by bytes, half by elements, in one or two places.
 void campaign(const std::string& text, unsigned seed, int trials, Counts& counts) {
   const std::string bytes = "<>/=\"' \n\t0123456789.-+e&;#!?[]xabc\xef\xbb\xbf";
-  for_each_spoilt(text, bytes, seed, trials / 2, [&counts](const std::string& spoilt) { judge<double>(spoilt, counts); });
+  for_each_spoilt(text, bytes, seed, trials / 2,
+                  [&counts](const std::string& spoilt) { judge<double>(spoilt, counts); });
   std::mt19937 engine(seed + 1);
   for (int trial = 0; trial < trials - trials / 2; ++trial) {
     std::string spoilt = edited(text, engine);
@@ -135,11 +151,12 @@ TEST_CASE("URDF: spoilt robots are read or refused, never more", "[urdf]") {
       WARN("no shared model " << name << ": not spoilt");
       continue;
     }
-    const Result<std::string> text = urdf_detail::read_text(path);
+    const Result<std::string> text = detail::read_text(path);
     REQUIRE(text.has_value());
     campaign(*text, 6, trials(200, 10000), counts);
   }
-  INFO(counts.read << " read, of these " << counts.moved << " moved; " << counts.refused << " refused");
+  INFO(counts.read << " read, of these " << counts.moved << " moved; " << counts.refused
+                   << " refused");
   CHECK(counts.read > 300);
   CHECK(counts.moved > 200);
   CHECK(counts.refused > 500);

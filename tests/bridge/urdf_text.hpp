@@ -1,6 +1,7 @@
 #pragma once
 
-// URDF texts for tests, line by line: a robot with everything that is read, and joints between links of a line.
+// URDF texts for tests, line by line: a robot with everything that is read, and joints between
+// links of a line.
 
 #include <string>
 
@@ -14,22 +15,28 @@ inline std::string link_text(const std::string& name, const std::string& inside 
 /// An inertia of 2 kg.
 inline std::string inertial_text(const std::string& origin = "") {
   return "<inertial>" + origin +
-         "<mass value=\"2\"/><inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" izz=\"0.015\"/></inertial>";
+         "<mass value=\"2\"/><inertia ixx=\"0.01\" ixy=\"0\" ixz=\"0\" iyy=\"0.02\" iyz=\"0\" "
+         "izz=\"0.015\"/></inertial>";
 }
 
 /// A joint of four lines: its head, parent, child, and the rest.
-inline std::string joint_text(const std::string& name, const std::string& type, const std::string& parent,
-                              const std::string& child, const std::string& inside = "") {
-  return "<joint name=\"" + name + "\" type=\"" + type + "\">\n<parent link=\"" + parent + "\"/>\n<child link=\"" + child +
-         "\"/>\n" + inside + "</joint>\n";
+inline std::string joint_text(const std::string& name, const std::string& type,
+                              const std::string& parent, const std::string& child,
+                              const std::string& inside = "") {
+  return "<joint name=\"" + name + "\" type=\"" + type + "\">\n<parent link=\"" + parent +
+         "\"/>\n<child link=\"" + child + "\"/>\n" + inside + "</joint>\n";
 }
 
 /// A robot whose content begins in line 2.
-inline std::string robot_text(const std::string& inside) { return "<robot name=\"r\">\n" + inside + "</robot>\n"; }
+inline std::string robot_text(const std::string& inside) {
+  return "<robot name=\"r\">\n" + inside + "</robot>\n";
+}
 
-/// Links "a" (line 2) and "b" (line 3, 2 kg) and between them joint "j" (head in line 4) with `inside` in line 7.
+/// Links "a" (line 2) and "b" (line 3, 2 kg) and between them joint "j" (head in line 4) with
+/// `inside` in line 7.
 inline std::string pair_text(const std::string& type, const std::string& inside) {
-  return robot_text(link_text("a") + link_text("b", inertial_text()) + joint_text("j", type, "a", "b", inside));
+  return robot_text(link_text("a") + link_text("b", inertial_text()) +
+                    joint_text("j", type, "a", "b", inside));
 }
 
 /// A robot with every element that is read.

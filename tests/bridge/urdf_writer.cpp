@@ -22,7 +22,8 @@ namespace {
 template <class S>
 double gap(const Pose<S>& a, const Pose<S>& b) {
   const double turn = static_cast<double>((a.R - b.R).cwiseAbs().maxCoeff());
-  return (std::max)(turn, static_cast<double>((a.p - b.p).norm()) / (1 + static_cast<double>(a.p.norm())));
+  return (std::max)(
+      turn, static_cast<double>((a.p - b.p).norm()) / (1 + static_cast<double>(a.p.norm())));
 }
 
 template <class S>
@@ -31,16 +32,16 @@ bool same_bound(const S& a, const S& b) {
 }
 
 template <class S>
-UrdfModel<S> again(const TreeBuilder<S>& builder, const std::string& name = "r") {
+UrdfModel<S> again(const KinematicTreeBuilder<S>& builder, const std::string& name = "r") {
   return value_of(parse_urdf<S>(urdf_text(builder, name), "again.urdf"));
 }
 
 /// Checks that two trees are the same but for their numbers; returns by how much those differ.
 template <class S>
-double gap(const Tree<S>& a, const Tree<S>& b) {
+double gap(const KinematicTree<S>& a, const KinematicTree<S>& b) {
   REQUIRE(a.bodies().size() == b.bodies().size());
   REQUIRE(a.links().size() == b.links().size());
-  REQUIRE(a.positions() == b.positions());
+  REQUIRE(a.nq() == b.nq());
   double worst = 0;
   for (std::size_t k = 0; k < a.links().size(); ++k) {
     CHECK(a.links()[k].name == b.links()[k].name);
@@ -62,13 +63,14 @@ double gap(const Tree<S>& a, const Tree<S>& b) {
     worst = (std::max)(worst, gap(x.placement, y.placement));
     worst = (std::max)(worst, static_cast<double>((x.inertia.com - y.inertia.com).norm()));
     const double size = 1e-30 + static_cast<double>(x.inertia.about_com.norm());
-    worst = (std::max)(worst, static_cast<double>((x.inertia.about_com - y.inertia.about_com).norm()) / size);
+    worst = (std::max)(
+        worst, static_cast<double>((x.inertia.about_com - y.inertia.about_com).norm()) / size);
   }
-  for (Index i = 0; i < a.positions(); ++i) {
+  for (Index i = 0; i < a.nq(); ++i) {
     CHECK(same_bound(a.lower()[i], b.lower()[i]));
     CHECK(same_bound(a.upper()[i], b.upper()[i]));
   }
-  for (Index i = 0; i < a.velocities(); ++i) {
+  for (Index i = 0; i < a.nv(); ++i) {
     CHECK(same_bound(a.velocity_limits()[i], b.velocity_limits()[i]));
     CHECK(same_bound(a.effort_limits()[i], b.effort_limits()[i]));
   }
@@ -89,11 +91,14 @@ const std::vector<std::string> kNasty = {" ",
                                          "percent %s %n",
                                          "\\u0041\\"};
 
-/// A robot of random parts, of every kind of joint, every second with some limit, and names that XML does not like.
+/// A robot of random parts, of every kind of joint, every second with some limit, and names that
+/// XML does not like.
 template <class S>
-TreeBuilder<S> random_builder(RobotDraws& draws, int joints) {
-  TreeBuilder<S> builder;
-  const auto link_name = [](int k) { return kNasty[static_cast<std::size_t>(k) % kNasty.size()] + std::to_string(k); };
+KinematicTreeBuilder<S> random_builder(RobotDraws& draws, int joints) {
+  KinematicTreeBuilder<S> builder;
+  const auto link_name = [](int k) {
+    return kNasty[static_cast<std::size_t>(k) % kNasty.size()] + std::to_string(k);
+  };
   builder.add_link(link_name(0));
   for (int k = 1; k <= joints; ++k) {
     if (k % 5 == 0) {
@@ -106,9 +111,9 @@ TreeBuilder<S> random_builder(RobotDraws& draws, int joints) {
     Joint<S> joint;
     joint.name = "joint of " + link_name(k);
     joint.type =
-        std::vector<JointType>{
-            JointType::Revolute, JointType::Prismatic, JointType::Fixed,
-            JointType::Revolute, JointType::Free,      JointType::Revolute}[static_cast<std::size_t>(draws.below(6))];
+        std::vector<JointType>{JointType::Revolute, JointType::Prismatic, JointType::Fixed,
+                               JointType::Revolute, JointType::Free,      JointType::Revolute}
+            [static_cast<std::size_t>(draws.below(6))];
     joint.parent = link_name(draws.below(k));
     joint.child = link_name(k);
     joint.axis = draws.vector().template cast<S>();
@@ -134,7 +139,7 @@ TreeBuilder<S> random_builder(RobotDraws& draws, int joints) {
 
 template <class S>
 Pose<S> reread(const Matrix3<S>& R, std::string* text = nullptr) {
-  TreeBuilder<S> builder;
+  KinematicTreeBuilder<S> builder;
   Joint<S> joint;
   joint.name = "j";
   joint.parent = "a";
@@ -147,7 +152,8 @@ Pose<S> reread(const Matrix3<S>& R, std::string* text = nullptr) {
 }
 
 Matrix3<double> turn(double roll, double pitch, double yaw) {
-  return (Eigen::AngleAxisd(yaw, Vector3<double>::UnitZ()) * Eigen::AngleAxisd(pitch, Vector3<double>::UnitY()) *
+  return (Eigen::AngleAxisd(yaw, Vector3<double>::UnitZ()) *
+          Eigen::AngleAxisd(pitch, Vector3<double>::UnitY()) *
           Eigen::AngleAxisd(roll, Vector3<double>::UnitX()))
       .toRotationMatrix();
 }
@@ -159,17 +165,18 @@ TEST_CASE("URDF: random robots with nasty names come back", "[urdf]") {
   double worst = 0, worst_single = 0;
   int built = 0;
   for (int k = 0; k < 200; ++k) {
-    const TreeBuilder<double> builder = random_builder<double>(draws, 1 + k % 30);
-    const Result<Tree<double>> tree = builder.build();
+    const KinematicTreeBuilder<double> builder = random_builder<double>(draws, 1 + k % 30);
+    const Result<KinematicTree<double>> tree = builder.build();
     if (tree) {  // limits of followers may leave nothing
       ++built;
-      const UrdfModel<double> model = again(builder, kNasty[static_cast<std::size_t>(k) % kNasty.size()]);
+      const UrdfModel<double> model =
+          again(builder, kNasty[static_cast<std::size_t>(k) % kNasty.size()]);
       CHECK(model.name == kNasty[static_cast<std::size_t>(k) % kNasty.size()]);
       worst = (std::max)(worst, gap(*tree, model.tree));
       CHECK(urdf_text(builder, "r") == urdf_text(builder, "r"));
     }
-    const TreeBuilder<float> single = random_builder<float>(draws, 1 + k % 30);
-    const Result<Tree<float>> single_tree = single.build();
+    const KinematicTreeBuilder<float> single = random_builder<float>(draws, 1 + k % 30);
+    const Result<KinematicTree<float>> single_tree = single.build();
     if (single_tree) worst_single = (std::max)(worst_single, gap(*single_tree, again(single).tree));
   }
   CHECK(built > 100);
@@ -184,13 +191,16 @@ TEST_CASE("URDF: rotations come back, at and around both gimbal locks too", "[ur
   double worst = 0;
   for (int k = 0; k < 4000; ++k) {
     Matrix3<double> R = draws.rotation();
-    if (k % 2 == 0) {  // so near to the lock, on both sides of it, that nothing is left of yaw or some
+    if (k % 2 ==
+        0) {  // so near to the lock, on both sides of it, that nothing is left of yaw or some
       const double off = k % 8 < 4 ? std::pow(10.0, -1.0 - 0.1 * (k % 190)) : 0.0;
-      R = turn(3 * draws.normal(), (k % 4 == 0 ? quarter : -quarter) + (k % 3 - 1) * off, 3 * draws.normal());
+      R = turn(3 * draws.normal(), (k % 4 == 0 ? quarter : -quarter) + (k % 3 - 1) * off,
+               3 * draws.normal());
     }
     worst = (std::max)(worst, (reread<double>(R).R - R).cwiseAbs().maxCoeff());
   }
-  // Quarter turns about all axes, of exact zeros and ones: at the lock there is nothing to take an angle from.
+  // Quarter turns about all axes, of exact zeros and ones: at the lock there is nothing to take an
+  // angle from.
   int quarters = 0;
   for (int x = 0; x < 3; ++x) {
     for (int y = 0; y < 3; ++y) {
@@ -210,10 +220,12 @@ TEST_CASE("URDF: rotations come back, at and around both gimbal locks too", "[ur
 
 TEST_CASE("URDF: angles that were typed are written as they were", "[urdf]") {
   std::string text;
-  for (const Vector3<double>& rpy : {Vector3<double>(-1.05, 0.35, 0.75), Vector3<double>(0.1, -0.2, 0.3),
-                                     Vector3<double>(0, 0, -0.13), Vector3<double>(3, 1.25, -2.5)}) {
+  for (const Vector3<double>& rpy :
+       {Vector3<double>(-1.05, 0.35, 0.75), Vector3<double>(0.1, -0.2, 0.3),
+        Vector3<double>(0, 0, -0.13), Vector3<double>(3, 1.25, -2.5)}) {
     reread<double>(turn(rpy[0], rpy[1], rpy[2]), &text);
-    const std::string written = number_text(rpy[0]) + " " + number_text(rpy[1]) + " " + number_text(rpy[2]);
+    const std::string written =
+        number_text(rpy[0]) + " " + number_text(rpy[1]) + " " + number_text(rpy[2]);
     INFO(text);
     CHECK(text.find("rpy=\"" + written + "\"") != std::string::npos);
   }
@@ -224,13 +236,18 @@ TEST_CASE("URDF: angles that were typed are written as they were", "[urdf]") {
 }
 
 TEST_CASE("URDF: every kind of joint is written as what it is", "[urdf]") {
-  TreeBuilder<double> builder;
+  KinematicTreeBuilder<double> builder;
   Inertia<double> heavy;
   heavy.mass = 1e25;  // no bound, whatever its size
   heavy.com = Vector3<double>(0.5, -0.0, 1e-9);
   heavy.about_com.diagonal() = Vector3<double>(3, 2, 2);
   heavy.about_com(0, 1) = heavy.about_com(1, 0) = -0.25;
-  builder.add_link("a").add_link("b", heavy).add_link("c").add_link("d").add_link("e").add_link("f");
+  builder.add_link("a")
+      .add_link("b", heavy)
+      .add_link("c")
+      .add_link("d")
+      .add_link("e")
+      .add_link("f");
   const auto join = [](const char* name, JointType type, const char* parent, const char* child) {
     Joint<double> joint;
     joint.name = name;
@@ -239,13 +256,17 @@ TEST_CASE("URDF: every kind of joint is written as what it is", "[urdf]") {
     joint.child = child;
     return joint;
   };
-  Joint<double> slide = join("slide", JointType::Prismatic, "b", "c"), bend = join("bend", JointType::Revolute, "c", "d"),
+  Joint<double> slide = join("slide", JointType::Prismatic, "b", "c"),
+                bend = join("bend", JointType::Revolute, "c", "d"),
                 follow = join("follow", JointType::Revolute, "d", "e");
   bend.limits = {-1.5, 2.0, 3.0, 4.5};
   follow.leader = "bend";
   follow.ratio = -0.5;
   follow.offset = 0.25;
-  builder.add_joint(join("turn", JointType::Revolute, "a", "b")).add_joint(slide).add_joint(bend).add_joint(follow);
+  builder.add_joint(join("turn", JointType::Revolute, "a", "b"))
+      .add_joint(slide)
+      .add_joint(bend)
+      .add_joint(follow);
   builder.add_joint(join("fly", JointType::Free, "e", "f"));
   const std::string expected = R"(<?xml version="1.0" encoding="utf-8"?>
 <robot name="all">
@@ -299,16 +320,18 @@ TEST_CASE("URDF: every kind of joint is written as what it is", "[urdf]") {
 TEST_CASE("URDF: what does not build is written and refused", "[urdf]") {
   Inertia<double> broken;
   broken.mass = std::numeric_limits<double>::quiet_NaN();
-  TreeBuilder<double> builder;
+  KinematicTreeBuilder<double> builder;
   builder.add_link("a", broken);
-  CHECK(refusal_of(parse_urdf(urdf_text(builder, "r"), "f")) == "f:5: link \"a\": <mass> value: \"nan\" is not finite");
-  CHECK(refusal_of(parse_urdf(urdf_text(TreeBuilder<double>(), "r"), "f")) != "accepted");
-  TreeBuilder<double> xacro;
+  CHECK(refusal_of(parse_urdf(urdf_text(builder, "r"), "f")) ==
+        "f:5: link \"a\": <mass> value: \"nan\" is not finite");
+  CHECK(refusal_of(parse_urdf(urdf_text(KinematicTreeBuilder<double>(), "r"), "f")) != "accepted");
+  KinematicTreeBuilder<double> xacro;
   xacro.add_link("${name}");
   CHECK(refusal_of(parse_urdf(urdf_text(xacro, "r"), "f")).find("xacro") != std::string::npos);
 }
 
-TEST_CASE("URDF: the hand of 34 joints comes back to the last digits, in both precisions", "[urdf][hand34]") {
+TEST_CASE("URDF: the hand of 34 joints comes back to the last digits, in both precisions",
+          "[urdf][hand34]") {
   const UrdfModel<double> model = again(hand34_builder<double>(), "hand34");
   CHECK(gap(hand34<double>(), model.tree) < 1e-15);
   CHECK(model.warnings.empty());

@@ -23,6 +23,7 @@
 #include "support/shared_data.hpp"
 
 using namespace clothctl;
+using namespace clothctl::detail;
 
 static_assert(ClothModel<MassSpring<double>> && ClothModel<MassSpring<float>, float>);
 static_assert(!ClothModel<MassSpring<float>, double>);
@@ -62,7 +63,8 @@ Points<double> noise(unsigned seed, Index n, double size) {
 template <class S>
 bool same_bits(const ClothState<S>& a, const ClothState<S>& b) {
   const auto same = [](const Points<S>& p, const Points<S>& q) {
-    return p.cols() == q.cols() && std::memcmp(p.data(), q.data(), sizeof(S) * static_cast<std::size_t>(p.size())) == 0;
+    return p.cols() == q.cols() &&
+           std::memcmp(p.data(), q.data(), sizeof(S) * static_cast<std::size_t>(p.size())) == 0;
   };
   return same(a.positions, b.positions) && same(a.velocities, b.velocities);
 }
@@ -78,17 +80,21 @@ Points<double> elastic_forces(const SpringNetwork<double>& network, const Points
   }
   for (const BendStencil<double>& b : network.bends) {
     Eigen::Vector3d c = Eigen::Vector3d::Zero();
-    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) c += b.weight[i] * x.col(b.vertex[i]);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) f.col(b.vertex[i]) -= b.stiffness * b.weight[i] * c;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
+      c += b.weight[i] * x.col(b.vertex[i]);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
+      f.col(b.vertex[i]) -= b.stiffness * b.weight[i] * c;
   }
   return f;
 }
 
 // All forces at positions x and velocities v, with dampers and air matrices taken at x0 and v0.
-Points<double> all_forces(const MassSpring<double>& model, const Points<double>& x, const Points<double>& v,
-                          const Points<double>& x0, const Points<double>& v0, const ClothInput<double>& input) {
+Points<double> all_forces(const MassSpring<double>& model, const Points<double>& x,
+                          const Points<double>& v, const Points<double>& x0,
+                          const Points<double>& v0, const ClothInput<double>& input) {
   const SpringNetwork<double>& network = model.network();
-  Points<double> f = elastic_forces(network, x) + model.settings().gravity * network.mass.transpose();
+  Points<double> f =
+      elastic_forces(network, x) + model.settings().gravity * network.mass.transpose();
   for (const Spring<double>& s : network.springs) {
     const Eigen::Vector3d n = (x0.col(s.a) - x0.col(s.b)).normalized();
     const Eigen::Vector3d pull = s.damping * n.dot(v.col(s.a) - v.col(s.b)) * n;
@@ -98,11 +104,12 @@ Points<double> all_forces(const MassSpring<double>& model, const Points<double>&
   for (const std::array<int, 3>& t : network.triangles) {
     const Eigen::Vector3d mean0 = (v0.col(t[0]) + v0.col(t[1]) + v0.col(t[2])) / 3;
     const Eigen::Vector3d mean = (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) / 3;
-    const Eigen::Matrix3d c =
-        air_drag_matrix<double>(x0.col(t[0]), x0.col(t[1]), x0.col(t[2]), mean0, input.wind, model.settings().air);
+    const Eigen::Matrix3d c = air_drag_matrix<double>(x0.col(t[0]), x0.col(t[1]), x0.col(t[2]),
+                                                      mean0, input.wind, model.settings().air);
     for (int i : t) f.col(i) += c * (input.wind - mean) / 3;
   }
-  for (Index i = 0; i < x.cols(); ++i) f.col(i) -= model.settings().drag * network.mass[i] * v.col(i);
+  for (Index i = 0; i < x.cols(); ++i)
+    f.col(i) -= model.settings().drag * network.mass[i] * v.col(i);
   for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
     f.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
   return f;
@@ -112,8 +119,8 @@ double energy(const MassSpring<double>& model, const ClothState<double>& state) 
   const SpringNetwork<double>& network = model.network();
   double sum = spring_energy<double>(network, state.positions);
   for (Index i = 0; i < network.vertex_count(); ++i) {
-    sum +=
-        network.mass[i] * (0.5 * state.velocities.col(i).squaredNorm() - model.settings().gravity.dot(state.positions.col(i)));
+    sum += network.mass[i] * (0.5 * state.velocities.col(i).squaredNorm() -
+                              model.settings().gravity.dot(state.positions.col(i)));
   }
   return sum;
 }
@@ -156,11 +163,13 @@ std::vector<std::vector<double>> read_numbers(const std::string& path) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth with one solve and with Newton", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth with one solve and with Newton",
+                   "[cloth]", float, double) {
   using S = TestType;
-  const std::vector<SpringNetwork<S>> networks{sheet<S>(), rope_network(RopeSettings<S>()).value(), ball<S>()};
+  const std::vector<SpringNetwork<S>> networks{sheet<S>(), rope_network(RopeSettings<S>()).value(),
+                                               ball<S>()};
   for (std::size_t which = 0; which < networks.size(); ++which) {
-    for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+    for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
       for (const bool held : {false, true}) {
         CAPTURE(which, integration, held);
         MassSpringSettings<S> settings;
@@ -168,14 +177,16 @@ TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth with one sol
         settings.drag = held ? S(0.5) : S(0);
         if (held) settings.pinned = {0, 2};
         if (held) settings.air.normal_coefficient = S(1);
-        // Newton stops far below the tolerance of the laws: rounding in double, the force's own rounding in float.
+        // Newton stops far below the tolerance of the laws: rounding in double, the force's own
+        // rounding in float.
         settings.velocity_tolerance = std::is_same_v<S, float> ? S(1e-4) : S(1e-11);
         clothctl_test::ClothLaws<S> laws;
         laws.mass = networks[which].mass;
         laws.drag = settings.drag;
         laws.pinned = settings.pinned;
         laws.momentum_known = !held;
-        if (std::is_same_v<S, float>) laws.tolerance = S(3e-3);  // k ε |x| h / m, the rounding of a spring's pull
+        if (std::is_same_v<S, float>)
+          laws.tolerance = S(3e-3);  // k ε |x| h / m, the rounding of a spring's pull
         clothctl_test::check_cloth_laws(make(networks[which], settings), laws);
       }
     }
@@ -196,13 +207,16 @@ TEST_CASE("a step by one solve is the solution of the header's linear system", "
   const Index n = x.cols();
   const double h = scene.dt;
   Eigen::MatrixXd a = Eigen::MatrixXd::Zero(3 * n, 3 * n);
-  const auto add = [&](int i, int j, const Eigen::Matrix3d& block) { a.block<3, 3>(3 * i, 3 * j) += block; };
+  const auto add = [&](int i, int j, const Eigen::Matrix3d& block) {
+    a.block<3, 3>(3 * i, 3 * j) += block;
+  };
   for (const Spring<double>& s : scene.network.springs) {
     const Eigen::Vector3d d = x.col(s.a) - x.col(s.b);
     const Eigen::Matrix3d along = d * d.transpose() / d.squaredNorm();
     const double tension = std::max(0.0, 1 - s.rest_length / d.norm());
     const Eigen::Matrix3d block =
-        (h * h * s.stiffness + h * s.damping) * along + h * h * s.stiffness * tension * (Eigen::Matrix3d::Identity() - along);
+        (h * h * s.stiffness + h * s.damping) * along +
+        h * h * s.stiffness * tension * (Eigen::Matrix3d::Identity() - along);
     add(s.a, s.a, block);
     add(s.b, s.b, block);
     add(s.a, s.b, -block);
@@ -211,19 +225,21 @@ TEST_CASE("a step by one solve is the solution of the header's linear system", "
   for (const BendStencil<double>& b : scene.network.bends) {
     for (std::size_t i = 0; i < 3; ++i) {
       for (std::size_t j = 0; j < 3; ++j) {
-        add(b.vertex[i], b.vertex[j], h * h * b.stiffness * b.weight[i] * b.weight[j] * Eigen::Matrix3d::Identity());
+        add(b.vertex[i], b.vertex[j],
+            h * h * b.stiffness * b.weight[i] * b.weight[j] * Eigen::Matrix3d::Identity());
       }
     }
   }
   for (const std::array<int, 3>& t : scene.network.triangles) {
     const Eigen::Vector3d mean = (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) / 3;
-    const Eigen::Matrix3d c =
-        air_drag_matrix<double>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean, scene.input.wind, scene.settings.air);
+    const Eigen::Matrix3d c = air_drag_matrix<double>(x.col(t[0]), x.col(t[1]), x.col(t[2]), mean,
+                                                      scene.input.wind, scene.settings.air);
     for (int i : t) {
       for (int j : t) add(i, j, h / 9 * c);
     }
   }
-  for (Index i = 0; i < n; ++i) a.diagonal().segment<3>(3 * i).array() += (1 + h * scene.settings.drag) * scene.network.mass[i];
+  for (Index i = 0; i < n; ++i)
+    a.diagonal().segment<3>(3 * i).array() += (1 + h * scene.settings.drag) * scene.network.mass[i];
   // Forces without dampers, drag and the air's part in v: those stand in A.
   const Points<double> still = Points<double>::Zero(3, n);
   Points<double> b = h * all_forces(model, x, still, x, v, scene.input);
@@ -239,7 +255,8 @@ TEST_CASE("a step by one solve is the solution of the header's linear system", "
     rhs.segment<3>(3 * held) = held == 35 ? driven : Eigen::Vector3d(0, 0, 0);
   }
   const Eigen::VectorXd expected = a.llt().solve(rhs);
-  CHECK((state.velocities.reshaped() - expected).cwiseAbs().maxCoeff() <= 1e-11 * expected.cwiseAbs().maxCoeff());
+  CHECK((state.velocities.reshaped() - expected).cwiseAbs().maxCoeff() <=
+        1e-11 * expected.cwiseAbs().maxCoeff());
   CHECK((state.positions - x - h * state.velocities).cwiseAbs().maxCoeff() <= 1e-15);
 }
 
@@ -248,7 +265,8 @@ TEST_CASE("a Newton step meets M (v - v0) = h f(x0 + h v, v) to its tolerance", 
     for (const double size : {0.001, 0.01}) {  // slightly and badly crumpled
       Scene scene;
       scene.state.positions = scene.network.rest_positions + noise(4, 36, size);
-      scene.input.driven_positions = scene.state.positions.col(35) + Eigen::Vector3d(0.004, -0.002, 0.003);
+      scene.input.driven_positions =
+          scene.state.positions.col(35) + Eigen::Vector3d(0.004, -0.002, 0.003);
       scene.settings.integration = Integration::Newton;
       scene.settings.velocity_tolerance = tolerance;
       const MassSpring<double> model = make(scene.network, scene.settings);
@@ -257,14 +275,17 @@ TEST_CASE("a Newton step meets M (v - v0) = h f(x0 + h v, v) to its tolerance", 
       const StepReport<double> report = model.step(state, scene.input, scene.dt, ws);
       REQUIRE(report.status == StepStatus::Converged);
       CHECK(report.iterations > 1);
-      const Points<double> f = all_forces(model, scene.state.positions + scene.dt * state.velocities, state.velocities,
-                                          scene.state.positions, scene.state.velocities, scene.input);
-      const double allowed = 0 < tolerance ? tolerance : 2 * std::cbrt(std::numeric_limits<double>::epsilon());
+      const Points<double> f =
+          all_forces(model, scene.state.positions + scene.dt * state.velocities, state.velocities,
+                     scene.state.positions, scene.state.velocities, scene.input);
+      const double allowed =
+          0 < tolerance ? tolerance : 2 * std::cbrt(std::numeric_limits<double>::epsilon());
       double worst = 0;
       for (Index i = 0; i < 36; ++i) {
         if (i == 30 || i == 35) continue;
         const Eigen::Vector3d residual =
-            scene.network.mass[i] * (state.velocities.col(i) - scene.state.velocities.col(i)) - scene.dt * f.col(i);
+            scene.network.mass[i] * (state.velocities.col(i) - scene.state.velocities.col(i)) -
+            scene.dt * f.col(i);
         CHECK(residual.cwiseAbs().maxCoeff() <= 1.01 * allowed * scene.network.mass[i]);
         worst = std::max(worst, residual.cwiseAbs().maxCoeff());
       }
@@ -273,8 +294,10 @@ TEST_CASE("a Newton step meets M (v - v0) = h f(x0 + h v, v) to its tolerance", 
   }
 }
 
-TEST_CASE("Newton steps keep linear momentum, and turn it only by what implicit Euler loses", "[cloth]") {
-  // x⁺ × f(x⁺) sums to nothing over inner forces, so Σ m x⁺ × (v⁺ - v0) = 0: the change of Σ m x × v is h Σ m v⁺ × v0 exactly.
+TEST_CASE("Newton steps keep linear momentum, and turn it only by what implicit Euler loses",
+          "[cloth]") {
+  // x⁺ × f(x⁺) sums to nothing over inner forces, so Σ m x⁺ × (v⁺ - v0) = 0: the change of Σ m x ×
+  // v is h Σ m v⁺ × v0 exactly.
   SpringNetwork<double> network = sheet<double>();
   undamp(network);
   MassSpringSettings<double> settings;
@@ -284,10 +307,12 @@ TEST_CASE("Newton steps keep linear momentum, and turn it only by what implicit 
   const MassSpring<double> model = make(network, settings);
   auto ws = model.make_workspace();
   ClothState<double> state{network.rest_positions + noise(5, 36, 0.002), noise(6, 36, 0.1)};
-  for (Index i = 0; i < 36; ++i) state.velocities.col(i) += Eigen::Vector3d(1, 3, -2).cross(state.positions.col(i));
+  for (Index i = 0; i < 36; ++i)
+    state.velocities.col(i) += Eigen::Vector3d(1, 3, -2).cross(state.positions.col(i));
   const auto angular = [&](const ClothState<double>& s) {
     Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-    for (Index i = 0; i < 36; ++i) sum += network.mass[i] * s.positions.col(i).cross(s.velocities.col(i));
+    for (Index i = 0; i < 36; ++i)
+      sum += network.mass[i] * s.positions.col(i).cross(s.velocities.col(i));
     return sum;
   };
   const Eigen::Vector3d linear = state.velocities * network.mass;
@@ -297,12 +322,14 @@ TEST_CASE("Newton steps keep linear momentum, and turn it only by what implicit 
     REQUIRE(model.step(state, {}, dt, ws).status == StepStatus::Converged);
     CHECK((state.velocities * network.mass - linear).norm() <= 1e-12 * network.mass.sum());
     Eigen::Vector3d loss = Eigen::Vector3d::Zero();
-    for (Index i = 0; i < 36; ++i) loss += network.mass[i] * dt * state.velocities.col(i).cross(before.velocities.col(i));
+    for (Index i = 0; i < 36; ++i)
+      loss += network.mass[i] * dt * state.velocities.col(i).cross(before.velocities.col(i));
     CHECK((angular(state) - angular(before) - loss).norm() <= 1e-11 * network.mass.sum());
   }
 }
 
-TEST_CASE("without input the energy of a hanging, swinging rope or sheet never grows under Newton", "[cloth]") {
+TEST_CASE("without input the energy of a hanging, swinging rope or sheet never grows under Newton",
+          "[cloth]") {
   RopeSettings<double> rope;
   rope.segments = 12;
   for (SpringNetwork<double> network : {rope_network(rope).value(), sheet<double>()}) {
@@ -316,8 +343,9 @@ TEST_CASE("without input the energy of a hanging, swinging rope or sheet never g
       const MassSpring<double> model = make(network, settings);
       auto ws = model.make_workspace();
       ClothState<double> state = model.rest_state();
-      // Laid out sideways, to swing down.
-      for (Index i = 0; i < n; ++i) state.positions.col(i) = Eigen::Vector3d(state.positions(0, i), -state.positions(2, i), 0);
+      // Laid out sideways, so that it swings down.
+      for (Index i = 0; i < n; ++i)
+        state.positions.col(i) = Eigen::Vector3d(state.positions(0, i), -state.positions(2, i), 0);
       double last = energy(model, state);
       const double first = last;
       for (int k = 0; k < 100; ++k) {
@@ -331,7 +359,9 @@ TEST_CASE("without input the energy of a hanging, swinging rope or sheet never g
   }
 }
 
-TEST_CASE("both integrations converge to the true motion of a chain with the first order of the step", "[cloth]") {
+TEST_CASE(
+    "both integrations converge to the true motion of a chain with the first order of the step",
+    "[cloth]") {
   RopeSettings<double> rope;
   rope.segments = 5;
   rope.stretch = 3.0;  // soft: the steps must resolve its own oscillations
@@ -344,9 +374,11 @@ TEST_CASE("both integrations converge to the true motion of a chain with the fir
   MassSpring<double> model = make(network, settings);
   ClothState<double> start = model.rest_state();
   for (Index i = 0; i < 6; ++i)
-    start.positions.col(i) = 1.05 * Eigen::Vector3d(-start.positions(2, i), 0, 0.3 * start.positions(2, i));
+    start.positions.col(i) =
+        1.05 * Eigen::Vector3d(-start.positions(2, i), 0, 0.3 * start.positions(2, i));
 
-  // The classical fourth-order Runge-Kutta method on ẍ = f/m, its dampers along the present directions.
+  // The classical fourth-order Runge-Kutta method on ẍ = f/m, its dampers along the present
+  // directions.
   const double time = 0.4;
   ClothState<double> truth = start;
   const auto rate = [&](const ClothState<double>& s) {
@@ -361,18 +393,19 @@ TEST_CASE("both integrations converge to the true motion of a chain with the fir
   const int fine = 8000;
   for (int k = 0; k < fine; ++k) {
     const double h = time / fine;
-    const ClothState<double> a = rate(truth), b = rate(moved(truth, a, h / 2)), c = rate(moved(truth, b, h / 2)),
-                             d = rate(moved(truth, c, h));
+    const ClothState<double> a = rate(truth), b = rate(moved(truth, a, h / 2)),
+                             c = rate(moved(truth, b, h / 2)), d = rate(moved(truth, c, h));
     truth = moved(moved(moved(moved(truth, a, h / 6), b, h / 3), c, h / 3), d, h / 6);
   }
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     CAPTURE(integration);
     model.set_integration(integration);
     auto ws = model.make_workspace();
     std::vector<double> error;
     for (const int steps : {1000, 2000, 4000}) {
       ClothState<double> state = start;
-      for (int k = 0; k < steps; ++k) REQUIRE(model.step(state, {}, time / steps, ws).status == StepStatus::Converged);
+      for (int k = 0; k < steps; ++k)
+        REQUIRE(model.step(state, {}, time / steps, ws).status == StepStatus::Converged);
       error.push_back((state.positions - truth.positions).norm());
     }
     CHECK(error[2] <= 2e-3);
@@ -381,13 +414,14 @@ TEST_CASE("both integrations converge to the true motion of a chain with the fir
   }
 }
 
-TEST_CASE("one solve and Newton come to rest in the same place, where all forces vanish", "[cloth]") {
+TEST_CASE("one solve and Newton come to rest in the same place, where all forces vanish",
+          "[cloth]") {
   SpringNetwork<double> network = sheet<double>();
   MassSpringSettings<double> settings;
   settings.pinned = {30, 31, 32, 33, 34, 35};  // a taut upper edge: one equilibrium
   settings.drag = 10.0;
   std::vector<ClothState<double>> rest;
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     settings.integration = integration;
     settings.velocity_tolerance = 1e-12;
     const MassSpring<double> model = make(network, settings);
@@ -396,7 +430,8 @@ TEST_CASE("one solve and Newton come to rest in the same place, where all forces
     state.positions += noise(7, 36, 1e-4);
     for (int v : settings.pinned) state.positions.col(v) = network.rest_positions.col(v);
     for (int k = 0; k < 3000; ++k) REQUIRE(model.step(state, {}, 0.02, ws).advanced);
-    const Points<double> f = all_forces(model, state.positions, state.velocities, state.positions, state.velocities, {});
+    const Points<double> f =
+        all_forces(model, state.positions, state.velocities, state.positions, state.velocities, {});
     CHECK(f.leftCols(30).cwiseAbs().maxCoeff() <= 1e-9);
     rest.push_back(state);
   }
@@ -404,7 +439,8 @@ TEST_CASE("one solve and Newton come to rest in the same place, where all forces
   CHECK(rest[0].positions(2, 0) < network.rest_positions(2, 0));  // it stretched
 }
 
-TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with the wind", "[cloth]") {
+TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with the wind",
+          "[cloth]") {
   const SpringNetwork<double> network = sheet<double>();
   MassSpringSettings<double> settings;
   settings.drag = 2.0;
@@ -415,7 +451,7 @@ TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with
   const Eigen::Vector3d fall = state.velocities * network.mass / network.mass.sum();
   CHECK((fall - Eigen::Vector3d(0, 0, -9.81 / 2.0)).norm() <= 1e-6);
 
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<double> airy;
     airy.integration = integration;
     airy.gravity.setZero();
@@ -426,7 +462,8 @@ TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with
     ClothState<double> s = kite.rest_state();
     ClothInput<double> input;
     input.wind = {0.0, 3.0, 0.0};
-    // Flat in the wind, all vertices alike: m v' = ½ ρ A c r², r = w - v, so 1/r = 1/w + t ρ A c / (2 m).
+    // Flat in the wind, all vertices alike: m v' = ½ ρ A c r², r = w - v, so 1/r = 1/w + t ρ A c /
+    // (2 m).
     const double rate = 0.5 * 1.2 * 1.2 / Material<double>().area_density;
     double r = 3.0;
     for (int k = 0; k < 300; ++k) {
@@ -440,8 +477,9 @@ TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with
   }
 }
 
-TEST_CASE("driven vertices end where told to the last bit and pins stay, in both integrations", "[cloth]") {
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+TEST_CASE("driven vertices end where told to the last bit and pins stay, in both integrations",
+          "[cloth]") {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     Scene scene;
     scene.settings.integration = integration;
     scene.state.positions(0, 30) = -0.0;  // not even a sign of zero changes
@@ -449,11 +487,14 @@ TEST_CASE("driven vertices end where told to the last bit and pins stay, in both
     auto ws = model.make_workspace();
     ClothState<double> state = scene.state;
     for (int k = 0; k < 10; ++k) {
-      scene.input.driven_positions.col(0) = state.positions.col(35) + 0.003 * Eigen::Vector3d(std::sin(k), std::cos(k), 0.5);
-      const Eigen::Vector3d from = state.positions.col(35), to = scene.input.driven_positions.col(0);
+      scene.input.driven_positions.col(0) =
+          state.positions.col(35) + 0.003 * Eigen::Vector3d(std::sin(k), std::cos(k), 0.5);
+      const Eigen::Vector3d from = state.positions.col(35),
+                            to = scene.input.driven_positions.col(0);
       REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
       CHECK(std::memcmp(state.positions.col(35).data(), to.data(), sizeof(double) * 3) == 0);
-      CHECK(std::memcmp(state.positions.col(30).data(), scene.state.positions.col(30).data(), sizeof(double) * 3) == 0);
+      CHECK(std::memcmp(state.positions.col(30).data(), scene.state.positions.col(30).data(),
+                        sizeof(double) * 3) == 0);
       CHECK(state.velocities.col(30) == Eigen::Vector3d(0, 0, 0));
       CHECK((state.velocities.col(35) - (to - from) / scene.dt).norm() <= 1e-12);
     }
@@ -466,7 +507,7 @@ TEST_CASE("driven vertices end where told to the last bit and pins stay, in both
 }
 
 TEST_CASE("what acts on a held vertex changes nothing, not a bit", "[cloth]") {
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     Scene scene;
     scene.settings.integration = integration;
     const MassSpring<double> model = make(scene.network, scene.settings);
@@ -528,8 +569,10 @@ TEST_CASE("a step from a guess goes to where the whole Newton solve ends", "[clo
   Points<double> bad = near;
   bad(1, 4) = std::numeric_limits<double>::quiet_NaN();
   state = scene.state;
-  CHECK(model.step_from(bad, 3, state, scene.input, scene.dt, ws).status == StepStatus::InvalidInput);
-  CHECK(model.step_from(near.leftCols(35), 3, state, scene.input, scene.dt, ws).status == StepStatus::InvalidInput);
+  CHECK(model.step_from(bad, 3, state, scene.input, scene.dt, ws).status ==
+        StepStatus::InvalidInput);
+  CHECK(model.step_from(near.leftCols(35), 3, state, scene.input, scene.dt, ws).status ==
+        StepStatus::InvalidInput);
   CHECK(model.step_from(near, 3, state, scene.input, -1.0, ws).status == StepStatus::InvalidInput);
   CHECK(same_bits(state, scene.state));
 }
@@ -551,7 +594,7 @@ TEST_CASE("when iterations run out the step advances and says so", "[cloth]") {
 
 TEMPLATE_TEST_CASE("vertices in one place give numbers, not NaN", "[cloth]", float, double) {
   using S = TestType;
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<S> settings;
     settings.integration = integration;
     settings.air.normal_coefficient = S(1);
@@ -577,7 +620,7 @@ TEMPLATE_TEST_CASE("vertices in one place give numbers, not NaN", "[cloth]", flo
 
 TEMPLATE_TEST_CASE("steps that overflow leave the state bit by bit", "[cloth]", float, double) {
   using S = TestType;
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<S> settings;
     settings.integration = integration;
     const MassSpring<S> model = make(sheet<S>(), settings);
@@ -608,28 +651,33 @@ TEMPLATE_TEST_CASE("steps that overflow leave the state bit by bit", "[cloth]", 
 }
 
 TEST_CASE("setup from outside data is refused with a line that names the item", "[cloth]") {
-  const auto error = [](const std::function<void(SpringNetwork<double>&, MassSpringSettings<double>&)>& spoil) {
-    SpringNetwork<double> network = sheet<double>(3);
-    MassSpringSettings<double> settings;
-    spoil(network, settings);
-    const Result<MassSpring<double>> made = MassSpring<double>::create(network, settings);
-    return made ? std::string("accepted") : made.error();
-  };
+  const auto error =
+      [](const std::function<void(SpringNetwork<double>&, MassSpringSettings<double>&)>& spoil) {
+        SpringNetwork<double> network = sheet<double>(3);
+        MassSpringSettings<double> settings;
+        spoil(network, settings);
+        const Result<MassSpring<double>> made = MassSpring<double>::create(network, settings);
+        return made ? std::string("accepted") : made.error();
+      };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   using N = SpringNetwork<double>;
   using Set = MassSpringSettings<double>;
   CHECK(error([](N&, Set&) {}) == "accepted");
   CHECK(error([](N& n, Set&) { n.mass[4] = -1; }) == "mass of vertex 4 is not positive");
-  CHECK(error([](N& n, Set&) { n.bends[1].vertex[2] = n.bends[1].vertex[0]; }).find("bending stencil 1 holds vertex") == 0);
+  CHECK(error([](N& n, Set&) {
+          n.bends[1].vertex[2] = n.bends[1].vertex[0];
+        }).find("bending stencil 1 holds vertex") == 0);
   CHECK(error([](N& n, Set&) { n.triangles[2] = {3, 4, 3}; }) == "triangle 2 holds vertex 3 twice");
   CHECK(error([&](N&, Set& s) { s.gravity[1] = nan; }) == "gravity is not finite");
   CHECK(error([](N&, Set& s) { s.pinned = {0, 9}; }) == "pinned vertex 9 is off the mesh");
   CHECK(error([](N&, Set& s) { s.pinned = {-1}; }) == "pinned vertex -1 is off the mesh");
 }
 
-TEST_CASE("an independent implementation of one solve a step agrees to its printed digits", "[cloth]") {
-  // Its system (M - dt D - dt² K) dv = dt (f + dt K v), with blocks of the opposite sign and f with the dampers' force, is the
-  // header's: put dv = v⁺ - v and the dampers' force -D v in, and A v⁺ = M v + h f_springs is left.
+TEST_CASE("an independent implementation of one solve a step agrees to its printed digits",
+          "[cloth]") {
+  // Its system (M - dt D - dt² K) dv = dt (f + dt K v), with blocks of the opposite sign and f with
+  // the dampers' force, is the header's: put dv = v⁺ - v and the dampers' force -D v in, and A v⁺ =
+  // M v + h f_springs is left.
   const std::string path = clothctl_test::shared_path("data/cloth/ref/e_bw_traj.csv");
   if (path.empty()) {
     WARN("reference data not found; skipped");
@@ -668,8 +716,11 @@ TEST_CASE("an independent implementation of one solve a step agrees to its print
   double worst = 0;
   for (const std::vector<double>& row : rows) {
     REQUIRE(row.size() == 5);
-    for (; step < static_cast<int>(row[0]); ++step) REQUIRE(model.step(state, {}, 1.0 / 60.0, ws).advanced);
-    worst = std::max(worst, (state.positions.col(static_cast<Index>(row[1])) - Eigen::Vector3d(row[2], row[3], row[4])).norm());
+    for (; step < static_cast<int>(row[0]); ++step)
+      REQUIRE(model.step(state, {}, 1.0 / 60.0, ws).advanced);
+    worst = std::max(worst, (state.positions.col(static_cast<Index>(row[1])) -
+                             Eigen::Vector3d(row[2], row[3], row[4]))
+                                .norm());
   }
   CHECK(step >= 30);
   CHECK(worst <= 1e-9);
@@ -689,49 +740,58 @@ TEST_CASE("the recorded sheet rests where its record starts, and follows its han
   MassSpring<double> model = make(sheet_network<double>(grid, material).value(), settings);
   auto ws = model.make_workspace();
 
-  // The record was made by settling for 2.4 s from a bowed sheet whose columns are pushed together by a tenth. That start
-  // buckles so violently, and the hung sheet has so many folds to choose from, that the fold it ends in turns on where an
-  // unfinished first Newton step stopped: with max_iterations 30 the recipe ends 0.1 mm from the record, with 10 or 100 in
-  // other folds 6 mm away. What can be compared: the record rests. Let go from there, the sheet stays but for the 0.3 mm that
-  // were left to settle.
+  // The record was made by settling for 2.4 s from a bowed sheet whose columns are pushed together
+  // by a tenth. That start buckles so violently, and the hung sheet has so many folds to choose
+  // from, that the fold it ends in turns on where an unfinished first Newton step stopped: with
+  // max_iterations 30 the recipe ends 0.1 mm from the record, with 10 or 100 in other folds 6 mm
+  // away. What can be compared: the record rests. Let go from there, the sheet stays but for the
+  // 0.3 mm that were left to settle.
   ClothInput<double> input;
   input.driven_vertices = {grid.vertex(16, 0), grid.vertex(16, 16)};
   input.driven_positions.resize(3, 2);
   input.driven_positions << -0.225, 0.225, 0.0, 0.0, 0.0, 0.0;
   ClothState<double> start = model.rest_state();
   for (const std::vector<double>& row : read_numbers(folder + "/initial_pose_17x17.csv")) {
-    start.positions.col(grid.vertex(static_cast<int>(row[0]), static_cast<int>(row[1]))) << row[2], row[3], row[4];
+    start.positions.col(grid.vertex(static_cast<int>(row[0]), static_cast<int>(row[1]))) << row[2],
+        row[3], row[4];
   }
   for (int i = 0; i < 2; ++i) {
-    const Eigen::Vector3d hand = start.positions.col(input.driven_vertices[static_cast<std::size_t>(i)]);
+    const Eigen::Vector3d hand =
+        start.positions.col(input.driven_vertices[static_cast<std::size_t>(i)]);
     CHECK((hand - input.driven_positions.col(i)).norm() <= 1e-6);
   }
   ClothState<double> state = start;
   for (int k = 0; k < 200; ++k) REQUIRE(model.step(state, input, 0.02, ws).advanced);
   CHECK((state.positions - start.positions).colwise().norm().maxCoeff() <= 4e-4);
-  for (int col : {0, 16}) CHECK((state.positions - start.positions).col(grid.vertex(0, col)).norm() <= 3e-4);
+  for (int col : {0, 16})
+    CHECK((state.positions - start.positions).col(grid.vertex(0, col)).norm() <= 3e-4);
 
   model.set_drag(material.drag);
-  const auto hands = read_numbers(folder + "/known_1_hands.csv"), corners = read_numbers(folder + "/known_1.csv");
+  const auto hands = read_numbers(folder + "/known_1_hands.csv"),
+             corners = read_numbers(folder + "/known_1.csv");
   REQUIRE(hands.size() == 251);
   REQUIRE(corners.size() == 251);
   state = start;
   double sum = 0;
   int solves = 0;
   for (std::size_t k = 1; k < hands.size(); ++k) {
-    input.driven_positions << hands[k][1], hands[k][4], hands[k][2], hands[k][5], hands[k][3], hands[k][6];
+    input.driven_positions << hands[k][1], hands[k][4], hands[k][2], hands[k][5], hands[k][3],
+        hands[k][6];
     const StepReport<double> report = model.step(state, input, 0.02, ws);
     REQUIRE(report.status == StepStatus::Converged);
     solves += report.iterations;
-    const Eigen::Vector3d left(corners[k][1], corners[k][2], corners[k][3]), right(corners[k][4], corners[k][5], corners[k][6]);
-    sum += (state.positions.col(grid.vertex(0, 0)) - left).norm() + (state.positions.col(grid.vertex(0, 16)) - right).norm();
+    const Eigen::Vector3d left(corners[k][1], corners[k][2], corners[k][3]),
+        right(corners[k][4], corners[k][5], corners[k][6]);
+    sum += (state.positions.col(grid.vertex(0, 0)) - left).norm() +
+           (state.positions.col(grid.vertex(0, 16)) - right).norm();
   }
   CHECK(sum / 500 <= 5e-5);
-  CHECK(solves <= 8 * 250);  // what the exact Hessian is for: the projected one takes 21 solves a step here
+  CHECK(solves <=
+        8 * 250);  // what the exact Hessian is for: the projected one takes 21 solves a step here
 }
 
 TEST_CASE("holding forces, applied instead of driving, make the same step", "[cloth]") {
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<double> settings;
     settings.integration = integration;
     settings.drag = 0.5;
@@ -744,7 +804,8 @@ TEST_CASE("holding forces, applied instead of driving, make the same step", "[cl
     driven.driven_vertices = {42, 48};
     driven.driven_positions.resize(3, 2);
     for (Index j = 0; j < 2; ++j)
-      driven.driven_positions.col(j) = start.positions.col(driven.driven_vertices[static_cast<std::size_t>(j)]);
+      driven.driven_positions.col(j) =
+          start.positions.col(driven.driven_vertices[static_cast<std::size_t>(j)]);
     driven.forces.resize(3, 0);
     driven.wind = Vector3<double>(0.5, 1.0, 0.0);
     // Hanging, it has one shape to go to; a slack sheet may buckle into either of two.
@@ -772,7 +833,7 @@ TEST_CASE("holding forces, applied instead of driving, make the same step", "[cl
 }
 
 TEST_CASE("pins of a sheet at rest hold its weight", "[cloth]") {
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<double> settings;
     settings.integration = integration;
     settings.drag = 5.0;
@@ -791,4 +852,92 @@ TEST_CASE("pins of a sheet at rest hold its weight", "[cloth]") {
     const double weight = 9.81 * model.network().mass.sum();
     CHECK((sum - Vector3<double>(0.0, 0.0, weight)).norm() < 1e-4 * weight);
   }
+}
+
+namespace {
+
+MassSpring<double> sheet_of(int rows, int cols, double width = 0.3, bool air = false) {
+  const GridMesh<double> grid = make_grid<double>(rows, cols, width, 0.3).value();
+  const Material<double> material;
+  return MassSpring<double>::create(sheet_network<double>(grid, material).value(),
+                                    MassSpringSettings<double>::of(material, air))
+      .value();
+}
+
+}  // namespace
+
+TEST_CASE("a workspace of another model is refused by name", "[cloth]") {
+  const MassSpring<double> model = sheet_of(6, 6);
+  ClothState<double> state = model.rest_state();
+  const ClothState<double> before = state;
+  const ClothInput<double> input;
+  Points<double> forces = Points<double>::Constant(3, 1, 7.0);
+  const std::vector<int> first{0};
+  // Fewer vertices, more vertices, the same number in another pattern, air, and none at all.
+  std::vector<MassSpring<double>::Workspace> wrong{sheet_of(3, 3).make_workspace(),
+                                                   sheet_of(9, 9).make_workspace(),
+                                                   sheet_of(4, 9).make_workspace(),
+                                                   sheet_of(6, 6, 0.3, true).make_workspace(),
+                                                   {}};
+  wrong.push_back(model.make_workspace());
+  wrong.back().trial.resize(3, 2);
+  for (MassSpring<double>::Workspace& ws : wrong) {
+    const StepReport<double> report = model.step(state, input, 0.02, ws);
+    CHECK(report.status == StepStatus::InvalidWorkspace);
+    CHECK_FALSE(report.advanced);
+    CHECK(model.step_from(state.velocities, 2, state, input, 0.02, ws).status ==
+          StepStatus::InvalidWorkspace);
+    CHECK(state == before);
+    CHECK(model.check_input(state, input, 0.02, ws) ==
+          "the workspace was made by another model; use make_workspace() of the model that steps");
+    CHECK_FALSE(model.holding_forces(first, ws, forces));
+    CHECK(forces == Points<double>::Constant(3, 1, 7.0));
+  }
+  // Equal structure is enough: settings and copies of a model share workspaces.
+  MassSpring<double> copy = model;
+  CHECK(copy.set_drag(2.0));
+  auto ws = model.make_workspace();
+  CHECK(copy.step(state, input, 0.02, ws).advanced);
+}
+
+TEST_CASE("a mass-spring step that is refused can be asked why", "[cloth]") {
+  const MassSpring<double> model = sheet_of(4, 4);
+  ClothState<double> state = model.rest_state();
+  auto ws = model.make_workspace();
+  ClothInput<double> input;
+  CHECK(model.check_input(state, input, 0.02, ws).empty());
+  CHECK(model.check_input(state, input, std::nan(""), ws) ==
+        "step length dt must be positive and finite, got nan s");
+  for (const double dt : {std::nan(""), -0.02, 0.0, std::numeric_limits<double>::infinity()})
+    CHECK(model.step(state, input, dt, ws).status == StepStatus::InvalidInput);
+  input.force_vertices = {16};
+  input.forces.setZero(3, 1);
+  CHECK(model.check_input(state, input, 0.02, ws) ==
+        "force 0: vertex 16 is off the mesh of 16 vertices");
+}
+
+TEST_CASE("holding forces and drag refuse what makes no sense", "[cloth]") {
+  MassSpring<double> model = sheet_of(4, 4);
+  ClothState<double> state = model.rest_state();
+  auto ws = model.make_workspace();
+  Points<double> forces = Points<double>::Zero(3, 1);
+  const std::vector<int> one{0}, off{16}, negative{-1}, two{0, 1};
+  CHECK_FALSE(model.holding_forces(one, ws, forces));  // no step yet
+  REQUIRE(model.step(state, {}, 0.02, ws).advanced);
+  CHECK(model.holding_forces(one, ws, forces));
+  for (const std::vector<int>* bad : {&off, &negative, &two})
+    CHECK_FALSE(model.holding_forces(*bad, ws, forces));
+  const double drag = model.settings().drag;
+  for (const double bad : {-1.0, std::nan(""), std::numeric_limits<double>::infinity()})
+    CHECK_FALSE(model.set_drag(bad));
+  CHECK(model.settings().drag == drag);
+}
+
+TEST_CASE("the gravity load of a mass-spring sheet is minus its weight", "[cloth]") {
+  const GridMesh<double> grid = make_grid<double>(4, 4, 0.3, 0.3).value();
+  const SpringNetwork<double> network = sheet_network<double>(grid, Material<double>()).value();
+  MassSpringSettings<double> settings;
+  settings.gravity = {1.0, -2.0, -3.5};
+  const auto model = MassSpring<double>::create(network, settings).value();
+  CHECK((model.gravity_load() + settings.gravity * network.mass.sum()).norm() < 1e-15);
 }

@@ -12,6 +12,7 @@
 #include "support/catch.hpp"
 
 using namespace clothctl;
+using namespace clothctl::detail;
 using clothctl_test::multiply;
 
 static_assert(StepResponse<MassSpringResponse<float>> && StepResponse<MassSpringResponse<double>>);
@@ -27,7 +28,8 @@ Points<S> noise(unsigned seed, Index n, double size) {
 
 template <class S>
 struct Scene {
-  SpringNetwork<S> network = sheet_network<S>(make_grid<S>(6, 6, S(0.3), S(0.3)).value(), Material<S>()).value();
+  SpringNetwork<S> network =
+      sheet_network<S>(make_grid<S>(6, 6, S(0.3), S(0.3)).value(), Material<S>()).value();
   MassSpringSettings<S> settings;
   Points<S> x = network.rest_positions + noise<S>(1, 36, 0.003);
   Points<S> v = noise<S>(2, 36, 0.2);
@@ -53,7 +55,8 @@ Lanes<S, 8> lanes(unsigned seed, Index n) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a spring network's response obeys the laws of step responses", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a spring network's response obeys the laws of step responses", "[cloth]", float,
+                   double) {
   using S = TestType;
   const Scene<S> scene;
   const S tolerance = std::is_same_v<S, float> ? S(3e-4) : S(1e-11);
@@ -61,16 +64,22 @@ TEMPLATE_TEST_CASE("a spring network's response obeys the laws of step responses
     ResponseSettings<S> settings;
     settings.bending_in_matrix = bending;
     MassSpringResponse<S> response(scene.model(), settings);
-    clothctl_test::check_step_response_laws(response, scene.x, scene.v, scene.wind, scene.dt, scene.driven, tolerance);
-    clothctl_test::check_step_response_laws(response, scene.x, scene.v, scene.wind, scene.dt, {}, tolerance);
+    clothctl_test::check_step_response_laws(response, scene.x, scene.v, scene.wind, scene.dt,
+                                            scene.driven, tolerance);
+    clothctl_test::check_step_response_laws(response, scene.x, scene.v, scene.wind, scene.dt, {},
+                                            tolerance);
   }
   SpringNetwork<S> rope = rope_network(RopeSettings<S>()).value();
   MassSpringResponse<S> response(MassSpring<S>::create(rope).value());
   const Points<S> hanging = S(1.01) * rope.rest_positions;
-  clothctl_test::check_step_response_laws(response, hanging, Points<S>(S(0) * hanging), scene.wind, scene.dt, {0}, tolerance);
+  clothctl_test::check_step_response_laws(response, hanging, Points<S>(S(0) * hanging), scene.wind,
+                                          scene.dt, {0}, tolerance);
 }
 
-TEST_CASE("one step predicted by the response is the one-solve step, with forces, wind, pins and driven vertices", "[cloth]") {
+TEST_CASE(
+    "one step predicted by the response is the one-solve step, with forces, wind, pins and driven "
+    "vertices",
+    "[cloth]") {
   for (unsigned seed = 0; seed < 20; ++seed) {
     Scene<double> scene;
     scene.x = scene.network.rest_positions + noise<double>(10 + seed, 36, 1e-3 * (1 + seed));
@@ -83,8 +92,8 @@ TEST_CASE("one step predicted by the response is the one-solve step, with forces
     input.driven_vertices = scene.driven;
     input.driven_positions.resize(3, 2);
     for (Index i = 0; i < 2; ++i) {
-      input.driven_positions.col(i) =
-          scene.x.col(scene.driven[static_cast<std::size_t>(i)]) + noise<double>(60 + seed, 1, 0.004);
+      input.driven_positions.col(i) = scene.x.col(scene.driven[static_cast<std::size_t>(i)]) +
+                                      noise<double>(60 + seed, 1, 0.004);
     }
     ClothState<double> state{scene.x, scene.v};
     auto ws = model.make_workspace();
@@ -101,7 +110,8 @@ TEST_CASE("one step predicted by the response is the one-solve step, with forces
       v_hat.col(held) = (input.driven_positions.col(i) - scene.x.col(held)) / scene.dt;
     }
     Points<double> force = response.force();
-    for (Index i = 0; i < 2; ++i) force.col(input.force_vertices[static_cast<std::size_t>(i)]) += input.forces.col(i);
+    for (Index i = 0; i < 2; ++i)
+      force.col(input.force_vertices[static_cast<std::size_t>(i)]) += input.forces.col(i);
     Lanes<double, 1> w(1, 108), stiff = w, coupled = w;
     stiff.setZero();
     coupled.setZero();
@@ -112,17 +122,21 @@ TEST_CASE("one step predicted by the response is the one-solve step, with forces
       const bool held = response.held()[static_cast<std::size_t>(i)] != 0;
       for (Index c = 0; c < 3; ++c) {
         const double m = response.mass()[i];
-        const double rhs = m * scene.v(c, i) + scene.dt * force(c, i) - inertia * m * v_hat(c, i) - coupled(0, 3 * i + c);
+        const double rhs = m * scene.v(c, i) + scene.dt * force(c, i) - inertia * m * v_hat(c, i) -
+                           coupled(0, 3 * i + c);
         w(0, 3 * i + c) = held ? 0.0 : rhs;
       }
     }
     response.solve(w);
     const Points<double> predicted = v_hat + Eigen::Map<const Points<double>>(w.data(), 3, 36);
-    CHECK((predicted - state.velocities).cwiseAbs().maxCoeff() <= 1e-12 * state.velocities.cwiseAbs().maxCoeff());
+    CHECK((predicted - state.velocities).cwiseAbs().maxCoeff() <=
+          1e-12 * state.velocities.cwiseAbs().maxCoeff());
   }
 }
 
-TEST_CASE("K is minus the slope of the force and R that of the step's end forces, where all is stretched", "[cloth]") {
+TEST_CASE(
+    "K is minus the slope of the force and R that of the step's end forces, where all is stretched",
+    "[cloth]") {
   Scene<double> scene;
   scene.x = 1.1 * scene.network.rest_positions + noise<double>(3, 36, 2e-5);
   MassSpringResponse<double> response(scene.model());
@@ -137,7 +151,8 @@ TEST_CASE("K is minus the slope of the force and R that of the step's end forces
     (void)add_spring_forces<double>(scene.network, scene.x + eps * d, ahead);
     (void)add_spring_forces<double>(scene.network, scene.x - eps * d, behind);
     const Eigen::VectorXd slope = (behind - ahead).reshaped() / (2 * eps);
-    CHECK((stiff.row(lane).transpose() - slope).cwiseAbs().maxCoeff() <= 1e-6 * slope.cwiseAbs().maxCoeff());
+    CHECK((stiff.row(lane).transpose() - slope).cwiseAbs().maxCoeff() <=
+          1e-6 * slope.cwiseAbs().maxCoeff());
 
     // R w = h (D + C) w + h² K w: dampers and air act on w as forces that are linear in it.
     Points<double> slowing = Points<double>::Zero(3, 36);
@@ -149,13 +164,16 @@ TEST_CASE("K is minus the slope of the force and R that of the step's end forces
     }
     for (const std::array<int, 3>& t : scene.network.triangles) {
       const Eigen::Vector3d mean = (scene.v.col(t[0]) + scene.v.col(t[1]) + scene.v.col(t[2])) / 3;
-      const Eigen::Matrix3d c = air_drag_matrix<double>(scene.x.col(t[0]), scene.x.col(t[1]), scene.x.col(t[2]), mean,
-                                                        scene.wind, scene.settings.air);
+      const Eigen::Matrix3d c =
+          air_drag_matrix<double>(scene.x.col(t[0]), scene.x.col(t[1]), scene.x.col(t[2]), mean,
+                                  scene.wind, scene.settings.air);
       const Eigen::Vector3d f = c * (d.col(t[0]) + d.col(t[1]) + d.col(t[2])) / 9;
       for (int i : t) slowing.col(i) += f;
     }
-    const Eigen::VectorXd expected = scene.dt * slowing.reshaped() + scene.dt * scene.dt * stiff.row(lane).transpose();
-    CHECK((coupled.row(lane).transpose() - expected).cwiseAbs().maxCoeff() <= 1e-12 * expected.cwiseAbs().maxCoeff());
+    const Eigen::VectorXd expected =
+        scene.dt * slowing.reshaped() + scene.dt * scene.dt * stiff.row(lane).transpose();
+    CHECK((coupled.row(lane).transpose() - expected).cwiseAbs().maxCoeff() <=
+          1e-12 * expected.cwiseAbs().maxCoeff());
   }
 }
 
@@ -181,7 +199,8 @@ TEST_CASE("factors and the bending switch act on the matrices and leave the forc
   CHECK(whole == bare);
   CHECK(whole == soft);
   settings.scale = {0.5, 0.5, 0.5};
-  CHECK((stiffness(settings, soft) - 0.5 * plain).cwiseAbs().maxCoeff() <= 1e-12 * plain.cwiseAbs().maxCoeff());
+  CHECK((stiffness(settings, soft) - 0.5 * plain).cwiseAbs().maxCoeff() <=
+        1e-12 * plain.cwiseAbs().maxCoeff());
 }
 
 TEST_CASE("a response says whether translations cost nothing", "[cloth]") {
@@ -201,7 +220,8 @@ TEST_CASE("a change of wind pushes by the frozen air matrices", "[cloth]") {
   const Scene<double> scene;
   MassSpringResponse<double> response(scene.model());
   REQUIRE(response.linearise(scene.x, scene.v, scene.wind, scene.dt, {}));
-  // The force of C w is linear in w: what is added for w itself is all of the air's part of the force at rest.
+  // The force of C w is linear in w: what is added for w itself is all of the air's part of the
+  // force at rest.
   Points<double> push = Points<double>::Zero(3, 36), inner = push;
   response.add_wind_force(scene.wind, push);
   (void)add_spring_forces<double>(scene.network, scene.x, inner);
@@ -212,15 +232,18 @@ TEST_CASE("a change of wind pushes by the frozen air matrices", "[cloth]") {
   CHECK((twice - 2 * push).cwiseAbs().maxCoeff() <= 1e-15);
 }
 
-TEST_CASE("a single-precision response of a double model keeps close to the double one", "[cloth]") {
+TEST_CASE("a single-precision response of a double model keeps close to the double one",
+          "[cloth]") {
   const Scene<double> scene;
   const MassSpring<double> model = scene.model();
   MassSpringResponse<double> fine(model);
   MassSpringResponse<float> coarse(model);
   REQUIRE(fine.linearise(scene.x, scene.v, scene.wind, scene.dt, scene.driven));
-  REQUIRE(coarse.linearise(scene.x.cast<float>(), scene.v.cast<float>(), scene.wind.cast<float>(), 0.02f, scene.driven));
+  REQUIRE(coarse.linearise(scene.x.cast<float>(), scene.v.cast<float>(), scene.wind.cast<float>(),
+                           0.02f, scene.driven));
   CHECK(fine.held() == coarse.held());
-  CHECK((coarse.force().cast<double>() - fine.force()).cwiseAbs().maxCoeff() <= 1e-3 * fine.force().cwiseAbs().maxCoeff());
+  CHECK((coarse.force().cast<double>() - fine.force()).cwiseAbs().maxCoeff() <=
+        1e-3 * fine.force().cwiseAbs().maxCoeff());
   Lanes<double, 8> a = lanes<double>(6, 36);
   for (Index i = 0; i < 36; ++i) {
     if (fine.held()[static_cast<std::size_t>(i)] != 0) a.middleCols<3>(3 * i).setZero();
@@ -231,8 +254,9 @@ TEST_CASE("a single-precision response of a double model keeps close to the doub
   CHECK((b.cast<double>() - a).cwiseAbs().maxCoeff() <= 1e-3 * a.cwiseAbs().maxCoeff());
 }
 
-TEMPLATE_TEST_CASE("a state that is not finite is refused and the next good one served; nothing takes memory", "[cloth]", float,
-                   double) {
+TEMPLATE_TEST_CASE(
+    "a state that is not finite is refused and the next good one served; nothing takes memory",
+    "[cloth]", float, double) {
   using S = TestType;
   const Scene<S> scene;
   MassSpringResponse<S> response(scene.model());
@@ -244,7 +268,8 @@ TEMPLATE_TEST_CASE("a state that is not finite is refused and the next good one 
   }
   for (const S bad : {S(0), S(-0.01), std::numeric_limits<S>::quiet_NaN()}) {
     CHECK_FALSE(response.linearise(scene.x, scene.v, scene.wind, bad, scene.driven));
-    CHECK_FALSE(response.linearise(scene.x, scene.v, {S(0), std::numeric_limits<S>::infinity(), S(0)}, scene.dt, {}));
+    CHECK_FALSE(response.linearise(scene.x, scene.v,
+                                   {S(0), std::numeric_limits<S>::infinity(), S(0)}, scene.dt, {}));
   }
   Points<S> crushed = scene.x;
   crushed.setConstant(S(0.3));  // every spring without a direction
@@ -257,4 +282,29 @@ TEMPLATE_TEST_CASE("a state that is not finite is refused and the next good one 
   const long during = clothctl_test::allocations() - before;
   CHECK(definite);
   if (clothctl_test::allocation_counting_works()) CHECK(during == 0);
+}
+
+TEST_CASE("a response refuses blocks of another size", "[cloth]") {
+  const Scene<double> scene;
+  MassSpringResponse<double> response(scene.model());
+  REQUIRE(response.linearise(scene.x, scene.v, scene.wind, scene.dt, scene.driven));
+  for (const double dt : {-0.02, 0.0, std::nan("")})
+    CHECK_FALSE(response.linearise(scene.x, scene.v, scene.wind, dt, scene.driven));
+  REQUIRE(response.linearise(scene.x, scene.v, scene.wind, scene.dt, scene.driven));
+  for (const Index n : {Index(0), Index(35), Index(37)}) {
+    Lanes<double, 8> right = Lanes<double, 8>::Zero(8, 3 * 36), a = right, b = right;
+    Lanes<double, 8> wrong = Lanes<double, 8>::Constant(8, 3 * n, 2.0);
+    const Lanes<double, 8> before = wrong;
+    CHECK_FALSE(response.solve(wrong));
+    CHECK_FALSE(response.multiply(wrong, a, b));
+    CHECK_FALSE(response.multiply(right, wrong, b));
+    CHECK_FALSE(response.multiply(right, a, wrong));
+    CHECK(wrong == before);
+    CHECK_FALSE(response.multiply(right, right, b));
+    CHECK_FALSE(response.multiply(right, a, a));
+    CHECK(response.multiply(right, a, b));
+    Points<double> out = Points<double>::Zero(3, n);
+    CHECK_FALSE(response.add_wind_force({1.0, 0.0, 0.0}, out));
+    CHECK(out.isZero(0.0));
+  }
 }

@@ -9,12 +9,12 @@ using namespace clothctl;
 
 namespace {
 
-/// What check() says of the defaults after `change`.
+/// What validate() says of the defaults after `change`.
 template <class Scalar, class Change>
 std::string said(Change change) {
   MassSpringSettings<Scalar> settings;
   change(settings);
-  return settings.check();
+  return settings.validate();
 }
 
 template <class Scalar>
@@ -22,12 +22,12 @@ using Limits = std::numeric_limits<Scalar>;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("mass-spring settings: the defaults are those of the comments and pass", "[mass_spring_settings]", float,
-                   double) {
+TEMPLATE_TEST_CASE("mass-spring settings: the defaults are those of the comments and pass",
+                   "[mass_spring_settings]", float, double) {
   using Scalar = TestType;
   const MassSpringSettings<Scalar> settings;
-  CHECK(settings.check().empty());
-  CHECK(settings.integration == Integration::OneSolve);
+  CHECK(settings.validate().empty());
+  CHECK(settings.integration == Integration::LinearlyImplicit);
   CHECK(settings.gravity == Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81)));
   CHECK(settings.drag == Scalar(0));
   CHECK_FALSE(settings.air.enabled());
@@ -36,7 +36,8 @@ TEMPLATE_TEST_CASE("mass-spring settings: the defaults are those of the comments
   CHECK(settings.pinned.empty());
 }
 
-TEMPLATE_TEST_CASE("mass-spring settings: all that makes sense is accepted", "[mass_spring_settings]", float, double) {
+TEMPLATE_TEST_CASE("mass-spring settings: all that makes sense is accepted",
+                   "[mass_spring_settings]", float, double) {
   using Scalar = TestType;
   using Settings = MassSpringSettings<Scalar>;
   CHECK(said<Scalar>([](Settings& s) { s.integration = Integration::Newton; }).empty());
@@ -51,7 +52,8 @@ TEMPLATE_TEST_CASE("mass-spring settings: all that makes sense is accepted", "[m
   CHECK(said<Scalar>([](Settings& s) { s.max_iterations = 1; }).empty());
 }
 
-TEMPLATE_TEST_CASE("mass-spring settings: a bad value is named", "[mass_spring_settings]", float, double) {
+TEMPLATE_TEST_CASE("mass-spring settings: a bad value is named", "[mass_spring_settings]", float,
+                   double) {
   using Scalar = TestType;
   using Settings = MassSpringSettings<Scalar>;
   const Scalar nan = Limits<Scalar>::quiet_NaN(), infinity = Limits<Scalar>::infinity();
@@ -62,31 +64,37 @@ TEMPLATE_TEST_CASE("mass-spring settings: a bad value is named", "[mass_spring_s
   }
   for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1), nan, infinity, -infinity}) {
     CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) == "drag is negative or not finite");
-    CHECK(said<Scalar>([&](Settings& s) { s.velocity_tolerance = bad; }) == "velocity_tolerance is negative or not finite");
-    CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) == "air density is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.velocity_tolerance = bad; }) ==
+          "velocity_tolerance is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) ==
+          "air density is negative or not finite");
     CHECK(said<Scalar>([&](Settings& s) { s.air.normal_coefficient = bad; }) ==
           "normal air coefficient is negative or not finite");
     CHECK(said<Scalar>([&](Settings& s) { s.air.tangent_coefficient = bad; }) ==
           "tangent air coefficient is negative or not finite");
   }
-  CHECK(said<Scalar>([](Settings& s) { s.max_iterations = 0; }) == "max_iterations is 0, must be at least 1");
-  CHECK(said<Scalar>([](Settings& s) { s.max_iterations = -1; }) == "max_iterations is -1, must be at least 1");
+  CHECK(said<Scalar>([](Settings& s) { s.max_iterations = 0; }) ==
+        "max_iterations is 0, must be at least 1");
+  CHECK(said<Scalar>([](Settings& s) { s.max_iterations = -1; }) ==
+        "max_iterations is -1, must be at least 1");
 }
 
-TEST_CASE("mass-spring settings: of several bad values the first is named", "[mass_spring_settings]") {
+TEST_CASE("mass-spring settings: of several bad values the first is named",
+          "[mass_spring_settings]") {
   MassSpringSettings<double> settings;
   settings.air.density = -1;
   settings.max_iterations = 0;
-  CHECK(settings.check() == "max_iterations is 0, must be at least 1");
+  CHECK(settings.validate() == "max_iterations is 0, must be at least 1");
   settings.velocity_tolerance = -1;
-  CHECK(settings.check() == "velocity_tolerance is negative or not finite");
+  CHECK(settings.validate() == "velocity_tolerance is negative or not finite");
   settings.drag = -1;
-  CHECK(settings.check() == "drag is negative or not finite");
+  CHECK(settings.validate() == "drag is negative or not finite");
   settings.gravity[2] = std::numeric_limits<double>::quiet_NaN();
-  CHECK(settings.check() == "gravity is not finite");
+  CHECK(settings.validate() == "gravity is not finite");
 }
 
-TEST_CASE("settings of a material take its drag, and its air where there is wind", "[mass_spring_settings]") {
+TEST_CASE("settings of a material take its drag, and its air where there is wind",
+          "[mass_spring_settings]") {
   Material<double> material;
   material.drag = 0.7;
   material.air_normal = 1.3;
@@ -95,6 +103,7 @@ TEST_CASE("settings of a material take its drag, and its air where there is wind
                                    windy = MassSpringSettings<double>::of(material, true);
   CHECK((calm.drag == 0.7 && windy.drag == 0.7));
   CHECK_FALSE(calm.air.enabled());
-  CHECK((windy.air.density == 1.2 && windy.air.normal_coefficient == 1.3 && windy.air.tangent_coefficient == 0.2));
-  CHECK(windy.check().empty());
+  CHECK((windy.air.density == 1.2 && windy.air.normal_coefficient == 1.3 &&
+         windy.air.tangent_coefficient == 0.2));
+  CHECK(windy.validate().empty());
 }

@@ -6,18 +6,20 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("every preset is found by its name and passes its own check", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("every preset is found by its name and passes its own check", "[cloth]", float,
+                   double) {
   using S = TestType;
   CHECK(material_names().front() == "handkerchief");
   for (std::string_view name : material_names()) {
     const auto material = material_preset<S>(name);
     REQUIRE(material);
     CHECK(material->name == name);
-    CHECK(material->check().empty());
+    CHECK(material->validate().empty());
   }
 }
 
-TEST_CASE("the handkerchief is the default material and the iri sheet its heavy, stiff sister", "[cloth]") {
+TEST_CASE("the handkerchief is the default material and the iri sheet its heavy, stiff sister",
+          "[cloth]") {
   const auto preset = material_preset("handkerchief");
   REQUIRE(preset);
   const Material<double> standard;
@@ -57,27 +59,42 @@ TEST_CASE("an unknown material is refused with the list of known ones", "[cloth]
   const auto none = material_preset("velvet");
   REQUIRE_FALSE(none);
   CHECK(none.error().find("\"velvet\"") != std::string::npos);
-  for (std::string_view name : material_names()) CHECK(none.error().find(name) != std::string::npos);
+  for (std::string_view name : material_names())
+    CHECK(none.error().find(name) != std::string::npos);
   CHECK_FALSE(material_preset(""));
 }
 
-TEMPLATE_TEST_CASE("a material out of range names the quantity and its value", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a material out of range names the quantity and its value", "[cloth]", float,
+                   double) {
   using S = TestType;
   Material<S> material;
-  CHECK(material.check().empty());
+  CHECK(material.validate().empty());
   material.name = "mine";
   material.friction = S(-0.5);
-  CHECK(material.check() == "material \"mine\": friction must not be negative, got -0.5");
+  CHECK(material.validate() == "material \"mine\": friction must not be negative, got -0.5");
   material = Material<S>();
   material.area_density = S(0);
-  CHECK(material.check() == "material \"handkerchief\": area_density must be positive, got 0");
-  for (S Material<S>::*member : {&Material<S>::area_density, &Material<S>::stretch, &Material<S>::shear, &Material<S>::bending,
-                                 &Material<S>::damping_time, &Material<S>::drag, &Material<S>::friction,
-                                 &Material<S>::air_normal, &Material<S>::air_tangent}) {
+  CHECK(material.validate() == "material \"handkerchief\": area_density must be positive, got 0");
+  for (S Material<S>::*member :
+       {&Material<S>::area_density, &Material<S>::stretch, &Material<S>::shear,
+        &Material<S>::bending, &Material<S>::damping_time, &Material<S>::drag,
+        &Material<S>::friction, &Material<S>::air_normal, &Material<S>::air_tangent}) {
     for (S bad : {S(-1), std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity()}) {
       material = Material<S>();
       material.*member = bad;
-      CHECK_FALSE(material.check().empty());
+      CHECK_FALSE(material.validate().empty());
     }
   }
+}
+
+TEST_CASE("a material's name cannot break the line of a message", "[materials]") {
+  Material<double> material;
+  material.name = "two\nlines \"quoted\"";
+  material.friction = -1.0;
+  CHECK(material.validate() ==
+        "material \"two\\nlines \\\"quoted\\\"\": friction must not be negative, got -1");
+  const Result<Material<double>> unknown = material_preset<double>("tweed\nred");
+  REQUIRE_FALSE(unknown.has_value());
+  CHECK(unknown.error().substr(0, 35) == "unknown material \"tweed\\nred\"; know");
+  CHECK(unknown.error().find('\n') == std::string::npos);
 }

@@ -1,6 +1,7 @@
 #include "clothctl/cloth/model_plant.hpp"
 
 #include <cstring>
+#include <string>
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
@@ -10,7 +11,8 @@
 
 using namespace clothctl;
 
-static_assert(ClothPlant<ModelPlant<MassSpring<double>>, double> && ClothPlant<ModelPlant<MassSpring<float>>, float>);
+static_assert(ClothPlant<ModelPlant<MassSpring<double>>, double> &&
+              ClothPlant<ModelPlant<MassSpring<float>>, float>);
 static_assert(ClothPlant<ModelPlant<PositionBased<double>>>);
 static_assert(!ClothPlant<ModelPlant<MassSpring<float>>, double>);
 
@@ -18,7 +20,8 @@ namespace {
 
 template <class S>
 bool same_bits(const Points<S>& a, const Points<S>& b) {
-  return a.cols() == b.cols() && std::memcmp(a.data(), b.data(), sizeof(S) * static_cast<std::size_t>(a.size())) == 0;
+  return a.cols() == b.cols() &&
+         std::memcmp(a.data(), b.data(), sizeof(S) * static_cast<std::size_t>(a.size())) == 0;
 }
 
 template <class S>
@@ -65,7 +68,8 @@ TEMPLATE_TEST_CASE("a plant is its model: the same bits step by step", "[cloth]"
   }
 }
 
-TEMPLATE_TEST_CASE("a plant can be set to a state and switched to another integration", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a plant can be set to a state and switched to another integration", "[cloth]",
+                   float, double) {
   using S = TestType;
   ModelPlant<MassSpring<S>> plant(small_sheet<S>());
   ClothState<S> state = plant.state();
@@ -82,4 +86,39 @@ TEMPLATE_TEST_CASE("a plant can be set to a state and switched to another integr
   CHECK(report.status == StepStatus::InvalidState);
   CHECK_FALSE(report.advanced);
   CHECK(plant.state() == small);
+}
+
+TEMPLATE_TEST_CASE("a plant knows the force that holds it", "[cloth]", float, double) {
+  using S = TestType;
+  const MassSpring<S> model = small_sheet<S>();
+  const ModelPlant<MassSpring<S>> plant(model);
+  const S weight = S(9.81) * model.network().mass.sum();
+  CHECK((plant.gravity_load() - Vector3<S>(S(0), S(0), weight)).norm() <= S(1e-6) * weight);
+  PositionBasedSettings<S> settings;
+  settings.gravity = {S(0), S(-2), S(0)};
+  const auto other = PositionBased<S>::create(model.network(), settings).value();
+  const ModelPlant<PositionBased<S>> light(other);
+  CHECK(light.gravity_load()[1] == Approx(2 * model.network().mass.sum()).epsilon(1e-6));
+  CHECK(light.gravity_load()[0] == S(0));
+}
+
+TEST_CASE("a plant whose step is refused can be asked why", "[cloth]") {
+  ModelPlant<MassSpring<double>> plant(small_sheet<double>());
+  CHECK(plant.check_input(0.02).empty());
+  CHECK(plant.check_input(-1.0) == "step length dt must be positive and finite, got -1 s");
+  CHECK(plant.advance(-1.0).status == StepStatus::InvalidInput);
+  ClothInput<double> input;
+  input.driven_vertices = {3, 25};
+  input.driven_positions.setZero(3, 2);
+  plant.apply(input);
+  CHECK(plant.check_input(0.02) == "driven vertex 1: vertex 25 is off the mesh of 25 vertices");
+  CHECK(plant.advance(0.02).status == StepStatus::InvalidInput);
+  plant.apply({});
+  CHECK(plant.advance(0.02).advanced);
+  // Another model put in place of the first does not fit the workspace.
+  const GridMesh<double> grid = make_grid<double>(7, 7, 0.2, 0.2).value();
+  plant.model() =
+      MassSpring<double>::create(sheet_network<double>(grid, Material<double>()).value()).value();
+  CHECK(plant.advance(0.02).status == StepStatus::InvalidWorkspace);
+  CHECK(plant.check_input(0.02).find("workspace") != std::string::npos);
 }

@@ -45,7 +45,8 @@ void second_difference(SpringNetwork<Scalar>& network, int a, int b, int c, doub
 
 /// Vertices in a row, `spacing` apart, along -z.
 template <class Scalar>
-SpringNetwork<Scalar> chain(int count, double spacing, double mass, double stiffness, double damping) {
+SpringNetwork<Scalar> chain(int count, double spacing, double mass, double stiffness,
+                            double damping) {
   SpringNetwork<Scalar> network;
   network.rest_positions.setZero(3, count);
   network.mass.setConstant(count, Scalar(mass));
@@ -56,7 +57,8 @@ SpringNetwork<Scalar> chain(int count, double spacing, double mass, double stiff
 
 /// A level n×n sheet: edges, diagonals, stencils along rows and columns, triangles.
 template <class Scalar>
-SpringNetwork<Scalar> level_sheet(int n, double size, double mass, double stiffness, double bending) {
+SpringNetwork<Scalar> level_sheet(int n, double size, double mass, double stiffness,
+                                  double bending) {
   SpringNetwork<Scalar> network;
   network.rest_positions.setZero(3, n * n);
   network.mass.setConstant(n * n, Scalar(mass / (n * n)));
@@ -84,8 +86,10 @@ SpringNetwork<Scalar> level_sheet(int n, double size, double mass, double stiffn
 }
 
 template <class Scalar>
-PositionBased<Scalar> make(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings = {}) {
-  Result<PositionBased<Scalar>> made = PositionBased<Scalar>::create(std::move(network), std::move(settings));
+PositionBased<Scalar> make(SpringNetwork<Scalar> network,
+                           PositionBasedSettings<Scalar> settings = {}) {
+  Result<PositionBased<Scalar>> made =
+      PositionBased<Scalar>::create(std::move(network), std::move(settings));
   if (!made) FAIL(made.error());
   return std::move(made).value();
 }
@@ -111,7 +115,8 @@ ClothInput<Scalar> hold(const ClothState<Scalar>& state, std::vector<int> vertic
 }
 
 template <class Scalar>
-void run(const PositionBased<Scalar>& model, ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt, int steps) {
+void run(const PositionBased<Scalar>& model, ClothState<Scalar>& state,
+         const ClothInput<Scalar>& input, Scalar dt, int steps) {
   auto workspace = model.make_workspace();
   for (int i = 0; i < steps; ++i) REQUIRE(model.step(state, input, dt, workspace).advanced);
 }
@@ -119,14 +124,17 @@ void run(const PositionBased<Scalar>& model, ClothState<Scalar>& state, const Cl
 /// Kinetic, spring and bending energy.
 double energy(const SpringNetwork<double>& network, const ClothState<double>& state) {
   double sum = 0;
-  for (Index i = 0; i < network.vertex_count(); ++i) sum += 0.5 * network.mass[i] * state.velocities.col(i).squaredNorm();
+  for (Index i = 0; i < network.vertex_count(); ++i)
+    sum += 0.5 * network.mass[i] * state.velocities.col(i).squaredNorm();
   for (const Spring<double>& s : network.springs) {
-    const double stretch = (state.positions.col(s.a) - state.positions.col(s.b)).norm() - s.rest_length;
+    const double stretch =
+        (state.positions.col(s.a) - state.positions.col(s.b)).norm() - s.rest_length;
     sum += 0.5 * s.stiffness * stretch * stretch;
   }
   for (const BendStencil<double>& s : network.bends) {
     Vector3<double> error = Vector3<double>::Zero();
-    for (std::size_t i = 0; i < static_cast<std::size_t>(s.count); ++i) error += s.weight[i] * state.positions.col(s.vertex[i]);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(s.count); ++i)
+      error += s.weight[i] * state.positions.col(s.vertex[i]);
     sum += 0.5 * s.stiffness * error.squaredNorm();
   }
   return sum;
@@ -137,9 +145,11 @@ Points<double> random_points(std::mt19937& random, Index n, double scale) {
   return Points<double>::NullaryExpr(3, n, [&]() { return uniform(random); });
 }
 
-/// Displacement of one end of a stretched two-mass spring after `time`, in units of its first value.
+/// Displacement of one end of a stretched two-mass spring after `time`, in units of its first
+/// value.
 double oscillator(double damping, double time, int substeps) {
-  const PositionBased<double> model = make(chain<double>(2, 1.0, 0.5, 100.0, damping), weightless<double>(substeps, 1));
+  const PositionBased<double> model =
+      make(chain<double>(2, 1.0, 0.5, 100.0, damping), weightless<double>(substeps, 1));
   ClothState<double> state = model.rest_state();
   state.positions(2, 1) -= 0.02;
   auto workspace = model.make_workspace();
@@ -204,7 +214,8 @@ TEST_CASE("Verlet reproduces the reference trajectory node by node", "[position_
     char comma = 0;
     cells >> step >> comma >> node >> comma >> x >> comma >> y >> comma >> z;
     REQUIRE(cells);
-    for (; reached < step; ++reached) REQUIRE(model.step(state, {}, 1.0 / 60.0, workspace).advanced);
+    for (; reached < step; ++reached)
+      REQUIRE(model.step(state, {}, 1.0 / 60.0, workspace).advanced);
     worst = std::max(worst, (state.positions.col(node) - Vector3<double>(x, y, z)).norm());
     ++compared;
   }
@@ -214,32 +225,38 @@ TEST_CASE("Verlet reproduces the reference trajectory node by node", "[position_
   CHECK(worst < 2e-12);
 }
 
-TEST_CASE("XPBD with many substeps approaches the spring's own oscillation, with order one", "[position_based]") {
+TEST_CASE("XPBD with many substeps approaches the spring's own oscillation, with order one",
+          "[position_based]") {
   // omega² = k (1/m + 1/m) = 400, and for the damper: delta = d (1/m + 1/m)/2.
   const double omega = 20, time = 0.9 * 2 * 3.14159265358979 / omega;
   CHECK(std::abs(oscillator(0, time, 100000) - std::cos(omega * time)) < 2e-4);
   const double delta = 0.8 * 2, damped = std::sqrt(omega * omega - delta * delta);
-  const double exact = std::exp(-delta * time) * (std::cos(damped * time) + delta / damped * std::sin(damped * time));
+  const double exact = std::exp(-delta * time) *
+                       (std::cos(damped * time) + delta / damped * std::sin(damped * time));
   CHECK(std::abs(oscillator(0.8, time, 100000) - exact) < 2e-4);
-  for (const auto& [damping, value] : {std::pair{0.0, std::cos(omega * time)}, std::pair{0.8, exact}}) {
+  for (const auto& [damping, value] :
+       {std::pair{0.0, std::cos(omega * time)}, std::pair{0.8, exact}}) {
     const double coarse = oscillator(damping, time, 2000) - value;
     const double fine = oscillator(damping, time, 4000) - value;
     CHECK(coarse / fine == Approx(2).margin(0.05));
   }
 }
 
-TEMPLATE_TEST_CASE("a hanging weight stretches its springs by weight over stiffness", "[position_based]", float, double) {
+TEMPLATE_TEST_CASE("a hanging weight stretches its springs by weight over stiffness",
+                   "[position_based]", float, double) {
   using Scalar = TestType;
   const double mass = 0.1, stiffness = 200;
   const int count = 4;
   PositionBasedSettings<Scalar> settings;
   settings.iterations = 60;
   settings.substeps = 5;
-  const PositionBased<Scalar> model = make(chain<Scalar>(count, 0.1, mass, stiffness, 2.0), settings);
+  const PositionBased<Scalar> model =
+      make(chain<Scalar>(count, 0.1, mass, stiffness, 2.0), settings);
   ClothState<Scalar> state = model.rest_state();
   run(model, state, hold(state, {0}), Scalar(0.02), 500);
   for (int i = 0; i + 1 < count; ++i) {
-    const double length = static_cast<double>((state.positions.col(i) - state.positions.col(i + 1)).norm());
+    const double length =
+        static_cast<double>((state.positions.col(i) - state.positions.col(i + 1)).norm());
     const double expected = (count - 1 - i) * mass * 9.81 / stiffness;
     CHECK(length - 0.1 == Approx(expected).epsilon(std::is_same_v<Scalar, float> ? 1e-3 : 1e-9));
   }
@@ -269,7 +286,8 @@ TEST_CASE("a bending stencil gives way by weight over stiffness", "[position_bas
   const Index free = network.bends[0].count == 3 ? 2 : 3;
   PositionBasedSettings<double> settings;
   settings.drag = 10;
-  settings.pinned = network.bends[0].count == 3 ? std::vector<int>{0, 1, 3} : std::vector<int>{0, 1, 2};
+  settings.pinned =
+      network.bends[0].count == 3 ? std::vector<int>{0, 1, 3} : std::vector<int>{0, 1, 2};
   const PositionBased<double> model = make(network, settings);
   ClothState<double> state = model.rest_state();
   run(model, state, {}, 0.02, 300);
@@ -291,8 +309,10 @@ TEST_CASE("nothing moves at rest without weight", "[position_based]") {
 TEST_CASE("XPBD conserves momentum and does not gain energy without input", "[position_based]") {
   std::mt19937 random(11);
   SpringNetwork<double> network = level_sheet<double>(7, 0.3, 0.02, 1000, 0.1);
-  for (Index i = 0; i < network.mass.size(); ++i) network.mass[i] *= 0.5 + 0.1 * static_cast<double>(i % 10);
-  // Converged substeps lose energy in each step; a few sweeps leave errors that come and go, but never add up.
+  for (Index i = 0; i < network.mass.size(); ++i)
+    network.mass[i] *= 0.5 + 0.1 * static_cast<double>(i % 10);
+  // Converged substeps lose energy in each step; a few sweeps leave errors that come and go, but
+  // never add up.
   for (const auto& [sweeps, slack] : {std::pair{100, 1e-9}, std::pair{2, 0.3}}) {
     const PositionBased<double> model = make(network, weightless<double>(20, sweeps));
     auto workspace = model.make_workspace();
@@ -349,7 +369,8 @@ TEST_CASE("a step does not care where the sheet is or how it is turned", "[posit
     input.force_vertices = {24, 7, 24};
     input.forces = random_points(random, 3, 0.05);
     input.wind = Vector3<double>(1, -2, 0.5);
-    const Matrix3<double> R = Eigen::Quaterniond(0.3, -0.8, 0.2, 0.5).normalized().toRotationMatrix();
+    const Matrix3<double> R =
+        Eigen::Quaterniond(0.3, -0.8, 0.2, 0.5).normalized().toRotationMatrix();
     const Vector3<double> shift(3, -2, 1);
 
     ClothState<double> moved{(R * state.positions).colwise() + shift, R * state.velocities};
@@ -385,7 +406,8 @@ TEST_CASE("free fall and drag follow their formulas", "[position_based]") {
   CHECK(state.velocities(2, 0) == Approx(-9.81 / 0.7 * (1 - decay)));
 }
 
-TEST_CASE("a falling triangle reaches the speed at which drag carries its weight", "[position_based]") {
+TEST_CASE("a falling triangle reaches the speed at which drag carries its weight",
+          "[position_based]") {
   SpringNetwork<double> network;
   network.rest_positions.setZero(3, 3);
   network.rest_positions.col(1) << 0.5, 0, 0;
@@ -406,28 +428,33 @@ TEST_CASE("a falling triangle reaches the speed at which drag carries its weight
     run(model, state, input, 0.02, 1500);
     const double through = std::sqrt(2 * 0.03 * 9.81 / (1.2 * 1.2 * 0.125));
     for (Index i = 0; i < 3; ++i) {
-      // Weight and air act one after the other in a substep, so the speed is off by up to its share of g h.
+      // Weight and air act one after the other in a substep, so the speed is off by up to its share
+      // of g h.
       CHECK(state.velocities(2, i) == Approx(2.0 - through).margin(0.6 * 9.81 * 0.001));
       CHECK(state.velocities(0, i) == Approx(1.0).epsilon(0.15));
     }
   }
 }
 
-TEMPLATE_TEST_CASE("driven vertices end exactly where they are told", "[position_based]", float, double) {
+TEMPLATE_TEST_CASE("driven vertices end exactly where they are told", "[position_based]", float,
+                   double) {
   using Scalar = TestType;
   PositionBasedSettings<Scalar> verlet = PositionBasedSettings<Scalar>::verlet();
   verlet.substeps = 3;
   PositionBasedSettings<Scalar> pinned;
   pinned.pinned = {0, 24};
-  for (const PositionBasedSettings<Scalar>& settings : {PositionBasedSettings<Scalar>(), verlet, pinned}) {
-    const PositionBased<Scalar> model = make(level_sheet<Scalar>(5, 0.3, 0.02, 1000, 0.1), settings);
+  for (const PositionBasedSettings<Scalar>& settings :
+       {PositionBasedSettings<Scalar>(), verlet, pinned}) {
+    const PositionBased<Scalar> model =
+        make(level_sheet<Scalar>(5, 0.3, 0.02, 1000, 0.1), settings);
     ClothState<Scalar> state = model.rest_state();
     state.velocities.setConstant(Scalar(0.3));
     const ClothState<Scalar> start = state;
     ClothInput<Scalar> input;
     input.driven_vertices = {24, 3};
     input.driven_positions.resize(3, 2);
-    input.driven_positions << Scalar(0.31), Scalar(0.21), Scalar(0.29), Scalar(0.01), Scalar(0.013), Scalar(-0.02);
+    input.driven_positions << Scalar(0.31), Scalar(0.21), Scalar(0.29), Scalar(0.01), Scalar(0.013),
+        Scalar(-0.02);
     input.force_vertices = {24};
     input.forces = Points<Scalar>::Constant(3, 1, Scalar(1e4));
     auto workspace = model.make_workspace();
@@ -437,7 +464,8 @@ TEMPLATE_TEST_CASE("driven vertices end exactly where they are told", "[position
     CHECK(report.iterations == settings.substeps * settings.iterations);
     CHECK(state.positions.col(24) == input.driven_positions.col(0));
     CHECK(state.positions.col(3) == input.driven_positions.col(1));
-    const Vector3<Scalar> velocity = (input.driven_positions.col(0) - start.positions.col(24)) / Scalar(0.02);
+    const Vector3<Scalar> velocity =
+        (input.driven_positions.col(0) - start.positions.col(24)) / Scalar(0.02);
     CHECK((state.velocities.col(24) - velocity).norm() <= Scalar(1e-5) * velocity.norm());
     CHECK(state.positions.cwiseAbs().maxCoeff() < Scalar(1));
     if (!settings.pinned.empty()) {
@@ -469,7 +497,8 @@ TEST_CASE("forces on light corners stay bounded", "[position_based]") {
   }
   input.force_vertices.clear();
   input.forces.resize(3, 0);
-  for (int step = 0; step < 600; ++step) REQUIRE(model.step(state, input, 0.02, workspace).advanced);
+  for (int step = 0; step < 600; ++step)
+    REQUIRE(model.step(state, input, 0.02, workspace).advanced);
   CHECK(state.velocities.cwiseAbs().maxCoeff() < 0.5);
 }
 
@@ -498,11 +527,13 @@ TEST_CASE("huge stiffness and vertices in one place do no harm", "[position_base
     state = model.rest_state();
     run(model, state, hold(state, {0}), 0.01, 100);
     for (int i = 0; i < 4; ++i)
-      CHECK((state.positions.col(i) - state.positions.col(i + 1)).norm() == Approx(0.1).epsilon(0.02));
+      CHECK((state.positions.col(i) - state.positions.col(i + 1)).norm() ==
+            Approx(0.1).epsilon(0.02));
   }
 }
 
-TEMPLATE_TEST_CASE("equal input gives equal bits, whatever the workspace did before", "[position_based]", float, double) {
+TEMPLATE_TEST_CASE("equal input gives equal bits, whatever the workspace did before",
+                   "[position_based]", float, double) {
   using Scalar = TestType;
   PositionBasedSettings<Scalar> settings;
   settings.air.normal_coefficient = Scalar(1);
@@ -547,12 +578,15 @@ TEST_CASE("a step allocates nothing", "[position_based]") {
   }
 }
 
-TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[position_based]", float, double) {
+TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[position_based]", float,
+                   double) {
   using Scalar = TestType;
   const Scalar infinity = scalar_traits<Scalar>::infinity();
   const Scalar nan = std::numeric_limits<Scalar>::quiet_NaN();
-  for (const auto& settings : {PositionBasedSettings<Scalar>(), PositionBasedSettings<Scalar>::verlet()}) {
-    const PositionBased<Scalar> model = make(level_sheet<Scalar>(4, 0.3, 0.02, 1000, 0.1), settings);
+  for (const auto& settings :
+       {PositionBasedSettings<Scalar>(), PositionBasedSettings<Scalar>::verlet()}) {
+    const PositionBased<Scalar> model =
+        make(level_sheet<Scalar>(4, 0.3, 0.02, 1000, 0.1), settings);
     auto workspace = model.make_workspace();
     ClothState<Scalar> good = model.rest_state();
     ClothInput<Scalar> fine = hold(good, {0, 3});
@@ -567,7 +601,8 @@ TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[posit
       CHECK(state == good);
     };
     const Scalar dt = Scalar(0.02);
-    for (Scalar bad : {Scalar(0), Scalar(-0.01), infinity, nan}) refused(fine, bad, StepStatus::InvalidInput);
+    for (Scalar bad : {Scalar(0), Scalar(-0.01), infinity, nan})
+      refused(fine, bad, StepStatus::InvalidInput);
     ClothInput<Scalar> input = fine;
     input.forces(1, 0) = nan;
     refused(input, dt, StepStatus::InvalidInput);
@@ -604,7 +639,8 @@ TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[posit
         ClothState<Scalar> state = good;
         (position ? state.positions : state.velocities)(1, 5) = bad;
         CHECK(model.step(state, fine, dt, workspace).status == StepStatus::InvalidState);
-        (position ? state.positions : state.velocities)(1, 5) = (position ? good.positions : good.velocities)(1, 5);
+        (position ? state.positions : state.velocities)(1, 5) =
+            (position ? good.positions : good.velocities)(1, 5);
         CHECK(state == good);
       }
     }
@@ -625,26 +661,35 @@ TEST_CASE("set-up that makes no sense is refused with the item's name", "[positi
   };
   using Network = SpringNetwork<double>;
   CHECK(message([](Network&, Settings&) {}) == "accepted");
-  CHECK(message([](Network& n, Settings&) { n.mass[4] = 0; }) == "mass of vertex 4 is not positive");
-  CHECK(message([](Network& n, Settings&) { n.springs[2].b = 9; }) == "spring 2 joins vertex 9 off the mesh");
+  CHECK(message([](Network& n, Settings&) { n.mass[4] = 0; }) ==
+        "mass of vertex 4 is not positive");
+  CHECK(message([](Network& n, Settings&) { n.springs[2].b = 9; }) ==
+        "spring 2 joins vertex 9 off the mesh");
   CHECK(message([](Network& n, Settings&) { n.bends[1].vertex[2] = n.bends[1].vertex[0]; }) ==
         "bending stencil 1 holds vertex 0 twice");
-  CHECK(message([](Network&, Settings& s) { s.substeps = 0; }) == "substeps is 0, must be at least 1");
-  CHECK(message([](Network&, Settings& s) { s.pinned = {0, 9}; }) == "pinned vertex 9 is off the mesh");
+  CHECK(message([](Network&, Settings& s) { s.substeps = 0; }) ==
+        "substeps is 0, must be at least 1");
+  CHECK(message([](Network&, Settings& s) {
+          s.pinned = {0, 9};
+        }) == "pinned vertex 9 is off the mesh");
 }
 
-TEMPLATE_TEST_CASE("the laws of cloth hold for sheets, ropes and solids in both schemes", "[position_based]", float, double) {
+TEMPLATE_TEST_CASE("the laws of cloth hold for sheets, ropes and solids in both schemes",
+                   "[position_based]", float, double) {
   using Scalar = TestType;
   const GridMesh<Scalar> grid = make_grid<Scalar>(5, 4, Scalar(0.3), Scalar(0.4)).value();
-  const TetMesh<Scalar> box = make_box<Scalar>(2, 2, 3, Vector3<Scalar>(Scalar(0.1), Scalar(0.1), Scalar(0.15))).value();
+  const TetMesh<Scalar> box =
+      make_box<Scalar>(2, 2, 3, Vector3<Scalar>(Scalar(0.1), Scalar(0.1), Scalar(0.15))).value();
   const int which = GENERATE(0, 1, 2);
   CAPTURE(which);
-  const SpringNetwork<Scalar> network = which == 0   ? sheet_network(grid, Material<Scalar>()).value()
-                                        : which == 1 ? rope_network(RopeSettings<Scalar>()).value()
-                                                     : solid_network(box, SolidSettings<Scalar>()).value();
+  const SpringNetwork<Scalar> network = which == 0 ? sheet_network(grid, Material<Scalar>()).value()
+                                        : which == 1
+                                            ? rope_network(RopeSettings<Scalar>()).value()
+                                            : solid_network(box, SolidSettings<Scalar>()).value();
   clothctl_test::ClothLaws<Scalar> laws;
   laws.mass = network.mass;
-  if (std::is_same_v<Scalar, float>) laws.tolerance = Scalar(2e-3);  // velocities are differences of positions over h
+  if (std::is_same_v<Scalar, float>)
+    laws.tolerance = Scalar(2e-3);  // velocities are differences of positions over h
   PositionBasedSettings<Scalar> settings;
   SECTION("XPBD") {}
   SECTION("XPBD with drag") { settings.drag = laws.drag = Scalar(0.5); }
@@ -667,7 +712,8 @@ TEMPLATE_TEST_CASE("the laws of cloth hold for sheets, ropes and solids in both 
   clothctl_test::check_cloth_laws(make(network, settings), laws);
 }
 
-TEST_CASE("a material's sheet hangs still at its own length, softer by what the sweeps leave", "[position_based]") {
+TEST_CASE("a material's sheet hangs still at its own length, softer by what the sweeps leave",
+          "[position_based]") {
   const Result<GridMesh<double>> grid = make_grid<double>(9, 9, 0.5, 0.5);
   const Material<double> material;
   const Result<SpringNetwork<double>> network = sheet_network(grid.value(), material);
@@ -683,9 +729,60 @@ TEST_CASE("a material's sheet hangs still at its own length, softer by what the 
     CHECK(state.velocities.cwiseAbs().maxCoeff() < 1e-3);
     *lowest = state.positions.row(2).minCoeff();
   }
-  // Top edge held: the strain at height z is weight below / stretch, so the bottom sinks by rho g H² / (2 stretch).
+  // Top edge held: the strain at height z is weight below / stretch, so the bottom sinks by rho g
+  // H² / (2 stretch).
   const double sink = 0.2 * 9.81 * 0.25 / (2 * 1000);
   CHECK(-0.5 - many == Approx(sink).epsilon(0.2));
   CHECK(few <= many);
   CHECK(few > -0.5 - 20 * sink);
+}
+
+namespace {
+
+PositionBased<double> sheet_of(int rows, int cols, bool verlet = false) {
+  const GridMesh<double> grid = make_grid<double>(rows, cols, 0.3, 0.3).value();
+  return PositionBased<double>::create(
+             sheet_network<double>(grid, Material<double>()).value(),
+             verlet ? PositionBasedSettings<double>::verlet() : PositionBasedSettings<double>())
+      .value();
+}
+
+}  // namespace
+
+TEST_CASE("a position-based step refuses a workspace of another model", "[position_based]") {
+  for (const bool verlet : {false, true}) {
+    const PositionBased<double> model = sheet_of(6, 6, verlet);
+    ClothState<double> state = model.rest_state();
+    const ClothState<double> before = state;
+    const ClothInput<double> input;
+    std::vector<PositionBased<double>::Workspace> wrong{sheet_of(3, 3, verlet).make_workspace(),
+                                                        sheet_of(9, 9, verlet).make_workspace(),
+                                                        sheet_of(4, 9, verlet).make_workspace(),
+                                                        sheet_of(6, 6, !verlet).make_workspace(),
+                                                        {}};
+    for (PositionBased<double>::Workspace& ws : wrong) {
+      const StepReport<double> report = model.step(state, input, 0.02, ws);
+      CHECK(report.status == StepStatus::InvalidWorkspace);
+      CHECK_FALSE(report.advanced);
+      CHECK(state == before);
+      CHECK(model.check_input(state, input, 0.02, ws) ==
+            "the workspace was made by another model; use make_workspace() of the model that "
+            "steps");
+    }
+  }
+}
+
+TEST_CASE("a position-based step that is refused can be asked why", "[position_based]") {
+  const PositionBased<double> model = sheet_of(4, 4);
+  ClothState<double> state = model.rest_state();
+  auto ws = model.make_workspace();
+  ClothInput<double> input;
+  CHECK(model.check_input(state, input, 0.02, ws).empty());
+  for (const double dt : {std::nan(""), -0.02, 0.0}) {
+    CHECK(model.step(state, input, dt, ws).status == StepStatus::InvalidInput);
+    CHECK(model.check_input(state, input, dt, ws).find("step length dt") == 0);
+  }
+  state.velocities(1, 3) = std::nan("");
+  CHECK(model.step(state, input, 0.02, ws).status == StepStatus::InvalidState);
+  CHECK(model.check_input(state, input, 0.02, ws) == "velocity of vertex 3: y is nan");
 }

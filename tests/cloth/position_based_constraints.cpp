@@ -1,6 +1,7 @@
-// Constraints of the position-based schemes: the formulas of the header, what their sweeps converge to, and what they keep.
+// Constraints of the position-based schemes: the formulas of the header, what their sweeps converge
+// to, and what they keep.
 
-#include "clothctl/cloth/position_based_constraints.hpp"
+#include "clothctl/cloth/detail/position_based_constraints.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -60,11 +61,14 @@ Scalar tolerance() {
 
 }  // namespace
 
-TEST_CASE("colours hold each vertex once, each item once and keep the given order", "[position_based_constraints]") {
+TEST_CASE("colours hold each vertex once, each item once and keep the given order",
+          "[position_based_constraints]") {
   std::mt19937 random(3);
   std::uniform_int_distribution<int> vertex(0, 29);
   std::vector<std::array<int, 3>> corners(200);
-  for (auto& c : corners) c = {vertex(random), vertex(random), vertex(random)};  // some name a vertex twice, as padding does
+  for (auto& c : corners)
+    c = {vertex(random), vertex(random),
+         vertex(random)};  // some name a vertex twice, as padding does
   std::vector<std::size_t> items;
   for (std::size_t e = 0; e < corners.size(); e += 2) items.push_back(e);
   const auto colours = detail::colour_items(items, 30, [&](std::size_t e) { return corners[e]; });
@@ -76,7 +80,8 @@ TEST_CASE("colours hold each vertex once, each item once and keep the given orde
       if (i > 0) CHECK(colour[i - 1] < colour[i]);
       ++seen[colour[i]];
       for (int v : corners[colour[i]]) {
-        CHECK((owner[static_cast<std::size_t>(v)] == corners.size() || owner[static_cast<std::size_t>(v)] == colour[i]));
+        CHECK((owner[static_cast<std::size_t>(v)] == corners.size() ||
+               owner[static_cast<std::size_t>(v)] == colour[i]));
         owner[static_cast<std::size_t>(v)] = colour[i];
       }
     }
@@ -90,17 +95,20 @@ TEST_CASE("colours hold each vertex once, each item once and keep the given orde
   CHECK(colours.size() <= 3 * *std::max_element(degree.begin(), degree.end()));
 }
 
-TEST_CASE("colours are as few as can be for a star, a matching and nothing", "[position_based_constraints]") {
+TEST_CASE("colours are as few as can be for a star, a matching and nothing",
+          "[position_based_constraints]") {
   const std::vector<std::size_t> items = {0, 1, 2, 3};
   const auto star = [](std::size_t e) { return std::array<int, 2>{0, static_cast<int>(e) + 1}; };
-  const auto matching = [](std::size_t e) { return std::array<int, 2>{2 * static_cast<int>(e), 2 * static_cast<int>(e) + 1}; };
+  const auto matching = [](std::size_t e) {
+    return std::array<int, 2>{2 * static_cast<int>(e), 2 * static_cast<int>(e) + 1};
+  };
   CHECK(detail::colour_items(items, 5, star).size() == 4);
   CHECK(detail::colour_items(items, 8, matching) == std::vector<std::vector<std::size_t>>{items});
   CHECK(detail::colour_items({}, 0, star).empty());
 }
 
-TEMPLATE_TEST_CASE("a rigid distance takes its share of the error and keeps the centre of mass", "[position_based_constraints]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a rigid distance takes its share of the error and keeps the centre of mass",
+                   "[position_based_constraints]", float, double) {
   using Scalar = TestType;
   const VectorX<Scalar> w = (VectorX<Scalar>(2) << Scalar(3), Scalar(0.5)).finished();
   for (const Scalar part : {Scalar(0), Scalar(0.4), Scalar(1)}) {
@@ -116,15 +124,18 @@ TEMPLATE_TEST_CASE("a rigid distance takes its share of the error and keeps the 
             Approx(static_cast<double>(Scalar(3) + part * (rest - Scalar(3)))));
       const Vector3<Scalar> drift = (p - before) * w.cwiseInverse();
       CHECK(drift.norm() < tolerance<Scalar>());
-      CHECK((p.col(0) - p.col(1)).cross(before.col(0) - before.col(1)).norm() < Scalar(10) * tolerance<Scalar>());
+      CHECK((p.col(0) - p.col(1)).cross(before.col(0) - before.col(1)).norm() <
+            Scalar(10) * tolerance<Scalar>());
     }
   }
 }
 
-TEST_CASE("rigid distances skip springs without stiffness, held ends and ends in one place", "[position_based_constraints]") {
+TEST_CASE("rigid distances skip springs without stiffness, held ends and ends in one place",
+          "[position_based_constraints]") {
   SpringNetwork<double> network = bare<double>(6);
   network.springs = {{0, 1, 1, 0, 5}, {2, 3, 1, 7, 0}, {4, 5, 1, 7, 0}};
-  const RigidDistances<double> rigid(network, {0.9, 0.5, 1.0});  // the shares stay with their springs
+  const RigidDistances<double> rigid(network,
+                                     {0.9, 0.5, 1.0});  // the shares stay with their springs
   auto scratch = rigid.make_scratch();
   VectorX<double> w = VectorX<double>::Ones(6);
   Points<double> p = Points<double>::Zero(3, 6);
@@ -147,7 +158,8 @@ TEST_CASE("rigid distances skip springs without stiffness, held ends and ends in
   CHECK(p(0, 3) == Approx(1.5));
 }
 
-TEMPLATE_TEST_CASE("a compliant distance follows its formula", "[position_based_constraints]", float, double) {
+TEMPLATE_TEST_CASE("a compliant distance follows its formula", "[position_based_constraints]",
+                   float, double) {
   using Scalar = TestType;
   const Scalar k = Scalar(80), d = Scalar(0.7), rest = Scalar(1.2), h = Scalar(0.01);
   const VectorX<Scalar> w = (VectorX<Scalar>(2) << Scalar(3), Scalar(50)).finished();
@@ -163,8 +175,9 @@ TEMPLATE_TEST_CASE("a compliant distance follows its formula", "[position_based_
     for (int sweep = 0; sweep < 2; ++sweep) {
       const Vector3<Scalar> apart = expected.col(0) - expected.col(1), n = apart / apart.norm();
       const Vector3<Scalar> moved = apart - (start.col(0) - start.col(1));
-      const Scalar change = -(h * h * k * (apart.norm() - rest) + lambda + h * damping * n.dot(moved)) /
-                            ((h * h * k + h * damping) * (w[0] + w[1]) + Scalar(1));
+      const Scalar change =
+          -(h * h * k * (apart.norm() - rest) + lambda + h * damping * n.dot(moved)) /
+          ((h * h * k + h * damping) * (w[0] + w[1]) + Scalar(1));
       expected.col(0) += w[0] * change * n;
       expected.col(1) -= w[1] * change * n;
       lambda += change;
@@ -187,10 +200,12 @@ TEST_CASE("sweeps of a straight chain converge to the implicit step of its sprin
   const Index n = 6;
   const double h = 0.02;
   SpringNetwork<double> network = bare<double>(n);
-  for (int i = 0; i + 1 < n; ++i) network.springs.push_back({i, i + 1, 0.1 + 0.01 * i, 40.0 - 5 * i, 0.1 * i});
+  for (int i = 0; i + 1 < n; ++i)
+    network.springs.push_back({i, i + 1, 0.1 + 0.01 * i, 40.0 - 5 * i, 0.1 * i});
   const VectorX<double> w = VectorX<double>::LinSpaced(n, 0.0, 60.0);  // the first is held
   Points<double> start = Points<double>::Zero(3, n), p = start;
-  for (Index i = 0; i < n; ++i) start(2, i) = -0.1 * double(i), p(2, i) = -0.13 * double(i) + 0.01 * std::cos(3.0 * double(i));
+  for (Index i = 0; i < n; ++i)
+    start(2, i) = -0.1 * double(i), p(2, i) = -0.13 * double(i) + 0.01 * std::cos(3.0 * double(i));
   const Points<double> predicted = p;
   const CompliantDistances<double> compliant(network);
   auto scratch = compliant.make_scratch();
@@ -201,7 +216,8 @@ TEST_CASE("sweeps of a straight chain converge to the implicit step of its sprin
   for (const Spring<double>& s : network.springs) {
     const Vector3<double> apart = p.col(s.a) - p.col(s.b), unit = apart.normalized();
     const double rate = unit.dot(apart - start.col(s.a) + start.col(s.b)) / h;
-    const Vector3<double> pull = -h * h * (s.stiffness * (apart.norm() - s.rest_length) + s.damping * rate) * unit;
+    const Vector3<double> pull =
+        -h * h * (s.stiffness * (apart.norm() - s.rest_length) + s.damping * rate) * unit;
     impulse.col(s.a) += pull;
     impulse.col(s.b) -= pull;
   }
@@ -210,8 +226,9 @@ TEST_CASE("sweeps of a straight chain converge to the implicit step of its sprin
   CHECK((p - predicted - impulse * w.asDiagonal()).norm() < 1e-12);
 }
 
-TEST_CASE("compliant distances live through zero and huge stiffness, held ends and ends in one place",
-          "[position_based_constraints]") {
+TEST_CASE(
+    "compliant distances live through zero and huge stiffness, held ends and ends in one place",
+    "[position_based_constraints]") {
   Points<double> p(3, 2);
   p << 0, 1, 0, 2, 0, -2;
   const Points<double> before = p;
@@ -227,12 +244,15 @@ TEST_CASE("compliant distances live through zero and huge stiffness, held ends a
   CHECK(swept(1e4, 1, none, p) == before);
   const Points<double> rigid = swept(1e200, 0, ones, p);
   CHECK((rigid.col(0) - rigid.col(1)).norm() == Approx(1));
-  const Points<double> damped = swept(0, 1e200, ones, 2 * p);  // only a damper: it keeps the length of the start
+  const Points<double> damped =
+      swept(0, 1e200, ones, 2 * p);  // only a damper: it keeps the length of the start
   CHECK((damped.col(0) - damped.col(1)).norm() == Approx(3));
-  for (const double d : {0.0, 3.0}) CHECK(swept(1e4, d, ones, Points<double>::Ones(3, 2)) == Points<double>::Ones(3, 2));
+  for (const double d : {0.0, 3.0})
+    CHECK(swept(1e4, d, ones, Points<double>::Ones(3, 2)) == Points<double>::Ones(3, 2));
 }
 
-TEST_CASE("sweeps of stencils converge to the linear system of their energy", "[position_based_constraints]") {
+TEST_CASE("sweeps of stencils converge to the linear system of their energy",
+          "[position_based_constraints]") {
   const Index n = 7;
   const double h = 0.02;
   SpringNetwork<double> network = bare<double>(n);
@@ -243,10 +263,12 @@ TEST_CASE("sweeps of stencils converge to the linear system of their energy", "[
   MatrixX<double> system = w.cwiseInverse().asDiagonal();
   for (const BendStencil<double>& s : network.bends) {
     VectorX<double> row = VectorX<double>::Zero(n);
-    for (std::size_t c = 0; c < static_cast<std::size_t>(s.count); ++c) row[s.vertex[c]] = s.weight[c];
+    for (std::size_t c = 0; c < static_cast<std::size_t>(s.count); ++c)
+      row[s.vertex[c]] = s.weight[c];
     system += h * h * s.stiffness * row * row.transpose();
   }
-  const Points<double> exact = system.llt().solve(w.cwiseInverse().asDiagonal() * predicted.transpose()).transpose();
+  const Points<double> exact =
+      system.llt().solve(w.cwiseInverse().asDiagonal() * predicted.transpose()).transpose();
 
   const BendConstraints<double, 4> bends(network, 2);  // takes the shorter ones too
   auto scratch = bends.make_scratch();
@@ -258,7 +280,8 @@ TEST_CASE("sweeps of stencils converge to the linear system of their energy", "[
     CHECK((p - exact).norm() < 1e-11);
     CHECK((p - predicted).norm() > 0.1);
   }
-  // One stencil alone is met by a single sweep, and weights that sum to zero keep the centre of mass.
+  // One stencil alone is met by a single sweep, and weights that sum to zero keep the centre of
+  // mass.
   network.bends = {stencil({1, -2, 1}, 3.0)};
   const BendConstraints<double, 3> alone(network, 3);
   auto small = alone.make_scratch();
@@ -293,10 +316,11 @@ TEST_CASE("a rigid stencil loses the told part of its error", "[position_based_c
   CHECK(p == before);
 }
 
-TEST_CASE("stencils are taken by their length and only with stiffness", "[position_based_constraints]") {
+TEST_CASE("stencils are taken by their length and only with stiffness",
+          "[position_based_constraints]") {
   SpringNetwork<double> network = bare<double>(12);
-  network.bends = {stencil({1, -2, 1}, 1, 0), stencil({-1, 2, 1, -2}, 1, 3), stencil({1, -2, 1}, 0, 7),
-                   stencil({1, -1}, 1, 10)};
+  network.bends = {stencil({1, -2, 1}, 1, 0), stencil({-1, 2, 1, -2}, 1, 3),
+                   stencil({1, -2, 1}, 0, 7), stencil({1, -1}, 1, 10)};
   const auto taken = [&](const auto& bends) { return bends.make_scratch().error_factor.size(); };
   CHECK(taken(BendConstraints<double, 3>(network, 3)) == 1);
   CHECK(taken(BendConstraints<double, 3>(network, 2)) == 2);

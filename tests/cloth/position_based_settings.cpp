@@ -16,16 +16,17 @@ SpringNetwork<Scalar> row_of_four() {
   network.rest_positions.setZero(3, 4);
   network.mass.setConstant(4, Scalar(0.1));
   for (int i = 0; i < 4; ++i) network.rest_positions(0, i) = Scalar(i);
-  for (int i = 0; i < 3; ++i) network.springs.push_back({i, i + 1, Scalar(1), Scalar(10), Scalar(0)});
+  for (int i = 0; i < 3; ++i)
+    network.springs.push_back({i, i + 1, Scalar(1), Scalar(10), Scalar(0)});
   return network;
 }
 
-/// What check() says, for the row of four vertices, of the defaults after `change`.
+/// What validate() says, for the row of four vertices, of the defaults after `change`.
 template <class Scalar, class Change>
 std::string said(Change change) {
   PositionBasedSettings<Scalar> settings;
   change(settings);
-  return settings.check(row_of_four<Scalar>());
+  return settings.validate(row_of_four<Scalar>());
 }
 
 template <class Scalar>
@@ -33,11 +34,11 @@ using Limits = std::numeric_limits<Scalar>;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("position-based settings: the defaults are those of the comments and pass", "[position_based_settings]",
-                   float, double) {
+TEMPLATE_TEST_CASE("position-based settings: the defaults are those of the comments and pass",
+                   "[position_based_settings]", float, double) {
   using Scalar = TestType;
   const PositionBasedSettings<Scalar> settings;
-  CHECK(settings.check(row_of_four<Scalar>()).empty());
+  CHECK(settings.validate(row_of_four<Scalar>()).empty());
   CHECK(settings.scheme == PositionScheme::Xpbd);
   CHECK(settings.substeps == 20);
   CHECK(settings.iterations == 2);
@@ -50,11 +51,11 @@ TEMPLATE_TEST_CASE("position-based settings: the defaults are those of the comme
   CHECK(settings.pinned.empty());
 }
 
-TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of paper 004 and passes", "[position_based_settings]",
-                   float, double) {
+TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of [Toh 2011] and passes",
+                   "[position_based_settings]", float, double) {
   using Scalar = TestType;
   const PositionBasedSettings<Scalar> settings = PositionBasedSettings<Scalar>::verlet();
-  CHECK(settings.check(row_of_four<Scalar>()).empty());
+  CHECK(settings.validate(row_of_four<Scalar>()).empty());
   CHECK(settings.scheme == PositionScheme::Verlet);
   CHECK(settings.substeps == 1);
   CHECK(settings.iterations == 15);
@@ -69,7 +70,8 @@ TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of paper 004
   CHECK(settings.pinned.empty());
 }
 
-TEMPLATE_TEST_CASE("position-based settings: all that makes sense is accepted", "[position_based_settings]", float, double) {
+TEMPLATE_TEST_CASE("position-based settings: all that makes sense is accepted",
+                   "[position_based_settings]", float, double) {
   using Scalar = TestType;
   using Settings = PositionBasedSettings<Scalar>;
   CHECK(said<Scalar>([](Settings& s) { s.substeps = 1; }).empty());
@@ -87,7 +89,8 @@ TEMPLATE_TEST_CASE("position-based settings: all that makes sense is accepted", 
   }
 }
 
-TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_based_settings]", float, double) {
+TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_based_settings]",
+                   float, double) {
   using Scalar = TestType;
   using Settings = PositionBasedSettings<Scalar>;
   const Scalar nan = Limits<Scalar>::quiet_NaN(), infinity = Limits<Scalar>::infinity();
@@ -103,16 +106,19 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
   }
   for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1), nan, infinity, -infinity}) {
     CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) == "drag is negative or not finite");
-    CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) == "air density is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) ==
+          "air density is negative or not finite");
     CHECK(said<Scalar>([&](Settings& s) { s.air.normal_coefficient = bad; }) ==
           "normal air coefficient is negative or not finite");
     CHECK(said<Scalar>([&](Settings& s) { s.air.tangent_coefficient = bad; }) ==
           "tangent air coefficient is negative or not finite");
   }
-  for (const Scalar bad :
-       {-Limits<Scalar>::min(), Scalar(-1), Scalar(1) + Limits<Scalar>::epsilon(), nan, infinity, -infinity}) {
-    CHECK(said<Scalar>([&](Settings& s) { s.verlet_damping = bad; }) == "verlet damping is outside 0 to 1");
-    CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = bad; }) == "bend relaxation is outside 0 to 1");
+  for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1),
+                           Scalar(1) + Limits<Scalar>::epsilon(), nan, infinity, -infinity}) {
+    CHECK(said<Scalar>([&](Settings& s) { s.verlet_damping = bad; }) ==
+          "verlet damping is outside 0 to 1");
+    CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = bad; }) ==
+          "bend relaxation is outside 0 to 1");
     for (std::size_t e = 0; e < 3; ++e) {
       CHECK(said<Scalar>([&](Settings& s) {
               s.spring_relaxation.assign(3, Scalar(0.5));
@@ -120,34 +126,43 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
             }) == "relaxation of spring " + std::to_string(e) + " is outside 0 to 1");
     }
   }
-  CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(2, Scalar(1)); }) == "2 spring relaxations for 3 springs");
-  CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(4, Scalar(1)); }) == "4 spring relaxations for 3 springs");
-  CHECK(said<Scalar>([](Settings& s) { s.pinned = {0, -1}; }) == "pinned vertex -1 is off the mesh");
+  CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(2, Scalar(1)); }) ==
+        "2 spring relaxations for 3 springs");
+  CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(4, Scalar(1)); }) ==
+        "4 spring relaxations for 3 springs");
+  CHECK(said<Scalar>([](Settings& s) {
+          s.pinned = {0, -1};
+        }) == "pinned vertex -1 is off the mesh");
   CHECK(said<Scalar>([](Settings& s) { s.pinned = {4, 0}; }) == "pinned vertex 4 is off the mesh");
-  CHECK(said<Scalar>([](Settings& s) { s.pinned = {3, 7, -2}; }) == "pinned vertex 7 is off the mesh");
+  CHECK(said<Scalar>([](Settings& s) {
+          s.pinned = {3, 7, -2};
+        }) == "pinned vertex 7 is off the mesh");
 }
 
-TEST_CASE("position-based settings: of several bad values the first is named", "[position_based_settings]") {
+TEST_CASE("position-based settings: of several bad values the first is named",
+          "[position_based_settings]") {
   PositionBasedSettings<double> settings;
   const SpringNetwork<double> network = row_of_four<double>();
   settings.air.density = -1;
   settings.pinned = {4};
-  CHECK(settings.check(network) == "pinned vertex 4 is off the mesh");
+  CHECK(settings.validate(network) == "pinned vertex 4 is off the mesh");
   settings.spring_relaxation = {1.0, 2.0, 3.0};
-  CHECK(settings.check(network) == "relaxation of spring 1 is outside 0 to 1");
+  CHECK(settings.validate(network) == "relaxation of spring 1 is outside 0 to 1");
   settings.drag = -1;
-  CHECK(settings.check(network) == "drag is negative or not finite");
+  CHECK(settings.validate(network) == "drag is negative or not finite");
   settings.substeps = 0;
-  CHECK(settings.check(network) == "substeps is 0, must be at least 1");
+  CHECK(settings.validate(network) == "substeps is 0, must be at least 1");
 }
 
-TEST_CASE("position-based settings: verlet() is checked like any other", "[position_based_settings]") {
+TEST_CASE("position-based settings: verlet() is checked like any other",
+          "[position_based_settings]") {
   PositionBasedSettings<double> settings = PositionBasedSettings<double>::verlet();
   settings.iterations = 0;
-  CHECK(settings.check(row_of_four<double>()) == "iterations is 0, must be at least 1");
+  CHECK(settings.validate(row_of_four<double>()) == "iterations is 0, must be at least 1");
 }
 
-TEST_CASE("position-based settings of a material take its drag and, in wind, its air", "[position_based_settings]") {
+TEST_CASE("position-based settings of a material take its drag and, in wind, its air",
+          "[position_based_settings]") {
   Material<double> material;
   material.drag = 0.7;
   material.air_normal = 1.3;
@@ -156,5 +171,6 @@ TEST_CASE("position-based settings of a material take its drag and, in wind, its
                                       windy = PositionBasedSettings<double>::of(material, true);
   CHECK((calm.drag == 0.7 && windy.drag == 0.7));
   CHECK_FALSE(calm.air.enabled());
-  CHECK((windy.air.density == 1.2 && windy.air.normal_coefficient == 1.3 && windy.air.tangent_coefficient == 0.2));
+  CHECK((windy.air.density == 1.2 && windy.air.normal_coefficient == 1.3 &&
+         windy.air.tangent_coefficient == 0.2));
 }

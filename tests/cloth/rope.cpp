@@ -7,27 +7,30 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("a rope hangs from the origin along -z with the mass of its length", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a rope hangs from the origin along -z with the mass of its length", "[cloth]",
+                   float, double) {
   using S = TestType;
   RopeSettings<S> settings;
   settings.length = S(0.6);
   settings.segments = 15;
   const auto rope = rope_network(settings);
   REQUIRE(rope);
-  CHECK(rope->check().empty());
+  CHECK(rope->validate().empty());
   CHECK(rope->vertex_count() == 16);
   CHECK(rope->springs.size() == 15);
   CHECK(rope->bends.size() == 14);
   CHECK(rope->triangles.empty());
   CHECK(rope->rest_positions.col(0) == Vector3<S>::Zero());
-  CHECK((rope->rest_positions.col(15) - Vector3<S>(S(0), S(0), S(-0.6))).norm() <= scalar_traits<S>::epsilon());
+  CHECK((rope->rest_positions.col(15) - Vector3<S>(S(0), S(0), S(-0.6))).norm() <=
+        scalar_traits<S>::epsilon());
   CHECK(static_cast<double>(rope->mass.sum()) == Approx(0.04 * 0.6).epsilon(1e-6));
   CHECK(static_cast<double>(rope->mass[0]) == Approx(0.5 * 0.04 * 0.04).epsilon(1e-6));
   for (int i = 0; i < 15; ++i) {
     const Spring<S>& s = rope->springs[static_cast<std::size_t>(i)];
     CHECK((s.a == i && s.b == i + 1));
     CHECK(static_cast<double>(s.rest_length) == Approx(0.04).epsilon(1e-5));
-    CHECK(static_cast<double>(s.damping) == Approx(0.002 * static_cast<double>(s.stiffness)).epsilon(1e-6));
+    CHECK(static_cast<double>(s.damping) ==
+          Approx(0.002 * static_cast<double>(s.stiffness)).epsilon(1e-6));
   }
 }
 
@@ -56,11 +59,14 @@ TEST_CASE("stiffness and bending of a rope do not depend on its segments", "[clo
       }
       energy += 0.5 * s.stiffness * value * value;
     }
-    CHECK(energy == Approx(0.5 * settings.bending * curvature * curvature * l * (segments - 1)).epsilon(1e-9));
+    CHECK(
+        energy ==
+        Approx(0.5 * settings.bending * curvature * curvature * l * (segments - 1)).epsilon(1e-9));
   }
 }
 
-TEMPLATE_TEST_CASE("a straight rope is not bent, wherever it points and however it is stretched", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a straight rope is not bent, wherever it points and however it is stretched",
+                   "[cloth]", float, double) {
   using S = TestType;
   const auto rope = rope_network(RopeSettings<S>{});
   REQUIRE(rope);

@@ -21,10 +21,12 @@ ModelPlant<MassSpring<S>> sheet_with_drag(S drag) {
   MassSpringSettings<S> settings;
   settings.integration = Integration::Newton;
   settings.drag = drag;
-  return ModelPlant<MassSpring<S>>(MassSpring<S>::create(sheet_network<S>(grid, Material<S>()).value(), settings).value());
+  return ModelPlant<MassSpring<S>>(
+      MassSpring<S>::create(sheet_network<S>(grid, Material<S>()).value(), settings).value());
 }
 
-// A plant that answers by value, as one that converts from its own numbers does, and counts its frames and inputs.
+// A plant that answers by value, as one that converts from its own numbers does, and counts its
+// frames and inputs.
 struct Counting {
   ModelPlant<MassSpring<double>> inner = sheet_with_drag<double>(5.0);
   int frames = 0, inputs = 0;
@@ -89,7 +91,8 @@ TEST_CASE("settling ends when time is up or ten frames were slow", "[settle]") {
   CHECK(some.frames == before + 10);
 }
 
-TEST_CASE("only ten slow frames in a row end it, and a velocity that is not finite fails", "[settle]") {
+TEST_CASE("only ten slow frames in a row end it, and a velocity that is not finite fails",
+          "[settle]") {
   Scripted plant{{0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0}};
   CHECK(settle(plant, {0}, 0.02, 10.0, 0.5).advanced);
   CHECK(plant.frames == 20);
@@ -99,7 +102,8 @@ TEST_CASE("only ten slow frames in a row end it, and a velocity that is not fini
   Scripted exact{{1}};
   CHECK(settle(exact, {0}, 0.001, 60.0).advanced);
   CHECK(exact.frames == 60000);
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     Scripted broken{{0, 0, bad}};
     const SettleReport<double> report = settle(broken, {0}, 0.02, 10.0, 0.5);
     CHECK_FALSE(report.advanced);
@@ -109,11 +113,14 @@ TEST_CASE("only ten slow frames in a row end it, and a velocity that is not fini
 }
 
 TEST_CASE("what cannot be settled is refused and nothing moves", "[settle]") {
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               inf = std::numeric_limits<double>::infinity();
   Counting plant;
-  const auto refused = [&](const std::vector<int>& held, double dt, double seconds, double rest_speed) {
+  const auto refused = [&](const std::vector<int>& held, double dt, double seconds,
+                           double rest_speed) {
     const SettleReport<double> report = settle(plant, held, dt, seconds, rest_speed);
-    return !report.advanced && report.status == StepStatus::InvalidInput && plant.frames == 0 && plant.inputs == 0;
+    return !report.advanced && report.status == StepStatus::InvalidInput && plant.frames == 0 &&
+           plant.inputs == 0;
   };
   for (const double bad : {nan, inf, -inf, 0.0, -0.02}) {
     CHECK(refused({20}, bad, 1.0, 0.0));

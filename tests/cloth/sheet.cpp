@@ -53,13 +53,15 @@ double bending_force(const SpringNetwork<S>& network, const Points<double>& x) {
     const Eigen::Vector3d value = stencil_value(s, x);
     for (int i = 0; i < s.count; ++i) {
       const std::size_t k = static_cast<std::size_t>(i);
-      force.col(s.vertex[k]) -= static_cast<double>(s.stiffness) * static_cast<double>(s.weight[k]) * value;
+      force.col(s.vertex[k]) -=
+          static_cast<double>(s.stiffness) * static_cast<double>(s.weight[k]) * value;
     }
   }
   return force.colwise().norm().maxCoeff();
 }
 
-Points<double> mapped(const Points<double>& x, const Eigen::Matrix3d& linear, const Eigen::Vector3d& shift) {
+Points<double> mapped(const Points<double>& x, const Eigen::Matrix3d& linear,
+                      const Eigen::Vector3d& shift) {
   return (linear * x).colwise() + shift;
 }
 
@@ -68,7 +70,8 @@ Eigen::Matrix3d some_rotation() {
 }
 
 template <class S>
-SpringNetwork<S> grid_sheet(int rows, int cols, double width, double height, const Material<S>& material = {}) {
+SpringNetwork<S> grid_sheet(int rows, int cols, double width, double height,
+                            const Material<S>& material = {}) {
   const auto mesh = make_grid<S>(rows, cols, S(width), S(height));
   REQUIRE(mesh);
   auto network = sheet_network(mesh.value(), material);
@@ -77,11 +80,13 @@ SpringNetwork<S> grid_sheet(int rows, int cols, double width, double height, con
 }
 
 /// m × m vertices of equilateral triangles with edge `l` in the x-z plane.
-void equilateral_patch(int m, double l, Points<double>& x, std::vector<std::array<int, 3>>& triangles) {
+void equilateral_patch(int m, double l, Points<double>& x,
+                       std::vector<std::array<int, 3>>& triangles) {
   x.resize(3, m * m);
   triangles.clear();
   for (int j = 0; j < m; ++j) {
-    for (int i = 0; i < m; ++i) x.col(j * m + i) = Eigen::Vector3d(l * (i + 0.5 * j), 0.0, l * std::sqrt(0.75) * j);
+    for (int i = 0; i < m; ++i)
+      x.col(j * m + i) = Eigen::Vector3d(l * (i + 0.5 * j), 0.0, l * std::sqrt(0.75) * j);
   }
   for (int j = 0; j + 1 < m; ++j) {
     for (int i = 0; i + 1 < m; ++i) {
@@ -94,10 +99,11 @@ void equilateral_patch(int m, double l, Points<double>& x, std::vector<std::arra
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a grid of 65 by 65 has the springs, stencils and mass it should", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a grid of 65 by 65 has the springs, stencils and mass it should", "[cloth]",
+                   float, double) {
   using S = TestType;
   const auto network = grid_sheet<S>(65, 65, 0.8, 0.8);
-  CHECK(network.check().empty());
+  CHECK(network.validate().empty());
   CHECK(network.vertex_count() == 4225);
   CHECK(network.triangles.size() == 8192);
   CHECK(network.springs.size() == 2 * 65 * 64 + 2 * 64 * 64);
@@ -141,7 +147,8 @@ TEST_CASE("square cells get exactly the constants of the reference sheet", "[clo
 }
 
 TEST_CASE("the settled reference sheet carries its weight across every cut", "[cloth]") {
-  const std::string path = clothctl_test::shared_path("data/trajectories/splines/initial_pose_17x17.csv");
+  const std::string path =
+      clothctl_test::shared_path("data/trajectories/splines/initial_pose_17x17.csv");
   if (path.empty()) {
     WARN("reference data not found: the settled pose is not checked");
     return;
@@ -180,10 +187,13 @@ TEST_CASE("the settled reference sheet carries its weight across every cut", "[c
   }
 }
 
-TEST_CASE("springs come as horizontal edges, vertical edges, diagonals; stencils as rows, columns", "[cloth]") {
+TEST_CASE("springs come as horizontal edges, vertical edges, diagonals; stencils as rows, columns",
+          "[cloth]") {
   const auto network = grid_sheet<double>(3, 4, 0.9, 0.6);
   REQUIRE(network.springs.size() == 3 * 3 + 2 * 4 + 2 * 2 * 3);
-  const auto ends = [&](std::size_t e) { return std::pair<int, int>(network.springs[e].a, network.springs[e].b); };
+  const auto ends = [&](std::size_t e) {
+    return std::pair<int, int>(network.springs[e].a, network.springs[e].b);
+  };
   CHECK(ends(0) == std::pair<int, int>(0, 1));
   CHECK(ends(8) == std::pair<int, int>(10, 11));
   CHECK(ends(9) == std::pair<int, int>(0, 4));
@@ -201,7 +211,8 @@ TEMPLATE_TEST_CASE("a rigid motion costs a sheet no energy", "[cloth]", float, d
   const auto network = grid_sheet<S>(9, 12, 0.5, 0.4);
   const Points<double> x = network.rest_positions.template cast<double>();
   const Points<double> moved = mapped(x, some_rotation(), Eigen::Vector3d(1.0, -2.0, 0.5));
-  const double scale = spring_energy(network, mapped(x, 1.01 * Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()));
+  const double scale = spring_energy(
+      network, mapped(x, 1.01 * Eigen::Matrix3d::Identity(), Eigen::Vector3d::Zero()));
   const double loose = std::is_same_v<S, float> ? 1e-8 : 1e-24;
   CHECK(scale > 0.0);
   CHECK(spring_energy(network, x) <= loose * scale);
@@ -233,37 +244,46 @@ TEMPLATE_TEST_CASE("an affine map bends no sheet", "[cloth]", float, double) {
 TEST_CASE("strain energy does not depend on how the sheet is cut", "[cloth]") {
   const Material<double> material;
   const double small = 1e-5, area = 0.5 * 0.4;
-  for (const auto& cut : {std::pair<int, int>(5, 6), std::pair<int, int>(9, 11), std::pair<int, int>(7, 21)}) {
+  for (const auto& cut :
+       {std::pair<int, int>(5, 6), std::pair<int, int>(9, 11), std::pair<int, int>(7, 21)}) {
     const auto network = grid_sheet<double>(cut.first, cut.second, 0.5, 0.4);
     const double dx = 0.5 / (cut.second - 1), dz = 0.4 / (cut.first - 1);
     Eigen::Matrix3d stretch = Eigen::Matrix3d::Identity(), shear = stretch;
     stretch(0, 0) += small;
     shear(0, 2) += small;
-    const double along_x = spring_energy(network, mapped(network.rest_positions, stretch, Eigen::Vector3d::Zero()));
-    CHECK(along_x ==
-          Approx(0.5 * (material.stretch + material.shear * dx * dx / (dz * dz)) * small * small * area).epsilon(1e-3));
-    const double sheared = spring_energy(network, mapped(network.rest_positions, shear, Eigen::Vector3d::Zero()));
+    const double along_x =
+        spring_energy(network, mapped(network.rest_positions, stretch, Eigen::Vector3d::Zero()));
+    CHECK(along_x == Approx(0.5 * (material.stretch + material.shear * dx * dx / (dz * dz)) *
+                            small * small * area)
+                         .epsilon(1e-3));
+    const double sheared =
+        spring_energy(network, mapped(network.rest_positions, shear, Eigen::Vector3d::Zero()));
     CHECK(sheared == Approx(0.5 * material.shear * small * small * area).epsilon(1e-3));
   }
 }
 
-TEST_CASE("a sheet rolled along rows or columns has the energy of its bending stiffness", "[cloth]") {
+TEST_CASE("a sheet rolled along rows or columns has the energy of its bending stiffness",
+          "[cloth]") {
   const Material<double> material;
   const double curvature = 0.8;
-  for (const auto& cut : {std::pair<int, int>(6, 6), std::pair<int, int>(9, 21), std::pair<int, int>(31, 8)}) {
+  for (const auto& cut :
+       {std::pair<int, int>(6, 6), std::pair<int, int>(9, 21), std::pair<int, int>(31, 8)}) {
     const auto network = grid_sheet<double>(cut.first, cut.second, 0.5, 0.4);
     const double dx = 0.5 / (cut.second - 1), dz = 0.4 / (cut.first - 1);
     Points<double> x = network.rest_positions;
     x.row(1) = 0.5 * curvature * x.row(0).cwiseAbs2();
-    CHECK(bending_energy(network, x) ==
-          Approx(0.5 * material.bending * curvature * curvature * dx * dz * cut.first * (cut.second - 2)).epsilon(1e-9));
+    CHECK(bending_energy(network, x) == Approx(0.5 * material.bending * curvature * curvature * dx *
+                                               dz * cut.first * (cut.second - 2))
+                                            .epsilon(1e-9));
     x.row(1) = 0.5 * curvature * x.row(2).cwiseAbs2();
-    CHECK(bending_energy(network, x) ==
-          Approx(0.5 * material.bending * curvature * curvature * dx * dz * cut.second * (cut.first - 2)).epsilon(1e-9));
+    CHECK(bending_energy(network, x) == Approx(0.5 * material.bending * curvature * curvature * dx *
+                                               dz * cut.second * (cut.first - 2))
+                                            .epsilon(1e-9));
   }
 }
 
-TEMPLATE_TEST_CASE("a triangulated grid has the mass and edges of the grid", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a triangulated grid has the mass and edges of the grid", "[cloth]", float,
+                   double) {
   using S = TestType;
   const auto mesh = make_grid<S>(7, 9, S(0.8), S(0.6));
   REQUIRE(mesh);
@@ -272,31 +292,37 @@ TEMPLATE_TEST_CASE("a triangulated grid has the mass and edges of the grid", "[c
   const auto free = sheet_network(mesh->positions, mesh->triangles, material);
   REQUIRE(grid);
   REQUIRE(free);
-  CHECK(free->check().empty());
+  CHECK(free->validate().empty());
   CHECK(free->mass.template cast<double>().sum() == Approx(0.2 * 0.48).epsilon(1e-5));
   std::map<std::pair<int, int>, double> stiffness;
-  for (const Spring<S>& s : free->springs) stiffness[std::minmax({s.a, s.b})] = static_cast<double>(s.stiffness);
+  for (const Spring<S>& s : free->springs)
+    stiffness[std::minmax({s.a, s.b})] = static_cast<double>(s.stiffness);
   CHECK(stiffness.size() == free->springs.size());
   const std::size_t edges = 7 * 8 + 6 * 9;
   for (std::size_t e = 0; e < edges; ++e) {
     const Spring<S>& s = grid->springs[e];
-    CHECK(stiffness.at(std::minmax({s.a, s.b})) == Approx(static_cast<double>(s.stiffness)).epsilon(1e-4));
+    CHECK(stiffness.at(std::minmax({s.a, s.b})) ==
+          Approx(static_cast<double>(s.stiffness)).epsilon(1e-4));
   }
   CHECK(free->springs.size() == edges + 6 * 8);
   CHECK(free->bends.size() == free->springs.size() - 2 * (6 + 8));
 }
 
-TEST_CASE("springs on equilateral triangles have Young's modulus stretch and Poisson's ratio 1/3", "[cloth]") {
+TEST_CASE("springs on equilateral triangles have Young's modulus stretch and Poisson's ratio 1/3",
+          "[cloth]") {
   Points<double> x;
   std::vector<std::array<int, 3>> triangles;
   equilateral_patch(12, 0.05, x, triangles);
   const Material<double> material;
   const auto network = sheet_network(x, triangles, material);
   REQUIRE(network);
-  // Every triangle gives each edge the same share, so the energy of a uniform strain is exact: ½ Y/(1-ν²) ε² A.
-  const double area = static_cast<double>(triangles.size()) * std::sqrt(3.0) / 4.0 * 0.05 * 0.05, small = 1e-5;
+  // Every triangle gives each edge the same share, so the energy of a uniform strain is exact: ½
+  // Y/(1-ν²) ε² A.
+  const double area = static_cast<double>(triangles.size()) * std::sqrt(3.0) / 4.0 * 0.05 * 0.05,
+               small = 1e-5;
   for (double angle : {0.0, 0.4, 1.3}) {
-    const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitY()).toRotationMatrix();
     Eigen::Matrix3d strain = Eigen::Matrix3d::Identity();
     strain(0, 0) += small;
     const Eigen::Matrix3d map = turn * strain * turn.transpose();
@@ -317,12 +343,14 @@ TEST_CASE("a hinge measures edge length times fold", "[cloth]") {
   REQUIRE(network);
   REQUIRE(network->bends.size() == 1);
   const BendStencil<double>& hinge = network->bends[0];
-  CHECK(hinge.weight[0] + hinge.weight[1] + hinge.weight[2] + hinge.weight[3] == Approx(0.0).margin(1e-14));
+  CHECK(hinge.weight[0] + hinge.weight[1] + hinge.weight[2] + hinge.weight[3] ==
+        Approx(0.0).margin(1e-14));
   CHECK(hinge.stiffness == Approx(material.bending / (0.5 * 0.3 * (0.2 + 0.15))));
   for (double angle : {0.01, 0.5, 2.0}) {
     Points<double> folded = x;
     folded.col(2) = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * Eigen::Vector3d(x.col(2));
-    CHECK(stencil_value(hinge, folded).norm() == Approx(0.3 * 2.0 * std::sin(0.5 * angle)).epsilon(1e-10));
+    CHECK(stencil_value(hinge, folded).norm() ==
+          Approx(0.3 * 2.0 * std::sin(0.5 * angle)).epsilon(1e-10));
   }
 }
 
@@ -337,7 +365,8 @@ TEST_CASE("a cylinder on equilateral triangles costs half B times curvature squa
   REQUIRE(network);
   const double triangle = std::sqrt(3.0) / 4.0 * l * l;
   for (double angle : {0.0, 0.3, 0.9, 1.4}) {
-    // Heights ½ κ s²: every hinge of one direction then costs the same, and a vertex has one of each and two triangles.
+    // Heights ½ κ s²: every hinge of one direction then costs the same, and a vertex has one of
+    // each and two triangles.
     Points<double> bent = x;
     const Eigen::Vector3d along(std::cos(angle), 0.0, std::sin(angle));
     for (Index v = 0; v < x.cols(); ++v) {
@@ -348,7 +377,8 @@ TEST_CASE("a cylinder on equilateral triangles costs half B times curvature squa
     for (const BendStencil<double>& s : network->bends) {
       const int step = s.vertex[1] - s.vertex[0];
       const double energy = 0.5 * s.stiffness * stencil_value(s, bent).squaredNorm();
-      if (cost.count(step) != 0) CHECK(energy == Approx(cost[step]).margin(1e-12 * material.bending));
+      if (cost.count(step) != 0)
+        CHECK(energy == Approx(cost[step]).margin(1e-12 * material.bending));
       cost[step] = energy;
     }
     REQUIRE(cost.size() == 3);
@@ -363,7 +393,8 @@ TEMPLATE_TEST_CASE("bad sheets are refused by name", "[cloth]", float, double) {
   REQUIRE(made);
   Material<S> material;
   material.stretch = S(-5);
-  CHECK(sheet_network(made.value(), material).error() == "material \"handkerchief\": stretch must be positive, got -5");
+  CHECK(sheet_network(made.value(), material).error() ==
+        "material \"handkerchief\": stretch must be positive, got -5");
   CHECK_FALSE(sheet_network(made->positions, made->triangles, material));
   material = Material<S>();
   GridMesh<S> mesh = made.value();
@@ -372,10 +403,12 @@ TEMPLATE_TEST_CASE("bad sheets are refused by name", "[cloth]", float, double) {
   mesh = made.value();
   mesh.positions(1, 4) = std::numeric_limits<S>::quiet_NaN();
   CHECK(sheet_network(mesh, material).error() == "rest position of vertex 4 is not finite");
-  CHECK(sheet_network(mesh.positions, mesh.triangles, material).error() == "position of vertex 4 is not finite");
+  CHECK(sheet_network(mesh.positions, mesh.triangles, material).error() ==
+        "position of vertex 4 is not finite");
   mesh = made.value();
   mesh.width = S(0);
-  CHECK(sheet_network(mesh, material).error() == "grid width and height must be positive, got 0 and 1");
+  CHECK(sheet_network(mesh, material).error() ==
+        "grid width and height must be positive, got 0 and 1");
 
   mesh = made.value();
   mesh.triangles[3][1] = 12;
@@ -387,5 +420,6 @@ TEMPLATE_TEST_CASE("bad sheets are refused by name", "[cloth]", float, double) {
   const std::vector<std::array<int, 3>> flat{{3, 4, 1}, {0, 1, 2}};
   CHECK(sheet_network(mesh.positions, flat, material).error() == "triangle 1 has no area");
   const std::vector<std::array<int, 3>> lonely{{0, 1, 4}};
-  CHECK(sheet_network(mesh.positions, lonely, material).error() == "vertex 2 belongs to no triangle");
+  CHECK(sheet_network(mesh.positions, lonely, material).error() ==
+        "vertex 2 belongs to no triangle");
 }

@@ -23,21 +23,23 @@ double spring_energy(const SpringNetwork<S>& network, const Points<double>& x) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a solid has the mass of its volume and a closed surface", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a solid has the mass of its volume and a closed surface", "[cloth]", float,
+                   double) {
   using S = TestType;
   const auto mesh = make_ball<S>(S(0.05), 4, Vector3<S>::Zero());
   REQUIRE(mesh);
   const SolidSettings<S> settings;
   const auto network = solid_network(mesh.value(), settings);
   REQUIRE(network);
-  CHECK(network->check().empty());
+  CHECK(network->validate().empty());
   CHECK(network->bends.empty());
   CHECK(network->springs.size() == tetrahedron_edges(mesh.value()).size());
   CHECK(network->triangles.size() == 8 * 16);
   const double volume = static_cast<double>(tetrahedron_volumes(mesh.value()).sum());
   CHECK(static_cast<double>(network->mass.sum()) == Approx(300.0 * volume).epsilon(1e-5));
   for (const Spring<S>& s : network->springs)
-    CHECK(static_cast<double>(s.damping) == Approx(0.002 * static_cast<double>(s.stiffness)).epsilon(1e-6));
+    CHECK(static_cast<double>(s.damping) ==
+          Approx(0.002 * static_cast<double>(s.stiffness)).epsilon(1e-6));
 }
 
 TEMPLATE_TEST_CASE("a rigid motion costs a solid no energy", "[cloth]", float, double) {
@@ -47,7 +49,8 @@ TEMPLATE_TEST_CASE("a rigid motion costs a solid no energy", "[cloth]", float, d
   const auto network = solid_network(mesh.value(), SolidSettings<S>{});
   REQUIRE(network);
   const Points<double> x = network->rest_positions.template cast<double>();
-  const Eigen::Matrix3d turn = Eigen::AngleAxisd(0.9, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(0.9, Eigen::Vector3d(1, 2, -1).normalized()).toRotationMatrix();
   const Points<double> moved = (turn * x).colwise() + Eigen::Vector3d(0.5, 1.0, -2.0);
   const double loose = std::is_same_v<S, float> ? 1e-8 : 1e-24;
   const double scale = spring_energy(network.value(), 1.01 * x);
@@ -69,7 +72,8 @@ TEST_CASE("a solid's springs make the elastic energy of its Young's modulus", "[
     // Swelling: ½ (9 λ + 6 μ) ε² V on any mesh, since Σ k l² = 6 E V.
     CHECK(spring_energy(network.value(), (1.0 + small) * x) ==
           Approx(0.5 * 15.0 * lame * small * small * volume).epsilon(1e-6));
-    // Pulling: ½ (λ + 2 μ) ε² V as the mean over the six diagonals of an icosahedron, which averages fourth powers exactly.
+    // Pulling: ½ (λ + 2 μ) ε² V as the mean over the six diagonals of an icosahedron, which
+    // averages fourth powers exactly.
     const double golden = 0.5 * (1.0 + std::sqrt(5.0));
     double mean = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -86,7 +90,8 @@ TEST_CASE("a solid's springs make the elastic energy of its Young's modulus", "[
   }
 }
 
-TEMPLATE_TEST_CASE("append shifts indices and positions, and changes nothing else", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("append shifts indices and positions, and changes nothing else", "[cloth]",
+                   float, double) {
   using S = TestType;
   const auto rope = rope_network(RopeSettings<S>{});
   const auto mesh = make_box<S>(1, 1, 1, Vector3<S>::Ones());
@@ -98,7 +103,7 @@ TEMPLATE_TEST_CASE("append shifts indices and positions, and changes nothing els
   const Vector3<S> offset(S(1), S(2), S(3));
   const int first = append(both, box.value(), offset);
   CHECK(first == 21);
-  CHECK(both.check().empty());
+  CHECK(both.validate().empty());
   CHECK(both.vertex_count() == 29);
   CHECK(both.springs.size() == rope->springs.size() + box->springs.size());
   CHECK(both.bends.size() == rope->bends.size());
@@ -114,7 +119,7 @@ TEMPLATE_TEST_CASE("append shifts indices and positions, and changes nothing els
 
   SpringNetwork<S> twice = rope.value();
   append(twice, twice, offset);
-  CHECK(twice.check().empty());
+  CHECK(twice.validate().empty());
   CHECK(twice.vertex_count() == 42);
   CHECK(twice.bends.size() == 2 * rope->bends.size());
   CHECK(twice.bends.back().vertex[2] == 41);
@@ -131,13 +136,15 @@ TEST_CASE("join adds a spring that is at rest", "[cloth]") {
   CHECK(network.springs.back().damping == Approx(0.4));
   CHECK(join(network, 0, 21, 1.0, 0.0) == "join: vertex 21 is off the mesh of 21 vertices");
   CHECK(join(network, 3, 3, 1.0, 0.0) == "join: vertex 3 cannot be joined to itself");
-  CHECK(join(network, 0, 1, -1.0, 0.0) == "join: stiffness and damping time must not be negative, got -1 and 0");
+  CHECK(join(network, 0, 1, -1.0, 0.0) ==
+        "join: stiffness and damping time must not be negative, got -1 and 0");
   network.rest_positions.col(5) = network.rest_positions.col(2);
-  CHECK(join(network, 2, 5, 1.0, 0.0) == "join: vertices 2 and 5 are in one place; weld them");
+  CHECK(join(network, 2, 5, 1.0, 0.0) == "join: vertices 2 and 5 are at the same place; use weld");
   CHECK(network.springs.size() == 21);
 }
 
-TEMPLATE_TEST_CASE("weld makes one vertex of two and keeps mass and springs", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("weld makes one vertex of two and keeps mass and springs", "[cloth]", float,
+                   double) {
   using S = TestType;
   RopeSettings<S> settings;
   settings.segments = 4;
@@ -149,10 +156,11 @@ TEMPLATE_TEST_CASE("weld makes one vertex of two and keeps mass and springs", "[
     REQUIRE(first == 5);
     const double before = static_cast<double>(network.mass.sum());
     CHECK(weld(network, order.first, order.second).empty());
-    CHECK(network.check().empty());
+    CHECK(network.validate().empty());
     CHECK(network.vertex_count() == 9);
     CHECK(static_cast<double>(network.mass.sum()) == Approx(before).epsilon(1e-6));
-    CHECK(static_cast<double>(network.mass[4]) == Approx(2.0 * static_cast<double>(rope->mass[4])).epsilon(1e-6));
+    CHECK(static_cast<double>(network.mass[4]) ==
+          Approx(2.0 * static_cast<double>(rope->mass[4])).epsilon(1e-6));
     // Now a rope of eight springs in a row, twice as long.
     REQUIRE(network.springs.size() == 8);
     for (int i = 0; i < 8; ++i) {
@@ -172,7 +180,7 @@ TEST_CASE("weld refuses what would fold a spring, a stencil or a triangle onto i
   SpringNetwork<double> network = rope.value();
   CHECK(weld(network, 3, 4) == "weld: vertices 3 and 4 share spring 3");
   CHECK(weld(network, 3, 5) == "weld: vertices 3 and 5 share bending stencil 3");
-  CHECK(weld(network, 3, 3) == "weld: vertices 3 and 3 are one");
+  CHECK(weld(network, 3, 3) == "weld: vertices 3 and 3 are the same");
   CHECK(weld(network, 3, 21) == "weld: vertex 21 is off the mesh of 21 vertices");
   CHECK(weld(network, -1, 2) == "weld: vertex -1 is off the mesh of 21 vertices");
   CHECK(network.vertex_count() == 21);
@@ -191,7 +199,7 @@ TEMPLATE_TEST_CASE("the ball hangs from the rope's lower end", "[cloth]", float,
   const auto made = rope_ball_network(rope, S(0.05), 3, solid);
   REQUIRE(made);
   const RopeBall<S>& hung = made.value();
-  CHECK(hung.network.check().empty());
+  CHECK(hung.network.validate().empty());
   CHECK(hung.grip == 0);
   CHECK(hung.joint == 20);
   CHECK(hung.ball.size() == 63);
@@ -200,18 +208,21 @@ TEMPLATE_TEST_CASE("the ball hangs from the rope's lower end", "[cloth]", float,
   const Vector3<S> centre(S(0), S(0), S(-0.55));
   const double near = std::is_same_v<S, float> ? 1e-6 : 1e-14;
   CHECK(static_cast<double>((hung.network.rest_positions.col(hung.centre) - centre).norm()) < near);
-  for (int v : hung.ball) CHECK(static_cast<double>((hung.network.rest_positions.col(v) - centre).norm()) < 0.05 + near);
+  for (int v : hung.ball)
+    CHECK(static_cast<double>((hung.network.rest_positions.col(v) - centre).norm()) < 0.05 + near);
   CHECK(static_cast<double>(hung.network.rest_positions.col(hung.grip).norm()) == 0.0);
   const auto mesh = make_ball<S>(S(0.05), 3, Vector3<S>::Zero());
-  const double mass = 0.04 * 0.5 + 300.0 * static_cast<double>(tetrahedron_volumes(mesh.value()).sum());
+  const double mass =
+      0.04 * 0.5 + 300.0 * static_cast<double>(tetrahedron_volumes(mesh.value()).sum());
   CHECK(static_cast<double>(hung.network.mass.sum()) == Approx(mass).epsilon(1e-5));
   // At rest, and one piece: rope springs end at the joint where the ball's begin.
   bool above = false, below = false;
   for (const Spring<S>& s : hung.network.springs) {
-    const double length =
-        static_cast<double>((hung.network.rest_positions.col(s.a) - hung.network.rest_positions.col(s.b)).norm());
+    const double length = static_cast<double>(
+        (hung.network.rest_positions.col(s.a) - hung.network.rest_positions.col(s.b)).norm());
     CHECK(length == Approx(static_cast<double>(s.rest_length)).epsilon(1e-4));
-    if (s.a == hung.joint || s.b == hung.joint) (std::min(s.a, s.b) < hung.joint ? above : below) = true;
+    if (s.a == hung.joint || s.b == hung.joint)
+      (std::min(s.a, s.b) < hung.joint ? above : below) = true;
   }
   CHECK(above);
   CHECK(below);
@@ -226,7 +237,8 @@ TEMPLATE_TEST_CASE("bad solids are refused by name", "[cloth]", float, double) {
   CHECK(solid_network(mesh.value(), settings).error() == "solid density must be positive, got 0");
   settings = SolidSettings<S>();
   settings.youngs_modulus = std::numeric_limits<S>::infinity();
-  CHECK(solid_network(mesh.value(), settings).error() == "solid youngs_modulus is not a finite number");
+  CHECK(solid_network(mesh.value(), settings).error() ==
+        "solid youngs_modulus is not a finite number");
   settings = SolidSettings<S>();
   settings.damping_time = S(-1);
   CHECK(rope_ball_network(RopeSettings<S>{}, S(0.05), 2, settings).error() ==
@@ -235,8 +247,10 @@ TEMPLATE_TEST_CASE("bad solids are refused by name", "[cloth]", float, double) {
   TetMesh<S> turned = mesh.value();
   std::swap(turned.tetrahedra[1][0], turned.tetrahedra[1][1]);
   CHECK(solid_network(turned, settings).error().find("tetrahedron 1 has no positive volume") == 0);
-  CHECK(rope_ball_network(RopeSettings<S>{}, S(0), 2, settings).error() == "ball radius must be positive, got 0");
+  CHECK(rope_ball_network(RopeSettings<S>{}, S(0), 2, settings).error() ==
+        "ball radius must be positive, got 0");
   RopeSettings<S> rope;
   rope.segments = -1;
-  CHECK(rope_ball_network(rope, S(0.05), 2, settings).error() == "rope needs at least 1 segment, got -1");
+  CHECK(rope_ball_network(rope, S(0.05), 2, settings).error() ==
+        "rope needs at least 1 segment, got -1");
 }

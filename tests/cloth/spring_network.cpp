@@ -36,7 +36,7 @@ const S kNan = std::numeric_limits<S>::quiet_NaN();
 TEMPLATE_TEST_CASE("a sound network passes its check", "[cloth]", float, double) {
   const auto network = small_network<TestType>();
   CHECK(network.vertex_count() == 3);
-  CHECK(network.check().empty());
+  CHECK(network.validate().empty());
 }
 
 TEMPLATE_TEST_CASE("every fault of a network is named with its index", "[cloth]", float, double) {
@@ -44,30 +44,38 @@ TEMPLATE_TEST_CASE("every fault of a network is named with its index", "[cloth]"
   const auto fault = [](auto&& spoil) {
     SpringNetwork<S> network = small_network<S>();
     spoil(network);
-    return network.check();
+    return network.validate();
   };
-  CHECK(SpringNetwork<S>().check() == "spring network has no vertices");
-  CHECK(fault([](auto& n) { n.mass.conservativeResize(2); }) == "spring network has 2 masses for 3 vertices");
-  CHECK(fault([](auto& n) { n.rest_positions(1, 2) = kNan<S>; }) == "rest position of vertex 2 is not finite");
+  CHECK(SpringNetwork<S>().validate() == "spring network has no vertices");
+  CHECK(fault([](auto& n) { n.mass.conservativeResize(2); }) ==
+        "spring network has 2 masses for 3 vertices");
+  CHECK(fault([](auto& n) { n.rest_positions(1, 2) = kNan<S>; }) ==
+        "rest position of vertex 2 is not finite");
   CHECK(fault([](auto& n) { n.mass[1] = S(0); }) == "mass of vertex 1 is not positive");
   CHECK(fault([](auto& n) { n.mass[2] = kNan<S>; }) == "mass of vertex 2 is not positive");
   CHECK(fault([](auto& n) { n.springs[1].b = 3; }) == "spring 1 joins vertex 3 off the mesh");
   CHECK(fault([](auto& n) { n.springs[0].a = -1; }) == "spring 0 joins vertex -1 off the mesh");
   CHECK(fault([](auto& n) { n.springs[1].b = 0; }) == "spring 1 joins vertex 0 to itself");
-  CHECK(fault([](auto& n) { n.springs[1].rest_length = S(0); }) == "spring 1 has no positive rest length");
-  CHECK(fault([](auto& n) { n.springs[1].stiffness = S(-1); }) == "spring 1 has a negative or non-finite stiffness");
-  CHECK(fault([](auto& n) { n.springs[0].damping = kNan<S>; }) == "spring 0 has a negative or non-finite damping");
+  CHECK(fault([](auto& n) { n.springs[1].rest_length = S(0); }) ==
+        "spring 1 has no positive rest length");
+  CHECK(fault([](auto& n) { n.springs[1].stiffness = S(-1); }) ==
+        "spring 1 has a negative or non-finite stiffness");
+  CHECK(fault([](auto& n) { n.springs[0].damping = kNan<S>; }) ==
+        "spring 0 has a negative or non-finite damping");
   CHECK(fault([](auto& n) { n.bends[0].count = 5; }) == "bending stencil 0 has 5 vertices");
-  CHECK(fault([](auto& n) { n.bends[0].vertex[2] = 7; }) == "bending stencil 0 holds vertex 7 off the mesh");
-  CHECK(fault([](auto& n) { n.bends[0].weight[1] = kNan<S>; }) == "bending stencil 0 has a non-finite weight");
-  CHECK(fault([](auto& n) { n.bends[0].stiffness = S(-2); }) == "bending stencil 0 has a negative or non-finite stiffness");
+  CHECK(fault([](auto& n) { n.bends[0].vertex[2] = 7; }) ==
+        "bending stencil 0 holds vertex 7 off the mesh");
+  CHECK(fault([](auto& n) { n.bends[0].weight[1] = kNan<S>; }) ==
+        "bending stencil 0 has a non-finite weight");
+  CHECK(fault([](auto& n) { n.bends[0].stiffness = S(-2); }) ==
+        "bending stencil 0 has a negative or non-finite stiffness");
   CHECK(fault([](auto& n) { n.triangles[0][2] = 9; }) == "triangle 0 holds vertex 9 off the mesh");
 }
 
 TEST_CASE("a network survives the way to float and back", "[cloth]") {
   const auto network = small_network<double>();
   const auto back = network.cast<float>().cast<double>();
-  CHECK(back.check().empty());
+  CHECK(back.validate().empty());
   CHECK((back.rest_positions - network.rest_positions).norm() == 0.0);
   CHECK((back.mass - network.mass).norm() < 1e-8);
   REQUIRE(back.springs.size() == 2);

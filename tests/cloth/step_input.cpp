@@ -1,4 +1,4 @@
-#include "clothctl/cloth/step_input.hpp"
+#include "clothctl/cloth/detail/step_input.hpp"
 
 #include <functional>
 #include <limits>
@@ -23,14 +23,14 @@ struct Case {
     input.driven_vertices = {2, 0};
     input.driven_positions = Points<S>::Random(3, 2);
   }
-  StepStatus check() { return check_step(state, input, dt, Index(4), held); }
+  StepStatus validate() { return detail::check_step(state, input, dt, Index(4), held); }
 };
 
 template <class S>
 StepStatus verdict(const std::function<void(Case<S>&)>& spoil) {
   Case<S> c;
   spoil(c);
-  return c.check();
+  return c.validate();
 }
 
 }  // namespace
@@ -38,13 +38,13 @@ StepStatus verdict(const std::function<void(Case<S>&)>& spoil) {
 TEMPLATE_TEST_CASE("a good input passes and marks the driven vertices", "[cloth]", float, double) {
   Case<TestType> c;
   const long before = clothctl_test::allocations();
-  const StepStatus status = c.check();
+  const StepStatus status = c.validate();
   const long during = clothctl_test::allocations() - before;
   CHECK(status == StepStatus::Converged);
   CHECK(c.held == std::vector<unsigned char>{1, 0, 1, 0});
   if (clothctl_test::allocation_counting_works()) CHECK(during == 0);
   c.input.clear();
-  CHECK(c.check() == StepStatus::Converged);
+  CHECK(c.validate() == StepStatus::Converged);
   CHECK(c.held == std::vector<unsigned char>{0, 0, 0, 0});
 }
 
@@ -56,7 +56,8 @@ TEMPLATE_TEST_CASE("bad inputs and states are told apart", "[cloth]", float, dou
   for (const S bad : {nan, infinity, -infinity}) {
     CHECK(verdict<S>([&](C& c) { c.dt = bad; }) == StepStatus::InvalidInput);
     CHECK(verdict<S>([&](C& c) { c.input.forces(2, 2) = bad; }) == StepStatus::InvalidInput);
-    CHECK(verdict<S>([&](C& c) { c.input.driven_positions(0, 1) = bad; }) == StepStatus::InvalidInput);
+    CHECK(verdict<S>([&](C& c) { c.input.driven_positions(0, 1) = bad; }) ==
+          StepStatus::InvalidInput);
     CHECK(verdict<S>([&](C& c) { c.input.wind[1] = bad; }) == StepStatus::InvalidInput);
     CHECK(verdict<S>([&](C& c) { c.state.positions(2, 3) = bad; }) == StepStatus::InvalidState);
     CHECK(verdict<S>([&](C& c) { c.state.velocities(0, 0) = bad; }) == StepStatus::InvalidState);

@@ -9,7 +9,8 @@
 
 namespace other_engine {
 
-// A planar arm of two unit rods with unit masses at their ends, from an engine that keeps its state in the robot.
+// A planar arm of two unit rods with unit masses at their ends, from an engine that keeps its state
+// in the robot.
 struct Arm {
   double angle[2] = {0, 0};
 };
@@ -37,23 +38,26 @@ struct clothctl::articulated_traits<other_engine::Arm> {
   using Out = Eigen::Ref<VectorX<double>>;
 
   static Arm make_workspace(const Arm& arm) { return arm; }
-  static Index positions(const Arm&) { return 2; }
-  static Index velocities(const Arm&) { return 2; }
+  static Index nq(const Arm&) { return 2; }
+  static Index nv(const Arm&) { return 2; }
   static VectorX<double> lower(const Arm&) { return VectorX<double>::Constant(2, -3.0); }
   static VectorX<double> upper(const Arm&) { return VectorX<double>::Constant(2, 3.0); }
   static VectorX<double> effort_limits(const Arm&) { return VectorX<double>::Constant(2, 100.0); }
   static void advance(const Arm&, const V& q, const V& step, Out out) { out = q + step; }
   static void difference(const Arm&, const V& from, const V& to, Out out) { out = to - from; }
-  static void place(const Arm&, const V& q, Arm& work) {
+  static void forward_kinematics(const Arm&, const V& q, Arm& work) {
     work.angle[0] = q[0];
     work.angle[1] = q[1];
   }
-  static void frame_pose(const Arm&, const Arm& work, int rod, Matrix3<double>& R, Vector3<double>& p) {
+  static void frame_pose(const Arm&, const Arm& work, int rod, Matrix3<double>& R,
+                         Vector3<double>& p) {
     const other_engine::Pose2 pose = end_of(work, rod);
-    R << std::cos(pose.turn), -std::sin(pose.turn), 0, std::sin(pose.turn), std::cos(pose.turn), 0, 0, 0, 1;
+    R << std::cos(pose.turn), -std::sin(pose.turn), 0, std::sin(pose.turn), std::cos(pose.turn), 0,
+        0, 0, 1;
     p << pose.x, pose.y, 0;
   }
-  static void point_jacobian(const Arm&, const Arm& work, int rod, const Vector3<double>& x, Eigen::Ref<MatrixX<double>> J) {
+  static void point_jacobian(const Arm&, const Arm& work, int rod, const Vector3<double>& x,
+                             Eigen::Ref<MatrixX<double>> J) {
     J.setZero();
     for (int k = 0; k <= rod; ++k) {
       const other_engine::Pose2 base = k == 0 ? other_engine::Pose2{0, 0, 0} : end_of(work, k - 1);
@@ -72,14 +76,16 @@ struct clothctl::articulated_traits<other_engine::Arm> {
     }
     return M;
   }
-  static Eigen::Vector2d bias(const Arm& work, const V& qd) {  // centrifugal and Coriolis, no gravity
+  static Eigen::Vector2d bias(const Arm& work,
+                              const V& qd) {  // centrifugal and Coriolis, no gravity
     const double s = std::sin(work.angle[1]);
     return {-s * qd[1] * (2 * qd[0] + qd[1]), s * qd[0] * qd[0]};
   }
   static void inverse_dynamics(const Arm&, const V& qd, const V& qdd, Arm& work, Out torques) {
     torques = mass(work) * qdd + bias(work, qd);
   }
-  static Index forward_dynamics(const Arm&, const V& qd, const V& torques, const V& diagonal, Arm& work, Out qdd) {
+  static Index forward_dynamics(const Arm&, const V& qd, const V& torques, const V& diagonal,
+                                Arm& work, Out qdd) {
     Eigen::Matrix2d M = mass(work);
     M.diagonal() += diagonal;
     qdd = M.inverse() * (torques - bias(work, qd));
@@ -87,36 +93,75 @@ struct clothctl::articulated_traits<other_engine::Arm> {
   }
 };
 
+// The same arm with every optional hook. Calls of position_jacobian are counted.
+namespace other_engine {
+
+struct HookedArm : Arm {
+  mutable int calls = 0;
+  int number = 0;
+};
+struct HookedState : Arm {
+  int number = 0;
+};
+
+}  // namespace other_engine
+
+template <>
+struct clothctl::articulated_traits<other_engine::HookedArm>
+    : clothctl::articulated_traits<other_engine::Arm> {
+  using workspace_type = other_engine::HookedState;
+  using HookedArm = other_engine::HookedArm;
+  static workspace_type make_workspace(const HookedArm& arm) {
+    workspace_type state;
+    state.number = arm.number;
+    return state;
+  }
+  static int frames(const HookedArm&) { return 2; }
+  static void position_jacobian(const HookedArm& arm, const workspace_type& work, int rod,
+                                const Vector3<double>& x, const double& factor,
+                                Eigen::Ref<MatrixX<double>> J) {
+    ++arm.calls;
+    MatrixX<double> twist(6, 2);
+    point_jacobian(arm, work, rod, x, twist);
+    J = factor * twist.topRows(3);
+  }
+  static bool workspace_fits(const HookedArm& arm, const workspace_type& work) {
+    return arm.number == work.number;
+  }
+};
+
 using namespace clothctl;
 using other_engine::Arm;
+using other_engine::HookedArm;
 
-static_assert(ArticulatedDynamics<Arm>);
+static_assert(ArticulatedDynamics<Arm> && ArticulatedDynamics<HookedArm>);
 static_assert(!ArticulatedModel<int>);
 static_assert(!ArticulatedDynamics<std::string>);
 
 TEST_CASE("another engine's arm reaches and is driven through the trait alone", "[concepts]") {
   const Arm arm;
-  robot::InverseKinematics<Arm> ik(arm, 1);
+  InverseKinematics<Arm> ik(arm, 1);
   VectorX<double> goal(2), q(2), qd = VectorX<double>::Zero(2), torques(2), qdd(2);
   goal << 0.4, 1.1;
   Arm there{{goal[0], goal[1]}};
   const other_engine::Pose2 end = end_of(there, 1);
   q << 0.1, 0.3;
-  const std::vector<robot::IkTask<double>> tasks = {
-      robot::IkTask<double>::position(1, Vector3<double>::Zero(), Vector3<double>(end.x, end.y, 0))};
-  const robot::IkReport<double> report = ik.solve(arm, tasks, VectorX<double>(), q);
-  CHECK(report.status == robot::IkStatus::Reached);
+  const std::vector<IkTask<double>> tasks = {
+      IkTask<double>::position(1, Vector3<double>::Zero(), Vector3<double>(end.x, end.y, 0))};
+  const IkReport<double> report = ik.solve(arm, tasks, VectorX<double>(), q);
+  CHECK(report.status == IkStatus::Reached);
   CHECK((q - goal).norm() < 1e-3);
 
-  auto settings = robot::StablePdSettings<double>::uniform(2);
-  robot::StablePd<Arm> pd = robot::StablePd<Arm>::make(arm, settings).value();
+  auto settings = StablePdSettings<double>::uniform(2);
+  StablePd<Arm> pd = StablePd<Arm>::create(arm, settings).value();
   Arm work = arm;
   VectorX<double> at = VectorX<double>::Zero(2);
   for (int k = 0; k < 500; ++k) {
-    REQUIRE(pd.solve(arm, at, qd, q, VectorX<double>(), VectorX<double>(), work, torques, qdd).status ==
-            robot::PdStatus::Solved);
-    qd += settings.step * qdd;
-    at += settings.step * qd;
+    REQUIRE(
+        pd.solve(arm, at, qd, q, VectorX<double>(), VectorX<double>(), work, torques, qdd).status ==
+        PdStatus::Solved);
+    qd += settings.dt * qdd;
+    at += settings.dt * qd;
   }
   CHECK((at - q).norm() < 1e-6);
 }
@@ -129,4 +174,54 @@ TEST_CASE("another engine's arm obeys the laws of robots", "[concepts]") {
   qdd << 1.0, 2.0;
   clothctl_test::check_articulated_laws(Arm(), q, other, qd, 2, 1e-13);
   clothctl_test::check_articulated_dynamics_laws(Arm(), q, qd, qdd, 1e-12);
+}
+
+TEST_CASE("inverse kinematics is the same with and without the optional hooks", "[concepts]") {
+  const Arm plain;
+  HookedArm hooked;
+  const std::vector<IkTask<double>> tasks = {
+      IkTask<double>::position(1, Vector3<double>::Zero(), Vector3<double>(0.9, 1.2, 0))};
+  VectorX<double> q(2), q_hooked(2);
+  q << 0.1, 0.3;
+  q_hooked = q;
+  InverseKinematics<Arm> ik(plain, 1);
+  InverseKinematics<HookedArm> ik_hooked(hooked, 1);
+  const IkReport<double> report = ik.solve(plain, tasks, VectorX<double>(), q);
+  CHECK(ik_hooked.solve(hooked, tasks, VectorX<double>(), q_hooked).iterations ==
+        report.iterations);
+  CHECK(q == q_hooked);
+  CHECK(hooked.calls > 0);
+}
+
+TEST_CASE("with the hook `frames` a frame that does not exist is refused", "[concepts]") {
+  HookedArm arm;
+  InverseKinematics<HookedArm> ik(arm, 1);
+  InverseKinematics<Arm> plain(arm, 1);
+  const Vector3<double> here = Vector3<double>::Zero();
+  VectorX<double> q = VectorX<double>::Zero(2);
+  for (const int frame : {-1, 2, 1 << 30}) {
+    const std::vector<IkTask<double>> tasks = {IkTask<double>::position(frame, here, here)};
+    CHECK(ik.solve(arm, tasks, VectorX<double>(), q).message == "a task's frame does not exist");
+  }
+  const std::vector<IkTask<double>> negative = {IkTask<double>::position(-1, here, here)};
+  CHECK(plain.solve(arm, negative, VectorX<double>(), q).message ==
+        "a task's frame does not exist");
+}
+
+TEST_CASE("with the hook `workspace_fits` another robot's workspace is refused", "[concepts]") {
+  HookedArm arm, other;
+  other.number = 7;
+  StablePd<HookedArm> pd =
+      StablePd<HookedArm>::create(arm, StablePdSettings<double>::uniform(2)).value();
+  auto own = articulated_traits<HookedArm>::make_workspace(arm),
+       foreign = articulated_traits<HookedArm>::make_workspace(other);
+  const VectorX<double> rest = VectorX<double>::Zero(2), none;
+  VectorX<double> torques = rest, qdd = rest;
+  CHECK(pd.solve(arm, rest, rest, rest, none, none, own, torques, qdd).status == PdStatus::Solved);
+  CHECK(pd.solve(arm, rest, rest, rest, none, none, foreign, torques, qdd).status ==
+        PdStatus::OtherWorkspace);
+  InverseKinematics<HookedArm> ik(arm, 1);
+  VectorX<double> q = rest;
+  CHECK(ik.solve(other, {}, none, q).message ==
+        "the robot is not the one that memory was made for");
 }

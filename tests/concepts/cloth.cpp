@@ -1,4 +1,5 @@
-// Foreign types join ClothPlant and ClothModel by a trait alone, and types that do not fit get a "no", not an error.
+// Foreign types join ClothPlant and ClothModel by a trait alone, and types that do not fit get a
+// "no", not an error.
 
 #include "clothctl/concepts/cloth.hpp"
 
@@ -11,13 +12,16 @@
 
 namespace other_engine {
 
-// A sheet of another engine: interleaved floats, its own clock, its own error flag. It moves itself.
+// A sheet of another engine: interleaved floats, its own clock, its own error flag. It moves
+// itself.
 class Cloth {
  public:
   explicit Cloth(int particles) : data_(static_cast<std::size_t>(particles) * 6, 0.0f) {}
   int particles() const { return static_cast<int>(data_.size() / 6); }
   const float* data() const { return data_.data(); }
-  void set_force(int i, float x, float y, float z) { force_[static_cast<std::size_t>(i)] = {x, y, z}; }
+  void set_force(int i, float x, float y, float z) {
+    force_[static_cast<std::size_t>(i)] = {x, y, z};
+  }
   void clear_forces() { force_.assign(static_cast<std::size_t>(particles()), {0.0f, 0.0f, 0.0f}); }
   bool tick(float seconds) {
     if (!(seconds > 0.0f)) return false;
@@ -49,8 +53,12 @@ template <>
 struct plant_traits<other_engine::Cloth> {
   using Strided = Eigen::Map<const Eigen::Matrix3Xf, 0, Eigen::OuterStride<6>>;
   static Index vertex_count(const other_engine::Cloth& cloth) { return cloth.particles(); }
-  static Strided positions(const other_engine::Cloth& cloth) { return Strided(cloth.data(), 3, cloth.particles()); }
-  static Strided velocities(const other_engine::Cloth& cloth) { return Strided(cloth.data() + 3, 3, cloth.particles()); }
+  static Strided positions(const other_engine::Cloth& cloth) {
+    return Strided(cloth.data(), 3, cloth.particles());
+  }
+  static Strided velocities(const other_engine::Cloth& cloth) {
+    return Strided(cloth.data() + 3, 3, cloth.particles());
+  }
   static void apply(other_engine::Cloth& cloth, const ClothInput<float>& input) {
     cloth.clear_forces();
     for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
@@ -71,8 +79,8 @@ struct cloth_traits<other_engine::Solver> {
     return {Points<double>::Zero(3, solver.n), Points<double>::Zero(3, solver.n)};
   }
   static int make_workspace(const other_engine::Solver&) { return 0; }
-  static StepReport<double> step(const other_engine::Solver& solver, ClothState<double>& state, const ClothInput<double>&,
-                                 double dt, int& steps) {
+  static StepReport<double> step(const other_engine::Solver& solver, ClothState<double>& state,
+                                 const ClothInput<double>&, double dt, int& steps) {
     ++steps;
     state.velocities.row(2).array() += solver.gravity * dt;
     state.positions += dt * state.velocities;
@@ -104,7 +112,9 @@ struct Moody {
   Index vertex_count() const { return 1; }
   ClothState<double> rest_state() const { return {}; }
   int make_workspace() const { return 0; }
-  StepReport<double> step(ClothState<double>&, const ClothInput<double>&, double, int&) { return {}; }
+  StepReport<double> step(ClothState<double>&, const ClothInput<double>&, double, int&) {
+    return {};
+  }
 };
 
 // What a planner does with any plant: push, advance, look.
@@ -126,10 +136,12 @@ Scalar height_after_push(Plant& plant, Scalar dt) {
 static_assert(ClothPlant<other_engine::Cloth, float> && !ClothPlant<other_engine::Cloth, double>);
 static_assert(ClothModel<other_engine::Solver> && !ClothModel<other_engine::Solver, float>);
 static_assert(!ClothModel<other_engine::Cloth> && !ClothPlant<other_engine::Solver>);
-static_assert(!ClothModel<int> && !ClothPlant<int> && !ClothModel<void*> && !ClothPlant<std::string>);
+static_assert(!ClothModel<int> && !ClothPlant<int> && !ClothModel<void*> &&
+              !ClothPlant<std::string>);
 static_assert(!ClothModel<Empty> && !ClothPlant<Empty> && !ClothPlant<Half> && !ClothModel<Half>);
 static_assert(!ClothPlant<Curt> && !ClothModel<Moody>);
-static_assert(!ClothModel<other_engine::Solver, int> && !ClothPlant<other_engine::Cloth, std::string>);
+static_assert(!ClothModel<other_engine::Solver, int> &&
+              !ClothPlant<other_engine::Cloth, std::string>);
 
 TEST_CASE("a foreign engine's cloth is driven through the plant concept", "[concepts]") {
   other_engine::Cloth cloth(2);

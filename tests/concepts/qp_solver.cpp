@@ -1,5 +1,5 @@
-// A solver from elsewhere joins through the trait alone and is held to the laws; other types are no solvers, and asking is no
-// error.
+// A solver from elsewhere joins through the trait alone and is held to the laws; other types are no
+// solvers, and asking is no error.
 
 #include "clothctl/concepts/qp_solver.hpp"
 
@@ -17,7 +17,8 @@ struct Answer {
 struct Sweeper {
   Eigen::MatrixXd Q;
 
-  bool minimise(const Eigen::VectorXd& c, const Eigen::VectorXd& low, const Eigen::VectorXd& high, Answer& answer) const {
+  bool minimise(const Eigen::VectorXd& c, const Eigen::VectorXd& low, const Eigen::VectorXd& high,
+                Answer& answer) const {
     answer.point = low.cwiseMax(Eigen::VectorXd::Zero(c.size())).cwiseMin(high);
     for (int sweep = 0; sweep < 5000; ++sweep) {
       for (Eigen::Index i = 0; i < c.size(); ++i) {
@@ -42,12 +43,17 @@ struct qp_solver_traits<other_engine::Sweeper> {
     s.Q = H;
     return QpStatus::Solved;
   }
-  static QpStatus solve(other_engine::Sweeper& s, const Eigen::VectorXd& g, const Eigen::VectorXd& lb,
-                        const Eigen::VectorXd& ub, other_engine::Answer& answer) {
+  static QpStatus solve(other_engine::Sweeper& s, const Eigen::VectorXd& g,
+                        const Eigen::VectorXd& lb, const Eigen::VectorXd& ub,
+                        other_engine::Answer& answer) {
     return s.minimise(g, lb, ub, answer) ? QpStatus::Solved : QpStatus::IterationLimit;
   }
-  static const Eigen::VectorXd& solution(const other_engine::Answer& answer) { return answer.point; }
-  static const Eigen::VectorXd& bound_multipliers(const other_engine::Answer& answer) { return answer.slope; }
+  static const Eigen::VectorXd& solution(const other_engine::Answer& answer) {
+    return answer.point;
+  }
+  static const Eigen::VectorXd& bound_multipliers(const other_engine::Answer& answer) {
+    return answer.slope;
+  }
 };
 
 }  // namespace clothctl
@@ -55,7 +61,8 @@ struct qp_solver_traits<other_engine::Sweeper> {
 using namespace clothctl;
 using namespace clothctl_test;
 
-static_assert(BoxQpSolver<other_engine::Sweeper> && !QpSolver<other_engine::Sweeper> && !WarmStartable<other_engine::Sweeper>);
+static_assert(BoxQpSolver<other_engine::Sweeper> && !QpSolver<other_engine::Sweeper> &&
+              !clothctl_test::WarmStartable<other_engine::Sweeper>);
 
 namespace {
 
@@ -64,7 +71,8 @@ struct Base {
   using result_type = QpResult<double>;
   void reserve(Index) {}
   QpStatus set_hessian(const MatrixX<double>&) { return QpStatus::Solved; }
-  QpStatus solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {
+  QpStatus solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&,
+                 result_type&) {
     return QpStatus::Solved;
   }
 };
@@ -73,7 +81,8 @@ struct NoResultType : Base {
   using result_type = void;
 };
 struct SilentSolve : Base {
-  void solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {}
+  void solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {
+  }
 };
 struct BoolHessian : Base {
   bool set_hessian(const MatrixX<double>&) { return true; }
@@ -81,21 +90,28 @@ struct BoolHessian : Base {
 struct NoReserve {
   using result_type = QpResult<double>;
   QpStatus set_hessian(const MatrixX<double>&) { return QpStatus::Solved; }
-  QpStatus solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&, result_type&) {
+  QpStatus solve(const VectorX<double>&, const VectorX<double>&, const VectorX<double>&,
+                 result_type&) {
     return QpStatus::Solved;
   }
 };
 
 }  // namespace
 
-static_assert(BoxQpSolver<Base> && !QpSolver<Base> && !WarmStartable<Base>);
-static_assert(!BoxQpSolver<NoResultType> && !BoxQpSolver<SilentSolve> && !BoxQpSolver<BoolHessian> && !BoxQpSolver<NoReserve>);
-static_assert(BoxQpSolver<BoxActiveSet<float>, float> && WarmStartable<BoxActiveSet<double>> &&
+static_assert(BoxQpSolver<Base> && !QpSolver<Base> && !clothctl_test::WarmStartable<Base>);
+static_assert(!BoxQpSolver<NoResultType> && !BoxQpSolver<SilentSolve> &&
+              !BoxQpSolver<BoolHessian> && !BoxQpSolver<NoReserve>);
+static_assert(BoxQpSolver<BoxActiveSet<float>, float> &&
+              clothctl_test::WarmStartable<BoxActiveSet<double>> &&
               !QpSolver<BoxActiveSet<double>>);
-static_assert(QpSolver<ActiveSet<float>, float> && WarmStartable<ActiveSet<double>> && !QpSolver<ActiveSet<float>, double>);
-static_assert(!BoxQpSolver<int> && !QpSolver<int> && !WarmStartable<int> && !QpSolver<void*> && !BoxQpSolver<double>);
+static_assert(QpSolver<ActiveSet<float>, float> &&
+              clothctl_test::WarmStartable<ActiveSet<double>> &&
+              !QpSolver<ActiveSet<float>, double>);
+static_assert(!BoxQpSolver<int> && !QpSolver<int> && !clothctl_test::WarmStartable<int> &&
+              !QpSolver<void*> && !BoxQpSolver<double>);
 
-TEST_CASE("the law of solved holds for an adapted solver and catches one that only claims it", "[qp_solver]") {
+TEST_CASE("the law of solved holds for an adapted solver and catches one that only claims it",
+          "[qp_solver]") {
   std::mt19937 random(31);
   const KnownQp<double> q = draw_qp<double>({.n = 8}, random);
   QpSession<double, other_engine::Sweeper> session;

@@ -26,7 +26,8 @@ Vector3<S> random_unit(std::mt19937& random) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every normal", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every normal",
+                   "[contact]", float, double) {
   using S = TestType;
   std::mt19937 random(11);
   const S near = S(8) * scalar_traits<S>::epsilon();
@@ -41,7 +42,8 @@ TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every 
       }
     }
   }
-  for (const S z : {S(0.8999), S(0.9), S(0.9001)}) normals.push_back({std::sqrt(S(1) - z * z), S(0), z});  // next to the switch
+  for (const S z : {S(0.8999), S(0.9), S(0.9001)})
+    normals.push_back({std::sqrt(S(1) - z * z), S(0), z});  // next to the switch
   for (int i = 0; i < 1000; ++i) normals.push_back(random_unit<S>(random));
   for (const Vector3<S>& n : normals) {
     Vector3<S> t1, t2;
@@ -50,11 +52,13 @@ TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every 
     frame << t1, t2, n;
     CAPTURE(n.transpose());
     CHECK((frame.transpose() * frame - Matrix3<S>::Identity()).cwiseAbs().maxCoeff() <= near);
-    CHECK(static_cast<double>(frame.determinant()) == Approx(1.0).margin(static_cast<double>(near)));
+    CHECK(static_cast<double>(frame.determinant()) ==
+          Approx(1.0).margin(static_cast<double>(near)));
   }
 }
 
-TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly turned about the normal", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly turned about the normal",
+                   "[contact]", float, double) {
   using S = TestType;
   std::mt19937 random(12);
   std::uniform_real_distribution<double> uniform(0.0, 3.0);
@@ -77,14 +81,18 @@ TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly turned about
       const Vector3<S> here = (s - along * n).normalized();
       const Vector3<S> there = (generators.col((i + 1) % count) - along * n).normalized();
       const double turn = 2.0 * std::numbers::pi / static_cast<double>(count);
-      CHECK(static_cast<double>(here.dot(there)) == Approx(std::cos(turn)).margin(100 * static_cast<double>(near / mu)));
+      CHECK(static_cast<double>(here.dot(there)) ==
+            Approx(std::cos(turn)).margin(100 * static_cast<double>(near / mu)));
       CHECK(static_cast<double>(here.cross(there).dot(n)) ==
             Approx(std::sin(turn)).margin(100 * static_cast<double>(near / mu)));
     }
   }
 }
 
-TEST_CASE("any non-negative combination stays in the true cone, and the pyramid loses 1 - cos(pi/n) of friction", "[contact]") {
+TEST_CASE(
+    "any non-negative combination stays in the true cone, and the pyramid loses 1 - cos(pi/n) of "
+    "friction",
+    "[contact]") {
   std::mt19937 random(13);
   std::exponential_distribution<double> weight;
   for (int trial = 0; trial < clothctl_test::trials(100, 3000); ++trial) {
@@ -105,11 +113,13 @@ TEST_CASE("any non-negative combination stays in the true cone, and the pyramid 
     // Half way between two neighbours the pyramid is thinnest.
     const Eigen::Vector3d between = generators.col(0) + generators.col(1);
     const double reach = (between - between.dot(n) * n).norm() / (mu * between.dot(n));
-    CHECK(1 - reach == Approx(1 - std::cos(std::numbers::pi / static_cast<double>(count))).margin(1e-12));
+    CHECK(1 - reach ==
+          Approx(1 - std::cos(std::numbers::pi / static_cast<double>(count))).margin(1e-12));
   }
 }
 
-TEMPLATE_TEST_CASE("generators go into a block of a larger matrix without memory", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("generators go into a block of a larger matrix without memory", "[contact]",
+                   float, double) {
   using S = TestType;
   MatrixX<S> matrix = MatrixX<S>::Constant(6, 12, S(7));
   const Vector3<S> n(S(0), S(0.6), S(0.8));

@@ -21,12 +21,13 @@ template <class S>
 std::string verdict(const std::function<void(std::vector<Grip<S>>&)>& spoil) {
   std::vector<Grip<S>> grips = two_pinches<S>();
   spoil(grips);
-  return check_grips(grips, 9);
+  return validate_grips(grips, 9);
 }
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a pinch has two opposed fingers on the same vertices", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("a pinch has two opposed fingers on the same vertices", "[contact]", float,
+                   double) {
   using S = TestType;
   const Grip<S> grip = make_pinch<S>({5, 2, 9}, S(0.7), S(12), 6);
   REQUIRE(grip.fingers.size() == 2);
@@ -34,64 +35,80 @@ TEMPLATE_TEST_CASE("a pinch has two opposed fingers on the same vertices", "[con
   CHECK(grip.fingers[1].side == S(-1));
   for (const Finger<S>& finger : grip.fingers) {
     CHECK(finger.vertices == std::vector<int>{5, 2, 9});
-    CHECK(finger.friction == S(0.7));
-    CHECK(finger.limit == S(12));
-    CHECK(finger.generators == 6);
+    CHECK(finger.contact.friction == S(0.7));
+    CHECK(finger.max_normal_force == S(12));
+    CHECK(finger.contact.pyramid == 6);
   }
   CHECK(grip.vertices() == std::vector<int>{2, 5, 9});
-  CHECK(check_grips<S>({grip}, 10).empty());
+  CHECK(validate_grips<S>({grip}, 10).empty());
 }
 
-TEMPLATE_TEST_CASE("good grips pass: several fingers at a vertex, no friction", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("good grips pass: several fingers at a vertex, no friction", "[contact]", float,
+                   double) {
   using S = TestType;
-  CHECK(check_grips(two_pinches<S>(), 9).empty());
-  CHECK(verdict<S>([](auto& g) { g[0].fingers[0].friction = S(0); }).empty());
-  CHECK(verdict<S>([](auto& g) { g[1].fingers.push_back({{3}, S(1), S(0.1), S(1), 4}); }).empty());
+  CHECK(validate_grips(two_pinches<S>(), 9).empty());
+  CHECK(verdict<S>([](auto& g) { g[0].fingers[0].contact.friction = S(0); }).empty());
+  CHECK(verdict<S>([](auto& g) {
+          g[1].fingers.push_back({{3}, S(1), {S(0.1), 4}, S(1)});
+        }).empty());
 }
 
-TEMPLATE_TEST_CASE("bad grips are refused by a line that names the item", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("bad grips are refused by a line that names the item", "[contact]", float,
+                   double) {
   using S = TestType;
   using Grips = std::vector<Grip<S>>;
   const S nan = std::numeric_limits<S>::quiet_NaN();
   const S infinity = std::numeric_limits<S>::infinity();
-  CHECK(check_grips(Grips{}, 9) == "there are no grips");
+  CHECK(validate_grips(Grips{}, 9) == "there are no grips");
   CHECK(verdict<S>([](Grips& g) { g[1].fingers.clear(); }) == "grip 1 has no fingers");
-  CHECK(verdict<S>([](Grips& g) { g[1].fingers[1].vertices.clear(); }) == "grip 1 finger 1 holds no vertices");
+  CHECK(verdict<S>([](Grips& g) { g[1].fingers[1].vertices.clear(); }) ==
+        "grip 1 finger 1 holds no vertices");
   CHECK(verdict<S>([](Grips& g) { g[0].fingers[1].vertices[2] = 9; }) ==
         "grip 0 finger 1 holds vertex 9, off a mesh of 9 vertices");
   CHECK(verdict<S>([](Grips& g) { g[0].fingers[0].vertices[0] = -1; }) ==
         "grip 0 finger 0 holds vertex -1, off a mesh of 9 vertices");
-  CHECK(verdict<S>([](Grips& g) { g[0].fingers[0].vertices[2] = 1; }) == "grip 0 finger 0 holds vertex 1 twice");
+  CHECK(verdict<S>([](Grips& g) { g[0].fingers[0].vertices[2] = 1; }) ==
+        "grip 0 finger 0 holds vertex 1 twice");
   CHECK(verdict<S>([](Grips& g) { g[1].fingers[0].vertices[1] = 4; }) ==
         "grip 1 finger 0 holds vertex 4, which grip 0 holds already");
-  const auto begins = [](const std::string& text, const std::string& begin) { return text.rfind(begin, 0) == 0; };
+  const auto begins = [](const std::string& text, const std::string& begin) {
+    return text.rfind(begin, 0) == 0;
+  };
   for (const S bad : {S(-0.1), nan, infinity}) {
-    CHECK(
-        begins(verdict<S>([&](Grips& g) { g[0].fingers[1].friction = bad; }), "grip 0 finger 1 has the friction coefficient "));
+    CHECK(begins(verdict<S>([&](Grips& g) { g[0].fingers[1].contact.friction = bad; }),
+                 "grip 0 finger 1 has the friction coefficient "));
   }
-  CHECK(verdict<S>([](Grips& g) { g[0].fingers[1].friction = S(-0.5); }) ==
+  CHECK(verdict<S>([](Grips& g) { g[0].fingers[1].contact.friction = S(-0.5); }) ==
         "grip 0 finger 1 has the friction coefficient -0.5, must be finite and not negative");
   for (const S bad : {S(0), S(-1), nan, infinity})
-    CHECK(begins(verdict<S>([&](Grips& g) { g[0].fingers[1].limit = bad; }), "grip 0 finger 1 has the grip limit "));
+    CHECK(begins(verdict<S>([&](Grips& g) { g[0].fingers[1].max_normal_force = bad; }),
+                 "grip 0 finger 1 has the largest normal force "));
   for (const S bad : {S(0), S(0.5), S(-2), nan})
-    CHECK(begins(verdict<S>([&](Grips& g) { g[1].fingers[0].side = bad; }), "grip 1 finger 0 has the side "));
-  CHECK(verdict<S>([](Grips& g) { g[1].fingers[1].generators = 3; }) == "grip 1 finger 1 has 3 generators, needs at least 4");
-  for (const Vector3<S>& bad : {Vector3<S>(S(0), S(0), S(0)), Vector3<S>(S(1), S(1), S(0)), Vector3<S>(nan, S(0), S(1))}) {
+    CHECK(begins(verdict<S>([&](Grips& g) { g[1].fingers[0].side = bad; }),
+                 "grip 1 finger 0 has the side "));
+  CHECK(verdict<S>([](Grips& g) { g[1].fingers[1].contact.pyramid = 3; }) ==
+        "grip 1 finger 1 has 3 generators, needs at least 4");
+  for (const Vector3<S>& bad :
+       {Vector3<S>(S(0), S(0), S(0)), Vector3<S>(S(1), S(1), S(0)), Vector3<S>(nan, S(0), S(1))}) {
     CHECK(verdict<S>([&](Grips& g) { g[0].fallback_normal = bad; }) ==
           "grip 0 has a fallback normal that is not a unit vector");
   }
 }
 
-TEMPLATE_TEST_CASE("a vertex normal is the unit mean of its triangles by area, or the fallback", "[contact]", float, double) {
+TEMPLATE_TEST_CASE("a vertex normal is the unit mean of its triangles by area, or the fallback",
+                   "[contact]", float, double) {
   using S = TestType;
   Points<S> x(3, 5);
   x << S(0), S(1), S(1), S(0), S(-2),  //
       S(0), S(0), S(1), S(1), S(0),    //
       S(0), S(0), S(0), S(0), S(2);
-  const std::vector<std::array<int, 3>> triangles{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {2, 1, 0}, {1, 1, 2}};
+  const std::vector<std::array<int, 3>> triangles{
+      {0, 1, 2}, {0, 2, 3}, {0, 3, 4}, {2, 1, 0}, {1, 1, 2}};
   const Vector3<S> fallback = Vector3<S>::UnitX();
   const S near = S(4) * scalar_traits<S>::epsilon();
-  const auto normal = [&](const std::vector<int>& around) { return vertex_normal<S>(x, triangles, around, fallback); };
+  const auto normal = [&](const std::vector<int>& around) {
+    return vertex_normal<S>(x, triangles, around, fallback);
+  };
   CHECK((normal({0, 1}) - Vector3<S>::UnitZ()).norm() <= near);
   // Area vectors of triangles 0, 1 and 2: (0,0,1) + (2,0,2) over their length.
   const Vector3<S> mean(S(1), S(0), S(1));
@@ -102,7 +119,8 @@ TEMPLATE_TEST_CASE("a vertex normal is the unit mean of its triangles by area, o
   CHECK(normal({4}) == fallback);     // no area
 }
 
-TEST_CASE("a vertex normal turns with the sheet, does not mind its place and takes no memory", "[contact]") {
+TEST_CASE("a vertex normal turns with the sheet, does not mind its place and takes no memory",
+          "[contact]") {
   std::mt19937 random(3);
   std::normal_distribution<double> gauss;
   const std::vector<std::array<int, 3>> triangles{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}};
@@ -111,7 +129,8 @@ TEST_CASE("a vertex normal turns with the sheet, does not mind its place and tak
   for (int trial = 0; trial < 50; ++trial) {
     Points<double> x(3, 5);
     for (Index i = 0; i < x.size(); ++i) x.data()[i] = gauss(random);
-    const Eigen::Matrix3d turn = Eigen::AngleAxisd(gauss(random), Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+    const Eigen::Matrix3d turn =
+        Eigen::AngleAxisd(gauss(random), Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
     Points<double> moved = 0.02 * (turn * x);
     moved.colwise() += Eigen::Vector3d(3, -2, 1);
     const long before = clothctl_test::allocations();

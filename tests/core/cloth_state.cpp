@@ -49,7 +49,8 @@ TEST_CASE("a default input does nothing", "[cloth_state]") {
   CHECK(input.wind == Vector3<double>::Zero());
 }
 
-TEMPLATE_TEST_CASE("clear empties an input and keeps the memory of its lists", "[cloth_state]", float, double) {
+TEMPLATE_TEST_CASE("clear empties an input and keeps the memory of its lists", "[cloth_state]",
+                   float, double) {
   ClothInput<TestType> input;
   input.force_vertices = {1, 1, 3};
   input.forces = Points<TestType>::Ones(3, 3);

@@ -73,7 +73,9 @@ TEST_CASE("what is not finite has a name, under -ffast-math too") {
   CHECK(number_text(-std::numeric_limits<float>::quiet_NaN()) == "nan");
 }
 
-TEST_CASE("scalars other than the built-in ones are written as doubles, or as ? where they cannot become one") {
+TEST_CASE(
+    "scalars other than the built-in ones are written as doubles, or as ? where they cannot become "
+    "one") {
   CHECK(number_text(Open()) == "2.5");
   CHECK(number_text(Sealed()) == "?");
 }
@@ -94,7 +96,8 @@ TEST_CASE("texts read back as the same number") {
 TEST_CASE("the locale has no say") {
   const std::string before = std::setlocale(LC_NUMERIC, nullptr);
   bool found = false;
-  for (const char* name : {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE", "fr_FR"}) found = found || std::setlocale(LC_NUMERIC, name);
+  for (const char* name : {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE", "fr_FR"})
+    found = found || std::setlocale(LC_NUMERIC, name);
   if (!found) WARN("no locale with a decimal comma is installed");
   CHECK(number_text(0.5) == "0.5");
   CHECK(number_text(1234567.25) == "1234567.25");

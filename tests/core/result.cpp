@@ -54,6 +54,7 @@ TEST_CASE("a result of strings keeps values and errors apart", "[result]") {
 }
 
 // It is asked, not converted: `int n = result;` or adding results must not compile by way of bool.
-static_assert(!std::is_convertible_v<Result<int>, bool> && std::is_constructible_v<bool, Result<int>>);
+static_assert(!std::is_convertible_v<Result<int>, bool> &&
+              std::is_constructible_v<bool, Result<int>>);
 static_assert(!std::is_convertible_v<Result<int>, int>);
 static_assert(!std::is_default_constructible_v<Result<int>>);

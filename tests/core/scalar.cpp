@@ -1,5 +1,6 @@
-// Finite, unbounded and NaN tests of the built-in scalars. This file is also compiled and run under -ffast-math, where the
-// compiler may assume that none of these values exists; so nothing here compares with an infinity or a NaN.
+// Finite, unbounded and NaN tests of the built-in scalars. This file is also compiled and run under
+// -ffast-math, where the compiler may assume that none of these values exists; so nothing here
+// compares with an infinity or a NaN.
 
 #include "clothctl/core/scalar.hpp"
 
@@ -16,8 +17,9 @@ using namespace clothctl;
 
 namespace clothctl_test {
 
-// Values that stand in memory, where no compiler can know them beforehand. Never passed or returned by value: under -ffast-math
-// a compiler may take for granted that an argument is neither NaN nor infinite.
+// Values that stand in memory, where no compiler can know them beforehand. Never passed or returned
+// by value: under -ffast-math a compiler may take for granted that an argument is neither NaN nor
+// infinite.
 template <class Scalar>
 struct Extremes {
   static Scalar infinity[2];
@@ -26,9 +28,11 @@ struct Extremes {
   static Scalar subnormal;
 };
 template <class Scalar>
-Scalar Extremes<Scalar>::infinity[2] = {std::numeric_limits<Scalar>::infinity(), -std::numeric_limits<Scalar>::infinity()};
+Scalar Extremes<Scalar>::infinity[2] = {std::numeric_limits<Scalar>::infinity(),
+                                        -std::numeric_limits<Scalar>::infinity()};
 template <class Scalar>
-Scalar Extremes<Scalar>::nan[2] = {std::numeric_limits<Scalar>::quiet_NaN(), -std::numeric_limits<Scalar>::quiet_NaN()};
+Scalar Extremes<Scalar>::nan[2] = {std::numeric_limits<Scalar>::quiet_NaN(),
+                                   -std::numeric_limits<Scalar>::quiet_NaN()};
 template <class Scalar>
 Scalar Extremes<Scalar>::largest = (std::numeric_limits<Scalar>::max)();
 template <class Scalar>
@@ -52,13 +56,17 @@ struct Opaque {};
 
 // Classified where they stand: by-value parameters may be assumed to be ordinary.
 static_assert(std::is_same_v<decltype(&scalar_traits<float>::is_finite), bool (*)(const float&)>);
-static_assert(std::is_same_v<decltype(&scalar_traits<double>::is_unbounded), bool (*)(const double&)>);
-static_assert(std::is_same_v<decltype(&scalar_traits<long double>::is_nan), bool (*)(const long double&)>);
+static_assert(
+    std::is_same_v<decltype(&scalar_traits<double>::is_unbounded), bool (*)(const double&)>);
+static_assert(
+    std::is_same_v<decltype(&scalar_traits<long double>::is_nan), bool (*)(const long double&)>);
 
 static_assert(RealScalar<float> && RealScalar<double> && RealScalar<long double>);
-static_assert(!RealScalar<int> && !RealScalar<bool> && !RealScalar<std::string> && !RealScalar<Opaque> && !RealScalar<double*>);
+static_assert(!RealScalar<int> && !RealScalar<bool> && !RealScalar<std::string> &&
+              !RealScalar<Opaque> && !RealScalar<double*>);
 
-TEMPLATE_TEST_CASE("ordinary numbers are finite and bounded", "[scalar]", float, double, long double) {
+TEMPLATE_TEST_CASE("ordinary numbers are finite and bounded", "[scalar]", float, double,
+                   long double) {
   for (const double value : {0.0, -0.0, 1.0, -1.0, 1e-30, 3.5e12, -9.9e19}) {
     const TestType x = from_memory(static_cast<TestType>(value));
     CAPTURE(value);
@@ -71,7 +79,8 @@ TEMPLATE_TEST_CASE("ordinary numbers are finite and bounded", "[scalar]", float,
   CHECK_FALSE(is_unbounded(Extremes<TestType>::subnormal));
 }
 
-TEMPLATE_TEST_CASE("infinities are unbounded and not finite", "[scalar]", float, double, long double) {
+TEMPLATE_TEST_CASE("infinities are unbounded and not finite", "[scalar]", float, double,
+                   long double) {
   for (const TestType& x : Extremes<TestType>::infinity) {
     CHECK_FALSE(is_finite(x));
     CHECK(is_unbounded(x));
@@ -89,7 +98,8 @@ TEMPLATE_TEST_CASE("NaN is neither finite nor unbounded", "[scalar]", float, dou
   }
 }
 
-TEMPLATE_TEST_CASE("huge stand-ins for infinity count as unbounded", "[scalar]", float, double, long double) {
+TEMPLATE_TEST_CASE("huge stand-ins for infinity count as unbounded", "[scalar]", float, double,
+                   long double) {
   for (const double value : {1e30, -1e30, 2e20, -2e20}) {
     const TestType x = from_memory(static_cast<TestType>(value));
     CAPTURE(value);
@@ -118,7 +128,8 @@ TEST_CASE("a NaN is one by any bit of its fraction", "[scalar]") {
 TEST_CASE("every exponent of a double is classified by its bits", "[scalar]") {
   // Sign, exponent and a sparse mantissa, walked through all exponents.
   for (std::uint64_t exponent = 0; exponent < 2048; ++exponent) {
-    for (const std::uint64_t mantissa : {std::uint64_t{0}, std::uint64_t{1}, std::uint64_t{1} << 51}) {
+    for (const std::uint64_t mantissa :
+         {std::uint64_t{0}, std::uint64_t{1}, std::uint64_t{1} << 51}) {
       for (const std::uint64_t sign : {std::uint64_t{0}, std::uint64_t{1} << 63}) {
         const double x = std::bit_cast<double>(sign | (exponent << 52) | mantissa);
         const bool ordinary = exponent != 2047;

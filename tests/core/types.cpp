@@ -10,7 +10,8 @@ using namespace clothctl;
 TEMPLATE_TEST_CASE("all_finite sees one bad coefficient anywhere", "[types]", float, double) {
   Points<TestType> points = Points<TestType>::Constant(3, 7, TestType(2));
   CHECK(all_finite(points));
-  for (const TestType bad : {std::numeric_limits<TestType>::infinity(), std::numeric_limits<TestType>::quiet_NaN()}) {
+  for (const TestType bad :
+       {std::numeric_limits<TestType>::infinity(), std::numeric_limits<TestType>::quiet_NaN()}) {
     for (Index k = 0; k < points.size(); ++k) {
       Points<TestType> broken = points;
       broken.data()[k] = bad;
@@ -44,4 +45,16 @@ TEST_CASE("lanes lie side by side in memory", "[types]") {
   Lanes<float, 4> lanes = Lanes<float, 4>::Zero(4, 3);
   CHECK(&lanes(1, 2) == &lanes(0, 2) + 1);
   CHECK(&lanes(0, 2) == &lanes(0, 1) + 4);
+}
+
+TEST_CASE("every matrix type names its storage order", "[types]") {
+  static_assert(!MatrixX<double>::IsRowMajor && !Points<double>::IsRowMajor);
+  static_assert(!Matrix3<float>::IsRowMajor && !VectorX<float>::IsRowMajor);
+  static_assert(!Lanes<double, 4>::IsRowMajor && !DenseMatrix<double, 6, 6>::IsRowMajor);
+  static_assert(Lanes<double, 1>::IsRowMajor && DenseMatrix<double, 1, 3>::IsRowMajor);
+  static_assert(!DenseMatrix<double, 1, 1>::IsRowMajor);
+  // Eigen's own types where its default order is untouched.
+  static_assert(std::is_same_v<MatrixX<double>, Eigen::MatrixXd>);
+  static_assert(std::is_same_v<Vector3<float>, Eigen::Vector3f>);
+  SUCCEED();
 }

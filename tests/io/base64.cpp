@@ -1,6 +1,6 @@
 // Base64: the vectors of RFC 4648, a round trip, and what is refused.
 
-#include "clothctl/io/base64.hpp"
+#include "clothctl/io/detail/base64.hpp"
 
 #include <cstdint>
 #include <random>
@@ -12,7 +12,7 @@
 namespace {
 
 std::string encoded(const std::string& text) {
-  return clothctl::encode_base64(std::vector<std::uint8_t>(text.begin(), text.end()));
+  return clothctl::detail::encode_base64(std::vector<std::uint8_t>(text.begin(), text.end()));
 }
 
 }  // namespace
@@ -33,17 +33,17 @@ TEST_CASE("decoding undoes encoding for every length and byte", "[base64]") {
   for (std::size_t length = 0; length < 300; ++length) {
     std::vector<std::uint8_t> bytes(length);
     for (std::uint8_t& b : bytes) b = static_cast<std::uint8_t>(byte(engine));
-    const auto back = clothctl::decode_base64(clothctl::encode_base64(bytes));
+    const auto back = clothctl::detail::decode_base64(clothctl::detail::encode_base64(bytes));
     REQUIRE(back.has_value());
     CHECK(*back == bytes);
   }
 }
 
 TEST_CASE("foreign text is refused", "[base64]") {
-  CHECK(clothctl::decode_base64("Zg=").error() == "base64: length 3 is no multiple of 4");
-  CHECK(clothctl::decode_base64("Z g=").error() == "base64: foreign letter at position 1");
-  CHECK(clothctl::decode_base64("Zm=v").error() == "base64: foreign letter at position 2");
-  CHECK(!clothctl::decode_base64("====").has_value());
-  CHECK(!clothctl::decode_base64("Zg==Zg==").has_value());
-  CHECK(!clothctl::decode_base64("Zg-_").has_value());
+  CHECK(clothctl::detail::decode_base64("Zg=").error() == "base64: length 3 is no multiple of 4");
+  CHECK(clothctl::detail::decode_base64("Z g=").error() == "base64: foreign letter at position 1");
+  CHECK(clothctl::detail::decode_base64("Zm=v").error() == "base64: foreign letter at position 2");
+  CHECK(!clothctl::detail::decode_base64("====").has_value());
+  CHECK(!clothctl::detail::decode_base64("Zg==Zg==").has_value());
+  CHECK(!clothctl::detail::decode_base64("Zg-_").has_value());
 }

@@ -1,4 +1,5 @@
-// Tables of numbers: what is read, what is refused and with which words, and that written numbers read back exactly.
+// Tables of numbers: what is read, what is refused and with which words, and that written numbers
+// read back exactly.
 
 #include "clothctl/io/csv.hpp"
 
@@ -38,7 +39,9 @@ TEST_CASE("a plain table is read", "[csv]") {
   CHECK(table->lines == std::vector<clothctl::Index>{2, 3});
 }
 
-TEST_CASE("a mark, CRLF, spaces, tabs, blank last lines and a missing last line break are tolerated", "[csv]") {
+TEST_CASE(
+    "a mark, CRLF, spaces, tabs, blank last lines and a missing last line break are tolerated",
+    "[csv]") {
   for (const std::string text : {"\xef\xbb\xbf"
                                  "a,b\r\n1,2\r\n3,4\r\n",
                                  " a , b \n\t1,2\n3 ,4\n\n  \n\r\n", "a,b\n1,2\n3,4"}) {
@@ -52,26 +55,28 @@ TEST_CASE("a mark, CRLF, spaces, tabs, blank last lines and a missing last line 
 TEST_CASE("what is wrong is named with file, line and value", "[csv]") {
   using enum CsvHeader;
   CHECK(refusal("", Names) == "f.csv:1: the file is empty");
-  CHECK(refusal("\xef\xbb\xbf \r\n\n", None) == "f.csv:1: the file is empty");
+  CHECK(refusal("\xef\xbb\xbf \r\n\n", Absent) == "f.csv:1: the file is empty");
   CHECK(refusal("a,b\n", Names) == "f.csv:1: no row after the header");
   CHECK(refusal("a,b\n1,2\n3\n", Names) == "f.csv:3: expected 2 values, found 1");
   CHECK(refusal("a,b\n1,2,\n", Names) == "f.csv:2: expected 2 values, found 3");
-  CHECK(refusal("1,2,3\n1,2\n", None) == "f.csv:2: expected 3 values, found 2");
-  CHECK(refusal("1,2\n", None, 3) == "f.csv:1: expected 3 values, found 2");
+  CHECK(refusal("1,2,3\n1,2\n", Absent) == "f.csv:2: expected 3 values, found 2");
+  CHECK(refusal("1,2\n", Absent, 3) == "f.csv:1: expected 3 values, found 2");
   CHECK(refusal("a,b\n1,2\n\n3,4\n", Names) == "f.csv:3: blank line before the last row");
   CHECK(refusal("a,b\n1,x7\n", Names) == "f.csv:2: column 'b': 'x7' is not a number");
-  CHECK(refusal("1,2\n1,2m\n", None) == "f.csv:2: column 2: '2m' is not a number");
-  CHECK(refusal("1,,2\n", None) == "f.csv:1: column 2: found an empty cell, expected a number");
+  CHECK(refusal("1,2\n1,2m\n", Absent) == "f.csv:2: column 2: '2m' is not a number");
+  CHECK(refusal("1,,2\n", Absent) == "f.csv:1: column 2: found an empty cell, expected a number");
   CHECK(refusal("a\nnan\n", Names) == "f.csv:2: column 'a': 'nan' is not finite");
   CHECK(refusal("a\n-inf\n", Names) == "f.csv:2: column 'a': '-inf' is not finite");
-  CHECK(refusal("a\n1e999\n", Names) == "f.csv:2: column 'a': '1e999' is out of the range of a double");
-  for (const std::string bad : {"1;2", "1 2", "0x10", "--1", "+-1", "++1", "1,5e", "1e", ".", "+", "\"1\"", "1\xc2\xa0"}) {
+  CHECK(refusal("a\n1e999\n", Names) ==
+        "f.csv:2: column 'a': '1e999' is out of the range of a double");
+  for (const std::string bad :
+       {"1;2", "1 2", "0x10", "--1", "+-1", "++1", "1,5e", "1e", ".", "+", "\"1\"", "1\xc2\xa0"}) {
     CHECK(refusal("a\n" + bad + "\n", Names) != "accepted");
   }
 }
 
 TEST_CASE("an infinity is its word, with or without a sign", "[csv]") {
-  using clothctl::io_detail::parse_infinity;
+  using clothctl::detail::parse_infinity;
   const double infinity = clothctl::scalar_traits<double>::infinity();
   for (const std::string word : {"inf", "infinity", "oo"}) {
     for (const std::string sign : {"", "+", "-"}) {
@@ -80,8 +85,9 @@ TEST_CASE("an infinity is its word, with or without a sign", "[csv]") {
       CHECK(value == (sign == "-" ? -infinity : infinity));
     }
   }
-  for (const std::string text : {"", "+", "-", "in", "infi", "Inf", "INF", "infinity", " inf", "inf ", "--inf", "++inf",
-                                 "+-inf", "-+inf", "- inf", "nan", "1e999", "0"}) {
+  for (const std::string text :
+       {"", "+", "-", "in", "infi", "Inf", "INF", "infinity", " inf", "inf ", "--inf", "++inf",
+        "+-inf", "-+inf", "- inf", "nan", "1e999", "0"}) {
     double value = 3;
     INFO(text);
     CHECK_FALSE(parse_infinity(text, "inf", value));
@@ -97,8 +103,9 @@ TEST_CASE("a message stays one short printable line whatever the file holds", "[
   for (int trial = 0; trial < 300; ++trial) {
     std::string text;
     for (int i = 0; i < 200; ++i)
-      text += static_cast<char>(trial % 2 == 0 ? byte(engine) : "0123456789.,-e\n\r \"a"[byte(engine) % 19]);
-    for (const CsvHeader header : {CsvHeader::None, CsvHeader::Names}) {
+      text += static_cast<char>(trial % 2 == 0 ? byte(engine)
+                                               : "0123456789.,-e\n\r \"a"[byte(engine) % 19]);
+    for (const CsvHeader header : {CsvHeader::Absent, CsvHeader::Names}) {
       const std::string message = refusal(text, header);
       CHECK(message.find_first_of("\n\r") == std::string::npos);
       CHECK(message.find('\0') == std::string::npos);
@@ -111,15 +118,24 @@ TEST_CASE("a message stays one short printable line whatever the file holds", "[
 TEST_CASE("files that cannot be read are named", "[csv]") {
   const std::string folder = std::filesystem::temp_directory_path().string();
   const std::string missing = folder + "/clothctl_no_such_file.csv";
-  CHECK(clothctl::read_csv(missing, CsvHeader::None).error().rfind(missing + ": cannot be opened", 0) == 0);
-  CHECK(clothctl::read_csv(folder, CsvHeader::None).error().rfind(folder + ": cannot be", 0) == 0);
+  CHECK(clothctl::read_csv(missing, CsvHeader::Absent)
+            .error()
+            .rfind(missing + ": cannot be opened", 0) == 0);
+  CHECK(clothctl::read_csv(folder, CsvHeader::Absent).error().rfind(folder + ": cannot be", 0) ==
+        0);
 }
 
 TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
   CsvWriter writer({"t", "x"});
   std::mt19937_64 engine(2);
-  std::vector<double> values = {
-      0.0, -0.0, 0.1, 1.0 / 3, 1e300, -1e-300, std::numeric_limits<double>::min(), std::numeric_limits<double>::max()};
+  std::vector<double> values = {0.0,
+                                -0.0,
+                                0.1,
+                                1.0 / 3,
+                                1e300,
+                                -1e-300,
+                                std::numeric_limits<double>::min(),
+                                std::numeric_limits<double>::max()};
 #ifndef __FAST_MATH__  // which flushes subnormal numbers to zero
   values.push_back(std::numeric_limits<double>::denorm_min());
   values.push_back(-1e-310);
@@ -128,10 +144,12 @@ TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
     const std::uint64_t bits = engine();
     double value = 0;
     std::memcpy(&value, &bits, sizeof value);
-    if (clothctl::is_finite(value) && std::abs(value) >= std::numeric_limits<double>::min()) values.push_back(value);
+    if (clothctl::is_finite(value) && std::abs(value) >= std::numeric_limits<double>::min())
+      values.push_back(value);
   }
   for (std::size_t i = 0; i < values.size(); i += 2) writer.add_row({values[i], values[i + 1]});
-  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_csv_roundtrip.csv").string();
+  const std::string path =
+      (std::filesystem::temp_directory_path() / "clothctl_csv_roundtrip.csv").string();
   const Result<std::size_t> written = writer.write(path);
   REQUIRE(written.has_value());
   CHECK(*written == writer.text().size());
@@ -140,22 +158,27 @@ TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
   REQUIRE(table.has_value());
   REQUIRE(table->values.rows() == static_cast<clothctl::Index>(values.size() / 2));
   for (std::size_t i = 0; i < values.size(); ++i) {
-    const double read = table->values(static_cast<clothctl::Index>(i / 2), static_cast<clothctl::Index>(i % 2));
+    const double read =
+        table->values(static_cast<clothctl::Index>(i / 2), static_cast<clothctl::Index>(i % 2));
     CHECK(std::memcmp(&read, &values[i], sizeof read) == 0);
   }
 }
 
 TEST_CASE("what would not be read back is not written", "[csv]") {
-  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_csv_refused.csv").string();
+  const std::string path =
+      (std::filesystem::temp_directory_path() / "clothctl_csv_refused.csv").string();
   std::filesystem::remove(path);
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
-                           -std::numeric_limits<double>::infinity()}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity(),
+        -std::numeric_limits<double>::infinity()}) {
     CsvWriter writer({"t", "x"});
     writer.add_row({0, 1});
     writer.add_row({1, bad});
     writer.add_row({bad, 2});
-    CHECK(writer.write(path).error() == path + ": row 2, column 'x': " + clothctl::number_text(bad) + " is not finite");
-    CHECK(parse_csv(writer.text(), "f", CsvHeader::Names).error().rfind("f:3: column 'x': ", 0) == 0);
+    CHECK(writer.write(path).error() ==
+          path + ": row 2, column 'x': " + clothctl::number_text(bad) + " is not finite");
+    CHECK(parse_csv(writer.text(), "f", CsvHeader::Names).error().rfind("f:3: column 'x': ", 0) ==
+          0);
   }
   CHECK(CsvWriter({"t"}).write(path).error() == path + ": no row after the header");
   for (const std::string name : {"b,c", "d\"e", "f\ng", "\"", " a", "a\t", "a\r"}) {
@@ -168,8 +191,10 @@ TEST_CASE("what would not be read back is not written", "[csv]") {
 }
 
 TEST_CASE("every table that is written is read back", "[csv]") {
-  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_csv_names.csv").string();
-  const std::string pieces[] = {"a", "é", "x y", ",", "\"", "\n", "\r", " ", "\t", "1", "nan", "", "'", ";", "\xef\xbb\xbf"};
+  const std::string path =
+      (std::filesystem::temp_directory_path() / "clothctl_csv_names.csv").string();
+  const std::string pieces[] = {"a",  "é", "x y", ",", "\"", "\n", "\r",          " ",
+                                "\t", "1", "nan", "",  "'",  ";",  "\xef\xbb\xbf"};
   std::mt19937 engine(6);
   int written = 0, refused = 0;
   for (int trial = 0; trial < 600; ++trial) {
@@ -201,8 +226,20 @@ TEST_CASE("names of columns that need it are quoted", "[csv]") {
 }
 
 TEST_CASE("a table that cannot be written says why", "[csv]") {
-  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_no_such_folder" / "a.csv").string();
+  const std::string path =
+      (std::filesystem::temp_directory_path() / "clothctl_no_such_folder" / "a.csv").string();
   CsvWriter writer({"a"});
   writer.add_row({1});
   CHECK(writer.write(path).error().rfind(path + ": cannot be written", 0) == 0);
+}
+
+TEST_CASE("a row with the wrong number of values is named when the table is written", "[io]") {
+  CsvWriter table({"t", "x"});
+  table.add_row({0.0, 1.0});
+  table.add_row({1.0, 2.0, 3.0});
+  table.add_row({2.0});
+  CHECK(table.text() == "t,x\n0,1\n");
+  const Result<std::size_t> written = table.write("never_written.csv");
+  REQUIRE_FALSE(written.has_value());
+  CHECK(written.error() == "never_written.csv: row 2: expected 2 values, found 3");
 }

@@ -8,8 +8,10 @@
 #include "support/catch.hpp"
 
 TEST_CASE("what is written is read", "[file]") {
-  const std::string path = (std::filesystem::temp_directory_path() / "clothctl_file_roundtrip").string();
-  for (const std::size_t size : {std::size_t(0), std::size_t(1), std::size_t(65536), std::size_t(200001)}) {
+  const std::string path =
+      (std::filesystem::temp_directory_path() / "clothctl_file_roundtrip").string();
+  for (const std::size_t size :
+       {std::size_t(0), std::size_t(1), std::size_t(65536), std::size_t(200001)}) {
     std::string content(size, '\0');
     for (std::size_t i = 0; i < size; ++i) content[i] = static_cast<char>(i * 7 % 256);
     const auto written = clothctl::write_file(path, content);
@@ -24,10 +26,12 @@ TEST_CASE("what is written is read", "[file]") {
 
 TEST_CASE("errors name the file", "[file]") {
   const std::string folder = std::filesystem::temp_directory_path().string();
-  CHECK(clothctl::read_file(folder + "/clothctl_nowhere").error().rfind(folder + "/clothctl_nowhere: cannot be opened", 0) ==
-        0);
+  CHECK(clothctl::read_file(folder + "/clothctl_nowhere")
+            .error()
+            .rfind(folder + "/clothctl_nowhere: cannot be opened", 0) == 0);
   CHECK(!clothctl::read_file(folder).has_value());
   CHECK(clothctl::write_file(folder, "x").error().rfind(folder + ": cannot be written", 0) == 0);
   CHECK(!clothctl::write_file(folder + "/clothctl_nowhere/x", "x").has_value());
-  if (std::filesystem::exists("/dev/full")) CHECK(!clothctl::write_file("/dev/full", "x").has_value());
+  if (std::filesystem::exists("/dev/full"))
+    CHECK(!clothctl::write_file("/dev/full", "x").has_value());
 }

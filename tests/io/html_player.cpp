@@ -1,4 +1,5 @@
-// The player page: what it holds decodes to what was recorded, hostile text stays text, mistakes are told.
+// The player page: what it holds decodes to what was recorded, hostile text stays text, mistakes
+// are told.
 
 #include "clothctl/io/html_player.hpp"
 
@@ -35,7 +36,8 @@ Points<double> cloud(int frame, Index count, double scale) {
   Points<double> points(3, count);
   for (Index j = 0; j < count; ++j) {
     const double a = static_cast<double>(j) + 0.31 * frame;
-    points.col(j) = scale * Eigen::Vector3d(std::sin(a), 0.5 * std::cos(2 * a), 1 + std::sin(3 * a));
+    points.col(j) =
+        scale * Eigen::Vector3d(std::sin(a), 0.5 * std::cos(2 * a), 1 + std::sin(3 * a));
   }
   return points;
 }
@@ -43,7 +45,8 @@ Points<double> cloud(int frame, Index count, double scale) {
 PlayerRecorder small_recording(PlayerScene scene = small_scene()) {
   PlayerRecorder recorder(std::move(scene), kVertices, 2, 3);
   for (int f = 0; f < kFrames; ++f) {
-    recorder.add_frame(cloud(f, kVertices, 1), cloud(f, 2, 0.5), cloud(f + 1, 2, 0.5), cloud(f, 3, 0.2), cloud(f, 3, 4));
+    recorder.add_frame(cloud(f, kVertices, 1), cloud(f, 2, 0.5), cloud(f + 1, 2, 0.5),
+                       cloud(f, 3, 0.2), cloud(f, 3, 4));
   }
   return recorder;
 }
@@ -59,7 +62,7 @@ std::string element(const std::string& page, const std::string& name) {
 }
 
 std::vector<std::uint8_t> data(const std::string& page, const std::string& name) {
-  const auto bytes = clothctl::decode_base64(element(page, "data-" + name));
+  const auto bytes = clothctl::detail::decode_base64(element(page, "data-" + name));
   REQUIRE(bytes.has_value());
   return *bytes;
 }
@@ -68,8 +71,8 @@ std::vector<std::uint32_t> words(const std::vector<std::uint8_t>& bytes) {
   REQUIRE(bytes.size() % 4 == 0);
   std::vector<std::uint32_t> out;
   for (std::size_t i = 0; i < bytes.size(); i += 4) {
-    out.push_back(std::uint32_t(bytes[i]) | std::uint32_t(bytes[i + 1]) << 8 | std::uint32_t(bytes[i + 2]) << 16 |
-                  std::uint32_t(bytes[i + 3]) << 24);
+    out.push_back(std::uint32_t(bytes[i]) | std::uint32_t(bytes[i + 1]) << 8 |
+                  std::uint32_t(bytes[i + 2]) << 16 | std::uint32_t(bytes[i + 3]) << 24);
   }
   return out;
 }
@@ -90,7 +93,9 @@ Eigen::Vector3d triple(const std::string& json, const std::string& key) {
 
 std::size_t count(const std::string& text, const std::string& part) {
   std::size_t found = 0;
-  for (std::size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + part.size())) ++found;
+  for (std::size_t at = text.find(part); at != std::string::npos;
+       at = text.find(part, at + part.size()))
+    ++found;
   return found;
 }
 
@@ -123,7 +128,8 @@ TEST_CASE("vertices decode to what was recorded within half a quantisation step"
 
 TEST_CASE("features, arrows and indices are stored as they are", "[html_player]") {
   const std::string page = *small_recording().page();
-  const std::vector<std::uint32_t> actual = words(data(page, "actual")), target = words(data(page, "target")),
+  const std::vector<std::uint32_t> actual = words(data(page, "actual")),
+                                   target = words(data(page, "target")),
                                    vectors = words(data(page, "vectors"));
   REQUIRE(actual.size() == kFrames * 6);
   REQUIRE(target.size() == kFrames * 6);
@@ -165,7 +171,8 @@ TEST_CASE("hostile text stays text", "[html_player]") {
 TEST_CASE("figures may be set at the end", "[html_player]") {
   PlayerRecorder recorder = small_recording();
   recorder.scene().figures.push_back({"Mean error", "7.5 mm"});
-  CHECK(element(*recorder.page(), "scene").find("\"figures\":[[\"Mean error\",\"7.5 mm\"]]") != std::string::npos);
+  CHECK(element(*recorder.page(), "scene").find("\"figures\":[[\"Mean error\",\"7.5 mm\"]]") !=
+        std::string::npos);
 }
 
 TEST_CASE("vertices that are not finite are held", "[html_player]") {
@@ -184,7 +191,8 @@ TEST_CASE("vertices that are not finite are held", "[html_player]") {
 }
 
 TEST_CASE("one bad coordinate holds the whole vertex", "[html_player]") {
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), -std::numeric_limits<double>::infinity(), 2e6}) {
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), -std::numeric_limits<double>::infinity(), 2e6}) {
     for (Index broken = 0; broken < 3; ++broken) {
       PlayerRecorder recorder(PlayerScene{}, 2, 0, 0);
       Points<double> x(3, 2);
@@ -198,7 +206,8 @@ TEST_CASE("one bad coordinate holds the whole vertex", "[html_player]") {
       const std::vector<std::uint8_t> bytes = data(*recorder.page(), "positions");
       REQUIRE(bytes.size() == 36);
       for (std::size_t i = 0; i < 12; ++i) CHECK(bytes[12 + i] == bytes[i]);
-      CHECK(bytes[25] == 32);  // and it moves on as soon as it is whole again: 1/8 of the way is 8192 = 32·256
+      CHECK(bytes[25] ==
+            32);  // and it moves on as soon as it is whole again: 1/8 of the way is 8192 = 32·256
       // In the first frame there is nothing to hold.
       PlayerRecorder first(PlayerScene{}, 2, 0, 0);
       x(broken, 0) = bad;
@@ -228,10 +237,12 @@ TEST_CASE("mistakes are told with their index", "[html_player]") {
 
   PlayerScene off = small_scene();
   off.triangles.push_back({0, 1, 12});
-  CHECK(small_recording(off).page().error() == "triangle 2: vertex 12 is off the mesh of 12 vertices");
+  CHECK(small_recording(off).page().error() ==
+        "triangle 2: vertex 12 is off the mesh of 12 vertices");
   off = small_scene();
   off.segments[0][0] = -1;
-  CHECK(small_recording(off).page().error() == "segment 0: vertex -1 is off the mesh of 12 vertices");
+  CHECK(small_recording(off).page().error() ==
+        "segment 0: vertex -1 is off the mesh of 12 vertices");
   off = small_scene();
   off.dt = 0;
   CHECK(small_recording(off).page().error() == "dt is 0, expected a positive number");
@@ -256,6 +267,27 @@ TEST_CASE("the size of the page stays within its budget", "[html_player]") {
   PlayerRecorder recorder(PlayerScene{}, 33 * 33, 2, 2);
   recorder.reserve(300);
   for (int f = 0; f < 300; ++f)
-    recorder.add_frame(cloud(f, 33 * 33, 1), cloud(f, 2, 1), cloud(f, 2, 1), cloud(f, 2, 1), cloud(f, 2, 1));
-  CHECK(recorder.page()->size() < 2'800'000);  // 33·33·300 vertices of 6 bytes, a third more for base64
+    recorder.add_frame(cloud(f, 33 * 33, 1), cloud(f, 2, 1), cloud(f, 2, 1), cloud(f, 2, 1),
+                       cloud(f, 2, 1));
+  CHECK(recorder.page()->size() <
+        2'800'000);  // 33·33·300 vertices of 6 bytes, a third more for base64
+}
+
+TEST_CASE("a negative or endless number of frames to reserve is named", "[io]") {
+  using namespace clothctl;
+  for (const Index bad : {Index(-1), (std::numeric_limits<Index>::max)()}) {
+    PlayerRecorder player(PlayerScene(), 4, 0, 0);
+    player.reserve(bad);
+    const Points<double> four = Points<double>::Zero(3, 4), none(3, 0);
+    player.add_frame(four, none, none, none, none);
+    const Result<std::string> page = player.page();
+    REQUIRE_FALSE(page.has_value());
+    CHECK(page.error() == "reserve: a number of frames cannot be " + std::to_string(bad));
+  }
+  PlayerRecorder player(PlayerScene(), 4, 0, 0);
+  player.reserve(0);
+  player.reserve(3);
+  const Points<double> four = Points<double>::Zero(3, 4), none(3, 0);
+  player.add_frame(four, none, none, none, none);
+  CHECK(player.page().has_value());
 }

@@ -1,6 +1,7 @@
-// The player's controls on the whole page: playback, keys, pointers, layers, and the options in the address, hostile ones too.
+// The player's controls on the whole page: playback, keys, pointers, layers, and the options in the
+// address, hostile ones too.
 
-#include "clothctl/io/player_control_script.hpp"
+#include "clothctl/io/detail/player_control_script.hpp"
 
 #include <string>
 
@@ -28,7 +29,7 @@ const after = milliseconds => { if (!last) screen(clock); screen(clock += millis
 }  // namespace
 
 TEST_CASE("the control script stays inside the page", "[player_control_script]") {
-  clothctl_test::check_stays_inside(clothctl::io_detail::kPlayerControlScript);
+  clothctl_test::check_stays_inside(clothctl::detail::kPlayerControlScript);
 }
 
 TEST_CASE("playback keeps the time of the recording, at any speed", "[player_control_script]") {
@@ -58,10 +59,14 @@ check('plays again from the start', state.playing && state.frame === 0);
 }
 
 TEST_CASE("the wishes of the system are met", "[player_control_script]") {
-  check_in_page(page_of(), "media['(prefers-reduced-motion: reduce)'] = { matches: true };\n" +
-                               started("", "check('still', !state.playing); check('light', theme() === 'light');"));
-  check_in_page(page_of(),
-                "media['(prefers-color-scheme: dark)'] = Object.assign(new Target(), { matches: true });\n" + started("", R"js(
+  check_in_page(
+      page_of(),
+      "media['(prefers-reduced-motion: reduce)'] = { matches: true };\n" +
+          started("", "check('still', !state.playing); check('light', theme() === 'light');"));
+  check_in_page(
+      page_of(),
+      "media['(prefers-color-scheme: dark)'] = Object.assign(new Target(), { matches: true });\n" +
+          started("", R"js(
 check('dark', theme() === 'dark');
 const background = () => document.querySelectorAll('[data-feature]')[1].style.background;
 check('with its colours', background() === palette.dark[1]);
@@ -193,7 +198,10 @@ check('slider without length', $('scrub').style['--fill'] === '0%');
 }
 
 TEST_CASE("the address sets what it names", "[player_control_script]") {
-  check_in_page(page_of(), started("#frame=3&paused&theme=dark&speed=0.5&yaw=30&pitch=20&zoom=2&hide=arrows,ground", R"js(
+  check_in_page(
+      page_of(),
+      started("#frame=3&paused&theme=dark&speed=0.5&yaw=30&pitch=20&zoom=2&hide=arrows,ground",
+              R"js(
 check('frame', state.frame === 3 && !state.playing);
 check('theme', theme() === 'dark');
 check('speed', state.speed === .5 && $('speed').value === '0.5');

@@ -1,6 +1,7 @@
-// The page's script decodes what the recorder wrote, blends frames, measures errors; its vectors and matrices follow algebra.
+// The page's script decodes what the recorder wrote, blends frames, measures errors; its vectors
+// and matrices follow algebra.
 
-#include "clothctl/io/player_data_script.hpp"
+#include "clothctl/io/detail/player_data_script.hpp"
 
 #include <limits>
 #include <string>
@@ -11,7 +12,7 @@
 using clothctl::PlayerRecorder;
 using clothctl::PlayerScene;
 using clothctl::Points;
-using clothctl::io_detail::kPlayerDataScript;
+using clothctl::detail::kPlayerDataScript;
 using clothctl_test::check_in_page;
 using clothctl_test::page_of;
 
@@ -60,7 +61,8 @@ near('blend at the end', blend(4).slice(0, 2), [4, 4]);
 )js"));
 }
 
-TEST_CASE("errors are distances, the mean is over the frames that are scored", "[player_data_script]") {
+TEST_CASE("errors are distances, the mean is over the frames that are scored",
+          "[player_data_script]") {
   PlayerScene scene;
   scene.scored_frames = 2;
   Points<double> x = clothctl_test::sheet_at(0), nowhere = x.leftCols(2);
@@ -81,12 +83,16 @@ near('largest', largestError, 5);
 check('NaN leaves the box alone', [...low, ...high].every(Number.isFinite));
 near('targets widen the box', [high[0], high[1]], [3.1, 4]);
 )js"));
-  check_in_page(page_of(), with("near('all frames', [meanError, largestError], [.03, .04]); near('scored', scored, 5);"));
+  check_in_page(
+      page_of(),
+      with(
+          "near('all frames', [meanError, largestError], [.03, .04]); near('scored', scored, 5);"));
   scene.scored_frames = 1000;
   check_in_page(page_of(scene), with("near('no more than there are', scored, F);"));
 }
 
-TEST_CASE("scenes without size, features or mesh have numbers all the same", "[player_data_script]") {
+TEST_CASE("scenes without size, features or mesh have numbers all the same",
+          "[player_data_script]") {
   const Points<double> none(3, 0);
   PlayerRecorder empty({}, 0, 0, 0);
   empty.add_frame(none, none, none, none, none);

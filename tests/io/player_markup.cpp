@@ -1,6 +1,7 @@
-// The skeleton of the player page: well-formed, closed to the network, and in step with the scripts and the style sheet.
+// The skeleton of the player page: well-formed, closed to the network, and in step with the scripts
+// and the style sheet.
 
-#include "clothctl/io/player_markup.hpp"
+#include "clothctl/io/detail/player_markup.hpp"
 
 #include <algorithm>
 #include <set>
@@ -12,7 +13,7 @@
 
 using clothctl_test::all_matches;
 using clothctl_test::distinct_matches;
-using namespace clothctl::io_detail;
+using namespace clothctl::detail;
 
 namespace {
 
@@ -34,7 +35,8 @@ TEST_CASE("the skeleton asks for nothing from outside", "[player_markup]") {
 
 TEST_CASE("the policy stands before anything that it rules and names no host", "[player_markup]") {
   const std::string head = kPlayerHead;
-  const std::vector<std::string> policy = all_matches(head, "Content-Security-Policy\" content=\"([^\"]*)\"");
+  const std::vector<std::string> policy =
+      all_matches(head, "Content-Security-Policy\" content=\"([^\"]*)\"");
   REQUIRE(policy.size() == 1);
   CHECK(policy[0].rfind("default-src 'none';", 0) == 0);
   CHECK(all_matches(policy[0], "([a-z]+-src) ") ==
@@ -49,24 +51,28 @@ TEST_CASE("what the scripts look up exists once, and every name is used", "[play
   const std::vector<std::string> ids = all_matches(kBody, "\\sid=\"([^\"]*)\"");
   const std::set<std::string> known(ids.begin(), ids.end());
   CHECK(known.size() == ids.size());
-  std::set<std::string> wanted = distinct_matches(clothctl_test::all_scripts(), "\\$\\('([^']*)'\\)");
+  std::set<std::string> wanted =
+      distinct_matches(clothctl_test::all_scripts(), "\\$\\('([^']*)'\\)");
   CHECK(wanted.erase("scene") == 1);  // the data's own element
   CHECK(wanted.size() > 25);
   std::vector<std::string> missing, unused;
-  std::set_difference(wanted.begin(), wanted.end(), known.begin(), known.end(), std::back_inserter(missing));
-  std::set_difference(known.begin(), known.end(), wanted.begin(), wanted.end(), std::back_inserter(unused));
+  std::set_difference(wanted.begin(), wanted.end(), known.begin(), known.end(),
+                      std::back_inserter(missing));
+  std::set_difference(known.begin(), known.end(), wanted.begin(), wanted.end(),
+                      std::back_inserter(unused));
   CHECK(missing == std::vector<std::string>{});
   CHECK(unused == std::vector<std::string>{});
 }
 
 TEST_CASE("every class of the skeleton and of the scripts has its style", "[player_markup]") {
   std::set<std::string> used;
-  for (const std::string& list : all_matches(kBody + clothctl_test::all_scripts(), "class(?:Name)?(?:=| = )[\"']([^\"']*)")) {
+  for (const std::string& list :
+       all_matches(kBody + clothctl_test::all_scripts(), "class(?:Name)?(?:=| = )[\"']([^\"']*)")) {
     for (const std::string& name : all_matches(list, "([^ ]+)")) used.insert(name);
   }
   CHECK(used.size() > 20);
-  const std::set<std::string> styled =
-      distinct_matches(clothctl_test::joined({kPlayerStyle, kPlayerStyleNarrow}), "\\.([a-z][a-z-]*)(?=[^;}]*\\{)");
+  const std::set<std::string> styled = distinct_matches(
+      clothctl_test::joined({kPlayerStyle, kPlayerStyleNarrow}), "\\.([a-z][a-z-]*)(?=[^;}]*\\{)");
   for (const std::string& name : used) {
     INFO(name);
     CHECK(styled.count(name) == 1);
@@ -91,8 +97,11 @@ check('a theme from the start', document.documentElement.dataset.theme === 'ligh
 
 TEST_CASE("buttons of views name presets, marks of the triad name axes", "[player_markup]") {
   const std::set<std::string> views = distinct_matches(kBody, "data-view=\"([^\"]*)\"");
-  const std::string presets = all_matches(kPlayerGeometryScript, "const presets = \\{([^}]*)\\}").at(0);
+  const std::string presets =
+      all_matches(kPlayerGeometryScript, "const presets = \\{([^}]*)\\}").at(0);
   CHECK(views == distinct_matches(presets, "([a-z]+): \\["));
-  CHECK(all_matches(kBody, "<line data-axis=\"([^\"]*)\"") == std::vector<std::string>{"0", "1", "2"});
-  CHECK(all_matches(kBody, "<text data-axis=\"([^\"]*)\"") == std::vector<std::string>{"0", "1", "2"});
+  CHECK(all_matches(kBody, "<line data-axis=\"([^\"]*)\"") ==
+        std::vector<std::string>{"0", "1", "2"});
+  CHECK(all_matches(kBody, "<text data-axis=\"([^\"]*)\"") ==
+        std::vector<std::string>{"0", "1", "2"});
 }

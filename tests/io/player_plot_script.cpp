@@ -1,6 +1,6 @@
 // The player's plot: ticks, units, places of points, gaps where the error is not known, the legend.
 
-#include "clothctl/io/player_plot_script.hpp"
+#include "clothctl/io/detail/player_plot_script.hpp"
 
 #include <limits>
 #include <string>
@@ -12,13 +12,14 @@ using clothctl::Index;
 using clothctl::PlayerRecorder;
 using clothctl::PlayerScene;
 using clothctl::Points;
-using namespace clothctl::io_detail;
+using namespace clothctl::detail;
 using clothctl_test::check_in_page;
 
 namespace {
 
 std::string with(const char* checks) {
-  return clothctl_test::joined({kPlayerDataScript, kPlayerGeometryScript, kPlayerPlotScript, "const tick = () => {};\n", R"js(
+  return clothctl_test::joined({kPlayerDataScript, kPlayerGeometryScript, kPlayerPlotScript,
+                                "const tick = () => {};\n", R"js(
 // The points of curve k as drawn, a list for each stretch; beside them stand only grid lines, the mean and the cursor.
 const stretches = k => {
   pen.calls.length = 0;
@@ -68,11 +69,13 @@ check('texts', tickText(.5, .5) === '0.5' && tickText(20, 10) === '20' && tickTe
 )js"));
 }
 
-TEST_CASE("errors are shown in millimetres below a metre, with digits that tell them apart", "[player_plot_script]") {
+TEST_CASE("errors are shown in millimetres below a metre, with digits that tell them apart",
+          "[player_plot_script]") {
   const auto shows = [](double error, const std::string& text) {
     check_in_page(page_with_error(2, 1, error),
-                  with("") + "check(shown(largestError) + unitName, shown(largestError) + unitName === '" + text +
-                      "');\ncheck('unknown', shown(NaN) === '–');\n");
+                  with("") +
+                      "check(shown(largestError) + unitName, shown(largestError) + unitName === '" +
+                      text + "');\ncheck('unknown', shown(NaN) === '–');\n");
   };
   shows(0.04, "40.0mm");
   shows(0.4, "400mm");
@@ -144,7 +147,8 @@ check('numbers', pen.calls.every(c => c.every(x => typeof x !== 'number' || Numb
   }
 }
 
-TEST_CASE("the legend names up to eight features, counts more, and hides without any", "[player_plot_script]") {
+TEST_CASE("the legend names up to eight features, counts more, and hides without any",
+          "[player_plot_script]") {
   PlayerScene scene;
   scene.feature_names = {"<b>left</b>"};
   check_in_page(page_with_error(2, 2, 0.0125, scene), with(R"js(

@@ -1,7 +1,7 @@
-// The player's renderer against a stand-in for WebGL: every draw has all that its shaders name, and what is switched off or
-// cannot be drawn is left out.
+// The player's renderer against a stand-in for WebGL: every draw has all that its shaders name, and
+// what is switched off or cannot be drawn is left out.
 
-#include "clothctl/io/player_render_script.hpp"
+#include "clothctl/io/detail/player_render_script.hpp"
 
 #include <limits>
 #include <string>
@@ -12,14 +12,15 @@
 using clothctl::PlayerRecorder;
 using clothctl::PlayerScene;
 using clothctl::Points;
-using namespace clothctl::io_detail;
+using namespace clothctl::detail;
 using clothctl_test::check_in_page;
 using clothctl_test::page_of;
 
 namespace {
 
-// Constants are their names. Uniforms and attributes are those that the sources declare. A draw checks that each of them was
-// given since its program was chosen, in its type and finite, and that no buffer ends early.
+// Constants are their names. Uniforms and attributes are those that the sources declare. A draw
+// checks that each of them was given since its program was chosen, in its type and finite, and that
+// no buffer ends early.
 constexpr char kStandIn[] = R"js(
 const declared = (sources, kind) => [...new Map(sources.flatMap(s => [...s.matchAll(new RegExp(kind + ' (\\w+) ([^;]+);', 'g'))])
   .flatMap(m => m[2].split(',').map(name => [name.trim(), m[1]])))];
@@ -87,8 +88,8 @@ const painted = () => { draws.length = 0; paintView(); return draws.slice(); };
 )js";
 
 std::string with(const char* checks) {
-  return clothctl_test::joined(
-      {kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript, kPlayerRenderScript, kUse, kStandIn, checks});
+  return clothctl_test::joined({kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript,
+                                kPlayerRenderScript, kUse, kStandIn, checks});
 }
 
 }  // namespace
@@ -97,7 +98,8 @@ TEST_CASE("the render script stays inside the page", "[player_render_script]") {
   clothctl_test::check_stays_inside(kPlayerRenderScript);
 }
 
-TEST_CASE("a sheet's picture holds all its parts, each with all that its shaders name", "[player_render_script]") {
+TEST_CASE("a sheet's picture holds all its parts, each with all that its shaders name",
+          "[player_render_script]") {
   check_in_page(page_of(), with(R"js(
 start();
 for (const theme of ['light', 'dark']) {
@@ -138,7 +140,8 @@ check('no shadow seen from below', !without().some(d => d.startsWith('shadow')))
 )js"));
 }
 
-TEST_CASE("a rope is drawn as core and rim, without the parts of a sheet", "[player_render_script]") {
+TEST_CASE("a rope is drawn as core and rim, without the parts of a sheet",
+          "[player_render_script]") {
   PlayerScene scene;
   scene.segments = {{0, 1}, {1, 2}, {2, 5}};
   check_in_page(page_of(scene), with(R"js(
@@ -149,7 +152,8 @@ check('no sheet', !all.some(d => d.startsWith('shadow') || d === 'surface TRIANG
 )js"));
 }
 
-TEST_CASE("features and arrows that are not finite and empty scenes are left out of the picture", "[player_render_script]") {
+TEST_CASE("features and arrows that are not finite and empty scenes are left out of the picture",
+          "[player_render_script]") {
   const double bad = std::numeric_limits<double>::quiet_NaN();
   PlayerRecorder lost({}, 1, 1, 1);
   for (int f = 0; f < 3; ++f) {
@@ -167,7 +171,8 @@ check('only the room', painted().join() === 'backdrop TRIANGLE_STRIP 4,flat LINE
   }
 }
 
-TEST_CASE("large meshes use wide indices, or say that the device has none", "[player_render_script]") {
+TEST_CASE("large meshes use wide indices, or say that the device has none",
+          "[player_render_script]") {
   PlayerScene scene;
   scene.triangles = {{0, 1, 65536}};
   PlayerRecorder recorder(scene, 65537, 0, 0);
@@ -192,10 +197,15 @@ TEST_CASE("without WebGL the page says so and the rest goes on", "[player_render
 check('notice', !$('notice').hidden && canvas.hidden && $('presets').hidden && $('grid-size').hidden && 'hidden' in $('triad').attributes);
 check('nothing is drawn, nothing stops', painted().length === 0);
 )js";
-  check_in_page(page_of(), with("startView();\n") + told + "check('why', /no WebGL/.test($('notice-text').textContent));");
-  check_in_page(page_of(), with("linked = false;\nstart();\n") + told +
-                               "check('which', $('notice-text').textContent.includes('backdrop: no such thing'));");
-  check_in_page(page_of(), with("canvas.getContext = () => { throw new Error('refused'); };\nstartView();\n") + told);
+  check_in_page(page_of(), with("startView();\n") + told +
+                               "check('why', /no WebGL/.test($('notice-text').textContent));");
+  check_in_page(
+      page_of(),
+      with("linked = false;\nstart();\n") + told +
+          "check('which', $('notice-text').textContent.includes('backdrop: no such thing'));");
+  check_in_page(
+      page_of(),
+      with("canvas.getContext = () => { throw new Error('refused'); };\nstartView();\n") + told);
 }
 
 TEST_CASE("a lost context draws nothing until it is back", "[player_render_script]") {

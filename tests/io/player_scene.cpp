@@ -1,4 +1,5 @@
-// The still parts of a player page: the defaults are those of the comments, and what is left out is filled in.
+// The still parts of a player page: the defaults are those of the comments, and what is left out is
+// filled in.
 
 #include "clothctl/io/player_scene.hpp"
 
@@ -12,14 +13,16 @@ using clothctl::PlayerScene;
 
 static_assert(std::is_aggregate_v<PlayerScene>);
 
-TEST_CASE("a scene's defaults are 50 frames a second, forces in newton, every frame scored", "[player_scene]") {
+TEST_CASE("a scene's defaults are 50 frames a second, forces in newton, every frame scored",
+          "[player_scene]") {
   const PlayerScene scene;
   CHECK(scene.dt == 0.02);
   CHECK(scene.arrow_name == "Forces");
   CHECK(scene.arrow_unit == "N");
   CHECK(scene.scored_frames == 0);
   CHECK((scene.title.empty() && scene.subtitle.empty()));
-  CHECK((scene.triangles.empty() && scene.segments.empty() && scene.figures.empty() && scene.feature_names.empty()));
+  CHECK((scene.triangles.empty() && scene.segments.empty() && scene.figures.empty() &&
+         scene.feature_names.empty()));
 }
 
 TEST_CASE("a scene of defaults makes a page that plays", "[player_scene]") {

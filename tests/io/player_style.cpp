@@ -1,6 +1,7 @@
-// The player's style sheet: whole, closed to the network, complete in both themes, and without rules for what is not there.
+// The player's style sheet: whole, closed to the network, complete in both themes, and without
+// rules for what is not there.
 
-#include "clothctl/io/player_style.hpp"
+#include "clothctl/io/detail/player_style.hpp"
 
 #include <set>
 #include <string>
@@ -11,7 +12,7 @@
 
 using clothctl_test::all_matches;
 using clothctl_test::distinct_matches;
-using namespace clothctl::io_detail;
+using namespace clothctl::detail;
 
 namespace {
 
@@ -24,7 +25,8 @@ struct Rules {
 Rules rules_of(const std::string& text) {
   Rules out;
   std::size_t begin = 0;
-  for (std::size_t at = text.find_first_of("{}"); at != std::string::npos; at = text.find_first_of("{}", begin)) {
+  for (std::size_t at = text.find_first_of("{}"); at != std::string::npos;
+       at = text.find_first_of("{}", begin)) {
     std::string part = text.substr(begin, at - begin);
     part.erase(0, part.find_first_not_of(" \n"));
     begin = at + 1;
@@ -54,7 +56,8 @@ TEST_CASE("the style sheet stays inside the page", "[player_style]") {
   clothctl_test::check_stays_inside(kPlayerStyleNarrow);
 }
 
-TEST_CASE("each part of the style sheet is whole: braces, selectors, declarations", "[player_style]") {
+TEST_CASE("each part of the style sheet is whole: braces, selectors, declarations",
+          "[player_style]") {
   for (const char* part : {kPlayerStyle, kPlayerStyleNarrow}) {
     const Rules rules = rules_of(part);
     CHECK(rules.depth == 0);
@@ -66,7 +69,8 @@ TEST_CASE("each part of the style sheet is whole: braces, selectors, declaration
     }
     for (const std::string& body : rules.bodies) {
       INFO(body);
-      const std::string left = std::regex_replace(body, std::regex("\\s*[a-z-]+:\\s?[^:;]+;\\s*"), "");
+      const std::string left =
+          std::regex_replace(body, std::regex("\\s*[a-z-]+:\\s?[^:;]+;\\s*"), "");
       CHECK(left == "");
     }
     for (const std::string& rule : rules.at_rules) CHECK(rule.rfind("@media (", 0) == 0);
@@ -74,16 +78,19 @@ TEST_CASE("each part of the style sheet is whole: braces, selectors, declaration
 }
 
 TEST_CASE("every colour by name is set, in both themes alike", "[player_style]") {
-  const std::set<std::string> light = variables_of(":root"), dark = variables_of(":root[data-theme=\"dark\"]");
+  const std::set<std::string> light = variables_of(":root"),
+                              dark = variables_of(":root[data-theme=\"dark\"]");
   CHECK(light == dark);
-  std::set<std::string> used = distinct_matches(kStyle + clothctl_test::all_scripts(), "var\\((--[a-z-]+)\\)");
+  std::set<std::string> used =
+      distinct_matches(kStyle + clothctl_test::all_scripts(), "var\\((--[a-z-]+)\\)");
   used.merge(distinct_matches(clothctl_test::all_scripts(), "css\\('(--[a-z-]+)'\\)"));
   CHECK(used.erase("--fill") == 1);  // sliders set their own
   CHECK(used == light);
 }
 
 TEST_CASE("colours that scripts read are plain hexadecimal in both themes", "[player_style]") {
-  for (const std::string& name : distinct_matches(clothctl_test::all_scripts(), "rgb\\(css\\('(--[a-z-]+)'\\)\\)")) {
+  for (const std::string& name :
+       distinct_matches(clothctl_test::all_scripts(), "rgb\\(css\\('(--[a-z-]+)'\\)\\)")) {
     INFO(name);
     CHECK(all_matches(kStyle, name + ": (#[0-9a-f]{6});").size() == 2);
   }
@@ -115,7 +122,8 @@ TEST_CASE("what stands in the page's grid has its area, wide and narrow", "[play
   CHECK(areas == std::set<std::string>{"head", "plot", "side", "stage"});
   for (const std::string& grid : all_matches(kStyle, "grid-template: ([^;]*);")) {
     std::set<std::string> named;
-    for (const std::string& row : all_matches(grid, "\"([a-z ]+)\"")) named.merge(distinct_matches(row, "([a-z]+)"));
+    for (const std::string& row : all_matches(grid, "\"([a-z ]+)\""))
+      named.merge(distinct_matches(row, "([a-z]+)"));
     CHECK(named == areas);
   }
 }

@@ -1,6 +1,7 @@
-// Text inside a page: nothing that is put in can end the element that holds it, and all of it is well-formed UTF-8.
+// Text inside a page: nothing that is put in can end the element that holds it, and all of it is
+// well-formed UTF-8.
 
-#include "clothctl/io/player_text.hpp"
+#include "clothctl/io/detail/player_text.hpp"
 
 #include <random>
 #include <string>
@@ -11,13 +12,13 @@ namespace {
 
 std::string html(const std::string& text) {
   std::string out;
-  clothctl::io_detail::append_html(text, out);
+  clothctl::detail::append_html(text, out);
   return out;
 }
 
 std::string json(const std::string& text) {
   std::string out;
-  clothctl::io_detail::append_json(text, out);
+  clothctl::detail::append_json(text, out);
   return out;
 }
 
@@ -27,10 +28,12 @@ TEST_CASE("markup is escaped", "[player_text]") {
   CHECK(html("</title><b a=\"1\">&amp;") == "&lt;/title&gt;&lt;b a=&quot;1&quot;&gt;&amp;amp;");
   CHECK(html("a\nb\x01"
              "c") == "a b c");
-  CHECK(json("</script><!--&\"\\\n\x01") == "\"\\u003c/script\\u003e\\u003c!--\\u0026\\\"\\\\\\u000a\\u0001\"");
+  CHECK(json("</script><!--&\"\\\n\x01") ==
+        "\"\\u003c/script\\u003e\\u003c!--\\u0026\\\"\\\\\\u000a\\u0001\"");
 }
 
-TEST_CASE("well-formed UTF-8 passes and everything else is replaced byte by byte", "[player_text]") {
+TEST_CASE("well-formed UTF-8 passes and everything else is replaced byte by byte",
+          "[player_text]") {
   const std::string good = "ünïcödé – 日本 🧵 \xed\x9f\xbf\xee\x80\x80\xf4\x8f\xbf\xbf";
   CHECK(html(good) == good);
   CHECK(json(good) == "\"" + good + "\"");

@@ -1,6 +1,7 @@
-// The player's camera and geometry: projections of known points, what the first view shows, edges, normals, arrows, shaders.
+// The player's camera and geometry: projections of known points, what the first view shows, edges,
+// normals, arrows, shaders.
 
-#include "clothctl/io/player_view_script.hpp"
+#include "clothctl/io/detail/player_view_script.hpp"
 
 #include <limits>
 #include <regex>
@@ -12,7 +13,7 @@
 using clothctl::PlayerRecorder;
 using clothctl::PlayerScene;
 using clothctl::Points;
-using namespace clothctl::io_detail;
+using namespace clothctl::detail;
 using clothctl_test::check_in_page;
 using clothctl_test::page_of;
 
@@ -20,7 +21,8 @@ namespace {
 
 /// The scripts up to the geometry, then what a test adds.
 std::string with(const char* checks) {
-  return clothctl_test::joined({kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript, "const tick = () => {};\n", R"js(
+  return clothctl_test::joined({kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript,
+                                "const tick = () => {};\n", R"js(
 const poses = [];
 for (let yaw = -7; yaw < 7; yaw += .9) for (let pitch = -1.57; pitch < 1.58; pitch += .314) poses.push([yaw, pitch]);
 // Normalised device coordinates and w.
@@ -88,7 +90,8 @@ check('tips', watched.some(p => p[2] > .7 + .1 * diagonal));
 )js"));
 }
 
-TEST_CASE("the front view faces a hanging sheet from -y, whichever way it is wound", "[player_view_script]") {
+TEST_CASE("the front view faces a hanging sheet from -y, whichever way it is wound",
+          "[player_view_script]") {
   const char* const checks = R"js(
 check('hangs', hangs);
 [camera.yaw, camera.pitch] = presets.front;
@@ -157,7 +160,8 @@ near('too short to be seen', buildArrows(1), 0);
   Points<double> tails = Points<double>::Zero(3, 3), arrows = Points<double>::Ones(3, 3);
   tails(0, 0) = arrows(2, 1) = bad;
   arrows.col(2).setZero();
-  recorder.add_frame(Points<double>::Zero(3, 1), Points<double>(3, 0), Points<double>(3, 0), tails, arrows);
+  recorder.add_frame(Points<double>::Zero(3, 1), Points<double>(3, 0), Points<double>(3, 0), tails,
+                     arrows);
   check_in_page(*recorder.page(), with(R"js(
 near('none is drawn', buildArrows(0), 0);
 check('scale', Number.isFinite(arrowUnit) && watched.every(p => p.every(Number.isFinite)));
@@ -175,13 +179,14 @@ check('finite', [...cameraMatrix(1.5).matrix, groundHeight, cell, arrowUnit].eve
   check_in_page(page_of(rope), with(checks));
   for (const int count : {0, 1}) {
     PlayerRecorder recorder({}, count, 0, 0);
-    recorder.add_frame(Points<double>::Constant(3, count, 2.0), Points<double>(3, 0), Points<double>(3, 0),
-                       Points<double>(3, 0), Points<double>(3, 0));
+    recorder.add_frame(Points<double>::Constant(3, count, 2.0), Points<double>(3, 0),
+                       Points<double>(3, 0), Points<double>(3, 0), Points<double>(3, 0));
     check_in_page(*recorder.page(), with(checks));
   }
 }
 
-TEST_CASE("round numbers are 1, 2 or 5 times a power of ten, near what was asked", "[player_view_script]") {
+TEST_CASE("round numbers are 1, 2 or 5 times a power of ten, near what was asked",
+          "[player_view_script]") {
   check_in_page(page_of(), with(R"js(
 for (let x = 1e-5; x < 1e6; x *= 1.07) {
   const round = nice(x), lead = round / 10 ** Math.floor(Math.log10(round) + 1e-9);
@@ -192,7 +197,8 @@ check('the ground bears the scene', groundHeight === 0 || groundHeight < low[2])
 )js"));
 }
 
-TEST_CASE("what a vertex shader hands on is what its fragment shader takes", "[player_view_script]") {
+TEST_CASE("what a vertex shader hands on is what its fragment shader takes",
+          "[player_view_script]") {
   check_in_page(page_of(), with(R"js(
 const names = (source, kind) => [...source.matchAll(new RegExp(kind + ' (\\w+) ([^;]+);', 'g'))].flatMap(m => m[2].split(',').map(n => m[1] + ' ' + n.trim()));
 for (const [name, [vertex, fragment]] of Object.entries(shaders)) {

@@ -1,4 +1,5 @@
-// Programs as files hold them: what an empty one is, how frames correspond, which bounds cross, and which sizes are too many.
+// Programs as files hold them: what an empty one is, how frames correspond, which bounds cross, and
+// which sizes are too many.
 
 #include "clothctl/io/qp_problem.hpp"
 
@@ -12,13 +13,15 @@ using clothctl::Index;
 using clothctl::kLargestQpSide;
 using clothctl::QpProblem;
 using clothctl::QpSequenceFrame;
-using clothctl::io_detail::judge_qp_size;
+using clothctl::detail::judge_qp_size;
 using Vector = Eigen::VectorXd;
 
 namespace {
 
 /// A frame of three unknowns and two rows, all within 0 to 1.
-QpSequenceFrame frame() { return {Vector::Zero(3), Vector::Zero(2), Vector::Ones(2), Vector::Zero(3), Vector::Ones(3), {}}; }
+QpSequenceFrame frame() {
+  return {Vector::Zero(3), Vector::Zero(2), Vector::Ones(2), Vector::Zero(3), Vector::Ones(3), {}};
+}
 
 QpProblem sized(Index n, Index m, Index shift = 0) {
   QpProblem problem;
@@ -42,15 +45,16 @@ TEST_CASE("a program that nothing was read into is empty and states nothing", "[
   CHECK(problem.reference.status.empty());
   CHECK_FALSE(problem.reference.objective.has_value());
   CHECK_FALSE(problem.reference.unique.has_value());
-  for (const Vector* v : {&problem.reference.x, &problem.reference.y, &problem.reference.z, &problem.reference.ray,
-                          &problem.reference.farkas_y, &problem.reference.farkas_z})
+  for (const Vector* v :
+       {&problem.reference.x, &problem.reference.y, &problem.reference.z, &problem.reference.ray,
+        &problem.reference.farkas_y, &problem.reference.farkas_z})
     CHECK(v->size() == 0);
   CHECK(first_crossed_bound(problem) == -1);
   const clothctl::QpSolution solution;
   CHECK(solution.n == 0);
   CHECK(solution.m == 0);
   CHECK(solution.frames.empty());
-  const clothctl::io_detail::QpEntry entry;
+  const clothctl::detail::QpEntry entry;
   CHECK(entry.row == 0);
   CHECK(entry.column == 0);
   CHECK(entry.value == 0);
@@ -72,10 +76,12 @@ TEST_CASE("rows shift by as many stages as unknowns do", "[qp_problem]") {
   CHECK(sized(2, 1, 1).row_shift() == 0);    // half a row: down
   CHECK(sized(10, 7, 4).row_shift() == 2);   // 2.8
   CHECK(sized(0, 4, 3).row_shift() == 0);    // no unknowns
-  CHECK(sized(kLargestQpSide, kLargestQpSide, kLargestQpSide - 1).row_shift() == kLargestQpSide - 1);
+  CHECK(sized(kLargestQpSide, kLargestQpSide, kLargestQpSide - 1).row_shift() ==
+        kLargestQpSide - 1);
 }
 
-TEST_CASE("the first bound that lies above its partner is found, unknowns before rows", "[qp_problem]") {
+TEST_CASE("the first bound that lies above its partner is found, unknowns before rows",
+          "[qp_problem]") {
   CHECK(first_crossed_bound(frame()) == -1);
   for (Index k = 0; k < 5; ++k) {
     QpSequenceFrame crossed = frame();
@@ -118,18 +124,23 @@ TEST_CASE("a sequence is judged frame by frame, apart from its base", "[qp_probl
   CHECK(first_crossed_bound(problem.frames[1]) == 2);
 }
 
-TEST_CASE("programs are judged by their sides and by the entries of H and A together", "[qp_problem]") {
+TEST_CASE("programs are judged by their sides and by the entries of H and A together",
+          "[qp_problem]") {
   using Size = std::pair<Index, Index>;
-  for (const auto& [n, m] :
-       {Size(0, 0), Size(1, 0), Size(1, kLargestQpSide), Size(8192, 0), Size(5792, 5792), Size(2927, 20000)})
+  for (const auto& [n, m] : {Size(0, 0), Size(1, 0), Size(1, kLargestQpSide), Size(8192, 0),
+                             Size(5792, 5792), Size(2927, 20000)})
     CHECK(judge_qp_size(n, m).empty());
   CHECK(judge_qp_size(8192, 1) ==
-        "8192 unknowns and 1 rows are too many: at most 20000 of each and 67108864 entries in H and A");
-  for (const auto& [n, m] : {Size(8193, 0), Size(5793, 5793), Size(2928, 20000), Size(20000, 0), Size(20001, 0), Size(1, 20001),
-                             Size(0, 20001), Size(Index(1) << 40, 0), Size(1, Index(1) << 40)}) {
+        "8192 unknowns and 1 rows are too many: at most 20000 of each and 67108864 entries in H "
+        "and A");
+  for (const auto& [n, m] :
+       {Size(8193, 0), Size(5793, 5793), Size(2928, 20000), Size(20000, 0), Size(20001, 0),
+        Size(1, 20001), Size(0, 20001), Size(Index(1) << 40, 0), Size(1, Index(1) << 40)}) {
     const std::string wrong = judge_qp_size(n, m);
     INFO(wrong);
-    CHECK(wrong.rfind(std::to_string(n) + " unknowns and " + std::to_string(m) + " rows are too many: ", 0) == 0);
+    CHECK(wrong.rfind(
+              std::to_string(n) + " unknowns and " + std::to_string(m) + " rows are too many: ",
+              0) == 0);
   }
   // No product of sides may wrap round to a small one.
   CHECK_FALSE(judge_qp_size(Index(1) << 32, Index(1) << 32).empty());

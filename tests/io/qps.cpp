@@ -1,11 +1,12 @@
-// QPS: every section and convention against matrices written by hand, both forms, what is refused, and hostile text.
+// QPS: every section and convention against matrices written by hand, both forms, what is refused,
+// and hostile text.
 
 #include "clothctl/io/qps.hpp"
 
 #include <string>
 
+#include "clothctl/io/detail/qpt_text.hpp"
 #include "clothctl/io/qpt.hpp"
-#include "clothctl/io/qpt_text.hpp"
 #include "io/qpt_programs.hpp"
 #include "io/spoilt_text.hpp"
 #include "support/catch.hpp"
@@ -33,9 +34,11 @@ const std::string kFree =
     " c wide 1D+1 above 1\n"
     " d below 1 cost -2.0d0\n"
     " e most 1\n f most 1\n g most 1\n"
-    "RHS\n rhs cost 4 most 10\n rhs least 1 same 2\n rhs band 3 wide 4\n rhs above 5 below 6\n other most 99\n"
+    "RHS\n rhs cost 4 most 10\n rhs least 1 same 2\n rhs band 3 wide 4\n rhs above 5 below 6\n "
+    "other most 99\n"
     "RANGES\n range band -2 wide 3\n range above 1 below -1\n"
-    "BOUNDS\n UP bnd a 4\n LO bnd b -1\n UP bnd b 1\n FX bnd c 2.5\n FR bnd d\n MI bnd e\n UP bnd f -3\n PL bnd g\n UP two a "
+    "BOUNDS\n UP bnd a 4\n LO bnd b -1\n UP bnd b 1\n FX bnd c 2.5\n FR bnd d\n MI bnd e\n UP bnd "
+    "f -3\n PL bnd g\n UP two a "
     "1\n"
     "QUADOBJ\n a a 2\n a b -1\n b b 3\n d c 0.5\n"
     "ENDATA\n";
@@ -44,13 +47,18 @@ std::string refusal(const std::string& text, QpsForm form = QpsForm::Free) {
   return refusal_of(parse_qps(text, "f.qps", form));
 }
 
-std::string with(const std::string& from, const std::string& to) { return replaced(kFree, from, to); }
+std::string with(const std::string& from, const std::string& to) {
+  return replaced(kFree, from, to);
+}
 
-QpProblem parsed(const std::string& text, QpsForm form = QpsForm::Detect) { return value_of(parse_qps(text, "f.qps", form)); }
+QpProblem parsed(const std::string& text, QpsForm form = QpsForm::Detect) {
+  return value_of(parse_qps(text, "f.qps", form));
+}
 
 /// A program of unknowns x, y (0 ≤) and one row, with further lines.
 std::string small(const std::string& bounds, const std::string& rest = "") {
-  return "NAME\nROWS\n N o\n L r\nCOLUMNS\n x o 1 r 1\n y o 1 r 1\nRHS\n r 1\n" + bounds + rest + "ENDATA\n";
+  return "NAME\nROWS\n N o\n L r\nCOLUMNS\n x o 1 r 1\n y o 1 r 1\nRHS\n r 1\n" + bounds + rest +
+         "ENDATA\n";
 }
 
 }  // namespace
@@ -59,7 +67,8 @@ TEST_CASE("QPS: every section is read by the format's conventions", "[qps]") {
   const QpProblem p = parsed(kFree, QpsForm::Free);
   CHECK(p.name == "every section");
   CHECK(p.column_names == std::vector<std::string>{"a", "b", "c", "d", "e", "f", "g"});
-  CHECK(p.row_names == std::vector<std::string>{"most", "least", "same", "band", "wide", "above", "below"});
+  CHECK(p.row_names ==
+        std::vector<std::string>{"most", "least", "same", "band", "wide", "above", "below"});
   CHECK(p.r == -4);
   CHECK(p.g == (Vector(7) << 1.5, 0, 0, -2, 0, 0, 0).finished());
   Matrix A = Matrix::Zero(7, 7);
@@ -90,13 +99,16 @@ TEST_CASE("QPS: QMATRIX gives both triangles, QSECTION one", "[qps]") {
   CHECK(one.H == both.H);
   CHECK(refusal(small("", "QMATRIX\n x x 8\n x y 2\n")) ==
         "f.qps:12: QMATRIX: the entry of 'x' and 'y' differs from that of 'y' and 'x'");
-  CHECK(refusal(small("", "QUADOBJ\n x y 2\n y x 2\n")) == "f.qps:12: column 'y': the entry of 'x' is given twice");
-  CHECK(refusal(small("", "QUADOBJ\n x y 2\nQMATRIX\n y x 2\n")) == "f.qps:12: QMATRIX after QUADOBJ");
+  CHECK(refusal(small("", "QUADOBJ\n x y 2\n y x 2\n")) ==
+        "f.qps:12: column 'y': the entry of 'x' is given twice");
+  CHECK(refusal(small("", "QUADOBJ\n x y 2\nQMATRIX\n y x 2\n")) ==
+        "f.qps:12: QMATRIX after QUADOBJ");
 }
 
 TEST_CASE("QPS: a maximum is the minimum of the negated objective", "[qps]") {
   for (const std::string sense : {"OBJSENSE MAX\n", "OBJSENSE\n  MAXIMIZE\n", "objsense max\n"}) {
-    const QpProblem p = parsed(sense + "ROWS\n N o\nCOLUMNS\n x o 3\n y o 0\nRHS\n o 7\nQUADOBJ\n x x -2\nENDATA\n");
+    const QpProblem p = parsed(
+        sense + "ROWS\n N o\nCOLUMNS\n x o 3\n y o 0\nRHS\n o 7\nQUADOBJ\n x x -2\nENDATA\n");
     CHECK(p.maximise);
     CHECK(p.m() == 0);
     CHECK(p.g == (Vector(2) << -3, 0).finished());
@@ -125,7 +137,8 @@ TEST_CASE("QPS: bounds: sides, sets, their order, and what a negative upper boun
   CHECK(bounds(" UP s x 3\n PL s x\n") == Pair(0, kInfinity));
   CHECK(bounds(" LO s x -Inf\n UP s x 1e30\n") == Pair(-kInfinity, 1e30));
   CHECK(bounds(" UP s x 3\n UP t x 2\n") == Pair(0, 3));
-  CHECK(refusal(small("BOUNDS\n BV s x\n")) == "f.qps:11: BOUNDS: type 'BV' asks for an integer unknown, which is not read");
+  CHECK(refusal(small("BOUNDS\n BV s x\n")) ==
+        "f.qps:11: BOUNDS: type 'BV' asks for an integer unknown, which is not read");
   CHECK(refusal(small("BOUNDS\n XX s x 1\n")) == "f.qps:11: BOUNDS: type 'XX' is unknown");
   CHECK(refusal(small("BOUNDS\n UP s x nan\n")) == "f.qps:11: BOUNDS: 'x': 'nan' is not finite");
   CHECK(refusal(small("BOUNDS\n UP s x -inf\n")) == "f.qps:11: BOUNDS: 'x': upper bound -inf");
@@ -138,19 +151,23 @@ TEST_CASE("QPS: right-hand sides and ranges", "[qps]") {
   for (const std::string type : {"L", "G", "E"}) {
     for (const double range : {2.0, -2.0}) {
       const QpProblem p =
-          parsed("ROWS\n N o\n " + type + " r\nCOLUMNS\n x r 1\nRHS\n r 5\nRANGES\n r " + std::to_string(range) + "\nENDATA\n");
+          parsed("ROWS\n N o\n " + type + " r\nCOLUMNS\n x r 1\nRHS\n r 5\nRANGES\n r " +
+                 std::to_string(range) + "\nENDATA\n");
       const bool below = type == "L" || (type == "E" && range < 0);
       CHECK(p.rl[0] == (below ? 3 : 5));
       CHECK(p.ru[0] == (below ? 5 : 7));
     }
   }
-  const QpProblem none = parsed("ROWS\n E r\nCOLUMNS\n x r 1\nRANGES\n r 0\nENDATA\n");  // no objective, no RHS
+  const QpProblem none =
+      parsed("ROWS\n E r\nCOLUMNS\n x r 1\nRANGES\n r 0\nENDATA\n");  // no objective, no RHS
   CHECK(none.rl[0] == 0);
   CHECK(none.ru[0] == 0);
   CHECK(none.g[0] == 0);
-  CHECK(refusal(with("range band -2", "range cost -2")) == "f.qps:32: RANGES: 'cost' is the objective");
+  CHECK(refusal(with("range band -2", "range cost -2")) ==
+        "f.qps:32: RANGES: 'cost' is the objective");
   CHECK(refusal(with("rhs band 3", "rhs most 3")) == "f.qps:28: RHS: 'most' is given twice");
-  CHECK(refusal(with("rhs least 1", "rhs least 1e30")) == "f.qps:27: row 'least': lower bound 1e+30");
+  CHECK(refusal(with("rhs least 1", "rhs least 1e30")) ==
+        "f.qps:27: row 'least': lower bound 1e+30");
 }
 
 TEST_CASE("QPS: fixed form: names with blanks, empty set names", "[qps]") {
@@ -185,7 +202,8 @@ TEST_CASE("QPS: fixed form: names with blanks, empty set names", "[qps]") {
   }
   CHECK(refusal(fixed) == "f.qps:3: ROWS: expected a type and a name, found 3 fields");
   const std::string late = replaced(fixed, "  MY COST            3.0", "12MY COST            3.0");
-  CHECK(refusal(late, QpsForm::Fixed).find("f.qps:9: RHS: '12' stands between the columns of the fields") == 0);
+  CHECK(refusal(late, QpsForm::Fixed)
+            .find("f.qps:9: RHS: '12' stands between the columns of the fields") == 0);
 }
 
 TEST_CASE("QPS: what is wrong is named with file, line and value", "[qps]") {
@@ -198,12 +216,17 @@ TEST_CASE("QPS: what is wrong is named with file, line and value", "[qps]") {
   CHECK(refusal(with(" L most", " M most")) == "f.qps:7: ROWS: 'M' is not N, L, G or E");
   CHECK(refusal(with(" G least", " G most")) == "f.qps:8: ROWS: 'most' is given twice");
   CHECK(refusal(with("a least 2", "a last 2")) == "f.qps:17: COLUMNS: 'last' is not a row");
-  CHECK(refusal(with("a least 2", "a most 2")) == "f.qps:17: column 'a': the entry of 'most' is given twice");
-  CHECK(refusal(with("a least 2", "a cost 2")) == "f.qps:17: column 'a': the entry of 'the objective' is given twice");
-  CHECK(refusal(with("a least 2", "a least 2x")) == "f.qps:17: COLUMNS: 'least': '2x' is not a number");
-  CHECK(refusal(with("a least 2", "m 'MARKER' 'INTORG'")) == "f.qps:17: integer unknowns ('MARKER') are not read");
+  CHECK(refusal(with("a least 2", "a most 2")) ==
+        "f.qps:17: column 'a': the entry of 'most' is given twice");
+  CHECK(refusal(with("a least 2", "a cost 2")) ==
+        "f.qps:17: column 'a': the entry of 'the objective' is given twice");
+  CHECK(refusal(with("a least 2", "a least 2x")) ==
+        "f.qps:17: COLUMNS: 'least': '2x' is not a number");
+  CHECK(refusal(with("a least 2", "m 'MARKER' 'INTORG'")) ==
+        "f.qps:17: integer unknowns ('MARKER') are not read");
   CHECK(refusal(with(" b b 3", " b z 3")) == "f.qps:47: QUADOBJ: 'z' is not a column");
-  CHECK(refusal(with(" b b 3", " b a 3")) == "f.qps:47: column 'b': the entry of 'a' is given twice");
+  CHECK(refusal(with(" b b 3", " b a 3")) ==
+        "f.qps:47: column 'b': the entry of 'a' is given twice");
   CHECK(refusal(with(" b b 3", "ROWS")) == "f.qps:47: ROWS is given twice");
 }
 
@@ -219,8 +242,10 @@ TEST_CASE("QPS: a missing end is told at the last line, a line break begins one 
 
 TEST_CASE("QPS: a section's name is shown short and printable", "[qps]") {
   const std::string longest(100000, 'A');
-  const std::string unknown = "f.qps:1: '" + longest.substr(0, 40) + "…' is not a section that is read";
-  for (const std::string rest : {"", " b", " b c d e f g"}) CHECK(refusal(longest + rest + "\n") == unknown);
+  const std::string unknown =
+      "f.qps:1: '" + longest.substr(0, 40) + "…' is not a section that is read";
+  for (const std::string rest : {"", " b", " b c d e f g"})
+    CHECK(refusal(longest + rest + "\n") == unknown);
   CHECK(refusal("NA\x1bME x\n") == "f.qps:1: 'NA?ME' is not a section that is read");
   CHECK(refusal("\x7f\n") == "f.qps:1: '?' is not a section that is read");
   CHECK(refusal("rooms r\n") == "f.qps:1: 'rooms' is not a section that is read");
@@ -229,7 +254,9 @@ TEST_CASE("QPS: a section's name is shown short and printable", "[qps]") {
 }
 
 TEST_CASE("QPS: a number that is refused is shown as it stands in the file", "[qps]") {
-  const auto refused = [](const std::string& number) { return refusal(with("a least 2", "a least " + number)); };
+  const auto refused = [](const std::string& number) {
+    return refusal(with("a least 2", "a least " + number));
+  };
   const std::string at = "f.qps:17: COLUMNS: 'least': ";
   CHECK(refused("ABCD") == at + "'ABCD' is not a number");
   CHECK(refused("1D") == at + "'1D' is not a number");
@@ -249,12 +276,16 @@ TEST_CASE("QPS: fields that nothing asks for are refused in both forms", "[qps]"
   const auto filled = [&](const std::string& row, const std::string& bound) {
     return replaced(replaced(fixed, "@", row), "#", bound);
   };
-  for (const QpsForm form : {QpsForm::Free, QpsForm::Fixed}) CHECK(parsed(filled("", ""), form).ub[0] == 5);
+  for (const QpsForm form : {QpsForm::Free, QpsForm::Fixed})
+    CHECK(parsed(filled("", ""), form).ub[0] == 5);
   const std::string at_row = "f.qps:2: ROWS: ", at_bound = "f.qps:7: BOUNDS: ";
-  CHECK(refusal(filled("r", ""), QpsForm::Fixed) == at_row + "'r' stands in columns 15 to 22, expected nothing there");
-  CHECK(refusal(filled("", "y"), QpsForm::Fixed) == at_bound + "'y' stands in columns 40 to 47, expected nothing there");
+  CHECK(refusal(filled("r", ""), QpsForm::Fixed) ==
+        at_row + "'r' stands in columns 15 to 22, expected nothing there");
+  CHECK(refusal(filled("", "y"), QpsForm::Fixed) ==
+        at_bound + "'y' stands in columns 40 to 47, expected nothing there");
   CHECK(refusal(filled("r", "")) == at_row + "expected a type and a name, found 3 fields");
-  CHECK(refusal(filled("", "y")) == at_bound + "expected a type, a set, a column and a value, found 5 fields");
+  CHECK(refusal(filled("", "y")) ==
+        at_bound + "expected a type, a set, a column and a value, found 5 fields");
   CHECK(refusal(filled("r", ""), QpsForm::Detect) != "accepted");
   CHECK(refusal(filled("", "y"), QpsForm::Detect) != "accepted");
 }

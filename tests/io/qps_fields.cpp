@@ -1,6 +1,7 @@
-// Fields of a line of QPS: words in free form, columns in fixed form, which may be left out, and what is said of wrong ones.
+// Fields of a line of QPS: words in free form, columns in fixed form, which may be left out, and
+// what is said of wrong ones.
 
-#include "clothctl/io/qps_fields.hpp"
+#include "clothctl/io/detail/qps_fields.hpp"
 
 #include <algorithm>
 #include <array>
@@ -12,11 +13,11 @@
 
 #include "support/catch.hpp"
 
-using clothctl::io_detail::qps_bound_has_value;
-using clothctl::io_detail::qps_fixed_fields;
-using clothctl::io_detail::qps_free_fields;
-using clothctl::io_detail::QpsFields;
-using clothctl::io_detail::QpsWords;
+using clothctl::detail::qps_bound_has_value;
+using clothctl::detail::qps_fixed_fields;
+using clothctl::detail::qps_free_fields;
+using clothctl::detail::QpsFields;
+using clothctl::detail::QpsWords;
 
 namespace {
 
@@ -27,11 +28,16 @@ std::string fields(Splitter& split, const std::string& section, std::string_view
   QpsFields f;
   if (const std::string wrong = split(section, line, f); !wrong.empty()) return wrong;
   std::string out = std::string(f.type) + "|" + std::string(f.name);
-  for (std::size_t k = 0; k < f.pairs; ++k) out += "|" + std::string(f.key[k]) + "=" + std::string(f.value[k]);
+  for (std::size_t k = 0; k < f.pairs; ++k)
+    out += "|" + std::string(f.key[k]) + "=" + std::string(f.value[k]);
   return out;
 }
-std::string free_fields(const std::string& section, std::string_view line) { return fields(qps_free_fields, section, line); }
-std::string fixed_fields(const std::string& section, std::string_view line) { return fields(qps_fixed_fields, section, line); }
+std::string free_fields(const std::string& section, std::string_view line) {
+  return fields(qps_free_fields, section, line);
+}
+std::string fixed_fields(const std::string& section, std::string_view line) {
+  return fields(qps_fixed_fields, section, line);
+}
 
 /// A line with texts from the given columns on, the first is 1.
 std::string line_of(const std::vector<std::pair<std::size_t, std::string>>& texts) {
@@ -44,9 +50,13 @@ std::string line_of(const std::vector<std::pair<std::size_t, std::string>>& text
 }
 
 /// All fields of a bound and of two pairs in fixed form, each as wide as it may be.
-const std::string kBound = line_of({{2, "UP"}, {5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}});
-const std::string kPairs =
-    line_of({{5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}, {40, "SECOND78"}, {50, "210987654321"}});
+const std::string kBound =
+    line_of({{2, "UP"}, {5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}});
+const std::string kPairs = line_of({{5, "NAME5678"},
+                                    {15, "KEY45678"},
+                                    {25, "123456789012"},
+                                    {40, "SECOND78"},
+                                    {50, "210987654321"}});
 
 }  // namespace
 
@@ -69,7 +79,8 @@ TEST_CASE("words beyond the sixth are counted, not kept", "[qps_fields]") {
 
 TEST_CASE("bounds that open a side come without a number", "[qps_fields]") {
   for (const std::string_view type : {"FR", "MI", "PL"}) CHECK_FALSE(qps_bound_has_value(type));
-  for (const std::string_view type : {"LO", "UP", "FX", "BV", "fr", "F", "FRX", ""}) CHECK(qps_bound_has_value(type));
+  for (const std::string_view type : {"LO", "UP", "FX", "BV", "fr", "F", "FRX", ""})
+    CHECK(qps_bound_has_value(type));
 }
 
 TEST_CASE("free form: rows have a type and a name", "[qps_fields]") {
@@ -80,7 +91,8 @@ TEST_CASE("free form: rows have a type and a name", "[qps_fields]") {
   CHECK(free_fields("ROWS", " N MY COST") == "expected a type and a name, found 3 fields");
 }
 
-TEST_CASE("free form: columns and entries of matrices have a name and one or two pairs", "[qps_fields]") {
+TEST_CASE("free form: columns and entries of matrices have a name and one or two pairs",
+          "[qps_fields]") {
   for (const std::string section : {"COLUMNS", "QUADOBJ", "QMATRIX", "QSECTION"}) {
     CHECK(free_fields(section, " x r1 1.5") == "|x|r1=1.5");
     CHECK(free_fields(section, " x  r1  1.5  r2  -2 ") == "|x|r1=1.5|r2=-2");
@@ -90,23 +102,28 @@ TEST_CASE("free form: columns and entries of matrices have a name and one or two
                                       {" x r1 1 r2", "4"},
                                       {" x r1 1 r2 2 r3", "6"},
                                       {" x r1 1 r2 2 r3 3", "7"}}) {
-      CHECK(free_fields(section, line) == "expected a name, then one or two names with numbers, found " + count + " fields");
+      CHECK(free_fields(section, line) ==
+            "expected a name, then one or two names with numbers, found " + count + " fields");
     }
   }
 }
 
-TEST_CASE("free form: right-hand sides and ranges may leave out the name of the set", "[qps_fields]") {
+TEST_CASE("free form: right-hand sides and ranges may leave out the name of the set",
+          "[qps_fields]") {
   for (const std::string section : {"RHS", "RANGES"}) {
     CHECK(free_fields(section, " set r1 1") == "|set|r1=1");
     CHECK(free_fields(section, " set r1 1 r2 2") == "|set|r1=1|r2=2");
     CHECK(free_fields(section, " r1 1") == "||r1=1");
     CHECK(free_fields(section, " r1 1 r2 2") == "||r1=1|r2=2");
-    for (const auto& [line, count] : {std::pair<std::string, std::string>(" ", "0"), {" r1", "1"}, {" set r1 1 r2 2 r3", "6"}})
-      CHECK(free_fields(section, line) == "expected a name, then one or two names with numbers, found " + count + " fields");
+    for (const auto& [line, count] :
+         {std::pair<std::string, std::string>(" ", "0"), {" r1", "1"}, {" set r1 1 r2 2 r3", "6"}})
+      CHECK(free_fields(section, line) ==
+            "expected a name, then one or two names with numbers, found " + count + " fields");
   }
 }
 
-TEST_CASE("free form: bounds may leave out the name of the set and, where none counts, the number", "[qps_fields]") {
+TEST_CASE("free form: bounds may leave out the name of the set and, where none counts, the number",
+          "[qps_fields]") {
   CHECK(free_fields("BOUNDS", " UP set x 4") == "UP|set|x=4");
   CHECK(free_fields("BOUNDS", " UP x 4") == "UP||x=4");
   CHECK(free_fields("BOUNDS", " FR set x") == "FR|set|x=");
@@ -130,8 +147,10 @@ TEST_CASE("fixed form: fields fill their columns to the last", "[qps_fields]") {
   CHECK(fixed_fields("RHS", line_of({{15, "KEY45678"}, {25, "1"}})) == "||KEY45678=1");
 }
 
-TEST_CASE("fixed form: blanks around fields are no part of them, those within are", "[qps_fields]") {
-  const std::string line = line_of({{5, " COL A"}, {15, "MY  ROW"}, {33, "-1.5"}, {41, "B  C"}, {61, "2"}});
+TEST_CASE("fixed form: blanks around fields are no part of them, those within are",
+          "[qps_fields]") {
+  const std::string line =
+      line_of({{5, " COL A"}, {15, "MY  ROW"}, {33, "-1.5"}, {41, "B  C"}, {61, "2"}});
   CHECK(fixed_fields("COLUMNS", line) == "|COL A|MY  ROW=-1.5|B  C=2");
   CHECK(fixed_fields("COLUMNS", line + std::string(30, ' ')) == "|COL A|MY  ROW=-1.5|B  C=2");
   for (const std::string section : {"ROWS", "BOUNDS"}) {
@@ -158,17 +177,21 @@ TEST_CASE("fixed form: nothing may stand between the columns of the fields", "[q
     INFO("column " << column);
     CHECK(fixed_fields("COLUMNS", line) == "'#' stands between the columns of the fields");
     // Also where the line ends there.
-    CHECK(fixed_fields("COLUMNS", line.substr(0, column)) == "'#' stands between the columns of the fields");
+    CHECK(fixed_fields("COLUMNS", line.substr(0, column)) ==
+          "'#' stands between the columns of the fields");
   }
-  CHECK(fixed_fields("COLUMNS", line_of({{5, "X"}, {36, "12345"}})) == "'234' stands between the columns of the fields");
+  CHECK(fixed_fields("COLUMNS", line_of({{5, "X"}, {36, "12345"}})) ==
+        "'234' stands between the columns of the fields");
   const std::string tail(100, 'z');
-  CHECK(fixed_fields("COLUMNS", kPairs + tail) == "'" + tail.substr(0, 40) + "…' stands between the columns of the fields");
+  CHECK(fixed_fields("COLUMNS", kPairs + tail) ==
+        "'" + tail.substr(0, 40) + "…' stands between the columns of the fields");
 }
 
 TEST_CASE("fixed form: a row ends with its name, a bound with its value", "[qps_fields]") {
   const std::string row = line_of({{2, "N"}, {5, "MY COST"}});
   CHECK(fixed_fields("ROWS", row + std::string(60, ' ')) == "N|MY COST|=");
-  CHECK(fixed_fields("BOUNDS", kBound + std::string(60, ' ')) == "UP|NAME5678|KEY45678=123456789012");
+  CHECK(fixed_fields("BOUNDS", kBound + std::string(60, ' ')) ==
+        "UP|NAME5678|KEY45678=123456789012");
   constexpr std::size_t kFirst[] = {15, 25, 40, 50};
   const std::string range[] = {"15 to 22", "25 to 36", "40 to 47", "50 to 61"};
   for (std::size_t k = 0; k < 4; ++k) {
@@ -197,12 +220,14 @@ TEST_CASE("fixed form: rows and bounds have a type, other lines have none", "[qp
 
 TEST_CASE("fixed form: a line that ends early holds what stands before its end", "[qps_fields]") {
   const std::size_t first[] = {1, 4, 14, 24, 39, 49}, end[] = {3, 12, 22, 36, 47, 61};
-  for (const auto& [section, line] : {std::pair<std::string, std::string>("BOUNDS", kBound), {"COLUMNS", kPairs}}) {
+  for (const auto& [section, line] :
+       {std::pair<std::string, std::string>("BOUNDS", kBound), {"COLUMNS", kPairs}}) {
     for (std::size_t length = 2; length <= line.size(); ++length) {
       std::array<std::string, 6> part;
       for (std::size_t k = 0; k < 6; ++k) {
         const std::size_t last = std::min(end[k], length);
-        if (first[k] < last) part[k] = std::string(clothctl::io_detail::trimmed(line.substr(first[k], last - first[k])));
+        if (first[k] < last)
+          part[k] = std::string(clothctl::detail::trimmed(line.substr(first[k], last - first[k])));
       }
       std::string expected = part[0] + "|" + part[1] + "|" + part[2] + "=" + part[3];
       if (!part[4].empty()) expected += "|" + part[4] + "=" + part[5];

@@ -25,7 +25,8 @@ using Vector = Eigen::VectorXd;
 namespace {
 
 const std::string kSequence =
-    "qpt 1\nname moves\nn 2\nm 1\nHdense 2\n2\n1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 1\ncols 2\n0 1\n0 2\n"
+    "qpt 1\nname moves\nn 2\nm 1\nHdense 2\n2\n1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 "
+    "1\ncols 2\n0 1\n0 2\n"
     "frames 3\nshift 1\n"
     "frame 0\nstatus optimal\nobjective 1\n"
     "frame 1\ng 1\n0 -1\nrows 1\n-1 2\nstatus infeasible\n"
@@ -33,7 +34,9 @@ const std::string kSequence =
 
 std::string refusal(const std::string& text) { return refusal_of(parse_qpt(text, "f.qpt")); }
 
-std::string with(const std::string& from, const std::string& to) { return replaced(kSingleProgram, from, to); }
+std::string with(const std::string& from, const std::string& to) {
+  return replaced(kSingleProgram, from, to);
+}
 
 /// Either accepted, or refused with a line that says where.
 void check_judged(const std::string& text) {
@@ -55,15 +58,19 @@ TEST_CASE("QPT: frames take from the base program what they do not give", "[qpt]
   check_same(value_of(parse_qpt(kSequence, "f.qpt")), program_sequence());
 }
 
-TEST_CASE("QPT: proofs are read, crossed bounds are taken, matrices and rows may be left out", "[qpt]") {
-  const QpProblem p = value_of(
-      parse_qpt("qpt 1 n 2 m 1 A 1 0 0 1 rows 1 3 2 cols 2 0 1 5 inf status infeasible farkas_y 1 -1 farkas_z 2 1 0 end", "f"));
+TEST_CASE("QPT: proofs are read, crossed bounds are taken, matrices and rows may be left out",
+          "[qpt]") {
+  const QpProblem p =
+      value_of(parse_qpt("qpt 1 n 2 m 1 A 1 0 0 1 rows 1 3 2 cols 2 0 1 5 inf status infeasible "
+                         "farkas_y 1 -1 farkas_z 2 1 0 end",
+                         "f"));
   CHECK(p.H == Matrix::Zero(2, 2));
   CHECK(p.reference.farkas_y[0] == -1);
   CHECK(p.reference.farkas_z == (Vector(2) << 1, 0).finished());
   CHECK(p.rl[0] == 3);
   CHECK(p.ru[0] == 2);
-  const QpProblem q = value_of(parse_qpt("qpt 1 n 2 cols 2 0 inf 1 0 status unbounded x 2 0 0 ray 2 1 0 end", "f"));
+  const QpProblem q =
+      value_of(parse_qpt("qpt 1 n 2 cols 2 0 inf 1 0 status unbounded x 2 0 0 ray 2 1 0 end", "f"));
   CHECK(q.m() == 0);
   CHECK(q.A.cols() == 2);
   CHECK(q.reference.ray == (Vector(2) << 1, 0).finished());
@@ -78,17 +85,20 @@ TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
   CHECK(refusal(with("g 2", "h 2")) == "f.qpt:11: 'h' is not a section");
   CHECK(refusal(with("0 2 -0.5", "0 3 -0.5")) == "f.qpt:8: H: column: '3' is not within 0 to 2");
   CHECK(refusal(with("0 2 -0.5", "-1 2 -0.5")) == "f.qpt:8: H: row: '-1' is not within 0 to 2");
-  CHECK(refusal(with("0 2 -0.5", "2 0 -0.5")) == "f.qpt:8: H(2,0) lies below the diagonal, expected the upper triangle");
+  CHECK(refusal(with("0 2 -0.5", "2 0 -0.5")) ==
+        "f.qpt:8: H(2,0) lies below the diagonal, expected the upper triangle");
   CHECK(refusal(with("0 2 -0.5", "0 0 -0.5")) == "f.qpt:8: H(0,0) is given twice");
   CHECK(refusal(with("0 2 -0.5", "0 2 nan")) == "f.qpt:8: H(0,2): 'nan' is not finite");
   CHECK(refusal(with("0 2 -0.5", "0 2 inf")) == "f.qpt:8: H(0,2): 'inf' is not finite");
-  CHECK(refusal(with("0 2 -0.5", "0 2 1e999")) == "f.qpt:8: H(0,2): '1e999' is out of the range of a double");
+  CHECK(refusal(with("0 2 -0.5", "0 2 1e999")) ==
+        "f.qpt:8: H(0,2): '1e999' is out of the range of a double");
   CHECK(refusal(with("0 2 -0.5", "0 2.5 1")) == "f.qpt:8: H: column: '2.5' is not a whole number");
   CHECK(refusal(with("H 4", "H 5")) == "f.qpt:11: H: row: 'g' is not a whole number");
   CHECK(refusal(with("H 4", "H 3")) == "f.qpt:10: '2' is not a section");
   CHECK(refusal(with("H 4", "H 7")) == "f.qpt:6: H: '7' is not within 0 to 6");
   CHECK(refusal(with("H 4", "H -1")) == "f.qpt:6: H: '-1' is not within 0 to 6");
-  CHECK(refusal(with("H 4", "H 99999999999999999999")) == "f.qpt:6: H: '99999999999999999999' is not within 0 to 6");
+  CHECK(refusal(with("H 4", "H 99999999999999999999")) ==
+        "f.qpt:6: H: '99999999999999999999' is not within 0 to 6");
   CHECK(refusal(with("g 2", "g 4")) == "f.qpt:11: g: '4' is not within 0 to 3");
   CHECK(refusal(with("2 1e-3", "0 1")) == "f.qpt:13: g(0) is given twice");
   CHECK(refusal(with("2 1e-3", "2 x")) == "f.qpt:13: g(2): 'x' is not a number");
@@ -96,27 +106,34 @@ TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
   CHECK(refusal(with("-inf 4", "inf 4")) == "f.qpt:19: rows: 0: lower bound inf");
   CHECK(refusal(with("-inf 4", "nan 4")) == "f.qpt:19: rows: 0: 'nan' is not finite");
   CHECK(refusal(with("-1 2.5", "-1 -1e30")) == "f.qpt:24: cols: 2: upper bound -1e+30");
-  CHECK(refusal(with("optimal", "fine")) == "f.qpt:25: status: 'fine' is not optimal, infeasible or unbounded");
+  CHECK(refusal(with("optimal", "fine")) ==
+        "f.qpt:25: status: 'fine' is not optimal, infeasible or unbounded");
   CHECK(refusal(with("unique 1", "unique 2")) == "f.qpt:27: unique: '2' is not within 0 to 1");
   CHECK(refusal(with("x 3", "x 2")) == "f.qpt:28: x: '2' is not 3");
   CHECK(refusal(with("end", "end 7")) == "f.qpt:34: '7' after 'end'");
   CHECK(refusal(with("end", "z 3")) == "f.qpt:34: 'z' is given twice");
   CHECK(refusal(with("end", "")) == "f.qpt:35: the file ends in section 'z', without 'end'");
   CHECK(refusal(with("n 3", "n 0")) == "f.qpt:3: n: '0' is not within 1 to 20000");
-  CHECK(refusal(with("n 3", "n 2000000000")) == "f.qpt:3: n: '2000000000' is not within 1 to 20000");
+  CHECK(refusal(with("n 3", "n 2000000000")) ==
+        "f.qpt:3: n: '2000000000' is not within 1 to 20000");
   CHECK(refusal(with("n 3\n", "")) == "f.qpt:5: 'H' comes before 'n'");
-  CHECK(refusal("qpt 1 n 3 cols 3 0 1 0 1 0 1 m 2 end") == "f.qpt:1: 'm' comes after what it sizes");
-  CHECK(refusal("qpt 1\nn 20000\nm 0\nH 0\n").find("f.qpt:4: 20000 unknowns and 0 rows are too many") == 0);
+  CHECK(refusal("qpt 1 n 3 cols 3 0 1 0 1 0 1 m 2 end") ==
+        "f.qpt:1: 'm' comes after what it sizes");
+  CHECK(refusal("qpt 1\nn 20000\nm 0\nH 0\n")
+            .find("f.qpt:4: 20000 unknowns and 0 rows are too many") == 0);
   CHECK(refusal("qpt 1\nn 1\nend") == "f.qpt:3: 'cols' is missing before 'end'");
   CHECK(refusal("qpt 1 n 1 m 1 cols 1 0 1 end") == "f.qpt:1: 'rows' is missing before 'end'");
   CHECK(refusal("qpt 1 n 1 cols 1 0 1 A 1 0 0 1 end") == "f.qpt:1: A: '1' is not 0");
 }
 
 TEST_CASE("QPT: what is wrong in a sequence is named", "[qpt]") {
-  const auto changed = [](const std::string& from, const std::string& to) { return refusal(replaced(kSequence, from, to)); };
+  const auto changed = [](const std::string& from, const std::string& to) {
+    return refusal(replaced(kSequence, from, to));
+  };
   CHECK(changed("frames 3", "frames 4") == "f.qpt:34: expected 4 frames, found 3");
   CHECK(changed("frames 3", "frames 2") == "f.qpt:29: a frame after the last of 2");
-  CHECK(changed("frames 3", "frames 99999999999") == "f.qpt:18: frames: '99999999999' is not within 1 to 67108864");
+  CHECK(changed("frames 3", "frames 99999999999") ==
+        "f.qpt:18: frames: '99999999999' is not within 1 to 67108864");
   CHECK(changed("frame 1", "frame 2") == "f.qpt:23: frame: '2' is not 1");
   CHECK(changed("shift 1", "shift 3") == "f.qpt:19: shift: '3' is not within 0 to 2");
   CHECK(changed("frames 3\n", "") == "f.qpt:19: 'frame' comes before 'frames'");
@@ -134,8 +151,8 @@ TEST_CASE("QPT: frames that would fill the memory are refused", "[qpt]") {
 }
 
 TEST_CASE("QPT: a solution holds answers of any status, and no data", "[qpt]") {
-  const QpSolution one =
-      value_of(parse_qpt_solution("qpt 1 name p n 2 m 1 status time_limit objective -0.5 x 2 1 2 y 1 3 z 2 4 5 end", "s.txt"));
+  const QpSolution one = value_of(parse_qpt_solution(
+      "qpt 1 name p n 2 m 1 status time_limit objective -0.5 x 2 1 2 y 1 3 z 2 4 5 end", "s.txt"));
   CHECK(one.name == "p");
   CHECK(one.n == 2);
   CHECK(one.m == 1);
@@ -145,15 +162,19 @@ TEST_CASE("QPT: a solution holds answers of any status, and no data", "[qpt]") {
   CHECK(one.reference.y[0] == 3);
   CHECK(one.reference.z == Vector(Vector::LinSpaced(2, 4, 5)));
   CHECK(one.frames.empty());
-  const QpSolution moves = value_of(parse_qpt_solution("qpt 1 n 1 frames 2 frame 0 status solved x 1 3 frame 1 end", "s.txt"));
+  const QpSolution moves = value_of(
+      parse_qpt_solution("qpt 1 n 1 frames 2 frame 0 status solved x 1 3 frame 1 end", "s.txt"));
   REQUIRE(moves.frames.size() == 2);
   CHECK(moves.frames[0].status == "solved");
   CHECK(moves.frames[0].x[0] == 3);
   CHECK(moves.frames[1].status.empty());
   CHECK(moves.frames[1].x.size() == 0);
-  const auto refused = [](const std::string& text) { return refusal_of(parse_qpt_solution(text, "s.txt")); };
+  const auto refused = [](const std::string& text) {
+    return refusal_of(parse_qpt_solution(text, "s.txt"));
+  };
   CHECK(refused(kSingleProgram) == "s.txt:6: 'H' does not belong into a solution");
-  CHECK(refused("qpt 1 n 2\ncols 2 0 1 0 1 end") == "s.txt:2: 'cols' does not belong into a solution");
+  CHECK(refused("qpt 1 n 2\ncols 2 0 1 0 1 end") ==
+        "s.txt:2: 'cols' does not belong into a solution");
   CHECK(refused("qpt 1 n 2\nx 2 1 inf end") == "s.txt:2: x(1): 'inf' is not finite");
   CHECK(refused("qpt 1 n 2 frames 1 end") == "s.txt:1: expected 1 frames, found 0");
   CHECK(refused("qpt 1 end") == "s.txt:1: 'end' comes before 'n'");
@@ -184,15 +205,16 @@ TEST_CASE("QPT: the reference data have the sizes that their index gives", "[qpt
     std::getline(lines, line);
     std::vector<std::string_view> head_cells;
     const std::string head = line;
-    clothctl::io_detail::split_cells(head, head_cells);
+    clothctl::detail::split_cells(head, head_cells);
     while (std::getline(lines, line)) {
       std::vector<std::string_view> cells;
-      clothctl::io_detail::split_cells(line, cells);
+      clothctl::detail::split_cells(line, cells);
       REQUIRE(cells.size() == head_cells.size());
       std::map<std::string_view, std::string> row;
       for (std::size_t c = 0; c < cells.size(); ++c) row[head_cells[c]] = std::string(cells[c]);
       INFO(row["name"]);
-      const QpProblem p = value_of(clothctl::read_qpt(folder + "/" + set + "/" + row["name"] + ".qpt"));
+      const QpProblem p =
+          value_of(clothctl::read_qpt(folder + "/" + set + "/" + row["name"] + ".qpt"));
       CHECK(p.name == row["name"]);
       CHECK(p.n() == std::stol(row["n"]));
       CHECK(p.m() == std::stol(row["m"]));

@@ -1,6 +1,7 @@
 #pragma once
 
-// Two small programs, for the readers and writers of programs, and the comparison of all that QPT can say of one.
+// Two small programs, for the readers and writers of programs, and the comparison of all that QPT
+// can say of one.
 
 #include <cstddef>
 #include <string>
@@ -113,7 +114,8 @@ inline void check_same(const clothctl::QpProblem& a, const clothctl::QpProblem& 
   check_equal("H", a.H, b.H);
   check_equal("A", a.A, b.A);
   CHECK(a.shift == b.shift);
-  check_same(static_cast<const clothctl::QpSequenceFrame&>(a), static_cast<const clothctl::QpSequenceFrame&>(b));
+  check_same(static_cast<const clothctl::QpSequenceFrame&>(a),
+             static_cast<const clothctl::QpSequenceFrame&>(b));
   check_same(a.frames, b.frames);
 }
 

@@ -1,7 +1,7 @@
-// Programs and solutions as QPT text: which words are written, that zeros and what frames share are left out, and that the
-// reader finds the same numbers again.
+// Programs and solutions as QPT text: which words are written, that zeros and what frames share are
+// left out, and that the reader finds the same numbers again.
 
-#include "clothctl/io/qpt_text.hpp"
+#include "clothctl/io/detail/qpt_text.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -29,14 +29,16 @@ using Vector = Eigen::VectorXd;
 namespace {
 
 /// Where the bounds of a frame stand.
-constexpr Vector QpSequenceFrame::*kSides[] = {&QpSequenceFrame::rl, &QpSequenceFrame::ru, &QpSequenceFrame::lb,
-                                               &QpSequenceFrame::ub};
+constexpr Vector QpSequenceFrame::*kSides[] = {&QpSequenceFrame::rl, &QpSequenceFrame::ru,
+                                               &QpSequenceFrame::lb, &QpSequenceFrame::ub};
 
 QpProblem read_back(const QpProblem& p) { return value_of(parse_qpt(qpt_text(p), "f.qpt")); }
 
 /// Writes, reads and compares.
 void check_reads_back(const QpProblem& a) { check_same(a, read_back(a)); }
-void check_reads_back(const QpSolution& a) { check_same(a, value_of(parse_qpt_solution(qpt_solution_text(a), "s.txt"))); }
+void check_reads_back(const QpSolution& a) {
+  check_same(a, value_of(parse_qpt_solution(qpt_solution_text(a), "s.txt")));
+}
 
 QpSolution solution() {
   std::mt19937 engine(3);
@@ -44,7 +46,8 @@ QpSolution solution() {
   QpSolution out{"drawn", 4, 2, {}, {}};
   out.reference.status = "iteration_limit";
   out.reference.objective = normal(engine) * 1e-200;
-  for (Vector* v : {&out.reference.x, &out.reference.z, &out.reference.farkas_z, &out.reference.ray})
+  for (Vector* v :
+       {&out.reference.x, &out.reference.z, &out.reference.farkas_z, &out.reference.ray})
     *v = Vector::NullaryExpr(4, [&] { return normal(engine); });
   for (Vector* v : {&out.reference.y, &out.reference.farkas_y})
     *v = Vector::NullaryExpr(2, [&] { return 1e9 * normal(engine); });
@@ -57,9 +60,11 @@ TEST_CASE("a program is written section by section, without its zeros", "[qpt_te
   CHECK(qpt_text(single_program()) == replaced(kSingleProgram, "1e-3", "0.001"));
 }
 
-TEST_CASE("a sequence writes of each frame its gradient and what differs from the base", "[qpt_text]") {
+TEST_CASE("a sequence writes of each frame its gradient and what differs from the base",
+          "[qpt_text]") {
   CHECK(qpt_text(program_sequence()) ==
-        "qpt 1\nname moves\nn 2\nm 1\nr 0\nH 3\n0 0 2\n0 1 1\n1 1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 -1\nrows 1\n0 1\n"
+        "qpt 1\nname moves\nn 2\nm 1\nr 0\nH 3\n0 0 2\n0 1 1\n1 1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 "
+        "-1\nrows 1\n0 1\n"
         "cols 2\n0 1\n0 2\nframes 3\nshift 1\n"
         "frame 0\ng 1\n1 5\nstatus optimal\nobjective 1\n"
         "frame 1\ng 1\n0 -1\nrows 1\n-1 2\nstatus infeasible\n"
@@ -81,7 +86,8 @@ TEST_CASE("the least program has an unknown and its bounds", "[qpt_text]") {
   p.g.setZero(1);
   p.A.setZero(0, 1);
   p.lb = p.ub = Vector::Constant(1, 3);
-  CHECK(qpt_text(p) == "qpt 1\nname unnamed\nn 1\nm 0\nr 0\nH 0\ng 0\nA 0\nrows 0\ncols 1\n3 3\nend\n");
+  CHECK(qpt_text(p) ==
+        "qpt 1\nname unnamed\nn 1\nm 0\nr 0\nH 0\ng 0\nA 0\nrows 0\ncols 1\n3 3\nend\n");
   p.name = "unnamed";
   check_reads_back(p);
 }
@@ -91,13 +97,15 @@ TEST_CASE("a proof is written with the status it proves", "[qpt_text]") {
   s.reference.status = "infeasible";
   s.reference.farkas_y = Vector::Constant(1, -1);
   s.reference.farkas_z = (Vector(2) << 1, 0).finished();
-  CHECK(qpt_solution_text(s) == "qpt 1\nname p\nn 2\nm 1\nstatus infeasible\nfarkas_y 1\n-1\nfarkas_z 2\n1 0\nend\n");
+  CHECK(qpt_solution_text(s) ==
+        "qpt 1\nname p\nn 2\nm 1\nstatus infeasible\nfarkas_y 1\n-1\nfarkas_z 2\n1 0\nend\n");
   s.reference = {};
   s.reference.status = "unbounded";
   s.reference.unique = false;
   s.reference.x = Vector::Zero(2);
   s.reference.ray = (Vector(2) << 0.5, -1).finished();
-  CHECK(qpt_solution_text(s) == "qpt 1\nname p\nn 2\nm 1\nstatus unbounded\nunique 0\nx 2\n0 0\nray 2\n0.5 -1\nend\n");
+  CHECK(qpt_solution_text(s) ==
+        "qpt 1\nname p\nn 2\nm 1\nstatus unbounded\nunique 0\nx 2\n0 0\nray 2\n0.5 -1\nend\n");
 }
 
 TEST_CASE("the solution of a sequence holds the answer of each frame", "[qpt_text]") {
@@ -107,7 +115,8 @@ TEST_CASE("the solution of a sequence holds the answer of each frame", "[qpt_tex
   s.frames[0].objective = 0.5;
   s.frames[2].x = Vector::Ones(1);
   CHECK(qpt_solution_text(s) ==
-        "qpt 1\nname p\nn 1\nm 0\nframes 3\nframe 0\nstatus solved\nobjective 0.5\nframe 1\nframe 2\nx 1\n1\nend\n");
+        "qpt 1\nname p\nn 1\nm 0\nframes 3\nframe 0\nstatus solved\nobjective 0.5\nframe 1\nframe "
+        "2\nx 1\n1\nend\n");
 }
 
 TEST_CASE("white space in a name becomes an underscore, no name a word", "[qpt_text]") {
@@ -152,7 +161,8 @@ TEST_CASE("a number that is not finite is written, and refused when read", "[qpt
       for (Index j = 0; j < 3; ++j) {  // in either triangle
         p = single_program();
         p.H(i, j) = bad;
-        check_refused(p, "H(" + std::to_string(std::min(i, j)) + "," + std::to_string(std::max(i, j)) + "): ");
+        check_refused(p, "H(" + std::to_string(std::min(i, j)) + "," +
+                             std::to_string(std::max(i, j)) + "): ");
       }
       for (Index k = 0; k < 2; ++k) {
         p = single_program();
@@ -197,7 +207,8 @@ TEST_CASE("no frame takes over an answer of the base program that it does not ha
   CHECK(no_status.reference.x == p.reference.x);
   p.frames[1].reference.objective.reset();
   CHECK_FALSE(frames_read_back().reference.objective.has_value());
-  for (QpSequenceFrame& frame : p.frames) frame.reference = {"unbounded", -1.0, {}, {}, {}, {}, {}, {}, {}};
+  for (QpSequenceFrame& frame : p.frames)
+    frame.reference = {"unbounded", -1.0, {}, {}, {}, {}, {}, {}, {}};
   check_reads_back(p);
   p.frames[2].reference.objective.reset();
   const QpProblem no_objective = frames_read_back();
@@ -240,7 +251,9 @@ TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
     std::uniform_real_distribution<double> digits(1, 10);
     std::uniform_int_distribution<int> kind(0, 5), exponent(-300, 300);
     if (kind(engine) == 0) return 0.0;
-    if (kind(engine) == 0) return kind(engine) < 3 ? std::numeric_limits<double>::max() : -std::numeric_limits<double>::min();
+    if (kind(engine) == 0)
+      return kind(engine) < 3 ? std::numeric_limits<double>::max()
+                              : -std::numeric_limits<double>::min();
     return (kind(engine) < 3 ? -1 : 1) * digits(engine) * std::pow(10.0, exponent(engine));
   };
   for (int trial = 0; trial < 60; ++trial) {
@@ -252,7 +265,8 @@ TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
     p.A = Matrix::NullaryExpr(m, n, draw);
     p.H = Matrix::NullaryExpr(n, n, draw);
     p.H.triangularView<Eigen::StrictlyLower>() = p.H.transpose();
-    // A lower bound may be anything that is no +inf to the reader, an upper one anything that is no -inf.
+    // A lower bound may be anything that is no +inf to the reader, an upper one anything that is no
+    // -inf.
     const auto low = [&] { return trial % 3 == 0 ? -kInfinity : std::min(draw(), 1e20); };
     const auto high = [&] { return trial % 4 == 0 ? kInfinity : std::max(draw(), -1e20); };
     p.rl = Vector::NullaryExpr(m, low);
@@ -260,7 +274,8 @@ TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
     p.lb = Vector::NullaryExpr(n, low);
     p.ub = Vector::NullaryExpr(n, high);
     for (int t = 0; t < trial % 4; ++t) {
-      p.frames.push_back({Vector::NullaryExpr(n, draw), p.rl, Vector::NullaryExpr(m, high), p.lb, p.ub, {}});
+      p.frames.push_back(
+          {Vector::NullaryExpr(n, draw), p.rl, Vector::NullaryExpr(m, high), p.lb, p.ub, {}});
       p.frames.back().reference.objective = draw();
     }
     if (!p.frames.empty()) p.shift = trial % (n + 1);

@@ -1,7 +1,7 @@
 #pragma once
 
-// Helpers for the texts of the player page: names that occur in them, and running its scripts under node, if there is one,
-// against a small stand-in for the browser.
+// Helpers for the texts of the player page: names that occur in them, and running its scripts under
+// node, if there is one, against a small stand-in for the browser.
 
 #include <cstdlib>
 #include <filesystem>
@@ -22,7 +22,8 @@ namespace clothctl_test {
 inline std::vector<std::string> all_matches(const std::string& text, const std::string& pattern) {
   const std::regex expression(pattern);
   std::vector<std::string> out;
-  for (std::sregex_iterator at(text.begin(), text.end(), expression), end; at != end; ++at) out.push_back((*at)[1].str());
+  for (std::sregex_iterator at(text.begin(), text.end(), expression), end; at != end; ++at)
+    out.push_back((*at)[1].str());
   return out;
 }
 
@@ -40,32 +41,36 @@ inline std::string joined(std::initializer_list<const char*> parts) {
 
 /// All scripts in the order of the page.
 inline std::string all_scripts() {
-  using namespace clothctl::io_detail;
-  return joined(
-      {kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript, kPlayerRenderScript, kPlayerPlotScript, kPlayerControlScript});
+  using namespace clothctl::detail;
+  return joined({kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript, kPlayerRenderScript,
+                 kPlayerPlotScript, kPlayerControlScript});
 }
 
-/// Checks that a text of the page neither asks for anything from outside, nor ends or hides the element that holds it, nor
-/// turns texts into code.
+/// Checks that a text of the page neither asks for anything from outside, nor ends or hides the
+/// element that holds it, nor turns texts into code.
 inline void check_stays_inside(const std::string& text) {
   for (const char* part :
-       {"http:",   "https:",         "src=",      "srcset",      "@import",        "url(",          "fetch(",
-        "import(", "XMLHttpRequest", "WebSocket", "EventSource", "sendBeacon",     "importScripts", "Worker",
-        "eval(",   "Function(",      "innerHTML", "outerHTML",   "document.write", "</script",      "</style",
-        "<!--",    "localStorage",   "cookie",    "\r"}) {
+       {"http:",       "https:",     "src=",          "srcset",         "@import",
+        "url(",        "fetch(",     "import(",       "XMLHttpRequest", "WebSocket",
+        "EventSource", "sendBeacon", "importScripts", "Worker",         "eval(",
+        "Function(",   "innerHTML",  "outerHTML",     "document.write", "</script",
+        "</style",     "<!--",       "localStorage",  "cookie",         "\r"}) {
     INFO(part);
     CHECK(text.find(part) == std::string::npos);
   }
 }
 
-/// Vertices of `swinging_sheet`: 3×3, 0.1 m apart, hanging from z = 0.7, 0.02 m further along y in each frame.
+/// Vertices of `swinging_sheet`: 3×3, 0.1 m apart, hanging from z = 0.7, 0.02 m further along y in
+/// each frame.
 inline clothctl::Points<double> sheet_at(int frame) {
   clothctl::Points<double> x(3, 9);
-  for (clothctl::Index i = 0; i < 9; ++i) x.col(i) << 0.1 * double(i % 3), 0.02 * frame, 0.5 + 0.1 * double(i / 3);
+  for (clothctl::Index i = 0; i < 9; ++i)
+    x.col(i) << 0.1 * double(i % 3), 0.02 * frame, 0.5 + 0.1 * double(i / 3);
   return x;
 }
 
-/// The first two vertices stand 0.02 m and 0.04 m above their targets, an arrow of 2 + frame pulls the last one up: 5 frames.
+/// The first two vertices stand 0.02 m and 0.04 m above their targets, an arrow of 2 + frame pulls
+/// the last one up: 5 frames.
 inline clothctl::PlayerRecorder swinging_sheet(clothctl::PlayerScene scene = {}) {
   if (scene.triangles.empty() && scene.segments.empty()) {
     for (int v : {0, 1, 3, 4}) {
@@ -86,10 +91,13 @@ inline clothctl::PlayerRecorder swinging_sheet(clothctl::PlayerScene scene = {})
 }
 
 /// The page of that sheet in a scene.
-inline std::string page_of(clothctl::PlayerScene scene = {}) { return *swinging_sheet(std::move(scene)).page(); }
+inline std::string page_of(clothctl::PlayerScene scene = {}) {
+  return *swinging_sheet(std::move(scene)).page();
+}
 
-/// A stand-in for the browser: reads `pageText` into elements (and insists on matching tags), and offers what the scripts
-/// use. `screen()` lets a screen refresh pass. `check` and `near` note what fails; `finish` prints it.
+/// A stand-in for the browser: reads `pageText` into elements (and insists on matching tags), and
+/// offers what the scripts use. `screen()` lets a screen refresh pass. `check` and `near` note what
+/// fails; `finish` prints it.
 inline constexpr char kBrowser[] = R"js(
 const failures = [];
 const check = (what, holds) => { if (holds !== true) failures.push(what); };
@@ -199,11 +207,16 @@ const requestAnimationFrame = f => waiting.push(f);
 const screen = (now = 0) => { const due = waiting; waiting = []; for (const f of due) f(now); return due.length; };
 )js";
 
-/// Runs `script` behind a page's stand-in for the browser, within a function as in the page. Answers with what was printed.
+/// Runs `script` behind a page's stand-in for the browser, within a function as in the page.
+/// Answers with what was printed.
 inline std::string run_in_page(const std::string& page, const std::string& script) {
   std::string text = "const pageText = ";
-  clothctl::io_detail::append_json(page, text);
-  text.append(";\n").append(kBrowser).append("(() => {\n'use strict';\n").append(script).append("\nfinish();\n})();\n");
+  clothctl::detail::append_json(page, text);
+  text.append(";\n")
+      .append(kBrowser)
+      .append("(() => {\n'use strict';\n")
+      .append(script)
+      .append("\nfinish();\n})();\n");
   REQUIRE(clothctl::write_file("clothctl_script.js", text).has_value());
   const int code = std::system("node clothctl_script.js > clothctl_script.txt 2>&1");
   const clothctl::Result<std::string> output = clothctl::read_file("clothctl_script.txt");
@@ -212,7 +225,8 @@ inline std::string run_in_page(const std::string& page, const std::string& scrip
   return (code == 0 ? "" : "node stopped: ") + (output ? *output : output.error());
 }
 
-/// Checks that `script` passes all of its own checks in the page; says so where there is no node to run it.
+/// Checks that `script` passes all of its own checks in the page; says so where there is no node to
+/// run it.
 inline void check_in_page(const std::string& page, const std::string& script) {
   static const bool there = [] {
     const int code = std::system("node -e \"atob(String())\" > clothctl_script.txt 2>&1");
@@ -220,7 +234,9 @@ inline void check_in_page(const std::string& page, const std::string& script) {
     return code == 0;
   }();
   if (!there) {
-    WARN("skipped: the scripts of the player page are run with node (16 or newer), which is not there");
+    WARN(
+        "skipped: the scripts of the player page are run with node (16 or newer), which is not "
+        "there");
     return;
   }
   CHECK(run_in_page(page, script) == "fine\n");

@@ -1,7 +1,8 @@
 #pragma once
 
-// Texts that suffered on their way, for readers of any format: cut short, or with bytes put in, replaced or lost. And what a
-// reader may say of them: one short line that starts with the file and a line of it and holds no control characters.
+// Texts that suffered on their way, for readers of any format: cut short, or with bytes put in,
+// replaced or lost. And what a reader may say of them: one short line that starts with the file and
+// a line of it and holds no control characters.
 
 #include <algorithm>
 #include <cstddef>
@@ -12,22 +13,26 @@
 
 namespace clothctl_test {
 
-/// Calls `judge` with every prefix of a text, from nothing to all but its last character and the line break behind it.
+/// Calls `judge` with every prefix of a text, from nothing to all but its last character and the
+/// line break behind it.
 template <class Judge>
 void for_each_prefix(const std::string& text, const Judge& judge) {
   for (std::size_t length = 0; length + 1 < text.size(); ++length) judge(text.substr(0, length));
 }
 
-/// Calls `judge` with `trials` copies of a text (of 20 bytes or more), each spoilt in one to four places: a byte put in or
-/// replaced, by one out of `bytes` or by any, or up to five bytes lost. The same seed spoils alike.
+/// Calls `judge` with `trials` copies of a text (of 20 bytes or more), each spoilt in one to four
+/// places: a byte put in or replaced, by one out of `bytes` or by any, or up to five bytes lost.
+/// The same seed spoils alike.
 template <class Judge>
-void for_each_spoilt(const std::string& text, const std::string& bytes, unsigned seed, int trials, const Judge& judge) {
+void for_each_spoilt(const std::string& text, const std::string& bytes, unsigned seed, int trials,
+                     const Judge& judge) {
   std::mt19937 engine(seed);
   for (int trial = 0; trial < trials; ++trial) {
     std::string spoilt = text;
     for (auto changes = 1 + engine() % 4; changes > 0; --changes) {
       const std::size_t place = engine() % spoilt.size();
-      const char byte = engine() % 2 == 0 ? static_cast<char>(engine() & 0xff) : bytes[engine() % bytes.size()];
+      const char byte =
+          engine() % 2 == 0 ? static_cast<char>(engine() & 0xff) : bytes[engine() % bytes.size()];
       switch (engine() % 3) {
         case 0: spoilt.insert(place, 1, byte); break;
         case 1: spoilt[place] = byte; break;
@@ -38,8 +43,10 @@ void for_each_spoilt(const std::string& text, const std::string& bytes, unsigned
   }
 }
 
-/// Checks that what a reader says of `text` is one short printable line, `file:line: what is wrong`, whose line the text has.
-inline void check_refusal(const std::string& message, const std::string& file, const std::string& text) {
+/// Checks that what a reader says of `text` is one short printable line, `file:line: what is
+/// wrong`, whose line the text has.
+inline void check_refusal(const std::string& message, const std::string& file,
+                          const std::string& text) {
   INFO(message);
   REQUIRE(message.rfind(file + ":", 0) == 0);
   const std::size_t colon = message.find(": ", file.size());
@@ -52,7 +59,8 @@ inline void check_refusal(const std::string& message, const std::string& file, c
   CHECK(line <= 1 + static_cast<long>(std::count(text.begin(), text.end(), '\n')));
   CHECK(message.size() > colon + 2);
   CHECK(message.size() < 300);
-  CHECK(std::none_of(message.begin(), message.end(), [](unsigned char c) { return c < 0x20 || c == 0x7f; }));
+  CHECK(std::none_of(message.begin(), message.end(),
+                     [](unsigned char c) { return c < 0x20 || c == 0x7f; }));
 }
 
 }  // namespace clothctl_test

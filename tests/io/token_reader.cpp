@@ -1,6 +1,7 @@
-// Tokens between white space: which they are and in which line, which numbers are taken, and what is said of the others.
+// Tokens between white space: which they are and in which line, which numbers are taken, and what
+// is said of the others.
 
-#include "clothctl/io/token_reader.hpp"
+#include "clothctl/io/detail/token_reader.hpp"
 
 #include <limits>
 #include <string>
@@ -11,7 +12,7 @@
 #include "support/catch.hpp"
 
 using clothctl::Index;
-using clothctl::io_detail::TokenReader;
+using clothctl::detail::TokenReader;
 using namespace std::string_literals;
 
 namespace {
@@ -50,7 +51,8 @@ double number(const std::string& text, bool open) {
 TEST_CASE("tokens stand between any white space, each with its line", "[token_reader]") {
   TokenReader reader(" \r\n one\ttwo\n\n\vthree\f\r\nfo-ur,5\n", "f");
   std::string_view token;
-  const std::vector<std::pair<std::string, Index>> expected{{"one", 2}, {"two", 2}, {"three", 4}, {"fo-ur,5", 5}};
+  const std::vector<std::pair<std::string, Index>> expected{
+      {"one", 2}, {"two", 2}, {"three", 4}, {"fo-ur,5", 5}};
   CHECK(reader.line() == 1);
   for (const auto& [text, line] : expected) {
     REQUIRE(reader.next(token, "here"));
@@ -103,27 +105,34 @@ TEST_CASE("whole numbers are taken from the least to the most", "[token_reader]"
   CHECK(counted("-4\n", -4, 0) == -4);
   CHECK(counted(" 007", 0, 7) == 7);
   CHECK(counted("0", 0, 0) == 0);
-  const Index largest = std::numeric_limits<Index>::max(), smallest = std::numeric_limits<Index>::min();
+  const Index largest = std::numeric_limits<Index>::max(),
+              smallest = std::numeric_limits<Index>::min();
   CHECK(counted(std::to_string(largest), smallest, largest) == largest);
   CHECK(counted(std::to_string(smallest), smallest, largest) == smallest);
   CHECK(count_refusal("2", 3, 5) == "f:1: size: '2' is not within 3 to 5");
   CHECK(count_refusal("\n6", 3, 5) == "f:2: size: '6' is not within 3 to 5");
   CHECK(count_refusal("-1", 0, 5) == "f:1: size: '-1' is not within 0 to 5");
   CHECK(count_refusal("1", 4, 4) == "f:1: size: '1' is not 4");
-  CHECK(count_refusal("0", 0, -1) == "f:1: size: '0' is not possible where there is nothing to index");
+  CHECK(count_refusal("0", 0, -1) ==
+        "f:1: size: '0' is not possible where there is nothing to index");
 }
 
 TEST_CASE("whole numbers that no integer holds are out of range, not garbled", "[token_reader]") {
-  const Index largest = std::numeric_limits<Index>::max(), smallest = std::numeric_limits<Index>::min();
-  for (const std::string text : {"9223372036854775808", "-9223372036854775809", "99999999999999999999999999999999"}) {
-    const std::string range = "within " + std::to_string(smallest) + " to " + std::to_string(largest);
+  const Index largest = std::numeric_limits<Index>::max(),
+              smallest = std::numeric_limits<Index>::min();
+  for (const std::string text :
+       {"9223372036854775808", "-9223372036854775809", "99999999999999999999999999999999"}) {
+    const std::string range =
+        "within " + std::to_string(smallest) + " to " + std::to_string(largest);
     CHECK(count_refusal(text, smallest, largest) == "f:1: size: '" + text + "' is not " + range);
-    CHECK(count_refusal(text + "x", smallest, largest) == "f:1: size: '" + text + "x' is not a whole number");
+    CHECK(count_refusal(text + "x", smallest, largest) ==
+          "f:1: size: '" + text + "x' is not a whole number");
   }
 }
 
 TEST_CASE("what is no whole number is refused by name", "[token_reader]") {
-  for (const std::string text : {"x", "2.5", "2.", "1e3", "0x10", "+3", "--3", "-", "3,", "3;4", "inf", "nan"})
+  for (const std::string text :
+       {"x", "2.5", "2.", "1e3", "0x10", "+3", "--3", "-", "3,", "3;4", "inf", "nan"})
     CHECK(count_refusal(text, -1000, 1000) == "f:1: size: '" + text + "' is not a whole number");
   CHECK(count_refusal("", 0, 5) == "f:1: the file ends in section 'size', without 'end'");
   CHECK(count_refusal("3\0"s, 0, 5) == "f:1: size: '3?' is not a whole number");
@@ -143,12 +152,14 @@ TEST_CASE("numbers are read in any notation", "[token_reader]") {
     CHECK(number("-1e-3", open) == -0.001);
     CHECK(number(".5", open) == 0.5);
     CHECK(number("1E300", open) == 1e300);
-    for (const std::string text : {"x", "1,5", "1.5m", "0x1p3", "+-1", "-", "1e", "infi", "+-inf", "--inf", "- inf"}) {
+    for (const std::string text :
+         {"x", "1,5", "1.5m", "0x1p3", "+-1", "-", "1e", "infi", "+-inf", "--inf", "- inf"}) {
       const std::string token = text.substr(0, text.find(' '));
       CHECK(number_refusal(text, open) == "f:1: weight: '" + token + "' is not a number");
     }
     CHECK(number_refusal("nan", open) == "f:1: weight: 'nan' is not finite");
-    CHECK(number_refusal("\n\n-1e999", open) == "f:3: weight: '-1e999' is out of the range of a double");
+    CHECK(number_refusal("\n\n-1e999", open) ==
+          "f:3: weight: '-1e999' is out of the range of a double");
     CHECK(number_refusal(" ", open) == "f:1: the file ends in section 'weight', without 'end'");
   }
 }
@@ -197,5 +208,6 @@ TEST_CASE("what follows the end is named", "[token_reader]") {
   CHECK(after_end(" 7 8") == "f:1: '7' after 'end'");
   CHECK(after_end("\n\n seven") == "f:3: 'seven' after 'end'");
   CHECK(after_end(" \x01\x1b[31m x") == "f:1: '??[31m' after 'end'");
-  CHECK(after_end(" "s + std::string(1000, 'y')) == "f:1: '" + std::string(40, 'y') + "…' after 'end'");
+  CHECK(after_end(" "s + std::string(1000, 'y')) ==
+        "f:1: '" + std::string(40, 'y') + "…' after 'end'");
 }

@@ -1,17 +1,16 @@
 #pragma once
 
-// What any robot must obey. Call check_articulated_laws(model, q, qd, qdd, frames, tolerance) for kinematics and
-// check_articulated_dynamics_laws(model, q, qd, qdd, tolerance) for dynamics inside a TEST_CASE; q is within the limits.
+// What any robot must obey. Call check_articulated_laws(model, q, qd, qdd, frames, tolerance) for
+// kinematics and check_articulated_dynamics_laws(model, q, qd, qdd, tolerance) for dynamics inside
+// a TEST_CASE; q is within the limits.
 //
 //   sizes        limits are as long as positions, advance by nothing stays
-//   there        advance(q, difference(q, p)) = p, up to the sign of quaternions: difference of the two is zero
-//   rotation     RᵀR = 1, det R = 1
-//   derivative   the Jacobian times qd is the motion of point and frame along advance, to second order
-//   const        a second workspace at the same q tells the same bits
-//   inverse      forward dynamics undo inverse dynamics
-//   diagonal     with a diagonal d they answer (M + d) q̈ = τ - C - g
-//   symmetric    columns of M, got one by one, make a symmetric and definite matrix
-//   power        M is the kinetic energy's: q̇ᵀ M q̇ > 0
+//   there        advance(q, difference(q, p)) = p, up to the sign of quaternions: difference of the
+//   two is zero rotation     RᵀR = 1, det R = 1 derivative   the Jacobian times qd is the motion of
+//   point and frame along advance, to second order const        a second workspace at the same q
+//   tells the same bits inverse      forward dynamics undo inverse dynamics diagonal     with a
+//   diagonal d they answer (M + d) q̈ = τ - C - g symmetric    columns of M, got one by one, make a
+//   symmetric and definite matrix power        M is the kinetic energy's: q̇ᵀ M q̇ > 0
 
 #include <Eigen/Dense>
 
@@ -20,15 +19,17 @@
 
 namespace clothctl_test {
 
-/// Holds a robot's kinematics to the laws; differences are taken with steps of the cube root of the tolerance's scale.
+/// Holds a robot's kinematics to the laws; differences are taken with steps of the cube root of the
+/// tolerance's scale.
 template <class Model, class Scalar>
 requires clothctl::ArticulatedModel<Model, Scalar>
-void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>& q, const clothctl::VectorX<Scalar>& other,
+void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>& q,
+                            const clothctl::VectorX<Scalar>& other,
                             const clothctl::VectorX<Scalar>& qd, int frames, Scalar tolerance) {
   using Traits = clothctl::articulated_traits<Model>;
   using clothctl::Index;
   using Vector = clothctl::VectorX<Scalar>;
-  const Index positions = Traits::positions(model), n = Traits::velocities(model);
+  const Index positions = Traits::nq(model), n = Traits::nv(model);
   const Vector lower = Traits::lower(model), upper = Traits::upper(model);
   REQUIRE(q.size() == positions);
   REQUIRE(qd.size() == n);
@@ -53,12 +54,13 @@ void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>&
   const Scalar h = std::cbrt(tolerance);
   for (int frame = 0; frame < frames; ++frame) {
     CAPTURE(frame);
-    Traits::place(model, q, work);
-    Traits::place(model, q, second);
+    Traits::forward_kinematics(model, q, work);
+    Traits::forward_kinematics(model, q, second);
     Traits::frame_pose(model, work, frame, R, p);
     Traits::frame_pose(model, second, frame, R_again, p_again);
     CHECK((R == R_again && p == p_again));
-    CHECK((R.transpose() * R - clothctl::Matrix3<Scalar>::Identity()).cwiseAbs().maxCoeff() <= tolerance);
+    CHECK((R.transpose() * R - clothctl::Matrix3<Scalar>::Identity()).cwiseAbs().maxCoeff() <=
+          tolerance);
     CHECK(R.determinant() > Scalar(0));
 
     const clothctl::Vector3<Scalar> local(Scalar(0.03), Scalar(-0.02), Scalar(0.05));
@@ -66,12 +68,13 @@ void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>&
     Traits::point_jacobian(model, work, frame, x, J);
     const Eigen::Matrix<Scalar, 6, 1> twist = J * qd;
     Traits::advance(model, q, Vector(h * qd), out);
-    Traits::place(model, out, work);
+    Traits::forward_kinematics(model, out, work);
     Traits::frame_pose(model, work, frame, R_after, p_after);
     Traits::advance(model, q, Vector(-h * qd), out);
-    Traits::place(model, out, work);
+    Traits::forward_kinematics(model, out, work);
     Traits::frame_pose(model, work, frame, R_before, p_before);
-    const clothctl::Vector3<Scalar> velocity = ((p_after + R_after * local) - (p_before + R_before * local)) / (Scalar(2) * h);
+    const clothctl::Vector3<Scalar> velocity =
+        ((p_after + R_after * local) - (p_before + R_before * local)) / (Scalar(2) * h);
     const clothctl::Matrix3<Scalar> turn = (R_after - R_before) * R.transpose() / (Scalar(2) * h);
     const clothctl::Vector3<Scalar> angular(turn(2, 1), turn(0, 2), turn(1, 0));
     // Central differences: h² times the third derivative, some cubes of the speed.
@@ -86,17 +89,17 @@ void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>&
 template <class Model, class Scalar>
 requires clothctl::ArticulatedDynamics<Model, Scalar>
 void check_articulated_dynamics_laws(const Model& model, const clothctl::VectorX<Scalar>& q,
-                                     const clothctl::VectorX<Scalar>& qd, const clothctl::VectorX<Scalar>& qdd,
-                                     Scalar tolerance) {
+                                     const clothctl::VectorX<Scalar>& qd,
+                                     const clothctl::VectorX<Scalar>& qdd, Scalar tolerance) {
   using Traits = clothctl::articulated_traits<Model>;
   using clothctl::Index;
   using Vector = clothctl::VectorX<Scalar>;
-  const Index n = Traits::velocities(model);
+  const Index n = Traits::nv(model);
   const Vector limits = Traits::effort_limits(model), none = Vector::Zero(n);
   REQUIRE(limits.size() == n);
   CHECK(limits.minCoeff() >= Scalar(0));
   auto work = Traits::make_workspace(model);
-  Traits::place(model, q, work);
+  Traits::forward_kinematics(model, q, work);
 
   Vector torques = none, answer = none, bias = none, rest = none;
   Traits::inverse_dynamics(model, qd, none, work, bias);
@@ -110,11 +113,13 @@ void check_articulated_dynamics_laws(const Model& model, const clothctl::VectorX
   CHECK((M - M.transpose()).cwiseAbs().maxCoeff() <= tolerance * size);
   CHECK(qd.dot(M * qd) > Scalar(0));
   Traits::inverse_dynamics(model, qd, qdd, work, torques);
-  CHECK((M * qdd + bias - torques).cwiseAbs().maxCoeff() <= tolerance * (torques.cwiseAbs().maxCoeff() + size));
+  CHECK((M * qdd + bias - torques).cwiseAbs().maxCoeff() <=
+        tolerance * (torques.cwiseAbs().maxCoeff() + size));
 
   // As torques, since accelerations of ill-conditioned M have no digits to spare.
   REQUIRE(Traits::forward_dynamics(model, qd, torques, none, work, answer) < 0);
-  CHECK((M * (answer - qdd)).cwiseAbs().maxCoeff() <= tolerance * (torques.cwiseAbs().maxCoeff() + size));
+  CHECK((M * (answer - qdd)).cwiseAbs().maxCoeff() <=
+        tolerance * (torques.cwiseAbs().maxCoeff() + size));
   const Vector diagonal = (qd.array().abs() + Scalar(0.1)).matrix();
   REQUIRE(Traits::forward_dynamics(model, qd, torques, diagonal, work, answer) < 0);
   const Vector left = M * answer + diagonal.cwiseProduct(answer) + bias - torques;

@@ -4,7 +4,7 @@
 
 #include <memory>
 
-#include "clothctl/cloth/step_input.hpp"
+#include "clothctl/cloth/detail/step_input.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
@@ -25,7 +25,8 @@ enum class Fault {
   Allocates
 };
 
-// Particles on springs to their neighbours in a row, by implicit Euler with the spring forces of the start of the step.
+// Particles on springs to their neighbours in a row, by implicit Euler with the spring forces of
+// the start of the step.
 template <class Scalar>
 class ParticleRow {
  public:
@@ -35,13 +36,16 @@ class ParticleRow {
     Scalar memory = Scalar(0);
   };
 
-  ParticleRow(Index n, Fault fault) : mass_(VectorX<Scalar>::LinSpaced(n, Scalar(0.01), Scalar(0.02))), fault_(fault) {}
+  ParticleRow(Index n, Fault fault)
+      : mass_(VectorX<Scalar>::LinSpaced(n, Scalar(0.01), Scalar(0.02))), fault_(fault) {}
 
   const VectorX<Scalar>& mass() const { return mass_; }
   Index vertex_count() const { return mass_.size(); }
   ClothState<Scalar> rest_state() const {
-    ClothState<Scalar> state{Points<Scalar>::Zero(3, vertex_count()), Points<Scalar>::Zero(3, vertex_count())};
-    for (Index i = 0; i < vertex_count(); ++i) state.positions(0, i) = Scalar(0.1) * static_cast<Scalar>(i);
+    ClothState<Scalar> state{Points<Scalar>::Zero(3, vertex_count()),
+                             Points<Scalar>::Zero(3, vertex_count())};
+    for (Index i = 0; i < vertex_count(); ++i)
+      state.positions(0, i) = Scalar(0.1) * static_cast<Scalar>(i);
     return state;
   }
   Workspace make_workspace() const {
@@ -49,10 +53,12 @@ class ParticleRow {
     return {std::vector<unsigned char>(static_cast<std::size_t>(vertex_count())), zero};
   }
 
-  StepReport<Scalar> step(ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
-    const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
+  StepReport<Scalar> step(ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt,
+                          Workspace& ws) const {
+    const StepStatus checked = detail::check_step(state, input, dt, vertex_count(), ws.held);
     if (checked != StepStatus::Converged) {
-      if (fault_ == Fault::MovesOnBadInput && state.positions.cols() == vertex_count()) state.velocities(0, 0) += Scalar(1);
+      if (fault_ == Fault::MovesOnBadInput && state.positions.cols() == vertex_count())
+        state.velocities(0, 0) += Scalar(1);
       if (fault_ == Fault::IgnoresBadState && checked == StepStatus::InvalidState)
         return {StepStatus::Converged, true, Scalar(0), 0};
       return {checked, false, Scalar(0), 0};
@@ -74,7 +80,8 @@ class ParticleRow {
     if (fault_ == Fault::LeansEast) ws.velocity.row(0).array() += Scalar(0.1) * dt;
     if (fault_ == Fault::LosesMomentum) ws.velocity *= Scalar(0.999);
     if (fault_ == Fault::MindsSpeed)
-      ws.velocity += Scalar(1e-3) * dt * ws.velocity.squaredNorm() * gravity.replicate(1, vertex_count());
+      ws.velocity +=
+          Scalar(1e-3) * dt * ws.velocity.squaredNorm() * gravity.replicate(1, vertex_count());
     if (fault_ == Fault::RemembersLastStep) {
       ws.velocity(2, 0) += ws.memory;
       ws.memory = Scalar(1e-6);
@@ -82,12 +89,15 @@ class ParticleRow {
     if (fault_ == Fault::Allocates) std::make_unique<Points<Scalar>>(ws.velocity)->setZero();
     for (std::size_t k = 0; k < input.driven_vertices.size(); ++k) {
       const Index v = input.driven_vertices[k];
-      ws.velocity.col(v) = (input.driven_positions.col(static_cast<Index>(k)) - state.positions.col(v)) / dt;
+      ws.velocity.col(v) =
+          (input.driven_positions.col(static_cast<Index>(k)) - state.positions.col(v)) / dt;
     }
     state.velocities = ws.velocity;
     state.positions += (fault_ == Fault::FallsHalfway ? Scalar(0.5) : Scalar(1)) * dt * ws.velocity;
-    for (std::size_t k = 0; k < input.driven_vertices.size() && fault_ != Fault::MissesDrivenTarget; ++k) {
-      state.positions.col(input.driven_vertices[k]) = input.driven_positions.col(static_cast<Index>(k));
+    for (std::size_t k = 0; k < input.driven_vertices.size() && fault_ != Fault::MissesDrivenTarget;
+         ++k) {
+      state.positions.col(input.driven_vertices[k]) =
+          input.driven_positions.col(static_cast<Index>(k));
     }
     if (fault_ == Fault::MissesDrivenTarget && !input.driven_vertices.empty()) {
       state.positions.col(input.driven_vertices[0]).array() += Scalar(1e-7);
@@ -110,20 +120,41 @@ void judge(Fault fault) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a lawful model passes the laws of cloth", "[laws]", float, double) { judge<TestType>(Fault::None); }
+TEMPLATE_TEST_CASE("a lawful model passes the laws of cloth", "[laws]", float, double) {
+  judge<TestType>(Fault::None);
+}
 
 // Each of these must fail; Catch counts a failure as a success here, and a pass as a failure.
-TEST_CASE("laws notice: bad input moves the state", "[laws][!shouldfail]") { judge<double>(Fault::MovesOnBadInput); }
-TEST_CASE("laws notice: a bad state is accepted", "[laws][!shouldfail]") { judge<double>(Fault::IgnoresBadState); }
-TEST_CASE("laws notice: the workspace remembers", "[laws][!shouldfail]") { judge<double>(Fault::RemembersLastStep); }
-TEST_CASE("laws notice: a driven vertex misses", "[laws][!shouldfail]") { judge<double>(Fault::MissesDrivenTarget); }
-TEST_CASE("laws notice: the origin attracts", "[laws][!shouldfail]") { judge<double>(Fault::LovesTheOrigin); }
-TEST_CASE("laws notice: one direction is preferred", "[laws][!shouldfail]") { judge<double>(Fault::LeansEast); }
-TEST_CASE("laws notice: momentum is lost", "[laws][!shouldfail]") { judge<double>(Fault::LosesMomentum); }
-TEST_CASE("laws notice: positions lag behind velocities", "[laws][!shouldfail]") { judge<double>(Fault::FallsHalfway); }
-TEST_CASE("laws notice: absolute speed matters", "[laws][!shouldfail]") { judge<double>(Fault::MindsSpeed); }
+TEST_CASE("laws notice: bad input moves the state", "[laws][!shouldfail]") {
+  judge<double>(Fault::MovesOnBadInput);
+}
+TEST_CASE("laws notice: a bad state is accepted", "[laws][!shouldfail]") {
+  judge<double>(Fault::IgnoresBadState);
+}
+TEST_CASE("laws notice: the workspace remembers", "[laws][!shouldfail]") {
+  judge<double>(Fault::RemembersLastStep);
+}
+TEST_CASE("laws notice: a driven vertex misses", "[laws][!shouldfail]") {
+  judge<double>(Fault::MissesDrivenTarget);
+}
+TEST_CASE("laws notice: the origin attracts", "[laws][!shouldfail]") {
+  judge<double>(Fault::LovesTheOrigin);
+}
+TEST_CASE("laws notice: one direction is preferred", "[laws][!shouldfail]") {
+  judge<double>(Fault::LeansEast);
+}
+TEST_CASE("laws notice: momentum is lost", "[laws][!shouldfail]") {
+  judge<double>(Fault::LosesMomentum);
+}
+TEST_CASE("laws notice: positions lag behind velocities", "[laws][!shouldfail]") {
+  judge<double>(Fault::FallsHalfway);
+}
+TEST_CASE("laws notice: absolute speed matters", "[laws][!shouldfail]") {
+  judge<double>(Fault::MindsSpeed);
+}
 
 TEST_CASE("laws notice: a step allocates", "[laws][!shouldfail]") {
   judge<double>(Fault::Allocates);
-  if (!clothctl_test::allocation_counting_works()) FAIL("allocations cannot be counted in this build");
+  if (!clothctl_test::allocation_counting_works())
+    FAIL("allocations cannot be counted in this build");
 }

@@ -1,17 +1,22 @@
 #pragma once
 
-// What any ClothModel must obey, whatever its equations. Call check_cloth_laws(model, laws) inside a TEST_CASE, with the
-// facts that the model was set up with; laws that need a fact which does not hold (a free sheet, no Verlet damping) are
-// switched off by it.
+// Laws that every ClothModel must obey, whatever its equations. Call check_cloth_laws(model, laws)
+// inside a TEST_CASE, with the facts about the model. A fact that does not hold (the sheet is free,
+// Verlet damping is off) switches off the laws that need it.
 //
-//   refusals    bad input or state: the right status, not advanced, state bitwise as it was
-//   repeats     same state and input give the same bits, with a fresh workspace or one that has just done something else
-//   driven      a driven vertex ends exactly where it was told, moving there at (told - start)/dt
-//   symmetry    shifting the world, or turning it about the gravity axis, shifts or turns the result
+//   refusals    bad input or state gives the right status and leaves the state bitwise unchanged
+//   repeats     the same state and input give the same bits, with a new workspace and with one that
+//               has just done another step
+//   driven      a driven vertex ends exactly at its prescribed position, with the velocity
+//               (prescribed - start)/dt
+//   symmetry    shifting the world, or turning it about the axis of gravity, shifts or turns the
+//               result
 //   momentum    of a free sheet without air: Σ m v⁺ = (Σ m v + dt (Σ m g + Σ f)) / (1 + α dt)
-//   free fall   the centre of mass falls as implicit Euler says: v_n = n h g, x_n = x_0 + n (n + 1)/2 h² g
-//   galilean    of a free sheet without drag: adding u to all velocities and to the wind adds u to v⁺ and u dt to x⁺
-//   memory      a step allocates nothing
+//   free fall   the centre of mass falls by implicit Euler: v_n = n h g, x_n = x_0 + n (n + 1)/2 h²
+//   g galilean    of a free sheet without drag: adding u to all velocities and to the wind adds u
+//   to
+//               v⁺ and u dt to x⁺
+//   memory      a step does not allocate
 
 #include <cmath>
 #include <cstring>
@@ -28,39 +33,42 @@
 
 namespace clothctl_test {
 
-/// The scalar of a model, read off its rest state.
+/// The scalar of a model, taken from its rest state.
 template <class Model>
 using model_scalar_t =
-    typename decltype(clothctl::cloth_traits<Model>::rest_state(std::declval<const Model&>()).positions)::Scalar;
+    typename decltype(clothctl::cloth_traits<Model>::rest_state(std::declval<const Model&>())
+                          .positions)::Scalar;
 
-/// The facts that a model was set up with, and how closely it is to be held to them.
+/// The facts about a model, and the tolerances of the laws.
 template <class Scalar>
 struct ClothLaws {
   /// Step length, s.
   Scalar dt = Scalar(0.01);
-  /// Gravity of the model, m/s². Symmetry is checked by turning about it (about z where it is zero).
-  clothctl::Vector3<Scalar> gravity = clothctl::Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
-  /// Vertex masses, n, kg; empty switches momentum and free fall off.
+  /// Gravity of the model, m/s². The symmetry law turns the world about it (about z if it is zero).
+  clothctl::Vector3<Scalar> gravity =
+      clothctl::Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
+  /// Vertex masses, n, kg. Empty switches off the laws of momentum and free fall.
   clothctl::VectorX<Scalar> mass;
   /// Mass-proportional drag α, 1/s.
   Scalar drag = Scalar(0);
-  /// Equal parts of a step, each an implicit Euler step (position-based substeps).
+  /// Number of equal parts of a step, each a step of implicit Euler (position-based substeps).
   int substeps = 1;
-  /// False for models that damp or hold the sheet as a whole (pins, Verlet damping, air): momentum, free fall and galilean
-  /// are skipped.
+  /// False for models that damp or hold the whole sheet (pins, Verlet damping, air). It switches
+  /// off the laws of momentum, free fall and galilean invariance.
   bool momentum_known = true;
-  /// Vertices that the model itself pins; they are not driven or pushed here.
+  /// Vertices that the model pins. The laws neither drive nor push them.
   std::vector<int> pinned = {};
-  /// How far the start state is from rest: displacement of vertices, m.
+  /// Displacement of the vertices in the start state, m.
   Scalar displacement = Scalar(1e-3);
-  /// How fast vertices move at the start, m/s.
+  /// Speed of the vertices in the start state, m/s.
   Scalar speed = Scalar(0.1);
   /// Size of the applied forces, N.
   Scalar force = Scalar(0.01);
-  /// Largest error of velocities, m/s, in the symmetry, momentum and galilean laws; a result of an iteration is only as exact
-  /// as its tolerance. Positions are held to dt times this plus rounding.
+  /// Largest error of velocities, m/s, in the laws of symmetry, momentum and galilean invariance.
+  /// An iterative step is only as exact as its tolerance. The largest error of positions is dt
+  /// times this plus rounding.
   Scalar tolerance = std::is_same_v<Scalar, float> ? Scalar(2e-4) : Scalar(1e-9);
-  /// Steps of the laws that run for a while.
+  /// Number of steps in the laws that take several.
   int steps = 5;
 };
 
@@ -69,7 +77,8 @@ namespace law_detail {
 template <class Scalar>
 bool same_bits(const clothctl::Points<Scalar>& a, const clothctl::Points<Scalar>& b) {
   return a.cols() == b.cols() &&
-         (a.size() == 0 || std::memcmp(a.data(), b.data(), sizeof(Scalar) * static_cast<std::size_t>(a.size())) == 0);
+         (a.size() == 0 || std::memcmp(a.data(), b.data(),
+                                       sizeof(Scalar) * static_cast<std::size_t>(a.size())) == 0);
 }
 
 template <class Scalar>
@@ -88,15 +97,15 @@ clothctl::Points<Scalar> pattern(clothctl::Index n, double phase, Scalar size) {
   clothctl::Points<Scalar> out(3, n);
   for (clothctl::Index i = 0; i < n; ++i) {
     for (clothctl::Index c = 0; c < 3; ++c) {
-      const double angle =
-          0.7 * static_cast<double>(i) * (1.0 + 0.3 * static_cast<double>(c)) + 2.1 * static_cast<double>(c) + phase;
+      const double angle = 0.7 * static_cast<double>(i) * (1.0 + 0.3 * static_cast<double>(c)) +
+                           2.1 * static_cast<double>(c) + phase;
       out(c, i) = size * static_cast<Scalar>(std::sin(angle));
     }
   }
   return out;
 }
 
-/// Binds a model to its facts.
+/// A model together with its facts.
 template <class Model, class Scalar>
 struct Bench {
   using Traits = clothctl::cloth_traits<Model>;
@@ -131,7 +140,8 @@ struct Bench {
     Input input;
     input.force_vertices = free_vertices(2);
     input.force_vertices.push_back(input.force_vertices.front());  // an index may occur twice
-    input.forces = pattern<Scalar>(static_cast<clothctl::Index>(input.force_vertices.size()), 0.4, laws.force);
+    input.forces =
+        pattern<Scalar>(static_cast<clothctl::Index>(input.force_vertices.size()), 0.4, laws.force);
     return input;
   }
 
@@ -143,7 +153,8 @@ struct Bench {
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
       const clothctl::Vector3<Scalar> move =
           pattern<Scalar>(3, 2.5, laws.dt * laws.speed).col(static_cast<clothctl::Index>(i) % 3);
-      input.driven_positions.col(static_cast<clothctl::Index>(i)) = state.positions.col(input.driven_vertices[i]) + move;
+      input.driven_positions.col(static_cast<clothctl::Index>(i)) =
+          state.positions.col(input.driven_vertices[i]) + move;
     }
     return input;
   }
@@ -173,10 +184,12 @@ void check_refusals(const Bench<Model, Scalar>& bench) {
   const int n = static_cast<int>(bench.n);
   auto ws = bench.workspace();
 
-  const auto refuse = [&](const std::string& name, const State& state, const Input& input, Scalar dt, StepStatus status) {
+  const auto refuse = [&](const std::string& name, const State& state, const Input& input,
+                          Scalar dt, StepStatus status) {
     INFO("refusal: " << name);
     State moved = state;
-    const clothctl::StepReport<Scalar> report = clothctl::cloth_traits<Model>::step(bench.model, moved, input, dt, ws);
+    const clothctl::StepReport<Scalar> report =
+        clothctl::cloth_traits<Model>::step(bench.model, moved, input, dt, ws);
     CHECK(report.status == status);
     CHECK_FALSE(report.advanced);
     CHECK(same_bits(moved, state));
@@ -249,7 +262,8 @@ void check_repeats(const Bench<Model, Scalar>& bench) {
     (void)bench.step(elsewhere, bench.driven(elsewhere), used);
     const clothctl::StepReport<Scalar> report = bench.step(state, input, used);
     CHECK(report.advanced);
-    CHECK((report.status == clothctl::StepStatus::Converged || report.status == clothctl::StepStatus::IterationLimit));
+    CHECK((report.status == clothctl::StepStatus::Converged ||
+           report.status == clothctl::StepStatus::IterationLimit));
     CHECK(clothctl::all_finite(state.positions));
     CHECK(clothctl::all_finite(state.velocities));
     CHECK(same_bits(state, fresh));
@@ -271,7 +285,8 @@ void check_driven(const Bench<Model, Scalar>& bench) {
     REQUIRE(bench.step(state, input, ws).advanced);
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
       const clothctl::Index v = input.driven_vertices[i];
-      const clothctl::Vector3<Scalar> told = input.driven_positions.col(static_cast<clothctl::Index>(i));
+      const clothctl::Vector3<Scalar> told =
+          input.driven_positions.col(static_cast<clothctl::Index>(i));
       const clothctl::Vector3<Scalar> ended = state.positions.col(v);
       CHECK(std::memcmp(told.data(), ended.data(), 3 * sizeof(Scalar)) == 0);
       const clothctl::Vector3<Scalar> rate = (told - before.positions.col(v)) / bench.laws.dt;
@@ -295,12 +310,15 @@ void check_symmetry(const Bench<Model, Scalar>& bench) {
   using std::sqrt;
   clothctl::Vector3<Scalar> axis = bench.laws.gravity;
   const Scalar length = sqrt(axis.squaredNorm());
-  axis = Scalar(0) < length ? clothctl::Vector3<Scalar>(axis / length) : clothctl::Vector3<Scalar>::UnitZ();
+  axis = Scalar(0) < length ? clothctl::Vector3<Scalar>(axis / length)
+                            : clothctl::Vector3<Scalar>::UnitZ();
   // Rodrigues' formula: R = cos a I + sin a [axis]x + (1 - cos a) axis axisᵀ.
   const Scalar angle = Scalar(0.8);
   clothctl::Matrix3<Scalar> across;
-  across << Scalar(0), -axis[2], axis[1], axis[2], Scalar(0), -axis[0], -axis[1], axis[0], Scalar(0);
-  const clothctl::Matrix3<Scalar> turn = cos(angle) * clothctl::Matrix3<Scalar>::Identity() + sin(angle) * across +
+  across << Scalar(0), -axis[2], axis[1], axis[2], Scalar(0), -axis[0], -axis[1], axis[0],
+      Scalar(0);
+  const clothctl::Matrix3<Scalar> turn = cos(angle) * clothctl::Matrix3<Scalar>::Identity() +
+                                         sin(angle) * across +
                                          (Scalar(1) - cos(angle)) * axis * axis.transpose();
   const clothctl::Vector3<Scalar> shift(Scalar(0.5), Scalar(-0.25), Scalar(0.125));
 
@@ -312,7 +330,8 @@ void check_symmetry(const Bench<Model, Scalar>& bench) {
   const State start = bench.start();
   for (const Change& change : {Change{"shift", clothctl::Matrix3<Scalar>::Identity(), shift},
                                Change{"turn", turn, clothctl::Vector3<Scalar>::Zero()}}) {
-    if (std::string(change.name) == "turn" && !bench.laws.pinned.empty()) continue;  // pins are placed in the world
+    if (std::string(change.name) == "turn" && !bench.laws.pinned.empty())
+      continue;  // pins are placed in the world
     for (const bool drive : {false, true}) {
       CAPTURE(change.name, drive);
       Input input = drive ? bench.driven(start) : bench.pushed();
@@ -336,8 +355,10 @@ void check_symmetry(const Bench<Model, Scalar>& bench) {
       // Rounding of the moved positions turns into velocity by way of 1/dt.
       const Scalar extent = Scalar(1) + expected.positions.cwiseAbs().maxCoeff();
       const Scalar rounding = Scalar(64) * clothctl::scalar_traits<Scalar>::epsilon() * extent;
-      CHECK(largest_difference(got.velocities, expected.velocities) <= bench.laws.tolerance + rounding / bench.laws.dt);
-      CHECK(largest_difference(got.positions, expected.positions) <= bench.laws.tolerance * bench.laws.dt + rounding);
+      CHECK(largest_difference(got.velocities, expected.velocities) <=
+            bench.laws.tolerance + rounding / bench.laws.dt);
+      CHECK(largest_difference(got.positions, expected.positions) <=
+            bench.laws.tolerance * bench.laws.dt + rounding);
     }
   }
 }
@@ -357,7 +378,8 @@ void check_momentum(const Bench<Model, Scalar>& bench) {
     const clothctl::ClothInput<Scalar> input = bench.pushed();
     clothctl::Vector3<Scalar> expected = state.velocities * laws.mass;
     const clothctl::Vector3<Scalar> force = total * laws.gravity + input.forces.rowwise().sum();
-    for (int s = 0; s < laws.substeps; ++s) expected = ((expected + part * force) / (Scalar(1) + part * laws.drag)).eval();
+    for (int s = 0; s < laws.substeps; ++s)
+      expected = ((expected + part * force) / (Scalar(1) + part * laws.drag)).eval();
     REQUIRE(bench.step(state, input, ws).advanced);
     const clothctl::Vector3<Scalar> got = state.velocities * laws.mass;
     CHECK((got - expected).cwiseAbs().maxCoeff() <= total * laws.tolerance);
@@ -367,15 +389,18 @@ void check_momentum(const Bench<Model, Scalar>& bench) {
     INFO("law: free fall");
     State falling = clothctl::cloth_traits<Model>::rest_state(bench.model);
     const clothctl::Vector3<Scalar> centre0 = falling.positions * laws.mass / total;
-    for (int k = 0; k < laws.steps; ++k) REQUIRE(bench.step(falling, clothctl::ClothInput<Scalar>{}, ws).advanced);
+    for (int k = 0; k < laws.steps; ++k)
+      REQUIRE(bench.step(falling, clothctl::ClothInput<Scalar>{}, ws).advanced);
     const Scalar parts = static_cast<Scalar>(laws.steps * laws.substeps);
     const clothctl::Vector3<Scalar> speed = falling.velocities * laws.mass / total;
     const clothctl::Vector3<Scalar> fallen = falling.positions * laws.mass / total - centre0;
     const clothctl::Vector3<Scalar> expected_speed = parts * part * laws.gravity;
-    const clothctl::Vector3<Scalar> expected_fall = parts * (parts + Scalar(1)) / Scalar(2) * part * part * laws.gravity;
+    const clothctl::Vector3<Scalar> expected_fall =
+        parts * (parts + Scalar(1)) / Scalar(2) * part * part * laws.gravity;
     const Scalar allowed = laws.tolerance * static_cast<Scalar>(laws.steps);
     CHECK((speed - expected_speed).cwiseAbs().maxCoeff() <= allowed);
-    CHECK((fallen - expected_fall).cwiseAbs().maxCoeff() <= allowed * laws.dt * static_cast<Scalar>(laws.steps));
+    CHECK((fallen - expected_fall).cwiseAbs().maxCoeff() <=
+          allowed * laws.dt * static_cast<Scalar>(laws.steps));
   }
 
   if (laws.drag == Scalar(0)) {
@@ -392,8 +417,10 @@ void check_momentum(const Bench<Model, Scalar>& bench) {
     const State got = bench.after(fast, input);
     const Scalar extent = Scalar(1) + expected.positions.cwiseAbs().maxCoeff();
     const Scalar rounding = Scalar(64) * clothctl::scalar_traits<Scalar>::epsilon() * extent;
-    CHECK(largest_difference(got.velocities, expected.velocities) <= laws.tolerance + rounding / laws.dt);
-    CHECK(largest_difference(got.positions, expected.positions) <= laws.tolerance * laws.dt + rounding);
+    CHECK(largest_difference(got.velocities, expected.velocities) <=
+          laws.tolerance + rounding / laws.dt);
+    CHECK(largest_difference(got.positions, expected.positions) <=
+          laws.tolerance * laws.dt + rounding);
   }
 }
 
@@ -439,7 +466,8 @@ void check_cloth_laws(const Model& model, const ClothLaws<model_scalar_t<Model>>
   law_detail::check_repeats(bench);
   law_detail::check_driven(bench);
   law_detail::check_symmetry(bench);
-  if (laws.momentum_known && laws.mass.size() == bench.n && laws.pinned.empty()) law_detail::check_momentum(bench);
+  if (laws.momentum_known && laws.mass.size() == bench.n && laws.pinned.empty())
+    law_detail::check_momentum(bench);
   law_detail::check_memory(bench);
 }
 

@@ -1,11 +1,11 @@
 #pragma once
 
-// What any FeatureMap must obey. Call check_feature_laws<Scalar>(map, vertex_count) inside a TEST_CASE.
+// What any FeatureMap must obey. Call check_feature_laws<Scalar>(map, vertex_count) inside a
+// TEST_CASE.
 //
-//   on the mesh   every term names a vertex of the mesh and a finite weight; check_features has nothing to say
-//   repeats       a feature names the same terms in the same order each time it is asked
-//   linear        φ(a x + b y) = a φ(x) + b φ(y)
-//   translation   φ(x + 1 dᵀ) = φ(x) + (Σ w) d
+//   on the mesh   every term names a vertex of the mesh and a finite weight; validate_features has
+//   nothing to say repeats       a feature names the same terms in the same order each time it is
+//   asked linear        φ(a x + b y) = a φ(x) + b φ(y) translation   φ(x + 1 dᵀ) = φ(x) + (Σ w) d
 //   memory        evaluating allocates nothing
 
 #include <cmath>
@@ -25,7 +25,7 @@ void check_feature_laws(const Map& map, clothctl::Index vertex_count) {
   using namespace clothctl;
   using traits = feature_traits<Map>;
   static_assert(FeatureMap<Map, Scalar>);
-  CHECK(check_features<Scalar>(map, vertex_count) == "");
+  CHECK(validate_features<Scalar>(map, vertex_count) == "");
   const Index count = traits::count(map);
   REQUIRE(count >= 1);
   CHECK(traits::count(map) == count);
@@ -33,8 +33,10 @@ void check_feature_laws(const Map& map, clothctl::Index vertex_count) {
   std::vector<Scalar> sums;
   for (Index i = 0; i < count; ++i) {
     std::vector<std::pair<int, Scalar>> first, second;
-    traits::for_each_term(map, i, [&](int vertex, const Scalar& weight) { first.emplace_back(vertex, weight); });
-    traits::for_each_term(map, i, [&](int vertex, const Scalar& weight) { second.emplace_back(vertex, weight); });
+    traits::for_each_term(
+        map, i, [&](int vertex, const Scalar& weight) { first.emplace_back(vertex, weight); });
+    traits::for_each_term(
+        map, i, [&](int vertex, const Scalar& weight) { second.emplace_back(vertex, weight); });
     CHECK(!first.empty());
     CHECK(first == second);
     Scalar sum = Scalar(0);
@@ -60,12 +62,14 @@ void check_feature_laws(const Map& map, clothctl::Index vertex_count) {
   const Scalar tolerance = Scalar(64) * scalar_traits<Scalar>::epsilon();
   const Points<Scalar> mixed = Scalar(0.75) * x + Scalar(-1.5) * y;
   evaluate_features<Scalar>(map, mixed, both);
-  CHECK((both - (Scalar(0.75) * a + Scalar(-1.5) * b)).norm() < tolerance * (Scalar(1) + a.norm() + b.norm()));
+  CHECK((both - (Scalar(0.75) * a + Scalar(-1.5) * b)).norm() <
+        tolerance * (Scalar(1) + a.norm() + b.norm()));
   const Vector3<Scalar> d(Scalar(0.5), Scalar(-2), Scalar(0.25));
   const Points<Scalar> moved = x.colwise() + d;
   evaluate_features<Scalar>(map, moved, both);
   for (Index i = 0; i < count; ++i) {
-    CHECK((both.col(i) - a.col(i) - sums[static_cast<std::size_t>(i)] * d).norm() < tolerance * (Scalar(4) + a.norm()));
+    CHECK((both.col(i) - a.col(i) - sums[static_cast<std::size_t>(i)] * d).norm() <
+          tolerance * (Scalar(4) + a.norm()));
   }
 }
 

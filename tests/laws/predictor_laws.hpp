@@ -1,13 +1,13 @@
 #pragma once
 
-// What any Predictor must obey. Call check_predictor_laws(make, state, held, laws) inside a TEST_CASE: `make()` gives a new
-// predictor for the sheet whose state is given.
+// What any Predictor must obey. Call check_predictor_laws(make, state, held, laws) inside a
+// TEST_CASE: `make()` gives a new predictor for the sheet whose state is given.
 //
 //   finite        free and impulse are finite, and of the sizes that the request implies
 //   repeats       a new predictor gives the same bits, and so does one that has been reset
-//   plan          where `linear`: moving the plan by δ moves free by Σ T_{k-j} δ_j, and leaves T as it is
-//   causal        an input of frame j changes no output before frame j
-//   start         outputs that nothing moves yet begin at their measured place: |y_1 - y_0| is bounded by speed and force
+//   plan          where `linear`: moving the plan by δ moves free by Σ T_{k-j} δ_j, and leaves T as
+//   it is causal        an input of frame j changes no output before frame j start         outputs
+//   that nothing moves yet begin at their measured place: |y_1 - y_0| is bounded by speed and force
 //   memory        predicting allocates nothing after reserve
 
 #include <cmath>
@@ -37,14 +37,14 @@ struct PredictorLaws {
 
 /// Checks the laws for forces on and velocities of the vertices `held`.
 template <class Make, class Scalar>
-void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& state, const std::vector<int>& held,
-                          const PredictorLaws<Scalar>& laws) {
+void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& state,
+                          const std::vector<int>& held, const PredictorLaws<Scalar>& laws) {
   using namespace clothctl;
   using P = decltype(make());
   static_assert(Predictor<P, WindowRequest<Scalar>, WindowResponse<Scalar>>);
   std::mt19937 random(17);
   std::uniform_real_distribution<double> uniform(-0.3, 0.3);
-  for (const InputKind kind : {InputKind::Force, InputKind::Velocity}) {
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
     WindowRequest<Scalar> request;
     request.horizon = laws.horizon;
     request.dt = Scalar(0.02);
@@ -62,45 +62,57 @@ void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& 
     WindowResponse<Scalar> first, second;
     P predictor = make();
     predictor.reserve(request, first);
+    first.plan = request.plan;  // as a planner leaves it
     REQUIRE(predictor.predict(state.positions, state.velocities, request, first));
     const Index columns = request.inputs() * laws.horizon;
-    REQUIRE((first.free.rows() == request.output_rows() && first.free.cols() == laws.horizon));
-    REQUIRE((first.impulse.rows() == request.output_rows() && first.impulse.cols() == columns));
-    CHECK((all_finite(first.free) && all_finite(first.impulse)));
+    REQUIRE((first.free_response.rows() == request.output_rows() &&
+             first.free_response.cols() == laws.horizon));
+    REQUIRE((first.impulse_response.rows() == request.output_rows() &&
+             first.impulse_response.cols() == columns));
+    CHECK((all_finite(first.free_response) && all_finite(first.impulse_response)));
     Points<Scalar> start(3, request.outputs.count());
     evaluate_features<Scalar>(request.outputs, state.positions, start);
-    CHECK((first.free.col(0) - Eigen::Map<const VectorX<Scalar>>(start.data(), start.size())).cwiseAbs().maxCoeff() <
-          laws.first_step);
+    CHECK(
+        (first.free_response.col(0) - Eigen::Map<const VectorX<Scalar>>(start.data(), start.size()))
+            .cwiseAbs()
+            .maxCoeff() < laws.first_step);
 
     P other = make();
     other.reserve(request, second);
+    second.plan = request.plan;
     REQUIRE(other.predict(state.positions, state.velocities, request, second));
-    CHECK((first.free == second.free && first.impulse == second.impulse));
+    CHECK((first.free_response == second.free_response &&
+           first.impulse_response == second.impulse_response));
     predictor.reset();
+    second.plan = request.plan;
     const long before = allocations();
     const bool again = predictor.predict(state.positions, state.velocities, request, second);
     const long made = allocations() - before;
     REQUIRE(again);
     if (allocation_counting_works()) CHECK(made == 0);
-    CHECK((first.free == second.free && first.impulse == second.impulse));
+    CHECK((first.free_response == second.free_response &&
+           first.impulse_response == second.impulse_response));
 
     const Index late = laws.horizon / 2;
-    MatrixX<Scalar> expected = first.free;
+    MatrixX<Scalar> expected = first.free_response;
     WindowRequest<Scalar> moved = request;
     for (Index j = late; j < laws.horizon; ++j) {
       for (Index i = 0; i < request.inputs(); ++i) moved.plan(i, j) += Scalar(uniform(random));
       for (Index k = j; k < laws.horizon; ++k) {
         expected.col(k) +=
-            first.impulse.middleCols((k - j) * request.inputs(), request.inputs()) * (moved.plan.col(j) - request.plan.col(j));
+            first.impulse_response.middleCols((k - j) * request.inputs(), request.inputs()) *
+            (moved.plan.col(j) - request.plan.col(j));
       }
     }
     predictor.reset();
+    second.plan = moved.plan;
     REQUIRE(predictor.predict(state.positions, state.velocities, moved, second));
-    CHECK(second.free.leftCols(late) == first.free.leftCols(late));
-    CHECK((second.free.col(late) - first.free.col(late)).norm() > Scalar(0));
+    CHECK(second.free_response.leftCols(late) == first.free_response.leftCols(late));
+    CHECK((second.free_response.col(late) - first.free_response.col(late)).norm() > Scalar(0));
     if (laws.linear) {
-      CHECK((second.free - expected).norm() <= laws.tolerance * (expected.colwise() - expected.col(0)).norm());
-      CHECK(second.impulse == first.impulse);
+      CHECK((second.free_response - expected).norm() <=
+            laws.tolerance * (expected.colwise() - expected.col(0)).norm());
+      CHECK(second.impulse_response == first.impulse_response);
     }
   }
 }

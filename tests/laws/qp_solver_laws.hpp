@@ -2,11 +2,12 @@
 
 // What any QP solver must obey, and random problems with known solutions to show it on.
 //
-//   solved       Solved means that the independent check of the unscaled optimality conditions passes, and the objective is
+//   solved       Solved means that the independent check of the unscaled optimality conditions
+//   passes, and the objective is
 //                the one the problem was built around
-//   repeats      the same problem twice: the second time 0 iterations; two solvers with the same history: the same bits
-//   refusals     NaN, crossed bounds, asymmetric or concave Hessian, broken rows, broken warm start: refused, and the next
-//   solve
+//   repeats      the same problem twice: the second time 0 iterations; two solvers with the same
+//   history: the same bits refusals     NaN, crossed bounds, asymmetric or concave Hessian, broken
+//   rows, broken warm start: refused, and the next solve
 //                is as if it had not happened (0 iterations)
 //   recovery     an infeasible or unbounded problem leaves the next solve as good as a cold one
 //   memory       repeated solves of one size allocate nothing
@@ -19,10 +20,29 @@
 #include <string>
 
 #include "clothctl/concepts/qp_solver.hpp"
+#include "clothctl/qp/certificate.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "support/allocations.hpp"
 
 namespace clothctl_test {
+
+/// A solver with the optional hooks of warm starts. Axiom: the same problem twice takes 0
+/// iterations the second time.
+template <class Solver, class Scalar = double>
+concept WarmStartable =
+    (clothctl::BoxQpSolver<Solver, Scalar> ||
+     clothctl::QpSolver<Solver, Scalar>)&&requires(Solver& solver,
+                                                   const clothctl::VectorX<Scalar>& x) {
+  { clothctl::qp_solver_traits<Solver>::warm_start(solver, x) } -> std::same_as<bool>;
+  clothctl::qp_solver_traits<Solver>::reset(solver);
+}
+&&(
+    requires(Solver& solver, clothctl::Index n) {
+      clothctl::qp_solver_traits<Solver>::shift(solver, n);
+    } ||
+    requires(Solver & solver, clothctl::Index n) {
+      clothctl::qp_solver_traits<Solver>::shift(solver, n, n);
+    });
 
 using clothctl::Index;
 using clothctl::MatrixX;
@@ -58,7 +78,8 @@ struct QpFamily {
   int spread = 0;
 };
 
-/// Draws a problem. Linear programs get enough active bounds that their solution is a vertex or face with the known value.
+/// Draws a problem. Linear programs get enough active bounds that their solution is a vertex or
+/// face with the known value.
 template <class Scalar>
 KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -77,15 +98,19 @@ KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
   if (rank == n) H.diagonal().array() += 0.05;
   Eigen::MatrixXd A = matrix(m, n);
   for (Index i = 1; i < m; ++i) {
-    if (uniform(random) < family.copies) A.row(i) = (1.0 + std::floor(3.0 * uniform(random))) * A.row(i / 2);
+    if (uniform(random) < family.copies)
+      A.row(i) = (1.0 + std::floor(3.0 * uniform(random))) * A.row(i / 2);
   }
   Eigen::VectorXd scale = Eigen::VectorXd::Ones(n);
-  for (Index j = 0; j < n; ++j) scale[j] = std::ldexp(1.0, static_cast<int>((2.0 * uniform(random) - 1.0) * family.spread));
+  for (Index j = 0; j < n; ++j)
+    scale[j] = std::ldexp(1.0, static_cast<int>((2.0 * uniform(random) - 1.0) * family.spread));
   H = scale.asDiagonal() * H * scale.asDiagonal();
   A = A * scale.asDiagonal();
 
-  Eigen::VectorXd x(n), z = Eigen::VectorXd::Zero(n), lb(n), ub(n), y = Eigen::VectorXd::Zero(m), rl(m), ru(m);
-  const auto place = [&](double value, double unit, double& lower, double& upper, double& multiplier, bool can_be_open) {
+  Eigen::VectorXd x(n), z = Eigen::VectorXd::Zero(n), lb(n), ub(n), y = Eigen::VectorXd::Zero(m),
+                        rl(m), ru(m);
+  const auto place = [&](double value, double unit, double& lower, double& upper,
+                         double& multiplier, bool can_be_open) {
     const bool open = can_be_open && uniform(random) < 0.2;
     lower = open ? -inf : value - unit * (0.1 + uniform(random));
     upper = open && uniform(random) < 0.5 ? inf : value + unit * (0.1 + uniform(random));
@@ -104,7 +129,8 @@ KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
     place(x[j], 1.0 / scale[j], lb[j], ub[j], z[j], true);
     z[j] *= scale[j];
   }
-  // Values are rounded to Scalar before rows and gradient are formed, so that the known solution stays consistent.
+  // Values are rounded to Scalar before rows and gradient are formed, so that the known solution
+  // stays consistent.
   const Eigen::VectorXd Ax = A * x;
   for (Index i = 0; i < m; ++i) {
     place(Ax[i], 1.0, rl[i], ru[i], y[i], true);
@@ -174,7 +200,8 @@ template <class Scalar, class Session>
 std::string qp_law_solved(Session& session, const KnownQp<Scalar>& q, double tolerance) {
   using std::abs;
   const QpStatus status = session.solve(q);
-  if (status != QpStatus::Solved) return "solved: status is " + std::string(clothctl::to_string(status));
+  if (status != QpStatus::Solved)
+    return "solved: status is " + std::string(clothctl::to_string(status));
   const auto r = session.residuals(q);
   if (!(static_cast<double>(r.worst()) <= tolerance))
     return "solved: residual " + std::to_string(static_cast<double>(r.worst()));
@@ -188,7 +215,8 @@ std::string qp_law_solved(Session& session, const KnownQp<Scalar>& q, double tol
 template <class Scalar, class Solver>
 std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   QpSession<Scalar, Solver> first, second;
-  if (first.set(q) != QpStatus::Solved || second.set(q) != QpStatus::Solved) return "history: matrices were refused";
+  if (first.set(q) != QpStatus::Solved || second.set(q) != QpStatus::Solved)
+    return "history: matrices were refused";
   std::string broken = qp_law_solved(first, q, tolerance);
   if (!broken.empty()) return broken;
   second.solve(q);
@@ -229,27 +257,34 @@ std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   }
   bad = q;
   bad.H(0, 0) = std::numeric_limits<Scalar>::infinity();
-  if (Traits::set_hessian(second.solver, bad.H) != QpStatus::InvalidData) return "refusals: infinity in H";
+  if (Traits::set_hessian(second.solver, bad.H) != QpStatus::InvalidData)
+    return "refusals: infinity in H";
   if (q.H.rows() > 1) {
     bad = q;
     bad.H(0, 1) += Scalar(1);
-    if (Traits::set_hessian(second.solver, bad.H) != QpStatus::InvalidData) return "refusals: asymmetric H";
+    if (Traits::set_hessian(second.solver, bad.H) != QpStatus::InvalidData)
+      return "refusals: asymmetric H";
     bad = q;
     bad.H(0, 1) = bad.H(1, 0) = Scalar(2) * (q.H(0, 0) + q.H(1, 1) + Scalar(1));
-    if (Traits::set_hessian(second.solver, bad.H) != QpStatus::NonConvex) return "refusals: a negative minor of H";
+    if (Traits::set_hessian(second.solver, bad.H) != QpStatus::NonConvex)
+      return "refusals: a negative minor of H";
   }
   bad = q;
   bad.H(0, 0) = Scalar(-1);
-  if (Traits::set_hessian(second.solver, bad.H) != QpStatus::NonConvex) return "refusals: a negative diagonal entry";
+  if (Traits::set_hessian(second.solver, bad.H) != QpStatus::NonConvex)
+    return "refusals: a negative diagonal entry";
   const MatrixX<Scalar> odd = MatrixX<Scalar>::Zero(q.H.rows(), q.H.rows() + 1);
-  if (Traits::set_hessian(second.solver, odd) != QpStatus::InvalidData) return "refusals: H is not square";
+  if (Traits::set_hessian(second.solver, odd) != QpStatus::InvalidData)
+    return "refusals: H is not square";
   if constexpr (clothctl::QpSolver<Solver, Scalar>) {
     bad.A.setOnes(q.A.rows() + 1, q.A.cols());
     bad.A(0, 0) = std::numeric_limits<Scalar>::quiet_NaN();
-    if (Traits::set_rows(second.solver, bad.A) != QpStatus::InvalidData) return "refusals: NaN in A";
-    if (Traits::set_rows(second.solver, odd) != QpStatus::InvalidData) return "refusals: rows of another length";
+    if (Traits::set_rows(second.solver, bad.A) != QpStatus::InvalidData)
+      return "refusals: NaN in A";
+    if (Traits::set_rows(second.solver, odd) != QpStatus::InvalidData)
+      return "refusals: rows of another length";
   }
-  if constexpr (clothctl::WarmStartable<Solver, Scalar>) {
+  if constexpr (WarmStartable<Solver, Scalar>) {
     const VectorX<Scalar> wrong = VectorX<Scalar>::Constant(q.x.size() + 1, Scalar(0));
     VectorX<Scalar> nan = q.x;
     nan[0] = std::numeric_limits<Scalar>::quiet_NaN();
@@ -261,7 +296,7 @@ std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   if constexpr (requires { second.result.iterations; }) {
     if (second.result.iterations != 0) return "refusals: refused matrices lost the active set";
   }
-  if constexpr (clothctl::WarmStartable<Solver, Scalar>) {
+  if constexpr (WarmStartable<Solver, Scalar>) {
     if (!Traits::warm_start(second.solver, x)) return "warm start: refused";
     broken = qp_law_solved(second, q, tolerance);
     if (!broken.empty()) return "warm start: " + broken;
@@ -272,7 +307,8 @@ std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   return {};
 }
 
-/// Law "recovery": a row solver meets q, then q with contradicting rows, then q without bounds or curvature.
+/// Law "recovery": a row solver meets q, then q with contradicting rows, then q without bounds or
+/// curvature.
 template <class Scalar, class Solver>
 std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
   QpSession<Scalar, Solver> session;
@@ -284,10 +320,15 @@ std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
   bad.ub = bad.x.array() + Scalar(1);
   const Scalar reach = q.A.row(0).cwiseAbs().sum();
   bad.rl[0] = bad.ru[0] = q.A.row(0).dot(q.x) + Scalar(2) * reach;
-  if (session.solve(bad) != QpStatus::PrimalInfeasible) return "recovery: infeasibility was not seen";
+  if (session.solve(bad) != QpStatus::PrimalInfeasible)
+    return "recovery: infeasibility was not seen";
+  using Traits = clothctl::qp_solver_traits<Solver>;
+  const VectorX<Scalar> y = Traits::row_multipliers(session.result);
+  const VectorX<Scalar> z = Traits::bound_multipliers(session.result);
+  if (!clothctl::farkas_residuals(bad.A, bad.rl, bad.ru, bad.lb, bad.ub, y, z).holds())
+    return "recovery: infeasibility without a certificate";
   broken = qp_law_solved(session, q, tolerance);
   if (!broken.empty()) return "recovery: after an infeasible problem " + broken;
-  using Traits = clothctl::qp_solver_traits<Solver>;
   bad = q;
   bad.H.setConstant(Scalar(0));
   bad.g.setConstant(Scalar(1));
@@ -295,9 +336,16 @@ std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
   bad.ru.setConstant(std::numeric_limits<Scalar>::infinity());
   bad.lb = -bad.ub;
   bad.rl = -bad.ru;
-  if (Traits::set_hessian(session.solver, bad.H) != QpStatus::Solved) return "recovery: H = 0 was refused";
+  if (Traits::set_hessian(session.solver, bad.H) != QpStatus::Solved)
+    return "recovery: H = 0 was refused";
   if (session.solve(bad) != QpStatus::DualInfeasible) return "recovery: unboundedness was not seen";
-  if (Traits::set_hessian(session.solver, q.H) != QpStatus::Solved) return "recovery: H was refused";
+  if constexpr (requires { session.result.ray; }) {
+    const VectorX<Scalar> d = session.result.ray;
+    if (!clothctl::ray_residuals(bad.H, bad.g, bad.A, bad.rl, bad.ru, bad.lb, bad.ub, d).holds())
+      return "recovery: unboundedness without a certificate";
+  }
+  if (Traits::set_hessian(session.solver, q.H) != QpStatus::Solved)
+    return "recovery: H was refused";
   broken = qp_law_solved(session, q, tolerance);
   return broken.empty() ? broken : "recovery: after an unbounded problem " + broken;
 }

@@ -1,16 +1,17 @@
 #pragma once
 
-// What any StepResponse must obey, whatever its equations. Call check_step_response_laws(response, x, v, wind, dt, driven,
-// tolerance) inside a TEST_CASE; A w = (1 + h α) M w + R w is put together from what the response tells.
+// Laws that every StepResponse must obey, whatever its equations. Call
+// check_step_response_laws(response, x, v, wind, dt, driven, tolerance) inside a TEST_CASE. The
+// laws compute A w = (1 + h α) M w + R w from what the response returns.
 //
-//   shapes      mass, force and held have an entry a vertex; driven vertices are held
+//   shapes      mass, force and held have one entry for each vertex; driven vertices are held
 //   linear      K and R are linear
 //   symmetric   uᵀK w = wᵀK u and the same for R
 //   definite    wᵀA w > 0
 //   inverse     A solve(b) = b on the free vertices, and held entries of b = 0 stay 0
-//   lanes       each lane of a block is treated alike
-//   repeats     linearising anew at the same state gives the same bits
-//   wind        add_wind_force is linear and adds
+//   lanes       each lane of a block gives the result that it gives alone
+//   repeats     linearising again at the same state gives the same bits
+//   wind        add_wind_force is linear and adds to its output
 
 #include <random>
 #include <utility>
@@ -23,8 +24,8 @@ namespace clothctl_test {
 
 /// {K w, R w} of a response.
 template <int kLanes, class Response, class Scalar = typename Response::Scalar>
-std::pair<clothctl::Lanes<Scalar, kLanes>, clothctl::Lanes<Scalar, kLanes>> multiply(const Response& response,
-                                                                                     const clothctl::Lanes<Scalar, kLanes>& w) {
+std::pair<clothctl::Lanes<Scalar, kLanes>, clothctl::Lanes<Scalar, kLanes>> multiply(
+    const Response& response, const clothctl::Lanes<Scalar, kLanes>& w) {
   std::pair<clothctl::Lanes<Scalar, kLanes>, clothctl::Lanes<Scalar, kLanes>> out{w, w};
   out.first.setZero();
   out.second.setZero();
@@ -32,11 +33,13 @@ std::pair<clothctl::Lanes<Scalar, kLanes>, clothctl::Lanes<Scalar, kLanes>> mult
   return out;
 }
 
-/// Holds a response at a state to all laws of this file; errors are relative to the largest entry and at most `tolerance`.
+/// Tests all laws of this file on a response at one state. Errors are relative to the largest entry
+/// and at most `tolerance`.
 template <clothctl::StepResponse Response, class Scalar = typename Response::Scalar>
-void check_step_response_laws(Response& response, const clothctl::Points<Scalar>& x, const clothctl::Points<Scalar>& v,
-                              const clothctl::Vector3<Scalar>& wind, Scalar dt, const std::vector<int>& driven,
-                              Scalar tolerance) {
+void check_step_response_laws(Response& response, const clothctl::Points<Scalar>& x,
+                              const clothctl::Points<Scalar>& v,
+                              const clothctl::Vector3<Scalar>& wind, Scalar dt,
+                              const std::vector<int>& driven, Scalar tolerance) {
   using Block = clothctl::Lanes<Scalar, 8>;
   using clothctl::Index;
   const Index n = response.vertex_count();
@@ -58,7 +61,8 @@ void check_step_response_laws(Response& response, const clothctl::Points<Scalar>
     Block block(8, 3 * n);
     for (Index j = 0; j < block.cols(); ++j) {
       const bool zero = free_only && held[static_cast<std::size_t>(j / 3)] != 0;
-      for (Index i = 0; i < 8; ++i) block(i, j) = zero ? Scalar(0) : static_cast<Scalar>(normal(random));
+      for (Index i = 0; i < 8; ++i)
+        block(i, j) = zero ? Scalar(0) : static_cast<Scalar>(normal(random));
     }
     return block;
   };
@@ -88,7 +92,8 @@ void check_step_response_laws(Response& response, const clothctl::Points<Scalar>
     const auto check = [&](const Block& a_u, const Block& a_w) {
       for (Index lane = 0; lane < 8; ++lane) {
         const Scalar there = w.row(lane).dot(a_u.row(lane)), back = u.row(lane).dot(a_w.row(lane));
-        const Scalar size = w.row(lane).norm() * a_u.row(lane).norm() + u.row(lane).norm() * a_w.row(lane).norm();
+        const Scalar size =
+            w.row(lane).norm() * a_u.row(lane).norm() + u.row(lane).norm() * a_w.row(lane).norm();
         CHECK((there - back < Scalar(0) ? back - there : there - back) <= tolerance * size);
       }
     };
@@ -117,7 +122,8 @@ void check_step_response_laws(Response& response, const clothctl::Points<Scalar>
     for (Index lane = 0; lane < 8; ++lane) same.row(lane) = b.row(3);
     response.solve(same);
     for (Index lane = 0; lane < 8; ++lane) {
-      CHECK((same.row(lane) - solved.row(3)).cwiseAbs().maxCoeff() <= tolerance * solved.cwiseAbs().maxCoeff());
+      CHECK((same.row(lane) - solved.row(3)).cwiseAbs().maxCoeff() <=
+            tolerance * solved.cwiseAbs().maxCoeff());
     }
     INFO("law: repeats");
     REQUIRE(response.linearise(x, v, wind, dt, driven));
@@ -134,7 +140,8 @@ void check_step_response_laws(Response& response, const clothctl::Points<Scalar>
     response.add_wind_force(gust, one);
     response.add_wind_force(Scalar(3) * gust, two);
     response.add_wind_force(gust, two);
-    CHECK((two - Scalar(4) * one).cwiseAbs().maxCoeff() <= tolerance * (Scalar(1) + two.cwiseAbs().maxCoeff()));
+    CHECK((two - Scalar(4) * one).cwiseAbs().maxCoeff() <=
+          tolerance * (Scalar(1) + two.cwiseAbs().maxCoeff()));
   }
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
-// Whether an assert stops a call. Where asserts are compiled out, or processes cannot be forked, the answer is not known.
+// Whether an assert stops a call. Where asserts are compiled out, or processes cannot be forked,
+// the answer is not known.
 
 #if !defined(NDEBUG) && (defined(__unix__) || defined(__APPLE__)) && !defined(__EMSCRIPTEN__)
 #define CLOTHCTL_TEST_SEES_ASSERTS 1

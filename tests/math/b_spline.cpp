@@ -1,4 +1,5 @@
-// CubicBSpline: laws of the basis, exactness on cubics and at samples, smoothness, order of convergence, errors.
+// CubicBSpline: laws of the basis, exactness on cubics and at samples, smoothness, order of
+// convergence, errors.
 
 #include "clothctl/math/b_spline.hpp"
 
@@ -48,7 +49,9 @@ VectorX<Scalar> uneven_times(Index n, unsigned seed) {
   return times;
 }
 
-bool contains(const std::string& text, const std::string& part) { return text.find(part) != std::string::npos; }
+bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
 
 }  // namespace
 
@@ -68,7 +71,8 @@ TEMPLATE_TEST_CASE("equal control points give a constant curve", "[b_spline]", f
   }
 }
 
-TEMPLATE_TEST_CASE("an affine map of the control points maps the curve", "[b_spline]", float, double) {
+TEMPLATE_TEST_CASE("an affine map of the control points maps the curve", "[b_spline]", float,
+                   double) {
   using Scalar = TestType;
   const Points<Scalar> control = random_points<Scalar>(11, 3);
   const Eigen::Matrix<Scalar, 3, 3> map = random_points<Scalar>(3, 4);
@@ -91,42 +95,51 @@ TEST_CASE("four control points are a Bézier curve", "[b_spline]") {
   for (int i = 0; i <= 20; ++i) {
     const double s = i / 20.0;
     const double r = 1 - s;
-    const Vector3<double> position =
-        r * r * r * b.col(0) + 3 * r * r * s * b.col(1) + 3 * r * s * s * b.col(2) + s * s * s * b.col(3);
+    const Vector3<double> position = r * r * r * b.col(0) + 3 * r * r * s * b.col(1) +
+                                     3 * r * s * s * b.col(2) + s * s * s * b.col(3);
     const Vector3<double> velocity =
-        0.5 * 3 * (r * r * (b.col(1) - b.col(0)) + 2 * r * s * (b.col(2) - b.col(1)) + s * s * (b.col(3) - b.col(2)));
+        0.5 * 3 *
+        (r * r * (b.col(1) - b.col(0)) + 2 * r * s * (b.col(2) - b.col(1)) +
+         s * s * (b.col(3) - b.col(2)));
     CHECK((curve->position(1 + 2 * s) - position).norm() < 1e-14);
     CHECK((curve->velocity(1 + 2 * s) - velocity).norm() < 1e-13);
   }
 }
 
-TEMPLATE_TEST_CASE("control points from polar forms reproduce any cubic", "[b_spline]", float, double) {
+TEMPLATE_TEST_CASE("control points from polar forms reproduce any cubic", "[b_spline]", float,
+                   double) {
   using Scalar = TestType;
-  // p(t) = a + b t + c t² + d t³ has polar form a + b (u+v+w)/3 + c (uv+vw+wu)/3 + d uvw; its values at three successive
-  // knots are the control points on any knots. Here: uniform clamped knots on [0, 3] with 7 control points.
+  // p(t) = a + b t + c t² + d t³ has polar form a + b (u+v+w)/3 + c (uv+vw+wu)/3 + d uvw; its
+  // values at three successive knots are the control points on any knots. Here: uniform clamped
+  // knots on [0, 3] with 7 control points.
   const Points<Scalar> coefficient = random_points<Scalar>(4, 6);
   const double tau[] = {0, 0, 0, 0, 0.75, 1.5, 2.25, 3, 3, 3, 3};
   Points<Scalar> control(3, 7);
   for (Index j = 0; j < 7; ++j) {
-    const Scalar u = static_cast<Scalar>(tau[j + 1]), v = static_cast<Scalar>(tau[j + 2]), w = static_cast<Scalar>(tau[j + 3]);
+    const Scalar u = static_cast<Scalar>(tau[j + 1]), v = static_cast<Scalar>(tau[j + 2]),
+                 w = static_cast<Scalar>(tau[j + 3]);
     control.col(j) = coefficient.col(0) + coefficient.col(1) * ((u + v + w) / Scalar(3)) +
-                     coefficient.col(2) * ((u * v + v * w + w * u) / Scalar(3)) + coefficient.col(3) * (u * v * w);
+                     coefficient.col(2) * ((u * v + v * w + w * u) / Scalar(3)) +
+                     coefficient.col(3) * (u * v * w);
   }
   const auto curve = CubicBSpline<Scalar>::from_control_points(control, Scalar(0), Scalar(3));
   for (int i = 0; i <= 60; ++i) {
     const Scalar t = Scalar(i) * Scalar(0.05);
-    const Vector3<Scalar> position =
-        coefficient.col(0) + coefficient.col(1) * t + coefficient.col(2) * (t * t) + coefficient.col(3) * (t * t * t);
-    const Vector3<Scalar> velocity =
-        coefficient.col(1) + coefficient.col(2) * (Scalar(2) * t) + coefficient.col(3) * (Scalar(3) * t * t);
-    const Vector3<Scalar> acceleration = coefficient.col(2) * Scalar(2) + coefficient.col(3) * (Scalar(6) * t);
+    const Vector3<Scalar> position = coefficient.col(0) + coefficient.col(1) * t +
+                                     coefficient.col(2) * (t * t) +
+                                     coefficient.col(3) * (t * t * t);
+    const Vector3<Scalar> velocity = coefficient.col(1) + coefficient.col(2) * (Scalar(2) * t) +
+                                     coefficient.col(3) * (Scalar(3) * t * t);
+    const Vector3<Scalar> acceleration =
+        coefficient.col(2) * Scalar(2) + coefficient.col(3) * (Scalar(6) * t);
     CHECK((curve->position(t) - position).norm() <= Scalar(10) * tolerance<Scalar>());
     CHECK((curve->velocity(t) - velocity).norm() <= Scalar(30) * tolerance<Scalar>());
     CHECK((curve->acceleration(t) - acceleration).norm() <= Scalar(100) * tolerance<Scalar>());
   }
 }
 
-TEMPLATE_TEST_CASE("interpolation passes through every sample and ends without bending", "[b_spline]", float, double) {
+TEMPLATE_TEST_CASE("interpolation passes through every sample and ends without bending",
+                   "[b_spline]", float, double) {
   using Scalar = TestType;
   for (Index n : {2, 3, 4, 7, 250}) {
     const VectorX<Scalar> times = uneven_times<Scalar>(n, static_cast<unsigned>(n));
@@ -139,7 +152,8 @@ TEMPLATE_TEST_CASE("interpolation passes through every sample and ends without b
     CHECK(curve->position(times[0]) == samples.col(0));
     CHECK(curve->position(times[n - 1]) == samples.col(n - 1));
     for (Index i = 0; i < n; ++i) {
-      CHECK((curve->position(times[i]) - samples.col(i)).norm() <= Scalar(20) * tolerance<Scalar>());
+      CHECK((curve->position(times[i]) - samples.col(i)).norm() <=
+            Scalar(20) * tolerance<Scalar>());
     }
     const Scalar largest = std::max(Scalar(1), curve->acceleration(times[n / 2]).norm());
     CHECK(curve->acceleration(times[0]).norm() <= Scalar(1000) * tolerance<Scalar>() * largest);
@@ -173,18 +187,22 @@ TEST_CASE("position, velocity and acceleration are continuous across knots", "[b
 }
 
 TEST_CASE("derivatives agree with central differences", "[b_spline]") {
-  const auto curve = CubicBSpline<double>::from_control_points(random_points<double>(12, 11), 0.0, 2.0);
+  const auto curve =
+      CubicBSpline<double>::from_control_points(random_points<double>(12, 11), 0.0, 2.0);
   for (int i = 1; i < 50; ++i) {
     const double t = 0.04 * i + 0.003, e = 1e-5;
     const Vector3<double> velocity = (curve->position(t + e) - curve->position(t - e)) / (2 * e);
-    const Vector3<double> acceleration = (curve->velocity(t + e) - curve->velocity(t - e)) / (2 * e);
+    const Vector3<double> acceleration =
+        (curve->velocity(t + e) - curve->velocity(t - e)) / (2 * e);
     CHECK((curve->velocity(t) - velocity).norm() < 1e-6);
     CHECK((curve->acceleration(t) - acceleration).norm() < 2e-5 * (1 + acceleration.norm()));
   }
 }
 
 TEST_CASE("the error of interpolation falls with the fourth power of the spacing", "[b_spline]") {
-  const auto exact = [](double t) { return Vector3<double>(std::sin(3 * t), std::cos(2 * t), std::exp(-t) * std::sin(t)); };
+  const auto exact = [](double t) {
+    return Vector3<double>(std::sin(3 * t), std::cos(2 * t), std::exp(-t) * std::sin(t));
+  };
   double previous = 0;
   for (int n : {21, 41, 81, 161}) {
     const VectorX<double> times = VectorX<double>::LinSpaced(n, 0, 6);
@@ -192,7 +210,8 @@ TEST_CASE("the error of interpolation falls with the fourth power of the spacing
     for (Index i = 0; i < n; ++i) samples.col(i) = exact(times[i]);
     const auto curve = CubicBSpline<double>::interpolate(times, samples);
     double error = 0;  // away from the ends, where the natural condition costs two orders
-    for (double t = 2; t <= 4; t += 0.0037) error = std::max(error, (curve->position(t) - exact(t)).norm());
+    for (double t = 2; t <= 4; t += 0.0037)
+      error = std::max(error, (curve->position(t) - exact(t)).norm());
     if (previous > 0) {
       const double order = std::log2(previous / error);
       CHECK(order > 3.8);
@@ -217,7 +236,8 @@ TEST_CASE("outside its interval the curve rests", "[b_spline]") {
   }
   CHECK(curve->position(1.0) == control.col(0));
   CHECK(curve->position(2.0) == control.col(5));
-  CHECK((curve->velocity(2.0) - 9 * (control.col(5) - control.col(4))).norm() < 1e-12);  // 3 spans: 3·3·Δc
+  CHECK((curve->velocity(2.0) - 9 * (control.col(5) - control.col(4))).norm() <
+        1e-12);  // 3 spans: 3·3·Δc
 }
 
 TEST_CASE("translate moves every point and leaves velocities", "[b_spline]") {
@@ -233,10 +253,12 @@ TEST_CASE("translate moves every point and leaves velocities", "[b_spline]") {
 
 TEST_CASE("evaluation does not allocate", "[b_spline]") {
   if (!clothctl_test::allocation_counting_works()) return;
-  const auto curve = CubicBSpline<double>::interpolate(uneven_times<double>(50, 14), random_points<double>(50, 15));
+  const auto curve = CubicBSpline<double>::interpolate(uneven_times<double>(50, 14),
+                                                       random_points<double>(50, 15));
   const long before = clothctl_test::allocations();
   Vector3<double> sum = Vector3<double>::Zero();
-  for (double t = -1; t < 30; t += 0.1) sum += curve->position(t) + curve->velocity(t) + curve->acceleration(t);
+  for (double t = -1; t < 30; t += 0.1)
+    sum += curve->position(t) + curve->velocity(t) + curve->acceleration(t);
   const long after = clothctl_test::allocations();
   CHECK(after == before);
   CHECK(clothctl::all_finite(sum));
@@ -251,17 +273,21 @@ TEMPLATE_TEST_CASE("bad data is refused with its index and value", "[b_spline]",
 
   CHECK(Curve::from_control_points(points.leftCols(3), Scalar(0), Scalar(1)).error() ==
         "control points: expected at least 4, found 3");
-  CHECK(contains(Curve::from_control_points(points, Scalar(1), Scalar(1)).error(), "end time 1 does not come after"));
+  CHECK(contains(Curve::from_control_points(points, Scalar(1), Scalar(1)).error(),
+                 "end time 1 does not come after"));
   CHECK(contains(Curve::from_control_points(points, nan, Scalar(1)).error(), "start time is nan"));
-  CHECK(contains(Curve::from_control_points(points, Scalar(0), infinite).error(), "end time is inf"));
+  CHECK(
+      contains(Curve::from_control_points(points, Scalar(0), infinite).error(), "end time is inf"));
   Points<Scalar> broken = points;
   broken(1, 4) = nan;
-  CHECK(contains(Curve::from_control_points(broken, Scalar(0), Scalar(1)).error(), "control point 4: y is nan"));
+  CHECK(contains(Curve::from_control_points(broken, Scalar(0), Scalar(1)).error(),
+                 "control point 4: y is nan"));
 
   VectorX<Scalar> times = VectorX<Scalar>::LinSpaced(6, Scalar(0), Scalar(5));
   CHECK(contains(Curve::interpolate(times, broken).error(), "sample 4: y is nan"));
   CHECK(Curve::interpolate(times.head(5), points).error() == "samples: 5 times but 6 points");
-  CHECK(Curve::interpolate(times.head(1), points.leftCols(1)).error() == "samples: expected at least 2, found 1");
+  CHECK(Curve::interpolate(times.head(1), points.leftCols(1)).error() ==
+        "samples: expected at least 2, found 1");
   CHECK(!Curve::interpolate(times.head(0), points.leftCols(0)).has_value());
   times[3] = Scalar(1.5);
   CHECK(Curve::interpolate(times, points).error() == "sample 3: time 1.5 does not come after 2");
@@ -273,12 +299,16 @@ TEMPLATE_TEST_CASE("bad data is refused with its index and value", "[b_spline]",
 
 TEST_CASE("knots that coincide in the scalar are refused by name", "[b_spline]") {
   // Near 1e7 neighbouring floats are 1 apart, and 37 spans do not fit into 4 s.
-  const auto curve = CubicBSpline<float>::from_control_points(random_points<float>(40, 17), 1e7f, 1e7f + 4.0f);
+  const auto curve =
+      CubicBSpline<float>::from_control_points(random_points<float>(40, 17), 1e7f, 1e7f + 4.0f);
   REQUIRE_FALSE(curve.has_value());
-  CHECK(curve.error() == "knot 4: time 1e+07 does not come after 1e+07, too many control points for the interval");
-  CHECK(CubicBSpline<double>::from_control_points(random_points<double>(40, 17), 1e7, 1e7 + 4.0).has_value());
+  CHECK(curve.error() ==
+        "knot 4: time 1e+07 does not come after 1e+07, too many control points for the interval");
+  CHECK(CubicBSpline<double>::from_control_points(random_points<double>(40, 17), 1e7, 1e7 + 4.0)
+            .has_value());
   // As many knots as there are floats in between.
-  const auto full = CubicBSpline<float>::from_control_points(random_points<float>(7, 18), 1e7f, 1e7f + 4.0f);
+  const auto full =
+      CubicBSpline<float>::from_control_points(random_points<float>(7, 18), 1e7f, 1e7f + 4.0f);
   REQUIRE(full.has_value());
   for (const float t : {1e7f, 1e7f + 1, 1e7f + 2, 1e7f + 3, 1e7f + 4}) {
     CHECK(clothctl::all_finite(full->position(t)));

@@ -16,20 +16,25 @@ TEMPLATE_TEST_CASE("a grid of 65 by 65 has the paper's resolution", "[mesh]", fl
   CHECK(mesh.vertex(64, 64) == 4224);
 }
 
-TEMPLATE_TEST_CASE("row 0 is the bottom, column 0 the left, and the top edge lies at z = 0", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("row 0 is the bottom, column 0 the left, and the top edge lies at z = 0",
+                   "[mesh]", float, double) {
   using S = TestType;
   const auto made = make_grid<S>(4, 6, S(0.5), S(0.3));
   REQUIRE(made);
   const GridMesh<S>& mesh = made.value();
   const S near = S(4) * scalar_traits<S>::epsilon();
-  CHECK((mesh.positions.col(mesh.vertex(0, 0)) - Vector3<S>(S(-0.25), S(0), S(-0.3))).norm() <= near);
-  CHECK((mesh.positions.col(mesh.vertex(0, 5)) - Vector3<S>(S(0.25), S(0), S(-0.3))).norm() <= near);
+  CHECK((mesh.positions.col(mesh.vertex(0, 0)) - Vector3<S>(S(-0.25), S(0), S(-0.3))).norm() <=
+        near);
+  CHECK((mesh.positions.col(mesh.vertex(0, 5)) - Vector3<S>(S(0.25), S(0), S(-0.3))).norm() <=
+        near);
   CHECK((mesh.positions.col(mesh.vertex(3, 0)) - Vector3<S>(S(-0.25), S(0), S(0))).norm() <= near);
   for (int row = 0; row < 4; ++row) {
     for (int col = 0; col < 6; ++col) {
-      CHECK(mesh.positions(0, mesh.vertex(row, col)) == -mesh.positions(0, mesh.vertex(row, 5 - col)));
+      CHECK(mesh.positions(0, mesh.vertex(row, col)) ==
+            -mesh.positions(0, mesh.vertex(row, 5 - col)));
       if (row > 0) {
-        const S step = mesh.positions(2, mesh.vertex(row, col)) - mesh.positions(2, mesh.vertex(row - 1, col));
+        const S step =
+            mesh.positions(2, mesh.vertex(row, col)) - mesh.positions(2, mesh.vertex(row - 1, col));
         CHECK(step == Approx(static_cast<double>(mesh.row_spacing())).epsilon(1e-5));
       }
     }

@@ -17,15 +17,18 @@ double enclosed_volume(const TetMesh<S>& mesh) {
   double sum = 0;
   for (const auto& t : surface_triangles(mesh)) {
     Eigen::Matrix3d m;
-    for (int i = 0; i < 3; ++i) m.col(i) = mesh.positions.col(t[static_cast<std::size_t>(i)]).template cast<double>();
-    sum += (m(0, 0) * (m(1, 1) * m(2, 2) - m(2, 1) * m(1, 2)) - m(0, 1) * (m(1, 0) * m(2, 2) - m(2, 0) * m(1, 2)) +
+    for (int i = 0; i < 3; ++i)
+      m.col(i) = mesh.positions.col(t[static_cast<std::size_t>(i)]).template cast<double>();
+    sum += (m(0, 0) * (m(1, 1) * m(2, 2) - m(2, 1) * m(1, 2)) -
+            m(0, 1) * (m(1, 0) * m(2, 2) - m(2, 0) * m(1, 2)) +
             m(0, 2) * (m(1, 0) * m(2, 1) - m(2, 0) * m(1, 1))) /
            6.0;
   }
   return sum;
 }
 
-/// Every face belongs to one or two tetrahedra, and the surface is closed, oriented and of the topology of a sphere.
+/// Every face belongs to one or two tetrahedra, and the surface is closed, oriented and of the
+/// topology of a sphere.
 template <class S>
 void check_conforming(const TetMesh<S>& mesh) {
   std::map<std::array<int, 3>, int> faces;
@@ -48,14 +51,16 @@ void check_conforming(const TetMesh<S>& mesh) {
   CHECK(topology->boundary_edges.empty());
   CHECK(topology->consistently_oriented);
   // Euler characteristic of the ball: V - E + F - T = 1.
-  CHECK(static_cast<long>(mesh.positions.cols()) - static_cast<long>(tetrahedron_edges(mesh).size()) +
-            static_cast<long>(faces.size()) - static_cast<long>(mesh.tetrahedra.size()) ==
+  CHECK(static_cast<long>(mesh.positions.cols()) -
+            static_cast<long>(tetrahedron_edges(mesh).size()) + static_cast<long>(faces.size()) -
+            static_cast<long>(mesh.tetrahedra.size()) ==
         1);
 }
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere", "[mesh]", float,
+                   double) {
   using S = TestType;
   const double loose = std::is_same_v<S, float> ? 1e-5 : 1e-13;
   const Vector3<S> centre(S(0.3), S(-0.2), S(1.0));
@@ -64,8 +69,9 @@ TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere
     const auto made = make_ball<S>(S(0.05), resolution, centre);
     REQUIRE(made);
     const TetMesh<S>& mesh = made.value();
-    CHECK(mesh.check().empty());
-    CHECK(mesh.tetrahedra.size() == 8u * static_cast<std::size_t>(resolution * resolution * resolution));
+    CHECK(mesh.validate().empty());
+    CHECK(mesh.tetrahedra.size() ==
+          8u * static_cast<std::size_t>(resolution * resolution * resolution));
     check_conforming(mesh);
     const VectorX<S> volumes = tetrahedron_volumes(mesh);
     CHECK(volumes.minCoeff() > S(0));
@@ -93,7 +99,8 @@ TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere
   CHECK(short_of_ball < 0.025);
 }
 
-TEMPLATE_TEST_CASE("a ball's poles and centre are where they are said to be", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("a ball's poles and centre are where they are said to be", "[mesh]", float,
+                   double) {
   using S = TestType;
   const auto made = make_ball<S>(S(0.1), 4, Vector3<S>::Zero());
   REQUIRE(made);
@@ -108,7 +115,7 @@ TEMPLATE_TEST_CASE("a box is a conforming mesh of equal tetrahedra", "[mesh]", f
   using S = TestType;
   const auto made = make_box<S>(2, 3, 4, Vector3<S>(S(1), S(1.5), S(0.8)));
   REQUIRE(made);
-  CHECK(made->check().empty());
+  CHECK(made->validate().empty());
   CHECK(made->positions.cols() == 60);
   CHECK(made->tetrahedra.size() == 144);
   check_conforming(made.value());
@@ -121,7 +128,8 @@ TEMPLATE_TEST_CASE("a box is a conforming mesh of equal tetrahedra", "[mesh]", f
   CHECK(made->positions.rowwise().minCoeff() == Vector3<S>(S(-0.5), S(-0.75), S(-0.4)));
 }
 
-TEMPLATE_TEST_CASE("bad tetrahedral meshes and sizes are refused by name", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("bad tetrahedral meshes and sizes are refused by name", "[mesh]", float,
+                   double) {
   using S = TestType;
   const Vector3<S> zero = Vector3<S>::Zero(), one = Vector3<S>::Ones();
   CHECK(make_ball<S>(S(0.1), 0, zero).error() == "ball resolution must be 1 to 100, got 0");
@@ -129,28 +137,35 @@ TEMPLATE_TEST_CASE("bad tetrahedral meshes and sizes are refused by name", "[mes
   CHECK(make_ball<S>(S(1), 2, Vector3<S>::Constant(std::numeric_limits<S>::quiet_NaN())).error() ==
         "ball centre is not finite");
   CHECK(make_box<S>(1, 0, 1, one).error() == "box needs at least 1 cell along y, got 0");
-  CHECK(make_box<S>(1, 1, 1, Vector3<S>(S(1), S(1), S(0))).error() == "box size along z must be positive, got 0");
+  CHECK(make_box<S>(1, 1, 1, Vector3<S>(S(1), S(1), S(0))).error() ==
+        "box size along z must be positive, got 0");
   CHECK(make_box<S>(100000, 100000, 100000, one).error().find("too large") != std::string::npos);
-  const S tiny = std::is_same_v<S, float> ? S(1e-20) : S(1e-150), huge = std::is_same_v<S, float> ? S(1e20) : S(1e150);
-  CHECK(make_box<S>(1, 1, 1, Vector3<S>::Constant(tiny)).error() == "box: tetrahedron 0 has no positive volume, got 0 m^3");
-  CHECK(make_box<S>(2, 1, 1, Vector3<S>::Constant(huge)).error().find("box: tetrahedron 0 has no positive volume") == 0);
-  CHECK(make_ball<S>(tiny, 1, zero).error().find("ball: tetrahedron 0 has no positive volume") == 0);
-  CHECK(make_ball<S>(huge, 1, zero).error().find("ball: tetrahedron 0 has no positive volume") == 0);
+  const S tiny = std::is_same_v<S, float> ? S(1e-20) : S(1e-150),
+          huge = std::is_same_v<S, float> ? S(1e20) : S(1e150);
+  CHECK(make_box<S>(1, 1, 1, Vector3<S>::Constant(tiny)).error() ==
+        "box: tetrahedron 0 has no positive volume, got 0 m^3");
+  CHECK(make_box<S>(2, 1, 1, Vector3<S>::Constant(huge))
+            .error()
+            .find("box: tetrahedron 0 has no positive volume") == 0);
+  CHECK(make_ball<S>(tiny, 1, zero).error().find("ball: tetrahedron 0 has no positive volume") ==
+        0);
+  CHECK(make_ball<S>(huge, 1, zero).error().find("ball: tetrahedron 0 has no positive volume") ==
+        0);
 
   auto made = make_box<S>(1, 1, 1, one);
   REQUIRE(made);
   TetMesh<S> mesh = made.value();
   std::swap(mesh.tetrahedra[4][0], mesh.tetrahedra[4][1]);
-  CHECK(mesh.check().find("tetrahedron 4 has no positive volume") == 0);
+  CHECK(mesh.validate().find("tetrahedron 4 has no positive volume") == 0);
   mesh = made.value();
   mesh.tetrahedra[2][3] = 8;
-  CHECK(mesh.check() == "tetrahedron 2 holds vertex 8 off the mesh of 8 vertices");
+  CHECK(mesh.validate() == "tetrahedron 2 holds vertex 8 off the mesh of 8 vertices");
   mesh = made.value();
   mesh.positions(1, 5) = std::numeric_limits<S>::quiet_NaN();
-  CHECK(mesh.check() == "position of vertex 5 is not finite");
+  CHECK(mesh.validate() == "position of vertex 5 is not finite");
   mesh = made.value();
   mesh.positions.conservativeResize(3, 9);
   mesh.positions.col(8).setZero();
-  CHECK(mesh.check() == "vertex 8 belongs to no tetrahedron");
-  CHECK_FALSE(TetMesh<S>().check().empty());
+  CHECK(mesh.validate() == "vertex 8 belongs to no tetrahedron");
+  CHECK_FALSE(TetMesh<S>().validate().empty());
 }

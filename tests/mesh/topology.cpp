@@ -31,7 +31,8 @@ TEST_CASE("the topology of a grid obeys Euler's formula and lists every edge onc
   const Topology& topology = made.value();
   const auto expected = all_edges(mesh->triangles);
   REQUIRE(topology.edges.size() == expected.size());
-  CHECK(35 - static_cast<int>(topology.edges.size()) + static_cast<int>(mesh->triangles.size()) == 1);
+  CHECK(35 - static_cast<int>(topology.edges.size()) + static_cast<int>(mesh->triangles.size()) ==
+        1);
   auto it = expected.begin();
   for (const MeshEdge& edge : topology.edges) {
     CHECK(std::pair<int, int>(edge.a, edge.b) == *it);
@@ -102,19 +103,25 @@ TEST_CASE("a turned triangle is noticed, a closed surface has no border", "[mesh
 }
 
 TEST_CASE("bad triangles are refused by name", "[mesh]") {
-  CHECK(make_topology(3, {{0, 1, 2}, {0, 2, 3}}).error() == "triangle 1 holds vertex 3 off the mesh of 3 vertices");
-  CHECK(make_topology(3, {{0, -1, 2}}).error() == "triangle 0 holds vertex -1 off the mesh of 3 vertices");
+  CHECK(make_topology(3, {{0, 1, 2}, {0, 2, 3}}).error() ==
+        "triangle 1 holds vertex 3 off the mesh of 3 vertices");
+  CHECK(make_topology(3, {{0, -1, 2}}).error() ==
+        "triangle 0 holds vertex -1 off the mesh of 3 vertices");
   CHECK(make_topology(3, {{0, 1, 2}, {1, 2, 1}}).error() == "triangle 1 holds vertex 1 twice");
   CHECK(make_topology(5, {{0, 1, 2}, {1, 0, 3}, {0, 1, 4}}).error() ==
         "edge 0-1 is shared by 3 triangles, the third is triangle 2");
-  CHECK(make_topology(5, {{0, 1, 2}, {2, 3, 1}, {2, 1, 4}}).error().find("edge 1-2 is shared by 3") == 0);
+  CHECK(
+      make_topology(5, {{0, 1, 2}, {2, 3, 1}, {2, 1, 4}}).error().find("edge 1-2 is shared by 3") ==
+      0);
   CHECK(make_topology(3, {{0, 1, 2}, {2, 1, 0}}).error() == "triangle 1 repeats triangle 0");
 }
 
 TEST_CASE("counts that ints cannot number are refused by value", "[mesh]") {
   CHECK(make_topology(-1, {}).error() == "vertex count must not be negative, got -1");
   CHECK(make_topology(-7, {{0, 1, 2}}).error() == "vertex count must not be negative, got -7");
-  CHECK(make_topology(2147483648, {}).error() == "vertex count must be at most 2147483647, got 2147483648");
+  CHECK(make_topology(2147483648, {}).error() ==
+        "vertex count must be at most 2147483647, got 2147483648");
   CHECK(detail::bad_mesh_counts(2147483647, 357913941).empty());
-  CHECK(detail::bad_mesh_counts(3, 357913942) == "triangle count must be at most 357913941, got 357913942");
+  CHECK(detail::bad_mesh_counts(3, 357913942) ==
+        "triangle count must be at most 357913941, got 357913942");
 }

@@ -1,6 +1,6 @@
 // Condensing against products of the big matrices that it avoids.
 
-#include "clothctl/mpc/condense.hpp"
+#include "clothctl/mpc/detail/condense.hpp"
 
 #include <random>
 
@@ -21,7 +21,8 @@ MatrixX<Scalar> random_matrix(Index rows, Index cols, std::mt19937& random) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window", "[mpc]", float, double) {
+TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window", "[mpc]", float,
+                   double) {
   std::mt19937 random(11);
   const TestType tolerance = std::is_same_v<TestType, float> ? TestType(1e-4) : TestType(1e-12);
   for (const Index horizon : {1, 2, 7, 20}) {
@@ -32,13 +33,16 @@ TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window",
       MatrixX<TestType> big = MatrixX<TestType>::Zero(rows * horizon, inputs * horizon);
       for (Index k = 0; k < horizon; ++k) {
         for (Index j = 0; j <= k; ++j)
-          big.block(k * rows, j * inputs, rows, inputs) = blocks.middleCols((k - j) * inputs, inputs);
+          big.block(k * rows, j * inputs, rows, inputs) =
+              blocks.middleCols((k - j) * inputs, inputs);
       }
-      const VectorX<TestType> e = Eigen::Map<const VectorX<TestType>>(residual.data(), residual.size());
-      MatrixX<TestType> hessian = MatrixX<TestType>::Constant(inputs * horizon, inputs * horizon, TestType(7));
+      const VectorX<TestType> e =
+          Eigen::Map<const VectorX<TestType>>(residual.data(), residual.size());
+      MatrixX<TestType> hessian =
+          MatrixX<TestType>::Constant(inputs * horizon, inputs * horizon, TestType(7));
       VectorX<TestType> gradient = VectorX<TestType>::Constant(inputs * horizon, TestType(7));
       const long before = clothctl_test::allocations();
-      condense<TestType>(blocks, residual, hessian, gradient);
+      detail::condense<TestType>(blocks, residual, hessian, gradient);
       const long made = clothctl_test::allocations() - before;
       if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
       const MatrixX<TestType> expected = big.transpose() * big;
@@ -52,7 +56,7 @@ TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window",
 TEST_CASE("a window without rows condenses to nothing", "[mpc]") {
   MatrixX<double> hessian = MatrixX<double>::Ones(12, 12);
   VectorX<double> gradient = VectorX<double>::Ones(12);
-  condense<double>(MatrixX<double>(0, 12), MatrixX<double>(0, 4), hessian, gradient);
+  detail::condense<double>(MatrixX<double>(0, 12), MatrixX<double>(0, 4), hessian, gradient);
   CHECK(hessian.norm() == 0.0);
   CHECK(gradient.norm() == 0.0);
 }

@@ -1,9 +1,10 @@
 #pragma once
 
-// The linearised step of a spring network once more, dense and straight from its definition: what sparse predictors are
-// judged by.
+// The linearised step of a spring network once more, dense and straight from its definition: what
+// sparse predictors are judged by.
 //
-//   A v⁺ = M v + h ( f - K q + E u + G (w - w_1) ),   A = (1 + h α) M + h (D + C) + h² K,   x⁺ = x + h v⁺
+//   A v⁺ = M v + h ( f - K q + E u + G (w - w_1) ),   A = (1 + h α) M + h (D + C) + h² K,   x⁺ = x
+//   + h v⁺
 
 #include <Eigen/Dense>
 #include <cmath>
@@ -19,9 +20,11 @@ struct DenseStep {
   Eigen::VectorXd mass, f;           // 3n each
   std::vector<bool> held;
 
-  /// Linearises about (x, v) in air that moves at `wind`; `driven` and pinned vertices are prescribed.
-  DenseStep(const clothctl::MassSpring<double>& model, const clothctl::Points<double>& x, const clothctl::Points<double>& v,
-            const Eigen::Vector3d& wind, double h, const std::vector<int>& driven)
+  /// Linearises about (x, v) in air that moves at `wind`; `driven` and pinned vertices are
+  /// prescribed.
+  DenseStep(const clothctl::MassSpring<double>& model, const clothctl::Points<double>& x,
+            const clothctl::Points<double>& v, const Eigen::Vector3d& wind, double h,
+            const std::vector<int>& driven)
       : dt(h), held(static_cast<std::size_t>(x.cols()), false) {
     const clothctl::SpringNetwork<double>& net = model.network();
     const clothctl::MassSpringSettings<double>& set = model.settings();
@@ -47,7 +50,8 @@ struct DenseStep {
     for (const auto& s : net.springs) {
       const Eigen::Vector3d d = x.col(s.a) - x.col(s.b), e = d.normalized();
       const Eigen::Matrix3d along = e * e.transpose();
-      couple(K, s.a, s.b, s.stiffness * (along + std::max(0.0, 1.0 - s.rest_length / d.norm()) * (I - along)));
+      couple(K, s.a, s.b,
+             s.stiffness * (along + std::max(0.0, 1.0 - s.rest_length / d.norm()) * (I - along)));
       couple(D, s.a, s.b, s.damping * along);
       const Eigen::Vector3d pull = s.stiffness * (d.norm() - s.rest_length) * e;
       f.segment<3>(3 * s.a) -= pull;
@@ -68,9 +72,10 @@ struct DenseStep {
         const Eigen::Vector3d normal = cross.normalized();
         const Eigen::Vector3d r = wind - (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) / 3.0;
         const double r_n = r.dot(normal), r_t = (r - r_n * normal).norm();
-        const Eigen::Matrix3d C = 0.5 * set.air.density * 0.5 * cross.norm() *
-                                  (set.air.normal_coefficient * std::abs(r_n) * normal * normal.transpose() +
-                                   set.air.tangent_coefficient * r_t * (I - normal * normal.transpose()));
+        const Eigen::Matrix3d C =
+            0.5 * set.air.density * 0.5 * cross.norm() *
+            (set.air.normal_coefficient * std::abs(r_n) * normal * normal.transpose() +
+             set.air.tangent_coefficient * r_t * (I - normal * normal.transpose()));
         for (int i : t) {
           wind_force.block<3, 3>(3 * i, 0) += C / 3.0;
           f.segment<3>(3 * i) += C * wind / 3.0;
@@ -83,15 +88,19 @@ struct DenseStep {
     free_ = Eigen::LLT<Eigen::MatrixXd>(reduced(A));
   }
 
-  /// Vertex positions at the end of frames 1 … K from (x, v): 3n × K. `u` (3·inputs.size() × K) are the forces on the
-  /// vertices `inputs` or, where those are held, their velocities; `wind` (3×K) blows instead of that linearised at.
-  Eigen::MatrixXd rollout(const clothctl::Points<double>& x, const clothctl::Points<double>& v, const std::vector<int>& inputs,
-                          const Eigen::MatrixXd& u, const Eigen::MatrixXd& wind) const {
+  /// Vertex positions at the end of frames 1 … K from (x, v): 3n × K. `u` (3·inputs.size() × K) are
+  /// the forces on the vertices `inputs` or, where those are held, their velocities; `wind` (3×K)
+  /// blows instead of that linearised at.
+  Eigen::MatrixXd rollout(const clothctl::Points<double>& x, const clothctl::Points<double>& v,
+                          const std::vector<int>& inputs, const Eigen::MatrixXd& u,
+                          const Eigen::MatrixXd& wind) const {
     const Eigen::Index n3 = x.size(), frames = u.cols();
-    Eigen::VectorXd q = Eigen::VectorXd::Zero(n3), w = Eigen::Map<const Eigen::VectorXd>(v.data(), n3);
+    Eigen::VectorXd q = Eigen::VectorXd::Zero(n3),
+                    w = Eigen::Map<const Eigen::VectorXd>(v.data(), n3);
     Eigen::MatrixXd out(n3, frames);
     for (Eigen::Index k = 0; k < frames; ++k) {
-      Eigen::VectorXd rhs = mass.cwiseProduct(w) + dt * (f - K * q + wind_force * (wind.col(k) - wind.col(0)));
+      Eigen::VectorXd rhs =
+          mass.cwiseProduct(w) + dt * (f - K * q + wind_force * (wind.col(k) - wind.col(0)));
       Eigen::VectorXd next = Eigen::VectorXd::Zero(n3);
       for (std::size_t j = 0; j < inputs.size(); ++j) {
         const Eigen::Vector3d given = u.block<3, 1>(3 * static_cast<Eigen::Index>(j), k);
@@ -105,7 +114,8 @@ struct DenseStep {
       const Eigen::VectorXd solved = free_.solve(gather(rhs));
       Eigen::Index row = 0;
       for (std::size_t i = 0; i < held.size(); ++i) {
-        if (!held[i]) next.segment<3>(3 * static_cast<Eigen::Index>(i)) = solved.segment<3>(3 * row++);
+        if (!held[i])
+          next.segment<3>(3 * static_cast<Eigen::Index>(i)) = solved.segment<3>(3 * row++);
       }
       w = next;
       q += dt * w;

@@ -9,7 +9,8 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("points, centroids and sums obey the laws of feature maps", "[mpc]", float, double) {
+TEMPLATE_TEST_CASE("points, centroids and sums obey the laws of feature maps", "[mpc]", float,
+                   double) {
   PointFeatures<TestType> features;
   features.add_point(3);
   features.add_centroid({0, 1, 5, 7});
@@ -34,22 +35,25 @@ TEST_CASE("features are evaluated as they were added", "[mpc]") {
 
 TEST_CASE("features off the mesh, without terms or without weight are refused by name", "[mpc]") {
   PointFeatures<double> none;
-  CHECK(check_features<double>(none, 5) == "there are no features");
+  CHECK(validate_features<double>(none, 5) == "there are no features");
   PointFeatures<double> off;
   off.add_point(4);
-  CHECK(check_features<double>(off, 5).empty());
+  CHECK(validate_features<double>(off, 5).empty());
   off.add_centroid({1, 5});
-  CHECK(check_features<double>(off, 5).find("feature 1 uses vertex 5") != std::string::npos);
+  CHECK(validate_features<double>(off, 5).find("feature 1 uses vertex 5") != std::string::npos);
   PointFeatures<double> negative;
   negative.add_point(-1);
-  CHECK(check_features<double>(negative, 5).find("feature 0 uses vertex -1") != std::string::npos);
+  CHECK(validate_features<double>(negative, 5).find("feature 0 uses vertex -1") !=
+        std::string::npos);
   PointFeatures<double> empty;
   empty.add_point(0);
   empty.add_centroid({});
-  CHECK(check_features<double>(empty, 5).find("feature 1 has no vertices") != std::string::npos);
-  for (const double bad : {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
+  CHECK(validate_features<double>(empty, 5).find("feature 1 has no vertices") != std::string::npos);
+  for (const double bad :
+       {std::numeric_limits<double>::quiet_NaN(), std::numeric_limits<double>::infinity()}) {
     PointFeatures<double> weightless;
     weightless.add_sum({{3, 1.0}, {2, bad}});
-    CHECK(check_features<double>(weightless, 5).find("non-finite weight at vertex 2") != std::string::npos);
+    CHECK(validate_features<double>(weightless, 5).find("non-finite weight at vertex 2") !=
+          std::string::npos);
   }
 }

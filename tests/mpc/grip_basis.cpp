@@ -1,6 +1,6 @@
 // The map from the QP's unknowns to forces and velocities of the held vertices.
 
-#include "clothctl/mpc/grip_basis.hpp"
+#include "clothctl/mpc/detail/grip_basis.hpp"
 
 #include <random>
 
@@ -17,7 +17,9 @@ const clothctl_test::HangingSheet& sheet() {
   return made;
 }
 
-Grip<double> patch_grip(int side, int size) { return make_pinch<double>(sheet().corner_patch(side, size), 0.4, 2.0); }
+Grip<double> patch_grip(int side, int size) {
+  return make_pinch<double>(sheet().corner_patch(side, size), 0.4, 2.0);
+}
 
 VectorX<double> random_vector(Index n, std::mt19937& random) {
   std::uniform_real_distribution<double> uniform(0.0, 1.0);
@@ -31,18 +33,19 @@ VectorX<double> random_vector(Index n, std::mt19937& random) {
 TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[mpc]") {
   std::mt19937 random(3);
   std::vector<Grip<double>> grips{patch_grip(0, 2), patch_grip(1, 1)};
-  grips[0].fingers[1].generators = 6;
-  grips[0].fingers[1].friction = 0.9;
-  GripBasis<double> basis(grips, sheet().network.triangles, GripInput::Force);
-  CHECK(basis.held() == std::vector<int>{15, 16, 20, 21, 24});
-  CHECK(basis.grip_begin(0) == 0);
-  CHECK(basis.grip_begin(1) == 4);
-  CHECK(basis.grip_begin(2) == 5);
+  grips[0].fingers[1].contact.pyramid = 6;
+  grips[0].fingers[1].contact.friction = 0.9;
+  detail::GripBasis<double> basis(grips, sheet().network.triangles, GripInput::Force);
+  CHECK(basis.held().vertices() == std::vector<int>{15, 16, 20, 21, 24});
+  CHECK(basis.held().grip_begin(0) == 0);
+  CHECK(basis.held().grip_begin(1) == 4);
+  CHECK(basis.held().grip_begin(2) == 5);
   CHECK(basis.inputs() == 15);
   CHECK(basis.unknowns() == 4 * (4 + 6) + 8);
-  CHECK(basis.contacts().size() == 10);
+  CHECK(basis.force_count() == 10);
+  REQUIRE(basis.fingers().size() == 4);
   const Points<double> x = clothctl_test::shaken(sheet().state, 1).positions;
-  std::vector<FingerForce<double>> forces(basis.contacts().size());
+  std::vector<FingerForce<double>> forces(static_cast<std::size_t>(basis.force_count()));
   const VectorX<double> d = random_vector(basis.unknowns(), random);
   const long before = clothctl_test::allocations();
   basis.update(x);
@@ -50,17 +53,29 @@ TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[
   const long made = clothctl_test::allocations() - before;
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
   VectorX<double> sum = VectorX<double>::Zero(basis.inputs());
-  for (std::size_t i = 0; i < forces.size(); ++i) {
-    const FingerForce<double>& f = forces[i];
-    const Finger<double>& finger = basis.finger(basis.contacts()[i]);
-    const auto slot = std::find(basis.held().begin(), basis.held().end(), f.vertex) - basis.held().begin();
-    sum.segment<3>(3 * slot) += f.force;
-    CHECK(f.normal.norm() == Approx(1.0));
-    CHECK(cone_violation<double>(f.force, f.normal, finger.friction, 1e9) < 1e-14);
-    // d = 1 on one generator gives the normal part 1/√(1+μ²).
-    const double share =
-        d.segment(basis.contacts()[i].column, finger.generators).sum() / std::sqrt(1.0 + finger.friction * finger.friction);
-    CHECK(f.force.dot(f.normal) == Approx(share));
+  for (const auto& columns : basis.fingers()) {
+    const Finger<double>& finger = basis.finger(columns);
+    double normal = 0;
+    for (std::size_t j = 0; j < finger.vertices.size(); ++j) {
+      const FingerForce<double>& f = forces[static_cast<std::size_t>(columns.first_force) + j];
+      CHECK(f.grip == columns.grip);
+      CHECK(f.finger == columns.finger);
+      CHECK(f.vertex == finger.vertices[j]);
+      const std::vector<int>& held = basis.held().vertices();
+      const auto slot = std::find(held.begin(), held.end(), f.vertex) - held.begin();
+      CHECK(columns.held_slots[j] == slot);
+      sum.segment<3>(3 * slot) += f.force;
+      CHECK(f.normal.norm() == Approx(1.0));
+      CHECK(cone_violation<double>(f.force, f.normal, finger.contact.friction, 1e9) < 1e-14);
+      // d = 1 on one generator gives the normal part 1/√(1+μ²).
+      const Index pyramid = finger.contact.pyramid;
+      const double share =
+          d.segment(columns.column + static_cast<Index>(j) * pyramid, pyramid).sum() /
+          std::sqrt(1.0 + finger.contact.friction * finger.contact.friction);
+      CHECK(f.force.dot(f.normal) == Approx(share));
+      normal += share;
+    }
+    CHECK(basis.normal_force(columns, d) == Approx(normal));
   }
   CHECK((basis.matrix() * d - sum).norm() < 1e-13);
   // A column touches the rows that it says and no others.
@@ -72,7 +87,7 @@ TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[
 }
 
 TEST_CASE("opposed fingers stand on opposite sides of the sheet", "[mpc]") {
-  GripBasis<double> basis({patch_grip(0, 1)}, sheet().network.triangles, GripInput::Force);
+  detail::GripBasis<double> basis({patch_grip(0, 1)}, sheet().network.triangles, GripInput::Force);
   basis.update(sheet().network.rest_positions);  // the plane y = 0, front towards -y
   std::vector<FingerForce<double>> forces(2);
   basis.finger_forces(VectorX<double>::Ones(8), forces);
@@ -81,7 +96,7 @@ TEST_CASE("opposed fingers stand on opposite sides of the sheet", "[mpc]") {
   // Without triangles the fallback stands in.
   Grip<double> grip = patch_grip(0, 1);
   grip.fallback_normal = Vector3<double>(0.0, 0.0, 1.0);
-  GripBasis<double> rope({grip}, {}, GripInput::Force);
+  detail::GripBasis<double> rope({grip}, {}, GripInput::Force);
   rope.update(sheet().state.positions);
   rope.finger_forces(VectorX<double>::Ones(8), forces);
   CHECK(forces[0].normal == Vector3<double>(0.0, 0.0, 1.0));
@@ -89,16 +104,17 @@ TEST_CASE("opposed fingers stand on opposite sides of the sheet", "[mpc]") {
 
 TEST_CASE("the pose of a grip moves its vertices as a rigid body", "[mpc]") {
   std::mt19937 random(8);
-  GripBasis<double> basis({patch_grip(0, 2), patch_grip(1, 1)}, sheet().network.triangles, GripInput::Pose);
+  detail::GripBasis<double> basis({patch_grip(0, 2), patch_grip(1, 1)}, sheet().network.triangles,
+                                  GripInput::Pose);
   CHECK(basis.unknowns() == 6 + 3);
-  CHECK(basis.contacts().empty());
+  CHECK(basis.fingers().empty());
   const Points<double> x = clothctl_test::shaken(sheet().state, 2).positions;
   basis.update(x);
   const VectorX<double> u = random_vector(9, random);
   const VectorX<double> r = basis.matrix() * u;
-  const Vector3<double> v = u.head<3>(), omega = u.segment<3>(3), c = basis.centroid(x, 0);
+  const Vector3<double> v = u.head<3>(), omega = u.segment<3>(3), c = basis.held().centroid(x, 0);
   for (Index j = 0; j < 4; ++j) {
-    const Vector3<double> arm = x.col(basis.held()[static_cast<std::size_t>(j)]) - c;
+    const Vector3<double> arm = x.col(basis.held().vertices()[static_cast<std::size_t>(j)]) - c;
     CHECK((r.segment<3>(3 * j) - (v + omega.cross(arm))).norm() < 1e-14);
   }
   CHECK((r.tail<3>() - u.tail<3>()).norm() < 1e-15);
@@ -106,7 +122,7 @@ TEST_CASE("the pose of a grip moves its vertices as a rigid body", "[mpc]") {
 
 TEST_CASE("bounds keep limits and steps", "[mpc]") {
   const Points<double> x = sheet().state.positions;
-  GripBasis<double> forces({patch_grip(0, 2)}, sheet().network.triangles, GripInput::Force);
+  detail::GripBasis<double> forces({patch_grip(0, 2)}, sheet().network.triangles, GripInput::Force);
   VectorX<double> lower(forces.unknowns()), upper(forces.unknowns());
   forces.bounds(x, 0.05, 0.02, lower, upper);
   CHECK(lower.norm() == 0.0);
@@ -114,8 +130,9 @@ TEST_CASE("bounds keep limits and steps", "[mpc]") {
   CHECK(upper.minCoeff() == Approx(2.0 * std::sqrt(1.0 + 0.16)));
   CHECK(upper.maxCoeff() == Approx(upper.minCoeff()));
 
-  // Whatever the corner of the box: the centre moves at most max_step along each axis, and turning adds at most as much.
-  GripBasis<double> poses({patch_grip(0, 3)}, sheet().network.triangles, GripInput::Pose);
+  // Whatever the corner of the box: the centre moves at most max_step along each axis, and turning
+  // adds at most as much.
+  detail::GripBasis<double> poses({patch_grip(0, 3)}, sheet().network.triangles, GripInput::Pose);
   poses.update(x);
   lower.resize(6);
   upper.resize(6);

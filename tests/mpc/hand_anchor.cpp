@@ -15,7 +15,7 @@ HandAnchor<double> anchor_of(std::vector<double> weights, const V& offset) {
   HandAnchor<double> anchor;
   anchor.feature_weights = std::move(weights);
   anchor.offset = offset;
-  anchor.drop = offset[2];
+  anchor.hanging_length = offset[2];
   return anchor;
 }
 
@@ -29,9 +29,10 @@ auto line(const Motion& motion) {
 
 TEST_CASE("a constant target gives a constant hand", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({1.0, 0.0}, V(0.02, 0.1, 0.5));
-  for (const Swing swing : {Swing::None, Swing::Sheet, Swing::Pendulum}) {
+  for (const HeavyChainAxes heavy_chain_axes :
+       {HeavyChainAxes::Off, HeavyChainAxes::SheetNormal, HeavyChainAxes::Horizontal}) {
     const auto target = line([](double) { return V(0.3, -0.2, 1.0); });
-    const V p = anchor_position(anchor, swing, 9.81, target, 0.7);
+    const V p = anchor_position(anchor, heavy_chain_axes, 9.81, target, 0.7);
     CHECK((p - V(0.07, -0.1, 1.5)).norm() < 1e-14);
   }
 }
@@ -39,17 +40,21 @@ TEST_CASE("a constant target gives a constant hand", "[mpc]") {
 TEST_CASE("the hand of a steady motion moves steadily", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const V velocity(0.2, -0.4, 0.1);
-  for (const Swing swing : {Swing::None, Swing::Sheet, Swing::Pendulum}) {
-    const V p = anchor_position(anchor, swing, 9.81, line([&](double t) { return V(t * velocity); }), 1.3);
+  for (const HeavyChainAxes heavy_chain_axes :
+       {HeavyChainAxes::Off, HeavyChainAxes::SheetNormal, HeavyChainAxes::Horizontal}) {
+    const V p = anchor_position(anchor, heavy_chain_axes, 9.81,
+                                line([&](double t) { return V(t * velocity); }), 1.3);
     CHECK((p - V(1.3 * velocity + anchor.offset)).norm() < 1e-13);
   }
 }
 
 TEST_CASE("the hand leads a constant acceleration by that of a hanging chain", "[mpc]") {
-  // The mean of (t + τ sin a)² is t² + τ²/2, so with ȳ = ½ b t² the hand stands b τ²/4 = b L/g ahead: tan(angle) = b/g.
+  // The mean of (t + τ sin a)² is t² + τ²/2, so with ȳ = ½ b t² the hand stands b τ²/4 = b L/g
+  // ahead: tan(angle) = b/g.
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.4));
   const double b = 1.7;
-  const V p = anchor_position(anchor, Swing::Sheet, 9.81, line([&](double t) { return V(0.0, 0.5 * b * t * t, 0.0); }), 0.9);
+  const V p = anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81,
+                              line([&](double t) { return V(0.0, 0.5 * b * t * t, 0.0); }), 0.9);
   CHECK(p[1] == Approx(0.5 * b * 0.81 + b * 0.4 / 9.81).epsilon(1e-13));
   CHECK(p[0] == Approx(0.0).margin(1e-14));
   CHECK(p[2] == Approx(0.4));
@@ -61,7 +66,8 @@ TEST_CASE("a sinusoid is attenuated by the Bessel function of its frequency", "[
   for (const double omega : {1.0, 4.0, 9.0, 20.0}) {
     for (const double t : {0.0, 0.4}) {
       const V p =
-          anchor_position(anchor, Swing::Sheet, 9.81, line([&](double s) { return V(0.0, std::cos(omega * s), 0.0); }), t);
+          anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81,
+                          line([&](double s) { return V(0.0, std::cos(omega * s), 0.0); }), t);
       double j0 = 0.0, term = 1.0;  // power series of J0
       for (int m = 1; m < 60; ++m) {
         j0 += term;
@@ -74,11 +80,13 @@ TEST_CASE("a sinusoid is attenuated by the Bessel function of its frequency", "[
 
 TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
-  const auto motion = [](double t) { return V(std::sin(5.0 * t), std::sin(5.0 * t), std::sin(5.0 * t)); };
+  const auto motion = [](double t) {
+    return V(std::sin(5.0 * t), std::sin(5.0 * t), std::sin(5.0 * t));
+  };
   const double t = 0.3, now = std::sin(5.0 * t);
-  const V none = anchor_position(anchor, Swing::None, 9.81, line(motion), t);
-  const V sheet = anchor_position(anchor, Swing::Sheet, 9.81, line(motion), t);
-  const V pendulum = anchor_position(anchor, Swing::Pendulum, 9.81, line(motion), t);
+  const V none = anchor_position(anchor, HeavyChainAxes::Off, 9.81, line(motion), t);
+  const V sheet = anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, line(motion), t);
+  const V pendulum = anchor_position(anchor, HeavyChainAxes::Horizontal, 9.81, line(motion), t);
   CHECK((none - V(now, now, now + 0.5)).norm() < 1e-14);
   CHECK(sheet[0] == Approx(now).epsilon(1e-13));
   CHECK(std::abs(sheet[1] - now) > 0.1);
@@ -89,14 +97,17 @@ TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]")
 
   // Nothing hangs below the hand, or no line to stand across: no average.
   HandAnchor<double> flat = anchor;
-  flat.drop = 0.0;
-  CHECK((anchor_position(flat, Swing::Pendulum, 9.81, line(motion), t) - none).norm() < 1e-14);
+  flat.hanging_length = 0.0;
+  CHECK((anchor_position(flat, HeavyChainAxes::Horizontal, 9.81, line(motion), t) - none).norm() <
+        1e-14);
   const auto together = [&](Index, double s) { return motion(s); };
-  CHECK((anchor_position(anchor, Swing::Sheet, 9.81, together, t) - none).norm() < 1e-14);
+  CHECK((anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, together, t) - none).norm() <
+        1e-14);
 
   // One feature makes no line: what hangs from one point swings both ways.
   const HandAnchor<double> single = anchor_of({1.0}, V(0.0, 0.0, 0.5));
-  CHECK((anchor_position(single, Swing::Sheet, 9.81, together, t) - anchor_position(single, Swing::Pendulum, 9.81, together, t))
+  CHECK((anchor_position(single, HeavyChainAxes::SheetNormal, 9.81, together, t) -
+         anchor_position(single, HeavyChainAxes::Horizontal, 9.81, together, t))
             .norm() < 1e-14);
 }
 
@@ -104,11 +115,14 @@ TEST_CASE("the average turns with the line between the features", "[mpc]") {
   // The same motion across the line, seen from above under another angle.
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const double angle = 0.6;
-  const V along(std::cos(angle), std::sin(angle), 0.0), across(-std::sin(angle), std::cos(angle), 0.0);
-  const auto turned = [&](Index i, double t) { return V((i == 0 ? -0.25 : 0.25) * along + std::sin(5.0 * t) * across); };
+  const V along(std::cos(angle), std::sin(angle), 0.0),
+      across(-std::sin(angle), std::cos(angle), 0.0);
+  const auto turned = [&](Index i, double t) {
+    return V((i == 0 ? -0.25 : 0.25) * along + std::sin(5.0 * t) * across);
+  };
   const auto straight = line([](double t) { return V(0.0, std::sin(5.0 * t), 0.0); });
-  const V p = anchor_position(anchor, Swing::Sheet, 9.81, turned, 0.2);
-  const V q = anchor_position(anchor, Swing::Sheet, 9.81, straight, 0.2);
+  const V p = anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, turned, 0.2);
+  const V q = anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, straight, 0.2);
   CHECK(p.dot(across) == Approx(q[1]));
   CHECK(p.dot(along) == Approx(0.0).margin(1e-14));
 }
@@ -117,7 +131,7 @@ TEST_CASE("an anchor allocates nothing", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const auto target = line([](double t) { return V(t, t * t, 0.0); });
   const long before = clothctl_test::allocations();
-  const V p = anchor_position(anchor, Swing::Pendulum, 9.81, target, 0.2);
+  const V p = anchor_position(anchor, HeavyChainAxes::Horizontal, 9.81, target, 0.2);
   const long made = clothctl_test::allocations() - before;
   CHECK(all_finite(p));
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
@@ -127,17 +141,24 @@ TEST_CASE("made anchors keep the hands where they start", "[mpc]") {
   Points<double> features(3, 2), hands(3, 2);
   features << -0.2, 0.2, 0.0, 0.01, 0.1, 0.12;
   hands << -0.25, 0.24, 0.02, 0.0, 0.6, 0.05;
-  const auto still = [](const Points<double>& y) { return [y](Index i, double) { return V(y.col(i)); }; };
+  const auto still = [](const Points<double>& y) {
+    return [y](Index i, double) { return V(y.col(i)); };
+  };
   for (const Index hand_count : {1, 2}) {
     const Points<double> held = hands.leftCols(hand_count);
     const std::vector<HandAnchor<double>> anchors = make_anchors(features, held);
     REQUIRE(anchors.size() == static_cast<std::size_t>(hand_count));
     for (Index g = 0; g < hand_count; ++g) {
       const HandAnchor<double>& anchor = anchors[static_cast<std::size_t>(g)];
-      CHECK((anchor_position(anchor, Swing::Sheet, 9.81, still(features), 0.0) - held.col(g)).norm() < 1e-14);
-      CHECK(anchor.drop == std::max(0.0, anchor.offset[2]));  // a hand below its feature has nothing hanging from it
+      CHECK((anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, still(features), 0.0) -
+             held.col(g))
+                .norm() < 1e-14);
+      CHECK(
+          anchor.hanging_length ==
+          std::max(0.0, anchor.offset[2]));  // a hand below its feature has nothing hanging from it
     }
   }
   CHECK(make_anchors(features, hands)[1].feature_weights == std::vector<double>{0.0, 1.0});
-  CHECK(make_anchors(features, Points<double>(hands.leftCols(1)))[0].feature_weights == std::vector<double>{0.5, 0.5});
+  CHECK(make_anchors(features, Points<double>(hands.leftCols(1)))[0].feature_weights ==
+        std::vector<double>{0.5, 0.5});
 }

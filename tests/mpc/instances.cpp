@@ -7,7 +7,8 @@ template class clothctl::BoxActiveSet<double>;
 template class clothctl::ActiveSet<double>;
 template class clothctl::MassSpring<double>;
 template class clothctl::MassSpringResponse<float>;
-template class clothctl::ExactPredictor<clothctl::MassSpringResponse<float>, double>;
-template class clothctl::RolloutPredictor<clothctl::MassSpring<double>, clothctl_test::FrozenPredictor>;
+template class clothctl::LinearisedPredictor<clothctl::MassSpringResponse<float>, double>;
+template class clothctl::RolloutPredictor<clothctl::MassSpring<double>,
+                                          clothctl_test::FrozenPredictor>;
 template class clothctl::Planner<clothctl_test::FrozenPredictor>;
 template class clothctl::Planner<clothctl_test::RollingPredictor>;

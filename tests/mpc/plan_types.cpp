@@ -1,4 +1,5 @@
-// What a planner is made for, checked before it is made, and what a frame that was not planned yet answers.
+// What a planner is made for, checked before it is made, and what a frame that was not planned yet
+// answers.
 
 #include "clothctl/mpc/plan_types.hpp"
 
@@ -34,110 +35,122 @@ PlannerSetup<S> anchored() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a setup that fits its sheet passes, with or without triangles and anchors", "[mpc][plan_types]", float,
-                   double) {
+TEMPLATE_TEST_CASE("a setup that fits its sheet passes, with or without triangles and anchors",
+                   "[mpc][plan_types]", float, double) {
   using S = TestType;
-  CHECK(setup<S>().check(kVertices) == "");
-  CHECK(setup<S>().check(kVertices + 1) == "");
-  CHECK(anchored<S>().check(kVertices) == "");
+  CHECK(setup<S>().validate(kVertices) == "");
+  CHECK(setup<S>().validate(kVertices + 1) == "");
+  CHECK(anchored<S>().validate(kVertices) == "");
   PlannerSetup<S> rope = setup<S>();
   rope.triangles.clear();
-  CHECK(rope.check(kVertices) == "");
+  CHECK(rope.validate(kVertices) == "");
 }
 
-TEMPLATE_TEST_CASE("features and grips that do not fit are named", "[mpc][plan_types]", float, double) {
+TEMPLATE_TEST_CASE("features and grips that do not fit are named", "[mpc][plan_types]", float,
+                   double) {
   using S = TestType;
   PlannerSetup<S> s = setup<S>();
   s.features.add_point(9);
-  CHECK(s.check(kVertices) == "feature 2 uses vertex 9, off a mesh of 9 vertices");
-  CHECK(s.check(kVertices + 1) == "");
+  CHECK(s.validate(kVertices) == "feature 2 uses vertex 9, off a mesh of 9 vertices");
+  CHECK(s.validate(kVertices + 1) == "");
   s = setup<S>();
   s.features = {};
-  CHECK(s.check(kVertices) == "there are no features");
+  CHECK(s.validate(kVertices) == "there are no features");
   s = setup<S>();
   s.grips.clear();
-  CHECK(s.check(kVertices) == "there are no grips");
+  CHECK(s.validate(kVertices) == "there are no grips");
   s = setup<S>();
   s.grips[1] = s.grips[0];
-  CHECK(s.check(kVertices) == "grip 1 finger 0 holds vertex 6, which grip 0 holds already");
-  CHECK(setup<S>().check(8) == "grip 1 finger 0 holds vertex 8, off a mesh of 8 vertices");
-  CHECK(setup<S>().check(0) == "feature 0 uses vertex 0, off a mesh of 0 vertices");
+  CHECK(s.validate(kVertices) == "grip 1 finger 0 holds vertex 6, which grip 0 holds already");
+  CHECK(setup<S>().validate(8) == "grip 1 finger 0 holds vertex 8, off a mesh of 8 vertices");
+  CHECK(setup<S>().validate(0) == "feature 0 uses vertex 0, off a mesh of 0 vertices");
 }
 
-TEMPLATE_TEST_CASE("the first triangle off the mesh is named with its vertex", "[mpc][plan_types]", float, double) {
+TEMPLATE_TEST_CASE("the first triangle off the mesh is named with its vertex", "[mpc][plan_types]",
+                   float, double) {
   using S = TestType;
   for (const int off : {9, -1, std::numeric_limits<int>::max(), std::numeric_limits<int>::min()}) {
     for (std::size_t corner = 0; corner < 3; ++corner) {
       PlannerSetup<S> s = setup<S>();
       s.triangles[1][corner] = off;
       s.triangles.push_back({77, 78, 79});
-      CHECK(s.check(kVertices) == "triangle 1 holds vertex " + std::to_string(off) + " off the mesh");
+      CHECK(s.validate(kVertices) ==
+            "triangle 1 holds vertex " + std::to_string(off) + " off the mesh");
     }
   }
   PlannerSetup<S> s = setup<S>();
   s.triangles[2] = {4, 78, -2};  // of several wrong vertices the first
-  CHECK(s.check(kVertices) == "triangle 2 holds vertex 78 off the mesh");
+  CHECK(s.validate(kVertices) == "triangle 2 holds vertex 78 off the mesh");
   s.triangles[0] = {77, 78, 79};
-  CHECK(s.check(kVertices) == "triangle 0 holds vertex 77 off the mesh");
+  CHECK(s.validate(kVertices) == "triangle 0 holds vertex 77 off the mesh");
 }
 
-TEMPLATE_TEST_CASE("there are as many anchors as grips, or none", "[mpc][plan_types]", float, double) {
+TEMPLATE_TEST_CASE("there are as many anchors as grips, or none", "[mpc][plan_types]", float,
+                   double) {
   using S = TestType;
   PlannerSetup<S> s = anchored<S>();
   s.anchors.pop_back();
-  CHECK(s.check(kVertices) == "there are 1 anchors for 2 grips");
+  CHECK(s.validate(kVertices) == "there are 1 anchors for 2 grips");
   s = anchored<S>();
   s.anchors.push_back(s.anchors[0]);
-  CHECK(s.check(kVertices) == "there are 3 anchors for 2 grips");
+  CHECK(s.validate(kVertices) == "there are 3 anchors for 2 grips");
   s.grips.pop_back();
-  CHECK(s.check(kVertices) == "there are 3 anchors for 1 grips");
+  CHECK(s.validate(kVertices) == "there are 3 anchors for 1 grips");
 }
 
-TEMPLATE_TEST_CASE("the first anchor that is wrong is named with what is wrong", "[mpc][plan_types]", float, double) {
+TEMPLATE_TEST_CASE("the first anchor that is wrong is named with what is wrong",
+                   "[mpc][plan_types]", float, double) {
   using S = TestType;
   for (std::size_t i = 0; i < 2; ++i) {
     const auto refusal = [i](const auto& spoil) {
       PlannerSetup<S> s = anchored<S>();
-      s.anchors[1].drop = S(-7);
+      s.anchors[1].hanging_length = S(-7);
       spoil(s.anchors[i]);
-      return s.check(kVertices);
+      return s.validate(kVertices);
     };
     const std::string anchor = "anchor " + std::to_string(i);
-    CHECK(refusal([](HandAnchor<S>& a) { a.feature_weights.clear(); }) == anchor + " has 0 weights for 2 features");
-    CHECK(refusal([](HandAnchor<S>& a) { a.feature_weights.push_back(S(0)); }) == anchor + " has 3 weights for 2 features");
+    CHECK(refusal([](HandAnchor<S>& a) { a.feature_weights.clear(); }) ==
+          anchor + " has 0 weights for 2 features");
+    CHECK(refusal([](HandAnchor<S>& a) { a.feature_weights.push_back(S(0)); }) ==
+          anchor + " has 3 weights for 2 features");
     for (const S bad : {std::numeric_limits<S>::quiet_NaN(), std::numeric_limits<S>::infinity()}) {
-      CHECK(refusal([&](HandAnchor<S>& a) { a.feature_weights[1] = bad; }) == anchor + " has the weight " + number_text(bad));
-      CHECK(refusal([&](HandAnchor<S>& a) { a.offset[2] = bad; }) == anchor + " has an offset that is not finite");
-      CHECK(refusal([&](HandAnchor<S>& a) { a.drop = bad; }) ==
-            anchor + " has the drop " + number_text(bad) + ", must be finite and not negative");
+      CHECK(refusal([&](HandAnchor<S>& a) { a.feature_weights[1] = bad; }) ==
+            anchor + " has the weight " + number_text(bad));
+      CHECK(refusal([&](HandAnchor<S>& a) { a.offset[2] = bad; }) ==
+            anchor + " has an offset that is not finite");
+      CHECK(refusal([&](HandAnchor<S>& a) { a.hanging_length = bad; }) ==
+            anchor + " has the hanging length " + number_text(bad) +
+                ", must be finite and not negative");
     }
-    CHECK(refusal([](HandAnchor<S>& a) { a.drop = S(-0.5); }) ==
-          anchor + " has the drop -0.5, must be finite and not negative");
+    CHECK(refusal([](HandAnchor<S>& a) { a.hanging_length = S(-0.5); }) ==
+          anchor + " has the hanging length -0.5, must be finite and not negative");
   }
   PlannerSetup<S> low = anchored<S>();
-  low.anchors[0].drop = S(0);
+  low.anchors[0].hanging_length = S(0);
   low.anchors[1].offset << S(0.1), S(-2), S(-3);
-  CHECK(low.check(kVertices) == "");
+  CHECK(low.validate(kVertices) == "");
   // Weights are counted by features, not by grips.
   low.features.add_centroid({3, 4, 5});
-  CHECK(low.check(kVertices) == "anchor 0 has 2 weights for 3 features");
+  CHECK(low.validate(kVertices) == "anchor 0 has 2 weights for 3 features");
 }
 
-TEST_CASE("of several wrongs the first is named: features, grips, triangles, anchors", "[mpc][plan_types]") {
+TEST_CASE("of several wrongs the first is named: features, grips, triangles, anchors",
+          "[mpc][plan_types]") {
   PlannerSetup<double> s = anchored<double>();
   s.anchors[1].feature_weights.clear();
-  CHECK(s.check(kVertices) == "anchor 1 has 0 weights for 2 features");
+  CHECK(s.validate(kVertices) == "anchor 1 has 0 weights for 2 features");
   s.anchors.pop_back();
-  CHECK(s.check(kVertices) == "there are 1 anchors for 2 grips");
+  CHECK(s.validate(kVertices) == "there are 1 anchors for 2 grips");
   s.triangles[2][0] = 9;
-  CHECK(s.check(kVertices) == "triangle 2 holds vertex 9 off the mesh");
+  CHECK(s.validate(kVertices) == "triangle 2 holds vertex 9 off the mesh");
   s.grips[0].fingers.clear();
-  CHECK(s.check(kVertices) == "grip 0 has no fingers");
+  CHECK(s.validate(kVertices) == "grip 0 has no fingers");
   s.features.add_point(-1);
-  CHECK(s.check(kVertices) == "feature 2 uses vertex -1, off a mesh of 9 vertices");
+  CHECK(s.validate(kVertices) == "feature 2 uses vertex -1, off a mesh of 9 vertices");
 }
 
-TEMPLATE_TEST_CASE("a frame that was not planned says so, and claims no error", "[mpc][plan_types]", float, double) {
+TEMPLATE_TEST_CASE("a frame that was not planned says so, and claims no error", "[mpc][plan_types]",
+                   float, double) {
   using S = TestType;
   const PlanResult<S> result;
   CHECK(result.status == PlanStatus::Failed);

@@ -1,5 +1,5 @@
-// The planner as a component: what it refuses, what it leaves alone, and that it repeats. Closed loops are judged in
-// planner_forces.cpp, planner_patches.cpp and planner_tracking.cpp.
+// The planner as a component: what it refuses, what it leaves alone, and that it repeats. Closed
+// loops are judged in planner_forces.cpp, planner_patches.cpp and planner_tracking.cpp.
 
 #include "clothctl/mpc/planner.hpp"
 
@@ -7,7 +7,7 @@
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/mpc/exact_predictor.hpp"
+#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "mpc/instances.hpp"
 #include "support/allocations.hpp"
@@ -22,7 +22,7 @@ using V = Vector3<double>;
 namespace {
 
 constexpr double kDt = clothctl_test::kFrame;
-using Predicting = ExactPredictor<MassSpringResponse<float>, double>;
+using Predicting = LinearisedPredictor<MassSpringResponse<float>, double>;
 using Planning = Planner<Predicting>;
 using Plant = ModelPlant<MassSpring<double>>;
 
@@ -36,7 +36,8 @@ PlannerSetup<double> setup(double limit = 20.0) {
   out.features.add_point(sheet().lower_left());
   out.features.add_point(sheet().lower_right());
   out.triangles = sheet().network.triangles;
-  for (int side : {0, 1}) out.grips.push_back(make_pinch<double>(sheet().corner_patch(side, 1), 0.5, limit));
+  for (int side : {0, 1})
+    out.grips.push_back(make_pinch<double>(sheet().corner_patch(side, 1), 0.5, limit));
   return out;
 }
 
@@ -44,34 +45,41 @@ PlannerSettings<double> settings(GripInput input = GripInput::Force) {
   PlannerSettings<double> out;
   out.horizon = 8;
   out.input = input;
-  if (input == GripInput::Force) out.supported = sheet().supported();
+  if (input == GripInput::Force) out.gravity_load = sheet().gravity_load();
   return out;
 }
 
 Result<Planning> try_planner(const PlannerSetup<double>& s, const PlannerSettings<double>& p,
                              const Points<double>& start = sheet().state.positions) {
-  return Planning::create(s, p, Predicting(MassSpringResponse<float>(sheet().model(Integration::OneSolve))), start);
+  return Planning::create(
+      s, p, Predicting(MassSpringResponse<float>(sheet().model(Integration::LinearlyImplicit))),
+      start);
 }
-Planning planner_for(const PlannerSetup<double>& s, const PlannerSettings<double>& p) { return try_planner(s, p).value(); }
+Planning planner_for(const PlannerSetup<double>& s, const PlannerSettings<double>& p) {
+  return try_planner(s, p).value();
+}
 
 V calm(double) { return V::Zero(); }
 
 bool same(const PlanResult<double>& a, const PlanResult<double>& b) {
-  if (!(a.status == b.status && a.plan == b.plan && a.predicted == b.predicted && a.input.forces == b.input.forces &&
-        a.input.driven_positions == b.input.driven_positions && a.prediction_error == b.prediction_error &&
-        a.agreement == b.agreement && a.patch_residual == b.patch_residual && a.qp_iterations == b.qp_iterations &&
-        a.qp_status == b.qp_status && a.used_rows == b.used_rows && a.finger_forces.size() == b.finger_forces.size())) {
+  if (!(a.status == b.status && a.plan == b.plan && a.predicted == b.predicted &&
+        a.input.forces == b.input.forces && a.input.driven_positions == b.input.driven_positions &&
+        a.prediction_error == b.prediction_error && a.agreement == b.agreement &&
+        a.patch_residual == b.patch_residual && a.qp_iterations == b.qp_iterations &&
+        a.qp_status == b.qp_status && a.used_rows == b.used_rows &&
+        a.finger_forces.size() == b.finger_forces.size())) {
     return false;
   }
   for (std::size_t i = 0; i < a.finger_forces.size(); ++i) {
-    if (!(a.finger_forces[i].force == b.finger_forces[i].force && a.finger_forces[i].normal == b.finger_forces[i].normal))
+    if (!(a.finger_forces[i].force == b.finger_forces[i].force &&
+          a.finger_forces[i].normal == b.finger_forces[i].normal))
       return false;
   }
   return true;
 }
 
 Plant started() {
-  Plant plant(sheet().model(Integration::OneSolve));
+  Plant plant(sheet().model(Integration::LinearlyImplicit));
   plant.set_state(sheet().state);
   return plant;
 }
@@ -80,7 +88,8 @@ Plant started() {
 
 TEST_CASE("what cannot be planned for is refused with a line that names it", "[mpc]") {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const auto refusal = [](const PlannerSetup<double>& s, const PlannerSettings<double>& p, const Points<double>& start) {
+  const auto refusal = [](const PlannerSetup<double>& s, const PlannerSettings<double>& p,
+                          const Points<double>& start) {
     const auto made = try_planner(s, p, start);
     return made ? std::string() : made.error();
   };
@@ -95,7 +104,7 @@ TEST_CASE("what cannot be planned for is refused with a line that names it", "[m
   s.features.add_point(49);
   names(refusal(s, settings(), start), "vertex 49");
   s = setup();
-  s.grips[1].fingers[0].friction = nan;
+  s.grips[1].fingers[0].contact.friction = nan;
   names(refusal(s, settings(), start), "grip 1 finger 0");
   s = setup();
   s.anchors.resize(1);
@@ -115,10 +124,13 @@ TEST_CASE("what cannot be planned for is refused with a line that names it", "[m
   names(refusal(setup(), settings(), broken), "not finite");
 }
 
-TEST_CASE("hostile input changes nothing, and the next good frame is as if it had not been", "[mpc]") {
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+TEST_CASE("hostile input changes nothing, and the next good frame is as if it had not been",
+          "[mpc]") {
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               inf = std::numeric_limits<double>::infinity();
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    Planning planner = planner_for(setup(), settings(input)), twin = planner_for(setup(), settings(input));
+    Planning planner = planner_for(setup(), settings(input)),
+             twin = planner_for(setup(), settings(input));
     PlanResult<double> result = planner.make_result(), other = twin.make_result();
     const AsyncTarget target(sheet());
     const auto wind = [](double t) { return V(t, 0.0, 0.1); };
@@ -133,7 +145,9 @@ TEST_CASE("hostile input changes nothing, and the next good frame is as if it ha
         CHECK(planner.plan(broken, v, t, target, wind, result) == PlanStatus::InvalidInput);
         CHECK(planner.plan(x, broken, t, target, wind, result) == PlanStatus::InvalidInput);
         CHECK(planner.plan(x, v, bad, target, wind, result) == PlanStatus::InvalidInput);
-        const auto late = [&](Index i, double s) { return i == 1 && s > t + 0.15 ? V(0.0, bad, 0.0) : target(i, s); };
+        const auto late = [&](Index i, double s) {
+          return i == 1 && s > t + 0.15 ? V(0.0, bad, 0.0) : target(i, s);
+        };
         CHECK(planner.plan(x, v, t, late, wind, result) == PlanStatus::InvalidInput);
         const auto gust = [&](double s) { return s > t + 0.09 ? V(bad, 0.0, 0.0) : wind(s); };
         CHECK(planner.plan(x, v, t, target, gust, result) == PlanStatus::InvalidInput);
@@ -158,34 +172,52 @@ TEST_CASE("positions or velocities of another sheet are refused", "[mpc]") {
   CHECK(planner.plan(x, few, 0.0, target, result) == PlanStatus::InvalidInput);
   CHECK(planner.plan(none, none, 0.0, target, result) == PlanStatus::InvalidInput);
   PlanResult<double> not_made;
-  CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, not_made) == PlanStatus::InvalidInput);
+  CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, not_made) ==
+        PlanStatus::InvalidInput);
   PlanResult<double> of_poses = planner_for(setup(), settings(GripInput::Pose)).make_result();
-  CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, of_poses) == PlanStatus::InvalidInput);
+  CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, of_poses) ==
+        PlanStatus::InvalidInput);
   CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, result) == PlanStatus::Planned);
 }
 
 TEST_CASE("why input was not taken is told: what, where, which value", "[mpc]") {
   PlannerSettings<double> swinging = settings();
-  swinging.swing = Swing::Pendulum;
+  swinging.heavy_chain_axes = HeavyChainAxes::Horizontal;
   Planning planner = planner_for(setup(), swinging);
   PlanResult<double> result = planner.make_result();
   const AsyncTarget target(sheet());
   const Points<double>&x = sheet().state.positions, &v = sheet().state.velocities;
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               inf = std::numeric_limits<double>::infinity();
   CHECK(planner.check_input(x, v, 0.0, target, calm, result) == "");
   CHECK(planner.check_input(x, v, 0.0, target, result) == "");
-  CHECK(planner.check_input(x.leftCols(40), v, 0.0, target, result) == "there are 40 columns of position for 49 vertices");
-  CHECK(planner.check_input(x, v.leftCols(0), 0.0, target, result) == "there are 0 columns of velocity for 49 vertices");
+  CHECK(planner.check_input(x.leftCols(40), v, 0.0, target, result) ==
+        "there are 40 columns of position for 49 vertices");
+  CHECK(planner.check_input(x, v.leftCols(0), 0.0, target, result) ==
+        "there are 0 columns of velocity for 49 vertices");
   CHECK(planner.check_input(x, v, inf, target, result) == "the time is inf");
   Points<double> broken = Points<double>::Zero(3, 49);
   broken(1, 7) = nan;
-  CHECK(planner.check_input(broken, v, 0.0, target, result) == "the position of vertex 7 is (0, nan, 0)");
-  CHECK(planner.check_input(x, broken, 0.0, target, result) == "the velocity of vertex 7 is (0, nan, 0)");
+  CHECK(planner.check_input(broken, v, 0.0, target, result) ==
+        "the position of vertex 7 is (0, nan, 0)");
+  CHECK(planner.check_input(x, broken, 0.0, target, result) ==
+        "the velocity of vertex 7 is (0, nan, 0)");
   const auto gust = [&](double t) { return t > 0.05 ? V(1.0, 2.0, inf) : V(V::Zero()); };
-  CHECK(planner.check_input(x, v, 0.0, target, gust, result) == "the wind at 0.06 s is (1, 2, inf)");
-  const auto lost = [&](Index i, double t) { return i == 1 && t > 0.05 ? V(-inf, 0.0, 0.0) : target(i, t); };
-  CHECK(planner.check_input(x, v, 0.0, lost, result) == "the target of feature 1 at 0.06 s is (-inf, 0, 0)");
-  // Beyond the window, where a hand looks ahead for the swing.
+  CHECK(planner.check_input(x, v, 0.0, target, gust, result) ==
+        "the wind at 0.06 s is (1, 2, inf)");
+  const auto lost = [&](Index i, double t) {
+    return i == 1 && t > 0.05 ? V(-inf, 0.0, 0.0) : target(i, t);
+  };
+  CHECK(planner.check_input(x, v, 0.0, lost, result) ==
+        "the target of feature 1 at 0.06 s is (-inf, 0, 0), must be finite and within 1e+06 m");
+  // Finite, but no place for a sheet: once planned as a zero force and called applicable.
+  const auto away = [&](Index i, double t) {
+    return i == 1 && t > 0.05 ? V(0.0, 1e30, 0.0) : target(i, t);
+  };
+  CHECK(planner.plan(x, v, 0.0, away, result) == PlanStatus::InvalidInput);
+  CHECK(planner.check_input(x, v, 0.0, away, result) ==
+        "the target of feature 1 at 0.06 s is (0, 1e+30, 0), must be finite and within 1e+06 m");
+  // Beyond the window, where a hand looks ahead.
   const auto later = [&](Index i, double t) { return t > 0.2 ? V(nan, nan, nan) : target(i, t); };
   CHECK(planner.plan(x, v, 0.0, later, result) == PlanStatus::InvalidInput);
   CHECK(planner.check_input(x, v, 0.0, later, result).find("where grip 0 belongs at 0.02 s") == 0);
@@ -195,9 +227,9 @@ TEST_CASE("why input was not taken is told: what, where, which value", "[mpc]") 
 
 TEST_CASE("any weight but that of the features may be zero", "[mpc]") {
   using Weights = PlannerWeights<double>;
-  const std::vector<double Weights::*> members{&Weights::force,  &Weights::cone,  &Weights::velocity,
-                                               &Weights::smooth, &Weights::shape, &Weights::anchor,
-                                               &Weights::patch,  &Weights::jerk,  &Weights::step};
+  const std::vector<double Weights::*> members{
+      &Weights::force,  &Weights::cone,  &Weights::velocity, &Weights::smooth, &Weights::shape,
+      &Weights::anchor, &Weights::patch, &Weights::jerk,     &Weights::step};
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
     for (std::size_t zero = 0; zero <= members.size(); ++zero) {  // the last time: all of them
       CAPTURE(static_cast<int>(input), zero);
@@ -210,7 +242,8 @@ TEST_CASE("any weight but that of the features may be zero", "[mpc]") {
       Plant plant = started();
       const AsyncTarget target(sheet());
       for (int k = 0; k < 5; ++k) {
-        const PlanStatus status = planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
+        const PlanStatus status =
+            planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
         INFO(to_string(status) << ", qp " << to_string(result.qp_status));
         REQUIRE((status == PlanStatus::Planned || status == PlanStatus::Suboptimal));
         REQUIRE(all_finite(result.plan));
@@ -227,12 +260,14 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   struct Case {
     GripInput input;
-    Command command;
+    PlantCommand command;
     double limit;
   };
   // The last stands in frames where grip limits bind, so the row solver runs.
-  for (const Case& c : {Case{GripInput::Force, Command::Force, 20.0}, Case{GripInput::Force, Command::Position, 20.0},
-                        Case{GripInput::Pose, Command::Force, 20.0}, Case{GripInput::Force, Command::Force, 0.28}}) {
+  for (const Case& c : {Case{GripInput::Force, PlantCommand::Force, 20.0},
+                        Case{GripInput::Force, PlantCommand::Position, 20.0},
+                        Case{GripInput::Pose, PlantCommand::Force, 20.0},
+                        Case{GripInput::Force, PlantCommand::Force, 0.28}}) {
     PlannerSettings<double> p = settings(c.input);
     p.command = c.command;
     Planning planner = planner_for(setup(c.limit), p);
@@ -243,7 +278,8 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
     int rows = 0;
     for (int k = 0; k < 30; ++k) {
       const long before = clothctl_test::allocations();
-      const PlanStatus status = planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
+      const PlanStatus status =
+          planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
       made += clothctl_test::allocations() - before;
       rows += result.used_rows ? 1 : 0;
       REQUIRE(status == PlanStatus::Planned);
@@ -256,12 +292,14 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
   }
 }
 
-TEST_CASE("planning with hard patches allocates nothing, not even where their rows cannot be met", "[mpc]") {
+TEST_CASE("planning with hard patches allocates nothing, not even where their rows cannot be met",
+          "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   for (const double limit : {20.0, 0.3}) {
     PlannerSetup<double> s = setup();
     for (int side : {0, 1})
-      s.grips[static_cast<std::size_t>(side)] = make_pinch<double>(sheet().corner_patch(side, 3), 0.5, limit);
+      s.grips[static_cast<std::size_t>(side)] =
+          make_pinch<double>(sheet().corner_patch(side, 3), 0.5, limit);
     PlannerSettings<double> p = settings();
     p.horizon = 3;
     p.patch = PatchMode::Hard;
@@ -273,7 +311,8 @@ TEST_CASE("planning with hard patches allocates nothing, not even where their ro
     int rows = 0;
     for (int k = 0; k < 8; ++k) {
       const long before = clothctl_test::allocations();
-      const PlanStatus status = planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
+      const PlanStatus status =
+          planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
       made += clothctl_test::allocations() - before;
       rows += result.used_rows ? 1 : 0;
       REQUIRE(status != PlanStatus::Failed);
@@ -292,9 +331,11 @@ struct Moody {
   using Scalar = double;
   Predicting inner;
   bool* fails;
-  void reserve(const WindowRequest<double>& request, WindowResponse<double>& response) { inner.reserve(request, response); }
-  bool predict(const PointsView<double>& x, const PointsView<double>& v, const WindowRequest<double>& request,
-               WindowResponse<double>& response) {
+  void reserve(const WindowRequest<double>& request, WindowResponse<double>& response) {
+    inner.reserve(request, response);
+  }
+  bool predict(const PointsView<double>& x, const PointsView<double>& v,
+               const WindowRequest<double>& request, WindowResponse<double>& response) {
     return !*fails && inner.predict(x, v, request, response);
   }
   void reset() { inner.reset(); }
@@ -305,25 +346,31 @@ struct Moody {
 TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
   bool fails = false;
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    for (const Command command : {Command::Force, Command::Position}) {
-      if (input == GripInput::Pose && command == Command::Position) continue;
+    for (const PlantCommand command : {PlantCommand::Force, PlantCommand::Position}) {
+      if (input == GripInput::Pose && command == PlantCommand::Position) continue;
       PlannerSettings<double> p = settings(input);
       p.command = command;
-      auto planner = Planner<Moody>::create(
-                         setup(), p, Moody{Predicting(MassSpringResponse<float>(sheet().model(Integration::OneSolve))), &fails},
-                         sheet().state.positions)
-                         .value();
+      auto planner =
+          Planner<Moody>::create(setup(), p,
+                                 Moody{Predicting(MassSpringResponse<float>(
+                                           sheet().model(Integration::LinearlyImplicit))),
+                                       &fails},
+                                 sheet().state.positions)
+              .value();
       PlanResult<double> result = planner.make_result();
       const AsyncTarget target(sheet());
       Plant plant = started();
-      const auto plan = [&](int k) { return planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result); };
+      const auto plan = [&](int k) {
+        return planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
+      };
       // Before there is a plan: no force and no motion.
       fails = true;
       CHECK(plan(0) == PlanStatus::Failed);
       CHECK(result.plan.isZero());
       CHECK(result.input.forces.isZero());
       for (Index j = 0; j < result.input.driven_positions.cols(); ++j)
-        CHECK(result.input.driven_positions.col(j) == plant.positions().col(planner.held()[static_cast<std::size_t>(j)]));
+        CHECK(result.input.driven_positions.col(j) ==
+              plant.positions().col(planner.held()[static_cast<std::size_t>(j)]));
       fails = false;
       for (int k = 0; k < 4; ++k) {
         REQUIRE(plan(k) == PlanStatus::Planned);
@@ -335,14 +382,14 @@ TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
       for (int k = 4; k < 6; ++k) {
         CHECK(plan(k) == PlanStatus::Failed);
         CHECK(result.plan.col(0) == last.plan.col(k - 3));
-        if (command == Command::Force && input == GripInput::Force) {
+        if (command == PlantCommand::Force && input == GripInput::Force) {
           const Eigen::Map<const Points<double>> promised(last.plan.col(k - 3).data(), 3, 2);
           CHECK((result.input.forces - promised).norm() < 1e-12);
         } else {
           // The hands go on as planned.
           for (Index j = 0; j < 2; ++j) {
-            const V step =
-                result.input.driven_positions.col(j) - plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
+            const V step = result.input.driven_positions.col(j) -
+                           plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
             CHECK(step.norm() > 1e-7);
             CHECK(step.norm() < 0.01);
           }
@@ -362,7 +409,7 @@ TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
 TEST_CASE("positions sent for planned forces keep the largest step", "[mpc]") {
   for (const double most : {0.05, 2e-4}) {
     PlannerSettings<double> p = settings();
-    p.command = Command::Position;
+    p.command = PlantCommand::Position;
     p.max_step = most;
     Planning planner = planner_for(setup(), p);
     PlanResult<double> result = planner.make_result();
@@ -370,10 +417,11 @@ TEST_CASE("positions sent for planned forces keep the largest step", "[mpc]") {
     Plant plant = started();
     double largest = 0.0;
     for (int k = 0; k < 30; ++k) {
-      REQUIRE(planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result) == PlanStatus::Planned);
+      REQUIRE(planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result) ==
+              PlanStatus::Planned);
       for (Index j = 0; j < 2; ++j) {
-        const V step =
-            result.input.driven_positions.col(j) - plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
+        const V step = result.input.driven_positions.col(j) -
+                       plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
         largest = std::max(largest, step.cwiseAbs().maxCoeff());
       }
       plant.apply(result.input);
@@ -388,7 +436,8 @@ TEST_CASE("a change of forces that throws the hands about is damped", "[mpc]") {
   // After the first frame the target jumps by 5 cm; without a limit the plan follows at once.
   double shift = 0.0;
   const auto jump = [&](Index i, double) {
-    const V place = sheet().state.positions.col(i == 0 ? sheet().lower_left() : sheet().lower_right());
+    const V place =
+        sheet().state.positions.col(i == 0 ? sheet().lower_left() : sheet().lower_right());
     return V(place + V(shift, 0.0, 0.0));
   };
   double speed[2];
@@ -401,7 +450,8 @@ TEST_CASE("a change of forces that throws the hands about is damped", "[mpc]") {
     Plant plant = started();
     for (int k = 0; k < 2; ++k) {
       shift = k == 0 ? 0.0 : 0.05;
-      REQUIRE(planner.plan(plant.positions(), plant.velocities(), k * kDt, jump, result) == PlanStatus::Planned);
+      REQUIRE(planner.plan(plant.positions(), plant.velocities(), k * kDt, jump, result) ==
+              PlanStatus::Planned);
       plant.apply(result.input);
       REQUIRE(plant.advance(kDt).advanced);
     }
@@ -413,7 +463,8 @@ TEST_CASE("a change of forces that throws the hands about is damped", "[mpc]") {
 
 namespace other_engine {
 
-// A solver by projected coordinate descent that knows nothing of warm starts; what it answers can be spoilt.
+// A solver by projected coordinate descent that knows nothing of warm starts; what it answers can
+// be spoilt.
 struct Descent {
   using result_type = QpResult<double>;
   MatrixX<double> h;
@@ -423,7 +474,8 @@ struct Descent {
     h = hessian;
     return QpStatus::Solved;
   }
-  QpStatus solve(const Eigen::Ref<const VectorX<double>>& g, const Eigen::Ref<const VectorX<double>>& lb,
+  QpStatus solve(const Eigen::Ref<const VectorX<double>>& g,
+                 const Eigen::Ref<const VectorX<double>>& lb,
                  const Eigen::Ref<const VectorX<double>>& ub, result_type& result) {
     result.x = VectorX<double>::Zero(g.size()).cwiseMax(lb).cwiseMin(ub);
     result.bound_multipliers.setZero(g.size());
@@ -442,12 +494,15 @@ static_assert(BoxQpSolver<Descent>);
 }  // namespace other_engine
 
 TEST_CASE("a box solver from another engine plans too, and what it spoils is not sent", "[mpc]") {
-  using Foreign = Planner<Predicting, other_engine::Descent>;
+  using Foreign = Planner<Predicting, PlannerSetup<double>, other_engine::Descent>;
   PlannerSettings<double> p = settings(GripInput::Pose);
   p.horizon = 3;
-  Foreign foreign = Foreign::create(setup(), p, Predicting(MassSpringResponse<float>(sheet().model(Integration::OneSolve))),
-                                    sheet().state.positions)
-                        .value();
+  Foreign foreign =
+      Foreign::create(
+          setup(), p,
+          Predicting(MassSpringResponse<float>(sheet().model(Integration::LinearlyImplicit))),
+          sheet().state.positions)
+          .value();
   Planning ours = planner_for(setup(), p);
   PlanResult<double> a = foreign.make_result(), b = ours.make_result();
   const AsyncTarget target(sheet());
@@ -464,14 +519,17 @@ TEST_CASE("a box solver from another engine plans too, and what it spoils is not
 
 TEST_CASE("equal planners give equal bits, and a reset planner is a new one", "[mpc]") {
   for (const double limit : {20.0, 0.28}) {
-    Planning first = planner_for(setup(limit), settings()), second = planner_for(setup(limit), settings());
+    Planning first = planner_for(setup(limit), settings()),
+             second = planner_for(setup(limit), settings());
     PlanResult<double> a = first.make_result(), b = second.make_result();
     const AsyncTarget target(sheet());
     Plant plant = started();
     std::vector<MatrixX<double>> plans;
     for (int k = 0; k < 15; ++k) {
-      REQUIRE(first.plan(plant.positions(), plant.velocities(), k * kDt, target, a) == PlanStatus::Planned);
-      REQUIRE(second.plan(plant.positions(), plant.velocities(), k * kDt, target, b) == PlanStatus::Planned);
+      REQUIRE(first.plan(plant.positions(), plant.velocities(), k * kDt, target, a) ==
+              PlanStatus::Planned);
+      REQUIRE(second.plan(plant.positions(), plant.velocities(), k * kDt, target, b) ==
+              PlanStatus::Planned);
       CHECK(same(a, b));
       plans.push_back(a.plan);
       plant.apply(a.input);
@@ -480,7 +538,8 @@ TEST_CASE("equal planners give equal bits, and a reset planner is a new one", "[
     first.reset();
     plant = started();
     for (int k = 0; k < 15; ++k) {
-      REQUIRE(first.plan(plant.positions(), plant.velocities(), k * kDt, target, a) == PlanStatus::Planned);
+      REQUIRE(first.plan(plant.positions(), plant.velocities(), k * kDt, target, a) ==
+              PlanStatus::Planned);
       CHECK(a.plan == plans[static_cast<std::size_t>(k)]);
       if (k == 0) CHECK(a.agreement == 1.0);
       plant.apply(a.input);
@@ -496,7 +555,8 @@ TEST_CASE("a known outer force enters the plan", "[mpc]") {
   Points<double> push = Points<double>::Zero(3, sheet().state.positions.cols());
   push.row(2) = 0.5 * 9.81 * sheet().network.mass.transpose();
   CHECK(lifted.set_outer_force(push));
-  CHECK_FALSE(lifted.set_outer_force(Points<double>::Zero(3, 5)));  // another sheet's: refused, the first stays
+  CHECK_FALSE(lifted.set_outer_force(
+      Points<double>::Zero(3, 5)));  // another sheet's: refused, the first stays
   Points<double> broken = push;
   broken(0, 3) = std::numeric_limits<double>::quiet_NaN();
   CHECK_FALSE(lifted.set_outer_force(broken));
@@ -504,9 +564,11 @@ TEST_CASE("a known outer force enters the plan", "[mpc]") {
     return V(sheet().state.positions.col(i == 0 ? sheet().lower_left() : sheet().lower_right()));
   };
   Plant plant = started();
-  REQUIRE(planner.plan(plant.positions(), plant.velocities(), 0.0, stay, calm, a) == PlanStatus::Planned);
-  REQUIRE(lifted.plan(plant.positions(), plant.velocities(), 0.0, stay, calm, b) == PlanStatus::Planned);
-  CHECK(a.input.forces.row(2).sum() == Approx(sheet().supported()[2]).epsilon(0.1));
+  REQUIRE(planner.plan(plant.positions(), plant.velocities(), 0.0, stay, calm, a) ==
+          PlanStatus::Planned);
+  REQUIRE(lifted.plan(plant.positions(), plant.velocities(), 0.0, stay, calm, b) ==
+          PlanStatus::Planned);
+  CHECK(a.input.forces.row(2).sum() == Approx(sheet().gravity_load()[2]).epsilon(0.1));
   CHECK(b.input.forces.row(2).sum() < 0.75 * a.input.forces.row(2).sum());
 }
 
@@ -518,13 +580,16 @@ TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
   s.features.add_point(sheet().lower_left());
   s.features.add_point(sheet().lower_right());
   s.triangles = sheet().network.triangles;
-  for (int side : {0, 1}) s.grips.push_back(make_pinch<float>(sheet().corner_patch(side, 1), 0.5f, 20.0f));
+  for (int side : {0, 1})
+    s.grips.push_back(make_pinch<float>(sheet().corner_patch(side, 1), 0.5f, 20.0f));
   PlannerSettings<float> q;
   q.horizon = p.horizon;
   q.input = input;
-  q.supported = p.supported.cast<float>();
-  auto made = Planner<ExactPredictor<SingleResponse, float>>::create(
-      s, q, ExactPredictor<SingleResponse, float>(SingleResponse(sheet().model(Integration::OneSolve))),
+  q.gravity_load = p.gravity_load.cast<float>();
+  auto made = Planner<LinearisedPredictor<SingleResponse, float>>::create(
+      s, q,
+      LinearisedPredictor<SingleResponse, float>(
+          SingleResponse(sheet().model(Integration::LinearlyImplicit))),
       sheet().state.positions.cast<float>());
   REQUIRE(made.has_value());
   auto single = std::move(made).value();
@@ -532,7 +597,9 @@ TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
   PlanResult<float> a = single.make_result();
   PlanResult<double> b = twice.make_result();
   const AsyncTarget target(sheet());
-  const auto target_f = [&](Index i, float t) { return Vector3<float>(target(i, static_cast<double>(t)).cast<float>()); };
+  const auto target_f = [&](Index i, float t) {
+    return Vector3<float>(target(i, static_cast<double>(t)).cast<float>());
+  };
   const Points<double> x = sheet().state.positions, v = sheet().state.velocities;
   REQUIRE(single.plan(x.cast<float>(), v.cast<float>(), 0.2f, target_f, a) == PlanStatus::Planned);
   REQUIRE(twice.plan(x, v, 0.2, target, b) == PlanStatus::Planned);

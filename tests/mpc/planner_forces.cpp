@@ -1,5 +1,5 @@
-// Planned forces in closed loops: every finger inside its friction cone and under its limit on every frame, whatever the
-// solver that found them; and what the plant receives is their sum.
+// Planned forces in closed loops: every finger inside its friction cone and under its limit on
+// every frame, whatever the solver that found them; and what the plant receives is their sum.
 
 #include "mpc/planner_loops.hpp"
 #include "support/catch.hpp"
@@ -16,40 +16,42 @@ struct ForceLoop {
   int row_frames = 0, at_limit = 0, at_cone = 0;
 };
 
-ForceLoop run(const HangingSheet& sheet, int patch, double friction, double limit, Integration integration, int frames,
-              PatchMode mode = PatchMode::Soft, Index horizon = 12) {
+ForceLoop run(const HangingSheet& sheet, int patch, double friction, double limit,
+              Integration integration, int frames, PatchMode mode = PatchMode::Soft,
+              Index horizon = 12) {
   const PlannerSetup<double> setup = clothctl_test::corner_setup(sheet, patch, friction, limit);
-  PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Force, horizon);
+  PlannerSettings<double> settings =
+      clothctl_test::corner_settings(sheet, GripInput::Force, horizon);
   settings.patch = mode;
   auto planner = clothctl_test::frozen_planner(sheet, setup, settings);
   auto plant = clothctl_test::sheet_plant(sheet, integration);
   ForceLoop out;
-  const auto stats =
-      clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet),
-                              clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
-                                out.row_frames += result.used_rows ? 1 : 0;
-                                Points<double> sum = Points<double>::Zero(3, result.input.forces.cols());
-                                std::vector<std::vector<double>> normal(2, std::vector<double>(2, 0.0));
-                                for (const FingerForce<double>& f : result.finger_forces) {
-                                  const double f_n = f.force.dot(f.normal), f_t = (f.force - f_n * f.normal).norm();
-                                  out.worst_cone = std::max(out.worst_cone, f_t - friction * f_n);
-                                  out.worst_low = std::max(out.worst_low, -f_n);
-                                  normal[static_cast<std::size_t>(f.grip)][static_cast<std::size_t>(f.finger)] += f_n;
-                                  if (f_n > 1e-3 && f_t > 0.7 * friction * f_n)
-                                    ++out.at_cone;  // the pyramid of four generators
-                                  for (Index j = 0; j < sum.cols(); ++j) {
-                                    if (result.input.force_vertices[static_cast<std::size_t>(j)] == f.vertex)
-                                      sum.col(j) += f.force;
-                                  }
-                                }
-                                for (const auto& grip : normal) {
-                                  for (const double f_n : grip) {
-                                    out.worst_high = std::max(out.worst_high, f_n - limit);
-                                    if (f_n > limit - 1e-6) ++out.at_limit;
-                                  }
-                                }
-                                out.worst_sum = std::max(out.worst_sum, (sum - result.input.forces).cwiseAbs().maxCoeff());
-                              });
+  const auto stats = clothctl_test::run_loop(
+      planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet),
+      clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
+        out.row_frames += result.used_rows ? 1 : 0;
+        Points<double> sum = Points<double>::Zero(3, result.input.forces.cols());
+        std::vector<std::vector<double>> normal(2, std::vector<double>(2, 0.0));
+        for (const FingerForce<double>& f : result.finger_forces) {
+          const double f_n = f.force.dot(f.normal), f_t = (f.force - f_n * f.normal).norm();
+          out.worst_cone = std::max(out.worst_cone, f_t - friction * f_n);
+          out.worst_low = std::max(out.worst_low, -f_n);
+          normal[static_cast<std::size_t>(f.grip)][static_cast<std::size_t>(f.finger)] += f_n;
+          if (f_n > 1e-3 && f_t > 0.7 * friction * f_n)
+            ++out.at_cone;  // the pyramid of four generators
+          for (Index j = 0; j < sum.cols(); ++j) {
+            if (result.input.force_vertices[static_cast<std::size_t>(j)] == f.vertex)
+              sum.col(j) += f.force;
+          }
+        }
+        for (const auto& grip : normal) {
+          for (const double f_n : grip) {
+            out.worst_high = std::max(out.worst_high, f_n - limit);
+            if (f_n > limit - 1e-6) ++out.at_limit;
+          }
+        }
+        out.worst_sum = std::max(out.worst_sum, (sum - result.input.forces).cwiseAbs().maxCoeff());
+      });
   CHECK(stats.failures == 0);
   return out;
 }
@@ -65,7 +67,7 @@ void check(const ForceLoop& loop) {
 
 TEST_CASE("forces stay inside cones and limits where both are far", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9);
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     const ForceLoop loop = run(sheet, 1, 0.5, 20.0, integration, 60);
     check(loop);
     CHECK(loop.row_frames == 0);
@@ -76,16 +78,16 @@ TEST_CASE("forces stay inside cones and limits where both are tight", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9);
   // Half of the weight, 0.25 N a hand, hangs on the friction of two fingers.
   for (const double friction : {0.3, 0.8}) {
-    const double limit = 1.15 * 0.5 * 0.5 * sheet.supported()[2] / friction;
+    const double limit = 1.15 * 0.5 * 0.5 * sheet.gravity_load()[2] / friction;
     CAPTURE(friction, limit);
-    const ForceLoop loop = run(sheet, 1, friction, limit, Integration::OneSolve, 60);
+    const ForceLoop loop = run(sheet, 1, friction, limit, Integration::LinearlyImplicit, 60);
     check(loop);
     CHECK(loop.row_frames > 10);
     CHECK(loop.at_limit > 0);
     CHECK(loop.at_cone > 0);
   }
   // Too weak to carry the sheet: it falls, within its limits.
-  const ForceLoop falling = run(sheet, 1, 0.5, 0.1, Integration::OneSolve, 15);
+  const ForceLoop falling = run(sheet, 1, 0.5, 0.1, Integration::LinearlyImplicit, 15);
   check(falling);
   CHECK(falling.at_limit > 10);
 }
@@ -93,7 +95,8 @@ TEST_CASE("forces stay inside cones and limits where both are tight", "[mpc]") {
 TEST_CASE("hard patches keep cones and limits too", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2);
   for (const double limit : {20.0, 0.3}) {
-    const ForceLoop loop = run(sheet, 2, 0.8, limit, Integration::OneSolve, 10, PatchMode::Hard, 4);
+    const ForceLoop loop =
+        run(sheet, 2, 0.8, limit, Integration::LinearlyImplicit, 10, PatchMode::Hard, 4);
     check(loop);
     CHECK(loop.row_frames == 10);
   }
@@ -102,19 +105,22 @@ TEST_CASE("hard patches keep cones and limits too", "[mpc]") {
 TEST_CASE("patches share the limit of their finger", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2);
   for (const double limit : {20.0, 0.3}) {
-    const ForceLoop loop = run(sheet, 2, 0.8, limit, Integration::OneSolve, 20, PatchMode::Soft, 6);
+    const ForceLoop loop =
+        run(sheet, 2, 0.8, limit, Integration::LinearlyImplicit, 20, PatchMode::Soft, 6);
     check(loop);
   }
 }
 
 TEST_CASE("forces stay inside cones and limits on a finer sheet and for longer", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(17, 1, 60);
-  const ForceLoop tight = run(sheet, 1, 0.5, 0.3, Integration::OneSolve, clothctl_test::trials(20, 250), PatchMode::Soft, 12);
+  const ForceLoop tight = run(sheet, 1, 0.5, 0.3, Integration::LinearlyImplicit,
+                              clothctl_test::trials(20, 250), PatchMode::Soft, 12);
   check(tight);
   CHECK(tight.row_frames > 0);
   if (!clothctl_test::full_tier()) return;
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     check(run(sheet, 1, 0.5, 20.0, integration, 250, PatchMode::Soft, 20));
-    check(run(clothctl_test::hanging_sheet(17, 2, 60), 2, 0.4, 0.6, integration, 60, PatchMode::Soft, 8));
+    check(run(clothctl_test::hanging_sheet(17, 2, 60), 2, 0.4, 0.6, integration, 60,
+              PatchMode::Soft, 8));
   }
 }

@@ -1,7 +1,7 @@
-// Patches of held vertices in closed loops: soft and hard relaxed rigidity of planned forces, rigid motion of planned poses,
-// and planned forces that are sent as positions.
+// Patches of held vertices in closed loops: soft and hard relaxed rigidity of planned forces, rigid
+// motion of planned poses, and planned forces that are sent as positions.
 
-#include "clothctl/mpc/held_patches.hpp"
+#include "clothctl/mpc/detail/held_patches.hpp"
 #include "mpc/planner_loops.hpp"
 #include "support/catch.hpp"
 
@@ -14,13 +14,16 @@ namespace {
 
 constexpr double kDt = clothctl_test::kFrame;
 
-double largest_residual(const HangingSheet& sheet, int patch, const PlannerSettings<double>& settings, int frames, int& rows) {
-  auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, patch), settings);
-  auto plant = clothctl_test::sheet_plant(sheet, Integration::OneSolve);
+double largest_residual(const HangingSheet& sheet, int patch,
+                        const PlannerSettings<double>& settings, int frames, int& rows) {
+  auto planner =
+      clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, patch), settings);
+  auto plant = clothctl_test::sheet_plant(sheet, Integration::LinearlyImplicit);
   double residual = 0.0;
   rows = 0;
-  const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet),
-                                             clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
+  const auto stats = clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet),
+                                             AsyncTarget(sheet), clothctl_test::NoWind(),
+                                             [&](int, const PlanResult<double>& result) {
                                                residual = std::max(residual, result.patch_residual);
                                                rows += result.used_rows ? 1 : 0;
                                              });
@@ -56,7 +59,8 @@ TEST_CASE("hard rows that a grip limit stands against are relaxed, and it is sai
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 3, 60);
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Force, 4);
   settings.patch = PatchMode::Hard;
-  auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, 3, 0.5, 0.05), settings);
+  auto planner = clothctl_test::frozen_planner(
+      sheet, clothctl_test::corner_setup(sheet, 3, 0.5, 0.05), settings);
   auto result = planner.make_result();
   // A patch whose vertices fly apart: fingers of 0.05 N cannot hold it together.
   const Points<double> v = clothctl_test::shaken(sheet.state, 3, 0.0, 3.0).velocities;
@@ -64,37 +68,44 @@ TEST_CASE("hard rows that a grip limit stands against are relaxed, and it is sai
   CAPTURE(to_string(status));
   CHECK(status == PlanStatus::Relaxed);
   CHECK(result.patch_residual > 1e-6);
-  for (const FingerForce<double>& f : result.finger_forces) CHECK(cone_violation<double>(f.force, f.normal, 0.5, 0.05) <= 1e-9);
+  for (const FingerForce<double>& f : result.finger_forces)
+    CHECK(cone_violation<double>(f.force, f.normal, 0.5, 0.05) <= 1e-9);
 }
 
-TEST_CASE("a commanded pose moves its patch as a rigid body, and no further than allowed", "[mpc]") {
+TEST_CASE("a commanded pose moves its patch as a rigid body, and no further than allowed",
+          "[mpc]") {
   for (const int patch : {1, 2, 3}) {
     const HangingSheet sheet = clothctl_test::hanging_sheet(9, patch, 60);
     PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Pose, 10);
     for (const double max_step : {0.05, 0.002}) {
       settings.max_step = max_step;
-      auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, patch), settings);
-      auto plant = clothctl_test::sheet_plant(sheet, Integration::OneSolve);
+      auto planner =
+          clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, patch), settings);
+      auto plant = clothctl_test::sheet_plant(sheet, Integration::LinearlyImplicit);
       Points<double> before = plant.positions();
       double worst_distance = 0.0, worst_step = 0.0;
       const auto stats = clothctl_test::run_loop(
-          planner, plant, 30, clothctl_test::corners(sheet), AsyncTarget(sheet, 2.0), clothctl_test::NoWind(),
-          [&](int, const PlanResult<double>& result) {
+          planner, plant, 30, clothctl_test::corners(sheet), AsyncTarget(sheet, 2.0),
+          clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
             const auto& held = result.input.driven_vertices;
             for (std::size_t g = 0; g < 2; ++g) {
               const std::size_t size = held.size() / 2;
               V move = V::Zero();
               for (std::size_t i = g * size; i < (g + 1) * size; ++i) {
-                const V to_i = result.input.driven_positions.col(static_cast<Index>(i)), from_i = before.col(held[i]);
+                const V to_i = result.input.driven_positions.col(static_cast<Index>(i)),
+                        from_i = before.col(held[i]);
                 move += (to_i - from_i) / static_cast<double>(size);
                 for (std::size_t j = g * size; j < i; ++j) {
-                  const V to_j = result.input.driven_positions.col(static_cast<Index>(j)), from_j = before.col(held[j]);
-                  worst_distance = std::max(worst_distance, std::abs((to_i - to_j).norm() - (from_i - from_j).norm()));
+                  const V to_j = result.input.driven_positions.col(static_cast<Index>(j)),
+                          from_j = before.col(held[j]);
+                  worst_distance = std::max(
+                      worst_distance, std::abs((to_i - to_j).norm() - (from_i - from_j).norm()));
                 }
               }
               worst_step = std::max(worst_step, move.cwiseAbs().maxCoeff());
               for (std::size_t i = g * size; i < (g + 1) * size; ++i) {
-                const V turned = result.input.driven_positions.col(static_cast<Index>(i)) - before.col(held[i]) - move;
+                const V turned = result.input.driven_positions.col(static_cast<Index>(i)) -
+                                 before.col(held[i]) - move;
                 CHECK(turned.cwiseAbs().maxCoeff() < 1.1 * max_step);
               }
             }
@@ -113,29 +124,32 @@ TEST_CASE("a capped change of plan keeps the pose rigid and the cap", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2, 60);
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Pose, 10);
   settings.max_change = 0.01;
-  auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, 2), settings);
-  auto plant = clothctl_test::sheet_plant(sheet, Integration::OneSolve);
+  auto planner =
+      clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet, 2), settings);
+  auto plant = clothctl_test::sheet_plant(sheet, Integration::LinearlyImplicit);
   MatrixX<double> last = MatrixX<double>::Zero(24, 10);
   Points<double> before = plant.positions();
   double largest = 0.0, rigid = 0.0, promise = 0.0;
-  clothctl_test::run_loop(planner, plant, 25, clothctl_test::corners(sheet), AsyncTarget(sheet, 2.0), clothctl_test::NoWind(),
-                          [&](int k, const PlanResult<double>& result) {
-                            // The first plan has none before it to keep to.
-                            if (k > 0) largest = std::max(largest, (result.plan - last).cwiseAbs().maxCoeff());
-                            last.leftCols(9) = result.plan.rightCols(9);
-                            last.col(9) = result.plan.col(9);
-                            const auto& held = result.input.driven_vertices;
-                            for (std::size_t i = 0; i < held.size(); ++i) {
-                              const Index c = static_cast<Index>(i);
-                              const V to = result.input.driven_positions.col(c), from = before.col(held[i]);
-                              promise = std::max(promise, (to - from - kDt * result.plan.block<3, 1>(3 * c, 0)).norm());
-                              if (i % 4 == 0) continue;
-                              const V neighbour = before.col(held[i - 1]);
-                              rigid = std::max(rigid, std::abs((to - V(result.input.driven_positions.col(c - 1))).norm() -
-                                                               (from - neighbour).norm()));
-                            }
-                            before = plant.positions();
-                          });
+  clothctl_test::run_loop(
+      planner, plant, 25, clothctl_test::corners(sheet), AsyncTarget(sheet, 2.0),
+      clothctl_test::NoWind(), [&](int k, const PlanResult<double>& result) {
+        // The first plan has none before it to keep to.
+        if (k > 0) largest = std::max(largest, (result.plan - last).cwiseAbs().maxCoeff());
+        last.leftCols(9) = result.plan.rightCols(9);
+        last.col(9) = result.plan.col(9);
+        const auto& held = result.input.driven_vertices;
+        for (std::size_t i = 0; i < held.size(); ++i) {
+          const Index c = static_cast<Index>(i);
+          const V to = result.input.driven_positions.col(c), from = before.col(held[i]);
+          promise = std::max(promise, (to - from - kDt * result.plan.block<3, 1>(3 * c, 0)).norm());
+          if (i % 4 == 0) continue;
+          const V neighbour = before.col(held[i - 1]);
+          rigid =
+              std::max(rigid, std::abs((to - V(result.input.driven_positions.col(c - 1))).norm() -
+                                       (from - neighbour).norm()));
+        }
+        before = plant.positions();
+      });
   CHECK(largest < 0.01 * (1.0 + 1e-9));
   CHECK(rigid < 1e-12);
   CHECK(promise < 1e-4);  // what is sent is the plan's first frame, to second order in its rotation
@@ -144,19 +158,21 @@ TEST_CASE("a capped change of plan keeps the pose rigid and the cap", "[mpc]") {
 TEST_CASE("planned forces can be sent as the positions that they lead to", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9);
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Force, 20);
-  settings.command = Command::Position;
+  settings.command = PlantCommand::Position;
   settings.max_step = 1.0;  // the jump is to be made
   // One frame: what the plant does under the planned forces is what the command says.
-  using Exact = ExactPredictor<MassSpringResponse<double>, double>;
-  const MassSpring<double> model = sheet.model(Integration::OneSolve);
-  auto made = Planner<Exact>::create(clothctl_test::corner_setup(sheet), settings, Exact(MassSpringResponse<double>(model)),
-                                     sheet.state.positions);
+  using Exact = LinearisedPredictor<MassSpringResponse<double>, double>;
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
+  auto made =
+      Planner<Exact>::create(clothctl_test::corner_setup(sheet), settings,
+                             Exact(MassSpringResponse<double>(model)), sheet.state.positions);
   REQUIRE(made.has_value());
   auto exact = std::move(made).value();
   auto result = exact.make_result();
   ClothState<double> state = sheet.state;
   state.velocities = clothctl_test::shaken(state, 2, 0.0, 0.1).velocities;
-  REQUIRE(exact.plan(state.positions, state.velocities, 0.5, AsyncTarget(sheet), result) == PlanStatus::Planned);
+  REQUIRE(exact.plan(state.positions, state.velocities, 0.5, AsyncTarget(sheet), result) ==
+          PlanStatus::Planned);
   ClothInput<double> forces;
   forces.force_vertices = exact.held();
   forces.forces = Eigen::Map<const Points<double>>(result.plan.data(), 3, 2);
@@ -165,15 +181,18 @@ TEST_CASE("planned forces can be sent as the positions that they lead to", "[mpc
   CHECK(result.input.force_vertices.empty());
   REQUIRE(result.input.driven_vertices == exact.held());
   for (Index j = 0; j < 2; ++j) {
-    CHECK((result.input.driven_positions.col(j) - state.positions.col(exact.held()[static_cast<std::size_t>(j)])).norm() <
-          1e-11);
+    CHECK((result.input.driven_positions.col(j) -
+           state.positions.col(exact.held()[static_cast<std::size_t>(j)]))
+              .norm() < 1e-11);
   }
   // A loop of them tracks, on either plant.
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
-    auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
+    auto planner =
+        clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
     auto plant = clothctl_test::sheet_plant(sheet, integration);
-    const auto stats = clothctl_test::run_loop(planner, plant, 80, clothctl_test::corners(sheet), AsyncTarget(sheet),
-                                               clothctl_test::NoWind(), clothctl_test::NoWatch());
+    const auto stats = clothctl_test::run_loop(planner, plant, 80, clothctl_test::corners(sheet),
+                                               AsyncTarget(sheet), clothctl_test::NoWind(),
+                                               clothctl_test::NoWatch());
     CHECK(stats.failures == 0);
     CHECK(stats.mean_error < 0.01);
   }

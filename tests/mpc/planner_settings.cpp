@@ -10,8 +10,8 @@ using namespace clothctl;
 
 TEMPLATE_TEST_CASE("default settings and profiles are valid", "[mpc]", float, double) {
   using Settings = PlannerSettings<TestType>;
-  for (const Settings& s : {Settings(), Settings::paper(), Settings::loose_plant(), Settings::rollout()})
-    CHECK(s.check() == "");
+  for (const Settings& s : {Settings(), Settings::paper(), Settings::rollout()})
+    CHECK(s.validate() == "");
   const Settings paper = Settings::paper();
   CHECK(paper.weights.feature == TestType(40));
   CHECK(paper.weights.force == TestType(0.01));
@@ -25,34 +25,36 @@ TEST_CASE("every broken setting is refused", "[mpc]") {
   const auto refused = [](auto&& breaking) {
     Settings s;
     breaking(s);
-    return !s.check().empty();
+    return !s.validate().empty();
   };
   CHECK(refused([](Settings& s) { s.horizon = 0; }));
   CHECK(refused([](Settings& s) { s.horizon = -3; }));
-  const double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
+  const double nan = std::numeric_limits<double>::quiet_NaN(),
+               inf = std::numeric_limits<double>::infinity();
   for (const double bad : {nan, inf, -1.0}) {
     CHECK(refused([&](Settings& s) { s.dt = bad; }));
     CHECK(refused([&](Settings& s) { s.gravity = bad; }));
     CHECK(refused([&](Settings& s) { s.max_step = bad; }));
     CHECK(refused([&](Settings& s) { s.max_change = bad; }));
     for (double PlannerWeights<double>::*weight :
-         {&PlannerWeights<double>::feature, &PlannerWeights<double>::force, &PlannerWeights<double>::cone,
-          &PlannerWeights<double>::velocity, &PlannerWeights<double>::smooth, &PlannerWeights<double>::shape,
-          &PlannerWeights<double>::anchor, &PlannerWeights<double>::patch, &PlannerWeights<double>::jerk,
-          &PlannerWeights<double>::step}) {
+         {&PlannerWeights<double>::feature, &PlannerWeights<double>::force,
+          &PlannerWeights<double>::cone, &PlannerWeights<double>::velocity,
+          &PlannerWeights<double>::smooth, &PlannerWeights<double>::shape,
+          &PlannerWeights<double>::anchor, &PlannerWeights<double>::patch,
+          &PlannerWeights<double>::jerk, &PlannerWeights<double>::step}) {
       CHECK(refused([&](Settings& s) { s.weights.*weight = bad; }));
     }
   }
-  for (const double bad : {nan, inf}) CHECK(refused([&](Settings& s) { s.supported[1] = bad; }));
+  for (const double bad : {nan, inf}) CHECK(refused([&](Settings& s) { s.gravity_load[1] = bad; }));
   CHECK(refused([](Settings& s) { s.dt = 0.0; }));
   CHECK(refused([](Settings& s) { s.gravity = 0.0; }));
   CHECK(refused([](Settings& s) { s.max_step = 0.0; }));
   CHECK(refused([](Settings& s) {
     s.input = GripInput::Pose;
-    s.command = Command::Position;
+    s.command = PlantCommand::Position;
   }));
   Settings named;
   named.weights.shape = -2.5;
-  CHECK(named.check().find("shape is -2.5") != std::string::npos);
-  CHECK(Settings().check().empty());
+  CHECK(named.validate().find("shape is -2.5") != std::string::npos);
+  CHECK(Settings().validate().empty());
 }

@@ -11,8 +11,8 @@ using V = Vector3<double>;
 
 namespace other_engine {
 
-// Another engine's cloth: interleaved single particles in its own order (mirrored), centimetres, its own stepping. It knows
-// nothing of clothctl's concepts.
+// Another engine's cloth: interleaved single particles in its own order (mirrored), centimetres,
+// its own stepping. It knows nothing of clothctl's concepts.
 struct Particle {
   double cm[3];
   double cm_per_s[3];
@@ -34,7 +34,8 @@ struct Cloth {
     for (clothctl::Index i = 0; i < n; ++i) {
       for (int c = 0; c < 3; ++c) {
         state.positions(c, i) = particles[static_cast<std::size_t>(last() - i)].cm[c] / 100.0;
-        state.velocities(c, i) = particles[static_cast<std::size_t>(last() - i)].cm_per_s[c] / 100.0;
+        state.velocities(c, i) =
+            particles[static_cast<std::size_t>(last() - i)].cm_per_s[c] / 100.0;
       }
     }
     clothctl::ClothInput<double> input;
@@ -43,19 +44,22 @@ struct Cloth {
     for (std::size_t k = 0; k < pushes.size(); ++k) {
       input.force_vertices.push_back(last() - pushes[k].first);
       for (int c = 0; c < 3; ++c)
-        input.forces(c, static_cast<clothctl::Index>(k)) = pushes[k].second[static_cast<std::size_t>(c)];
+        input.forces(c, static_cast<clothctl::Index>(k)) =
+            pushes[k].second[static_cast<std::size_t>(c)];
     }
     for (std::size_t k = 0; k < drags.size(); ++k) {
       input.driven_vertices.push_back(last() - drags[k].first);
       for (int c = 0; c < 3; ++c)
-        input.driven_positions(c, static_cast<clothctl::Index>(k)) = drags[k].second[static_cast<std::size_t>(c)] / 100.0;
+        input.driven_positions(c, static_cast<clothctl::Index>(k)) =
+            drags[k].second[static_cast<std::size_t>(c)] / 100.0;
     }
     input.wind = Eigen::Map<const clothctl::Vector3<double>>(breeze);
     if (!solver.step(state, input, seconds, scratch).advanced) return false;
     for (clothctl::Index i = 0; i < n; ++i) {
       for (int c = 0; c < 3; ++c) {
         particles[static_cast<std::size_t>(last() - i)].cm[c] = 100.0 * state.positions(c, i);
-        particles[static_cast<std::size_t>(last() - i)].cm_per_s[c] = 100.0 * state.velocities(c, i);
+        particles[static_cast<std::size_t>(last() - i)].cm_per_s[c] =
+            100.0 * state.velocities(c, i);
       }
     }
     return true;
@@ -67,8 +71,12 @@ struct Cloth {
 // All that it takes for the other engine's cloth to be controlled.
 template <>
 struct clothctl::plant_traits<other_engine::Cloth> {
-  static Index vertex_count(const other_engine::Cloth& cloth) { return static_cast<Index>(cloth.particles.size()); }
-  static Points<double> positions(const other_engine::Cloth& cloth) { return gather(cloth, &other_engine::Particle::cm); }
+  static Index vertex_count(const other_engine::Cloth& cloth) {
+    return static_cast<Index>(cloth.particles.size());
+  }
+  static Points<double> positions(const other_engine::Cloth& cloth) {
+    return gather(cloth, &other_engine::Particle::cm);
+  }
   static Points<double> velocities(const other_engine::Cloth& cloth) {
     return gather(cloth, &other_engine::Particle::cm_per_s);
   }
@@ -92,10 +100,12 @@ struct clothctl::plant_traits<other_engine::Cloth> {
   }
 
  private:
-  static Points<double> gather(const other_engine::Cloth& cloth, double (other_engine::Particle::*what)[3]) {
+  static Points<double> gather(const other_engine::Cloth& cloth,
+                               double (other_engine::Particle::*what)[3]) {
     Points<double> out(3, vertex_count(cloth));
     for (Index i = 0; i < out.cols(); ++i) {
-      for (int c = 0; c < 3; ++c) out(c, i) = (cloth.particles[static_cast<std::size_t>(cloth.last() - i)].*what)[c] / 100.0;
+      for (int c = 0; c < 3; ++c)
+        out(c, i) = (cloth.particles[static_cast<std::size_t>(cloth.last() - i)].*what)[c] / 100.0;
     }
     return out;
   }
@@ -108,24 +118,26 @@ const HangingSheet& sheet9() {
   static const HangingSheet made = clothctl_test::hanging_sheet(9);
   return made;
 }
-LoopStats track(const HangingSheet& sheet, const PlannerSettings<double>& settings, Integration integration, int frames,
-                double scale = 1.0) {
+LoopStats track(const HangingSheet& sheet, const PlannerSettings<double>& settings,
+                Integration integration, int frames, double scale = 1.0) {
   auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
   auto plant = clothctl_test::sheet_plant(sheet, integration);
-  return clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), AsyncTarget(sheet, scale),
-                                 clothctl_test::NoWind(), clothctl_test::NoWatch());
+  return clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet),
+                                 AsyncTarget(sheet, scale), clothctl_test::NoWind(),
+                                 clothctl_test::NoWatch());
 }
 
 }  // namespace
 
 TEST_CASE("forces and poses track on both implicit plants", "[mpc]") {
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
-      const LoopStats stats = track(sheet9(), clothctl_test::corner_settings(sheet9(), input), integration, 60);
-      CAPTURE(input == GripInput::Force, integration == Integration::Newton, stats.mean_error, stats.max_error,
-              stats.mean_agreement);
+    for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
+      const LoopStats stats =
+          track(sheet9(), clothctl_test::corner_settings(sheet9(), input), integration, 60);
+      CAPTURE(input == GripInput::Force, integration == Integration::Newton, stats.mean_error,
+              stats.max_error, stats.mean_agreement);
       CHECK(stats.failures == 0);
-      CHECK(stats.mean_error < (integration == Integration::OneSolve ? 0.010 : 0.015));
+      CHECK(stats.mean_error < (integration == Integration::LinearlyImplicit ? 0.010 : 0.015));
       CHECK(stats.max_error < 0.055);
       for (const PlanStatus status : stats.statuses) CHECK(status == PlanStatus::Planned);
     }
@@ -142,16 +154,17 @@ TEST_CASE("without the hand anchor the track is worse on a converged plant", "[m
 }
 
 TEST_CASE("the paper's own cost runs", "[mpc]") {
-  PlannerSettings<double> settings =
-      clothctl_test::corner_settings(sheet9(), GripInput::Force, 20, PlannerSettings<double>::paper());
-  settings.supported.setZero();  // the paper's effort is the whole force
-  const LoopStats stats = track(sheet9(), settings, Integration::OneSolve, 80);
+  PlannerSettings<double> settings = clothctl_test::corner_settings(
+      sheet9(), GripInput::Force, 20, PlannerSettings<double>::paper());
+  settings.gravity_load.setZero();  // the paper's effort is the whole force
+  const LoopStats stats = track(sheet9(), settings, Integration::LinearlyImplicit, 80);
   // Hands that stand still, for comparison.
   const AsyncTarget target(sheet9());
   double still = 0.0;
   for (int k = 1; k <= 80; ++k) {
     for (Index i : {0, 1}) {
-      const V corner = sheet9().state.positions.col(i == 0 ? sheet9().lower_left() : sheet9().lower_right());
+      const V corner =
+          sheet9().state.positions.col(i == 0 ? sheet9().lower_left() : sheet9().lower_right());
       still += (target(i, k * clothctl_test::kFrame) - corner).norm() / 160.0;
     }
   }
@@ -163,47 +176,53 @@ TEST_CASE("the paper's own cost runs", "[mpc]") {
 TEST_CASE("a plant from another engine is controlled through its trait alone", "[mpc]") {
   const HangingSheet& sheet = sheet9();
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    const MassSpring<double> solver = sheet.model(Integration::OneSolve);
+    const MassSpring<double> solver = sheet.model(Integration::LinearlyImplicit);
     other_engine::Cloth cloth{solver, solver.make_workspace(), {}, {}, {}};
     cloth.particles.resize(static_cast<std::size_t>(solver.vertex_count()));
     for (Index i = 0; i < solver.vertex_count(); ++i) {
       for (int c = 0; c < 3; ++c) {
-        cloth.particles[static_cast<std::size_t>(cloth.last() - i)].cm[c] = 100.0 * sheet.state.positions(c, i);
+        cloth.particles[static_cast<std::size_t>(cloth.last() - i)].cm[c] =
+            100.0 * sheet.state.positions(c, i);
         cloth.particles[static_cast<std::size_t>(cloth.last() - i)].cm_per_s[c] = 0.0;
       }
     }
     const PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, input);
-    auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
-    const LoopStats there = clothctl_test::run_loop(planner, cloth, 50, clothctl_test::corners(sheet), AsyncTarget(sheet),
-                                                    clothctl_test::NoWind(), clothctl_test::NoWatch());
-    const LoopStats here = track(sheet, settings, Integration::OneSolve, 50);
+    auto planner =
+        clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
+    const LoopStats there = clothctl_test::run_loop(
+        planner, cloth, 50, clothctl_test::corners(sheet), AsyncTarget(sheet),
+        clothctl_test::NoWind(), clothctl_test::NoWatch());
+    const LoopStats here = track(sheet, settings, Integration::LinearlyImplicit, 50);
     CHECK(there.failures == 0);
     CHECK(there.mean_error < 0.012);
-    CHECK(there.mean_error == Approx(here.mean_error).epsilon(1e-3));  // the same sheet, but for the units
+    CHECK(there.mean_error ==
+          Approx(here.mean_error).epsilon(1e-3));  // the same sheet, but for the units
   }
 }
 
 TEST_CASE("agreement is one on the predictor's own plant and falls with the difference", "[mpc]") {
-  using Exact = ExactPredictor<MassSpringResponse<double>, double>;
+  using Exact = LinearisedPredictor<MassSpringResponse<double>, double>;
   const HangingSheet& sheet = sheet9();
   const auto agreement = [&](const MassSpring<double>& truth) {
-    auto made =
-        Planner<Exact>::create(clothctl_test::corner_setup(sheet), clothctl_test::corner_settings(sheet, GripInput::Pose),
-                               Exact(MassSpringResponse<double>(sheet.model(Integration::OneSolve))), sheet.state.positions);
+    auto made = Planner<Exact>::create(
+        clothctl_test::corner_setup(sheet), clothctl_test::corner_settings(sheet, GripInput::Pose),
+        Exact(MassSpringResponse<double>(sheet.model(Integration::LinearlyImplicit))),
+        sheet.state.positions);
     auto planner = std::move(made).value();
     clothctl_test::SheetPlant plant(truth);
     plant.set_state(sheet.state);
     double lowest = 1.0, error = 0.0;
-    const LoopStats stats = clothctl_test::run_loop(planner, plant, 60, clothctl_test::corners(sheet), AsyncTarget(sheet),
-                                                    clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
-                                                      lowest = std::min(lowest, result.agreement);
-                                                      error = std::max(error, result.prediction_error);
-                                                    });
+    const LoopStats stats = clothctl_test::run_loop(
+        planner, plant, 60, clothctl_test::corners(sheet), AsyncTarget(sheet),
+        clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
+          lowest = std::min(lowest, result.agreement);
+          error = std::max(error, result.prediction_error);
+        });
     CHECK(stats.failures == 0);
     CHECK(lowest >= 0.0);
     return std::array<double, 3>{stats.mean_agreement, lowest, error};
   };
-  const auto same = agreement(sheet.model(Integration::OneSolve));
+  const auto same = agreement(sheet.model(Integration::LinearlyImplicit));
   CHECK(same[1] > 1.0 - 1e-9);
   CHECK(same[2] < 1e-11);
   SpringNetwork<double> soft = sheet.network;
@@ -224,21 +243,26 @@ TEST_CASE("a known wind is planned for", "[mpc]") {
   };
   double error[2];
   for (const bool known : {false, true}) {
-    auto planner = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet),
-                                                 clothctl_test::corner_settings(sheet, GripInput::Pose), true);
-    auto plant = clothctl_test::sheet_plant(sheet, Integration::OneSolve, true);
+    auto planner =
+        clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet),
+                                      clothctl_test::corner_settings(sheet, GripInput::Pose), true);
+    auto plant = clothctl_test::sheet_plant(sheet, Integration::LinearlyImplicit, true);
     auto result = planner.make_result();
     double sum = 0.0;
     for (int k = 0; k < 80; ++k) {
       const double t = k * clothctl_test::kFrame;
-      const PlanStatus status = known ? planner.plan(plant.positions(), plant.velocities(), t, stay, wind, result)
-                                      : planner.plan(plant.positions(), plant.velocities(), t, stay, result);
+      const PlanStatus status =
+          known ? planner.plan(plant.positions(), plant.velocities(), t, stay, wind, result)
+                : planner.plan(plant.positions(), plant.velocities(), t, stay, result);
       REQUIRE(status == PlanStatus::Planned);
       result.input.wind = wind(t);
       plant.apply(result.input);
       REQUIRE(plant.advance(clothctl_test::kFrame).advanced);
       for (Index i : {0, 1})
-        sum += (plant.positions().col(i == 0 ? sheet.lower_left() : sheet.lower_right()) - stay(i, t)).norm() / 160.0;
+        sum +=
+            (plant.positions().col(i == 0 ? sheet.lower_left() : sheet.lower_right()) - stay(i, t))
+                .norm() /
+            160.0;
     }
     error[known ? 1 : 0] = sum;
   }

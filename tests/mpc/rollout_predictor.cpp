@@ -15,10 +15,10 @@ using clothctl_test::LoopStats;
 namespace {
 
 constexpr double kDt = clothctl_test::kFrame;
-using Exact = ExactPredictor<MassSpringResponse<double>, double>;
+using Exact = LinearisedPredictor<MassSpringResponse<double>, double>;
 using Rolling = RolloutPredictor<MassSpring<double>, Exact>;
 
-WindowRequest<double> request_for(const HangingSheet& sheet, InputKind kind, Index horizon) {
+WindowRequest<double> request_for(const HangingSheet& sheet, GripInput kind, Index horizon) {
   WindowRequest<double> request;
   request.horizon = horizon;
   request.dt = kDt;
@@ -32,9 +32,9 @@ WindowRequest<double> request_for(const HangingSheet& sheet, InputKind kind, Ind
   for (Index k = 0; k < horizon; ++k) {
     for (Index i = 0; i < request.inputs(); ++i)
       request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
-    if (kind == InputKind::Force) {
-      request.plan(2, k) += 0.5 * sheet.supported()[2];
-      request.plan(5, k) += 0.5 * sheet.supported()[2];
+    if (kind == GripInput::Force) {
+      request.plan(2, k) += 0.5 * sheet.gravity_load()[2];
+      request.plan(5, k) += 0.5 * sheet.gravity_load()[2];
     }
   }
   request.applied = request.plan.col(0);
@@ -44,11 +44,13 @@ WindowRequest<double> request_for(const HangingSheet& sheet, InputKind kind, Ind
 }
 
 Rolling rolling(const MassSpring<double>& model, int newton_steps) {
-  return Rolling(model, Exact(MassSpringResponse<double>(model)), RolloutSettings{newton_steps, 0.0});
+  return Rolling(model, Exact(MassSpringResponse<double>(model)),
+                 RolloutSettings{newton_steps, 0.0});
 }
 
 // The model's own steps along a path of the hands.
-MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& start, const WindowRequest<double>& request) {
+MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& start,
+                     const WindowRequest<double>& request) {
   ClothState<double> state = start;
   auto workspace = model.make_workspace();
   MatrixX<double> out(request.output_rows(), request.horizon);
@@ -60,7 +62,8 @@ MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& 
     input.wind = request.wind.col(k);
     for (Index j = 0; j < 2; ++j)
       input.driven_positions.col(j) =
-          state.positions.col(request.held[static_cast<std::size_t>(j)]) + kDt * request.plan.block<3, 1>(3 * j, k);
+          state.positions.col(request.held[static_cast<std::size_t>(j)]) +
+          kDt * request.plan.block<3, 1>(3 * j, k);
     REQUIRE(model.step(state, input, kDt, workspace).advanced);
     evaluate_features<double>(request.outputs, state.positions, y);
     out.col(k) = Eigen::Map<const VectorX<double>>(y.data(), y.size());
@@ -72,8 +75,8 @@ MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& 
 
 TEST_CASE("one frame ahead a rollout of linear steps is the exact prediction", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
-  const MassSpring<double> model = sheet.model(Integration::OneSolve, true);
-  for (const InputKind kind : {InputKind::Force, InputKind::Velocity}) {
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
     const ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
     const WindowRequest<double> request = request_for(sheet, kind, 8);
     WindowResponse<double> rolled, exact;
@@ -84,36 +87,39 @@ TEST_CASE("one frame ahead a rollout of linear steps is the exact prediction", "
     for (int repeat = 0; repeat < 2; ++repeat) {
       REQUIRE(predictor.predict(state.positions, state.velocities, request, rolled));
       REQUIRE(frozen.predict(state.positions, state.velocities, request, exact));
-      CHECK(rolled.impulse == exact.impulse);
-      CHECK((rolled.free.col(0) - exact.free.col(0)).norm() < 1e-12);
-      CHECK((rolled.free.col(7) - exact.free.col(7)).norm() > 1e-6);  // later frames know that the sheet is not linear
+      CHECK(rolled.impulse_response == exact.impulse_response);
+      CHECK((rolled.free_response.col(0) - exact.free_response.col(0)).norm() < 1e-12);
+      CHECK((rolled.free_response.col(7) - exact.free_response.col(7)).norm() >
+            1e-6);  // later frames know that the sheet is not linear
     }
   }
 }
 
 TEST_CASE("a rollout with many Newton steps is the converged plant's own", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
-  const MassSpring<double> newton = sheet.model(Integration::Newton, true), one = sheet.model(Integration::OneSolve, true);
-  WindowRequest<double> request = request_for(sheet, InputKind::Velocity, 8);
+  const MassSpring<double> newton = sheet.model(Integration::Newton, true),
+                           one = sheet.model(Integration::LinearlyImplicit, true);
+  WindowRequest<double> request = request_for(sheet, GripInput::Pose, 8);
   const MatrixX<double> expected = roll(newton, sheet.state, request);
   WindowResponse<double> response;
-  // A model that is set to one linear solve: the first prediction takes it, later ones take Newton steps from it.
+  // A model that is set to one linear solve: the first prediction takes it, later ones take Newton
+  // steps from it.
   Rolling predictor = rolling(one, 60);
   predictor.reserve(request, response);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
-  CHECK((response.free - roll(one, sheet.state, request)).norm() < 1e-12);
+  CHECK((response.free_response - roll(one, sheet.state, request)).norm() < 1e-12);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
-  CHECK((response.free - expected).cwiseAbs().maxCoeff() < 2e-6);
+  CHECK((response.free_response - expected).cwiseAbs().maxCoeff() < 2e-6);
   // Forgetting brings the linear one back.
   predictor.reset();
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
-  CHECK((response.free - roll(one, sheet.state, request)).norm() < 1e-12);
+  CHECK((response.free_response - roll(one, sheet.state, request)).norm() < 1e-12);
 }
 
 TEST_CASE("known outer forces act in a rollout too", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
-  const MassSpring<double> model = sheet.model(Integration::OneSolve);
-  WindowRequest<double> request = request_for(sheet, InputKind::Velocity, 6);
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
+  WindowRequest<double> request = request_for(sheet, GripInput::Pose, 6);
   request.wind.setZero();
   WindowResponse<double> rolled, exact, without;
   Rolling predictor = rolling(model, 0);
@@ -126,19 +132,19 @@ TEST_CASE("known outer forces act in a rollout too", "[mpc]") {
   request.outer_force.row(1).setConstant(0.002);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, rolled));
   REQUIRE(frozen.predict(sheet.state.positions, sheet.state.velocities, request, exact));
-  CHECK((rolled.free.col(0) - exact.free.col(0)).norm() < 1e-12);
-  CHECK((rolled.free - without.free).norm() > 1e-4);
+  CHECK((rolled.free_response.col(0) - exact.free_response.col(0)).norm() < 1e-12);
+  CHECK((rolled.free_response - without.free_response).norm() > 1e-4);
 }
 
 TEST_CASE("rolled predictions obey the laws of predictors", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
-  const MassSpring<double> model = sheet.model(Integration::OneSolve, true);
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   clothctl_test::PredictorLaws<double> laws;
   laws.linear = false;
   clothctl_test::check_predictor_laws(
       [&] {
-        return RolloutPredictor<MassSpring<double>, Exact>(model, Exact(MassSpringResponse<double>(model)),
-                                                           RolloutSettings{2, 0.05});
+        return RolloutPredictor<MassSpring<double>, Exact>(
+            model, Exact(MassSpringResponse<double>(model)), RolloutSettings{2, 0.05});
       },
       sheet.state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, laws);
 }
@@ -148,37 +154,43 @@ TEST_CASE("on a converged plant the rolled prediction tracks better than the fro
   const int frames = clothctl_test::trials(60, 200);
   const AsyncTarget target(sheet, 1.5);
   PlannerSettings<double> frozen_settings = clothctl_test::corner_settings(sheet, GripInput::Pose);
-  auto frozen = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), frozen_settings);
+  auto frozen =
+      clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), frozen_settings);
   auto plant = clothctl_test::sheet_plant(sheet, Integration::Newton);
-  const LoopStats plain = clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target,
-                                                  clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const LoopStats plain =
+      clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target,
+                              clothctl_test::NoWind(), clothctl_test::NoWatch());
 
-  const PlannerSettings<double> settings =
-      clothctl_test::corner_settings(sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout());
+  const PlannerSettings<double> settings = clothctl_test::corner_settings(
+      sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout());
   const MassSpring<double> model = sheet.model(Integration::Newton);
   auto made = clothctl_test::RollingPlanner::create(
       clothctl_test::corner_setup(sheet), settings,
-      clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)),
-                                      RolloutSettings{}),
+      clothctl_test::RollingPredictor(
+          model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)),
+          RolloutSettings{}),
       sheet.state.positions);
   REQUIRE(made.has_value());
   auto planner = std::move(made).value();
   auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
-  const LoopStats rolled = clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target,
-                                                   clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const LoopStats rolled =
+      clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target,
+                              clothctl_test::NoWind(), clothctl_test::NoWatch());
   CAPTURE(plain.mean_error, rolled.mean_error);
   CHECK(rolled.failures == 0);
   CHECK(rolled.mean_error < plain.mean_error);
 }
 
-TEST_CASE("the forces of a rollout move the model along the path that they were made for", "[mpc]") {
+TEST_CASE("the forces of a rollout move the model along the path that they were made for",
+          "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
-  for (const Integration integration : {Integration::OneSolve, Integration::Newton}) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     const MassSpring<double> model = sheet.model(integration, true);
-    WindowRequest<double> request = request_for(sheet, InputKind::Force, 6);
+    WindowRequest<double> request = request_for(sheet, GripInput::Force, 6);
     request.path.setZero(request.inputs(), request.horizon);
     for (Index k = 0; k < request.horizon; ++k) {
-      for (Index i = 0; i < request.inputs(); ++i) request.path(i, k) = 0.1 * std::cos(0.4 * static_cast<double>(k + i));
+      for (Index i = 0; i < request.inputs(); ++i)
+        request.path(i, k) = 0.1 * std::cos(0.4 * static_cast<double>(k + i));
     }
     request.has_path = true;
     WindowResponse<double> response;
@@ -201,7 +213,9 @@ TEST_CASE("the forces of a rollout move the model along the path that they were 
       input.wind = request.wind.col(k);
       REQUIRE(model.step(state, input, kDt, workspace).advanced);
       evaluate_features<double>(request.outputs, state.positions, y);
-      worst = std::max(worst, (response.free.col(k) - Eigen::Map<const VectorX<double>>(y.data(), y.size())).norm());
+      worst = std::max(worst, (response.free_response.col(k) -
+                               Eigen::Map<const VectorX<double>>(y.data(), y.size()))
+                                  .norm());
       path += kDt * Eigen::Map<const Points<double>>(request.path.col(k).data(), 3, 2);
       off_path = std::max(off_path, (state.positions(Eigen::all, request.held) - path).norm());
     }
@@ -212,32 +226,36 @@ TEST_CASE("the forces of a rollout move the model along the path that they were 
   }
 }
 
-TEST_CASE("planned forces track a converged plant better with rollouts, inside their cones", "[mpc]") {
+TEST_CASE("planned forces track a converged plant better with rollouts, inside their cones",
+          "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(13);
   const int frames = clothctl_test::trials(80, 250);
   const AsyncTarget target(sheet, 1.5);
-  auto frozen = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet),
-                                              clothctl_test::corner_settings(sheet, GripInput::Force));
+  auto frozen =
+      clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet),
+                                    clothctl_test::corner_settings(sheet, GripInput::Force));
   auto plant = clothctl_test::sheet_plant(sheet, Integration::Newton);
-  const LoopStats plain = clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target,
-                                                  clothctl_test::NoWind(), clothctl_test::NoWatch());
-  const PlannerSettings<double> settings =
-      clothctl_test::corner_settings(sheet, GripInput::Force, 20, PlannerSettings<double>::rollout());
+  const LoopStats plain =
+      clothctl_test::run_loop(frozen, plant, frames, clothctl_test::corners(sheet), target,
+                              clothctl_test::NoWind(), clothctl_test::NoWatch());
+  const PlannerSettings<double> settings = clothctl_test::corner_settings(
+      sheet, GripInput::Force, 20, PlannerSettings<double>::rollout());
   const MassSpring<double> model = sheet.model(Integration::Newton);
   auto planner = clothctl_test::RollingPlanner::create(
                      clothctl_test::corner_setup(sheet), settings,
-                     clothctl_test::RollingPredictor(model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model))),
+                     clothctl_test::RollingPredictor(
+                         model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model))),
                      sheet.state.positions)
                      .value();
   auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
   double cone = 0.0, error = 0.0;
-  const LoopStats rolled = clothctl_test::run_loop(planner, other, frames, clothctl_test::corners(sheet), target,
-                                                   clothctl_test::NoWind(), [&](int, const PlanResult<double>& result) {
-                                                     for (const FingerForce<double>& f : result.finger_forces)
-                                                       cone =
-                                                           std::max(cone, cone_violation<double>(f.force, f.normal, 0.5, 20.0));
-                                                     error = std::max(error, result.prediction_error);
-                                                   });
+  const LoopStats rolled = clothctl_test::run_loop(
+      planner, other, frames, clothctl_test::corners(sheet), target, clothctl_test::NoWind(),
+      [&](int, const PlanResult<double>& result) {
+        for (const FingerForce<double>& f : result.finger_forces)
+          cone = std::max(cone, cone_violation<double>(f.force, f.normal, 0.5, 20.0));
+        error = std::max(error, result.prediction_error);
+      });
   CAPTURE(plain.mean_error, rolled.mean_error, error);
   CHECK(rolled.failures == 0);
   CHECK(rolled.mean_error < 0.85 * plain.mean_error);

@@ -1,6 +1,6 @@
 // Stacked, weighted time differences against their definition.
 
-#include "clothctl/mpc/term_stack.hpp"
+#include "clothctl/mpc/detail/term_stack.hpp"
 
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -13,14 +13,16 @@ constexpr Index kHorizon = 6, kInputs = 6, kOutputs = 4;
 
 WindowResponse<double> random_window() {
   WindowResponse<double> window;
-  window.impulse = MatrixX<double>::Random(3 * kOutputs, kInputs * kHorizon);
-  window.free = MatrixX<double>::Random(3 * kOutputs, kHorizon);
+  window.impulse_response = MatrixX<double>::Random(3 * kOutputs, kInputs * kHorizon);
+  window.free_response = MatrixX<double>::Random(3 * kOutputs, kHorizon);
   return window;
 }
 
-// Differences by repeated subtraction of neighbours, of a series that starts with the three past values, oldest first.
+// Differences by repeated subtraction of neighbours, of a series that starts with the three past
+// values, oldest first.
 MatrixX<double> differences(MatrixX<double> series, int order) {
-  for (int i = 0; i < order; ++i) series = (series.rightCols(series.cols() - 1) - series.leftCols(series.cols() - 1)).eval();
+  for (int i = 0; i < order; ++i)
+    series = (series.rightCols(series.cols() - 1) - series.leftCols(series.cols() - 1)).eval();
   return series;
 }
 
@@ -28,16 +30,18 @@ MatrixX<double> differences(MatrixX<double> series, int order) {
 
 TEST_CASE("stacked rows are the differences of the point, at the plan and beside it", "[mpc]") {
   const WindowResponse<double> window = random_window();
-  const std::vector<OutputTerm<double>> point{{1, 0.7}, {3, -1.2}};
-  const std::array<Vector3<double>, 3> past{Vector3<double>(0.1, 0.2, 0.3), Vector3<double>(-0.4, 0.0, 0.9),
+  const std::vector<detail::OutputTerm<double>> point{{1, 0.7}, {3, -1.2}};
+  const std::array<Vector3<double>, 3> past{Vector3<double>(0.1, 0.2, 0.3),
+                                            Vector3<double>(-0.4, 0.0, 0.9),
                                             Vector3<double>(1.5, -0.5, 0.2)};
   const MatrixX<double> target = MatrixX<double>::Random(3, kHorizon);
   const double scale = 2.5;
-  TermStack<double> stack;
+  detail::TermStack<double> stack;
   stack.reserve(12, kInputs, kHorizon);
   const long before = clothctl_test::allocations();
   for (int order = 0; order <= 3; ++order) {
-    stack.add(window, point, past, order, scale, [&](Index k) { return Vector3<double>(target.col(k)); });
+    stack.add(window, point, past, order, scale,
+              [&](Index k) { return Vector3<double>(target.col(k)); });
   }
   const long made = clothctl_test::allocations() - before;
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
@@ -49,18 +53,22 @@ TEST_CASE("stacked rows are the differences of the point, at the plan and beside
     for (int i = 0; i < 3; ++i) series.col(i) = past[static_cast<std::size_t>(2 - i)];
     for (Index k = 0; k < kHorizon; ++k) {
       Vector3<double> z = Vector3<double>::Zero();
-      for (const OutputTerm<double>& t : point) {
-        z += t.weight * window.free.block<3, 1>(3 * t.output, k);
+      for (const detail::OutputTerm<double>& t : point) {
+        z += t.weight * window.free_response.block<3, 1>(3 * t.output, k);
         for (Index j = 0; j <= k; ++j)
-          z += t.weight * window.impulse.block(3 * t.output, (k - j) * kInputs, 3, kInputs) * u.col(j);
+          z += t.weight *
+               window.impulse_response.block(3 * t.output, (k - j) * kInputs, 3, kInputs) *
+               u.col(j);
       }
       series.col(3 + k) = z;
     }
     for (int order = 0; order <= 3; ++order) {
-      const MatrixX<double> expected = scale * (differences(series, order).rightCols(kHorizon) - target);
+      const MatrixX<double> expected =
+          scale * (differences(series, order).rightCols(kHorizon) - target);
       MatrixX<double> rows = stack.residual().middleRows(3 * order, 3);
       for (Index k = 0; k < kHorizon; ++k) {
-        for (Index j = 0; j <= k; ++j) rows.col(k) += stack.blocks().block(3 * order, (k - j) * kInputs, 3, kInputs) * u.col(j);
+        for (Index j = 0; j <= k; ++j)
+          rows.col(k) += stack.blocks().block(3 * order, (k - j) * kInputs, 3, kInputs) * u.col(j);
       }
       CHECK((rows - expected).norm() < 1e-13 * expected.norm());
     }
@@ -69,10 +77,11 @@ TEST_CASE("stacked rows are the differences of the point, at the plan and beside
 
 TEST_CASE("a term without weight takes no rows, and clearing takes all", "[mpc]") {
   const WindowResponse<double> window = random_window();
-  const std::vector<OutputTerm<double>> point{{0, 1.0}};
-  const std::array<Vector3<double>, 3> past{Vector3<double>::Zero(), Vector3<double>::Zero(), Vector3<double>::Zero()};
+  const std::vector<detail::OutputTerm<double>> point{{0, 1.0}};
+  const std::array<Vector3<double>, 3> past{Vector3<double>::Zero(), Vector3<double>::Zero(),
+                                            Vector3<double>::Zero()};
   const auto none = [](Index) { return Vector3<double>(Vector3<double>::Zero()); };
-  TermStack<double> stack;
+  detail::TermStack<double> stack;
   stack.reserve(6, kInputs, kHorizon);
   stack.add(window, point, past, 0, 0.0, none);
   CHECK(stack.rows() == 0);

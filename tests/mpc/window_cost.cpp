@@ -1,6 +1,7 @@
-// The stacked rows of a window against the sum that planner_settings.hpp writes out, at plans beside the predicted one.
+// The stacked rows of a window against the sum that planner_settings.hpp writes out, at plans
+// beside the predicted one.
 
-#include "clothctl/mpc/window_cost.hpp"
+#include "clothctl/mpc/detail/window_cost.hpp"
 
 #include <limits>
 #include <vector>
@@ -17,48 +18,73 @@ using V = Vector3<double>;
 
 constexpr Index kHorizon = 5, kFeatures = 2;
 
-/// Two grips of four vertices each on a small sheet, and all that a window of theirs is stacked from, at random.
+/// Two features.
+PointFeatures<double> two_features() {
+  PointFeatures<double> features;
+  for (int v = 0; v < kFeatures; ++v) features.add_point(v);
+  return features;
+}
+
+PlannerSettings<double> window_settings() {
+  PlannerSettings<double> settings;
+  settings.horizon = kHorizon;
+  settings.heavy_chain_axes = HeavyChainAxes::Off;
+  settings.weights = {
+      .feature = 3.0, .smooth = 0.7, .shape = 0.4, .anchor = 1.3, .patch = 2.1, .jerk = 0.2};
+  return settings;
+}
+
+/// Two grips of four vertices each on a small sheet, and everything that the window's cost is
+/// stacked from, at random.
 struct Window {
   clothctl_test::HangingSheet sheet = clothctl_test::hanging_sheet(5, 2, 5);
-  GripBasis<double> basis;
-  std::vector<HeldPatch<double>> patches;
-  PlannerSettings<double> settings;
-  WindowResponse<double> response;
-  HeldMotion<double> motion;
+  detail::WindowProblem<double> problem;
+  PlannerSettings<double>& settings;
+  WindowResponse<double>& response;
+  detail::HeldMotion<double>& motion;
   std::vector<HandAnchor<double>> anchors;
 
   Window()
-      : basis({make_pinch<double>(sheet.corner_patch(0, 2), 0.5, 1.0), make_pinch<double>(sheet.corner_patch(1, 2), 0.5, 1.0)},
-              sheet.network.triangles, GripInput::Force),
-        patches(find_patches(basis)) {
+      : problem(window_settings(),
+                {{make_pinch<double>(sheet.corner_patch(0, 2), 0.5, 1.0),
+                  make_pinch<double>(sheet.corner_patch(1, 2), 0.5, 1.0)},
+                 sheet.network.triangles,
+                 GripInput::Force},
+                two_features()),
+        settings(problem.settings),
+        response(problem.response),
+        motion(problem.motion) {
     std::srand(5);
-    const Index held = static_cast<Index>(basis.held().size());
-    settings.horizon = kHorizon;
-    settings.swing = Swing::None;
-    settings.weights = {.feature = 3.0, .smooth = 0.7, .shape = 0.4, .anchor = 1.3, .patch = 2.1, .jerk = 0.2};
-    response.impulse = MatrixX<double>::Random(3 * (kFeatures + held), basis.inputs() * kHorizon);
-    response.free = MatrixX<double>::Random(3 * (kFeatures + held), kHorizon);
-    response.plan = MatrixX<double>::Random(basis.inputs(), kHorizon);
-    motion.position.resize(3, held);
+    const std::vector<int>& held_vertices = problem.request.held;
+    const Index held = static_cast<Index>(held_vertices.size()), inputs = problem.basis.inputs();
+    response.impulse_response = MatrixX<double>::Random(3 * (kFeatures + held), inputs * kHorizon);
+    response.free_response = MatrixX<double>::Random(3 * (kFeatures + held), kHorizon);
+    response.plan = MatrixX<double>::Random(inputs, kHorizon);
     for (Index j = 0; j < held; ++j)
-      motion.position.col(j) = sheet.state.positions.col(basis.held()[static_cast<std::size_t>(j)]);
+      motion.position.col(j) =
+          sheet.state.positions.col(held_vertices[static_cast<std::size_t>(j)]);
     motion.velocity = Points<double>::Random(3, held);
     motion.last_velocity = Points<double>::Random(3, held);
-    for (HeldPatch<double>& patch : patches) patch.update(motion.position);
+    for (detail::HeldPatch<double>& patch : problem.patches) patch.update(motion.position);
     anchors.assign(2, HandAnchor<double>{{0.3, 0.7}, V(0.1, -0.2, 0.5), 0.0});
   }
+  Window(const Window&) = delete;
 
   /// When the window starts, s.
   static constexpr double start = 0.37;
 
-  static V target(Index feature, double t) { return {std::sin(3 * t + double(feature)), t, 0.2 * t * t}; }
+  static V target(Index feature, double t) {
+    return {std::sin(3 * t + double(feature)), t, 0.2 * t * t};
+  }
 
   /// The outputs when the plan changes by `change` (inputs × K), 3·outputs × K.
   MatrixX<double> outputs(const MatrixX<double>& change) const {
-    MatrixX<double> y = response.free;
+    MatrixX<double> y = response.free_response;
     for (Index k = 0; k < kHorizon; ++k) {
       for (Index j = 0; j <= k; ++j)
-        y.col(k) += response.impulse.middleCols((k - j) * basis.inputs(), basis.inputs()) * change.col(j);
+        y.col(k) += response.impulse_response.middleCols((k - j) * problem.basis.inputs(),
+                                                         problem.basis.inputs()) *
+                    change.col(j);
     }
     return y;
   }
@@ -82,10 +108,12 @@ struct Window {
       for (Index j = 4 * g; j < 4 * g + 4; ++j) {
         c[2] += 0.25 * motion.position.col(j);
         c[1] += 0.25 * (motion.position.col(j) - h * motion.velocity.col(j));
-        c[0] += 0.25 * (motion.position.col(j) - h * motion.velocity.col(j) - h * motion.last_velocity.col(j));
+        c[0] += 0.25 * (motion.position.col(j) - h * motion.velocity.col(j) -
+                        h * motion.last_velocity.col(j));
         for (Index k = 0; k < kHorizon; ++k) {
           c[std::size_t(3 + k)] += 0.25 * point(kFeatures + j, k);
-          planned[std::size_t(3 + k)] += 0.25 * response.free.block<3, 1>(3 * (kFeatures + j), k);
+          planned[std::size_t(3 + k)] +=
+              0.25 * response.free_response.block<3, 1>(3 * (kFeatures + j), k);
         }
       }
       planned[2] = c[2];
@@ -93,23 +121,24 @@ struct Window {
         const std::size_t n = std::size_t(3 + k);
         const double t = start + double(k + 1) * h;
         const V hand = 0.3 * target(0, t) + 0.7 * target(1, t) + V(0.1, -0.2, 0.5);
-        const V v = (c[n] - c[n - 1]) / h, before = (c[n - 1] - c[n - 2]) / h, earlier = (c[n - 2] - c[n - 3]) / h;
+        const V v = (c[n] - c[n - 1]) / h, before = (c[n - 1] - c[n - 2]) / h,
+                earlier = (c[n - 2] - c[n - 3]) / h;
         sum += w.anchor * (c[n] - hand).squaredNorm() + w.smooth * (v - before).squaredNorm() +
                w.jerk * (v - 2 * before + earlier).squaredNorm() +
                step_weight * (v - (planned[n] - planned[n - 1]) / h).squaredNorm();
       }
     }
-    for (const HeldPatch<double>& patch : patches) {
-      const Index first = 3 * (kFeatures + patch.slots.front());
+    for (const detail::HeldPatch<double>& patch : problem.patches) {
+      const Index first = 3 * (kFeatures + patch.held_slots.front());
       const auto at = [&](Index k) {
         Points<double> p = patch.reference;
         for (Index j = 0; j < 4 && k >= 0; ++j) p.col(j) = y.block<3, 1>(first + 3 * j, k);
         return p;
       };
       for (Index k = 0; k < kHorizon; ++k) {
-        sum += w.shape * ((at(k) - at(k - 1)) * patch.modes.map().transpose()).squaredNorm();
-        for (Index i = 0; i < patch.modes.non_affine_count(); ++i)
-          sum += w.patch * (at(k) * patch.modes.non_affine(i).transpose()).squaredNorm();
+        sum += w.shape * ((at(k) - at(k - 1)) * patch.affine.map().transpose()).squaredNorm();
+        for (Index i = 0; i < patch.affine.non_affine_count(); ++i)
+          sum += w.patch * (at(k) * patch.affine.non_affine(i).transpose()).squaredNorm();
       }
     }
     return sum;
@@ -117,11 +146,12 @@ struct Window {
 };
 
 /// The stacked rows' sum of squares when the plan changes.
-double stacked(const TermStack<double>& stack, const MatrixX<double>& change) {
+double stacked(const detail::TermStack<double>& stack, const MatrixX<double>& change) {
   MatrixX<double> rows = stack.residual();
   for (Index k = 0; k < kHorizon; ++k) {
     for (Index j = 0; j <= k; ++j)
-      rows.col(k) += stack.blocks().middleCols((k - j) * change.rows(), change.rows()) * change.col(j);
+      rows.col(k) +=
+          stack.blocks().middleCols((k - j) * change.rows(), change.rows()) * change.col(j);
   }
   return rows.squaredNorm();
 }
@@ -130,34 +160,33 @@ double stacked(const TermStack<double>& stack, const MatrixX<double>& change) {
 
 TEST_CASE("the stacked rows are the cost of the settings", "[mpc][window_cost]") {
   Window window;
-  WindowCost<double> cost;
-  cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+  detail::WindowCost<double> cost;
+  cost.reserve(window.problem, window.anchors);
   const long before = clothctl_test::allocations();
-  const bool sampled = cost.sample(window.settings, Window::start, Window::target);
-  const TermStack<double>& stack =
-      cost.stack(window.response, window.basis, window.patches, window.settings, 0.9, window.motion);
+  const bool sampled = cost.sample(window.problem, Window::start, Window::target);
+  const detail::TermStack<double>& stack = cost.stack(window.problem, 0.9);
   const long made = clothctl_test::allocations() - before;
   REQUIRE(sampled);
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
-  const MatrixX<double> none = MatrixX<double>::Zero(window.basis.inputs(), kHorizon);
+  const MatrixX<double> none = MatrixX<double>::Zero(window.problem.basis.inputs(), kHorizon);
   CHECK(stacked(stack, none) == Approx(window.cost(none, 0.9)).epsilon(1e-12));
   for (int trial = 0; trial < 4; ++trial) {
-    const MatrixX<double> change = MatrixX<double>::Random(window.basis.inputs(), kHorizon);
+    const MatrixX<double> change = MatrixX<double>::Random(window.problem.basis.inputs(), kHorizon);
     CHECK(stacked(stack, change) == Approx(window.cost(change, 0.9)).epsilon(1e-12));
   }
 }
 
 TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_cost]") {
   Window window;
-  const MatrixX<double> change = MatrixX<double>::Random(window.basis.inputs(), kHorizon);
-  const PlannerWeights<double> zero{.feature = 0, .smooth = 0, .shape = 0, .anchor = 0, .patch = 0, .jerk = 0};
+  const MatrixX<double> change = MatrixX<double>::Random(window.problem.basis.inputs(), kHorizon);
+  const PlannerWeights<double> zero{
+      .feature = 0, .smooth = 0, .shape = 0, .anchor = 0, .patch = 0, .jerk = 0};
   const auto check = [&](PlannerWeights<double> weights, double step_weight, Index rows) {
     window.settings.weights = weights;
-    WindowCost<double> cost;
-    cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
-    REQUIRE(cost.sample(window.settings, Window::start, Window::target));
-    const TermStack<double>& stack =
-        cost.stack(window.response, window.basis, window.patches, window.settings, step_weight, window.motion);
+    detail::WindowCost<double> cost;
+    cost.reserve(window.problem, window.anchors);
+    REQUIRE(cost.sample(window.problem, Window::start, Window::target));
+    const detail::TermStack<double>& stack = cost.stack(window.problem, step_weight);
     CHECK(stack.rows() == rows);
     CHECK(stacked(stack, change) == Approx(window.cost(change, step_weight)).epsilon(1e-12));
   };
@@ -175,13 +204,13 @@ TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_
   (w = zero).shape = 2.0;
   check(w, 0.0, 18);
   (w = zero).patch = 2.0;
-  check(w, 0.0, 2 * 3 * window.patches[0].modes.non_affine_count());
+  check(w, 0.0, 2 * 3 * window.problem.patches[0].affine.non_affine_count());
   // Rows of a hard patch are no cost, and a commanded pose keeps its patch by itself.
   window.settings.patch = PatchMode::Hard;
   const auto rows = [&] {
-    WindowCost<double> cost;
-    cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
-    return cost.stack(window.response, window.basis, window.patches, window.settings, 0.0, window.motion).rows();
+    detail::WindowCost<double> cost;
+    cost.reserve(window.problem, window.anchors);
+    return cost.stack(window.problem, 0.0).rows();
   };
   CHECK(rows() == 0);
   window.settings.patch = PatchMode::Soft;
@@ -192,19 +221,24 @@ TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_
 
 TEST_CASE("a target that is not finite is told, whoever follows it", "[mpc][window_cost]") {
   Window window;
-  WindowCost<double> cost;
-  cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
+  detail::WindowCost<double> cost;
+  cost.reserve(window.problem, window.anchors);
   const double end = double(kHorizon) * window.settings.dt;
   const auto broken_after = [](double limit) {
     return [limit](Index i, double t) {
       return t > limit ? V(0, std::numeric_limits<double>::infinity(), 0) : Window::target(i, t);
     };
   };
-  CHECK(cost.sample(window.settings, 0.0, broken_after(1.001 * end)));
-  CHECK_FALSE(cost.sample(window.settings, 0.0, broken_after(0.999 * end)));
+  CHECK(cost.sample(window.problem, 0.0, broken_after(1.001 * end)));
+  CHECK_FALSE(cost.sample(window.problem, 0.0, broken_after(0.999 * end)));
+  // Nor is one that no sheet can reach.
+  for (double far_away : {1.1e6, -1e30, 1e300}) {
+    const auto away = [&](Index, double t) { return V(0, t, far_away); };
+    CHECK_FALSE(cost.sample(window.problem, 0.0, away));
+  }
   // A swinging anchor looks further ahead than the window.
-  window.settings.swing = Swing::Pendulum;
-  for (HandAnchor<double>& anchor : window.anchors) anchor.drop = 0.5;
-  cost.reserve(window.settings, window.basis, window.patches, kFeatures, window.anchors);
-  CHECK_FALSE(cost.sample(window.settings, 0.0, broken_after(1.001 * end)));
+  window.settings.heavy_chain_axes = HeavyChainAxes::Horizontal;
+  for (HandAnchor<double>& anchor : window.anchors) anchor.hanging_length = 0.5;
+  cost.reserve(window.problem, window.anchors);
+  CHECK_FALSE(cost.sample(window.problem, 0.0, broken_after(1.001 * end)));
 }

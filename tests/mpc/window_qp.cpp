@@ -1,12 +1,12 @@
 // The QP of a planning frame against its cost, written out once more and simulated frame by frame.
 
-#include "clothctl/mpc/window_qp.hpp"
+#include "clothctl/mpc/detail/window_qp.hpp"
 
 #include <random>
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/mpc/exact_predictor.hpp"
+#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/qp/kkt.hpp"
 #include "mpc/dense_step.hpp"
@@ -42,7 +42,8 @@ struct TellingBox : BoxActiveSet<double> {
     told.H = H;
     return BoxActiveSet<double>::set_hessian(H);
   }
-  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, QpResult<double>& result) {
+  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub,
+                 QpResult<double>& result) {
     told.g = g;
     told.lb = lb;
     told.ub = ub;
@@ -64,8 +65,8 @@ struct TellingRows : ActiveSet<double> {
     told.A = A;
     return ActiveSet<double>::set_rows(A);
   }
-  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub, const VectorView& rl, const VectorView& ru,
-                 QpResult<double>& result) {
+  QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub,
+                 const VectorView& rl, const VectorView& ru, QpResult<double>& result) {
     told.g = g;
     told.lb = lb;
     told.ub = ub;
@@ -77,8 +78,8 @@ struct TellingRows : ActiveSet<double> {
   }
 };
 
-using Predicting = ExactPredictor<MassSpringResponse<double>, double>;
-using TellingPlanner = Planner<Predicting, TellingBox, TellingRows>;
+using Predicting = LinearisedPredictor<MassSpringResponse<double>, double>;
+using TellingPlanner = Planner<Predicting, PlannerSetup<double>, TellingBox, TellingRows>;
 
 // A planner's frame with everything that its cost depends on.
 struct Frame {
@@ -93,13 +94,18 @@ struct Frame {
   double t = 0;
   PlanResult<double> result = {};
 
-  Frame(const HangingSheet& sheet_, PlannerSettings<double> settings_, int patch, double limit, double friction)
-      : sheet(sheet_), model(sheet_.model(Integration::OneSolve, true)), settings(settings_), target(sheet_) {
+  Frame(const HangingSheet& sheet_, PlannerSettings<double> settings_, int patch, double limit,
+        double friction)
+      : sheet(sheet_),
+        model(sheet_.model(Integration::LinearlyImplicit, true)),
+        settings(settings_),
+        target(sheet_) {
     setup.features.add_point(sheet.lower_left());
     setup.features.add_centroid({sheet.lower_right(), sheet.grid.vertex(1, sheet.grid.cols - 1)});
     setup.triangles = sheet.network.triangles;
-    for (int side : {0, 1}) setup.grips.push_back(make_pinch<double>(sheet.corner_patch(side, patch), friction, limit));
-    if (settings.input == GripInput::Force) settings.supported = sheet.supported();
+    for (int side : {0, 1})
+      setup.grips.push_back(make_pinch<double>(sheet.corner_patch(side, patch), friction, limit));
+    if (settings.input == GripInput::Force) settings.gravity_load = sheet.gravity_load();
     settings.horizon = 6;
   }
 
@@ -108,7 +114,8 @@ struct Frame {
 
   // Plans `frames` frames of a closed loop and keeps the last.
   void run(int frames) {
-    auto made = TellingPlanner::create(setup, settings, Predicting(MassSpringResponse<double>(model)), sheet.state.positions);
+    auto made = TellingPlanner::create(
+        setup, settings, Predicting(MassSpringResponse<double>(model)), sheet.state.positions);
     REQUIRE(made.has_value());
     TellingPlanner planner = std::move(made).value();
     result = planner.make_result();
@@ -139,7 +146,7 @@ struct Frame {
   }
 
   MatrixX<double> basis() const {
-    GripBasis<double> b(setup.grips, setup.triangles, settings.input);
+    detail::GripBasis<double> b(setup.grips, setup.triangles, settings.input);
     b.update(state.positions);
     return b.matrix();
   }
@@ -151,7 +158,8 @@ struct Frame {
   }
 
   // Positions over the window under the unknowns u.
-  MatrixX<double> simulate(const clothctl_test::DenseStep& dense, const VectorX<double>& u, MatrixX<double>& raw) const {
+  MatrixX<double> simulate(const clothctl_test::DenseStep& dense, const VectorX<double>& u,
+                           MatrixX<double>& raw) const {
     const MatrixX<double> b = basis();
     std::vector<int> held;
     for (const auto& patch : patches()) held.insert(held.end(), patch.begin(), patch.end());
@@ -172,14 +180,17 @@ struct Frame {
     return clothctl_test::DenseStep(model, state.positions, state.velocities, wind(t), kDt, driven);
   }
 
-  // Distances of a patch's vertices from the best affine image of where they stand now (rows: one a coordinate).
-  MatrixX<double> non_affine(const std::vector<int>& patch, const Eigen::Ref<const VectorX<double>>& positions) const {
-    MatrixX<double> regressors(static_cast<Index>(patch.size()), 4), moved(static_cast<Index>(patch.size()), 3);
+  // Distances of a patch's vertices from the best affine image of where they stand now (rows: one a
+  // coordinate).
+  MatrixX<double> non_affine(const std::vector<int>& patch,
+                             const Eigen::Ref<const VectorX<double>>& positions) const {
+    MatrixX<double> regressors(static_cast<Index>(patch.size()), 4),
+        moved(static_cast<Index>(patch.size()), 3);
     for (std::size_t j = 0; j < patch.size(); ++j) {
       regressors.row(static_cast<Index>(j)) << 1.0, state.positions.col(patch[j]).transpose();
       moved.row(static_cast<Index>(j)) = positions.segment<3>(3 * patch[j]).transpose();
     }
-    // Directions thinner than a thousandth of the widest count as flat, as in PatchModes.
+    // Directions thinner than a thousandth of the widest count as flat, as in AffinePatchBasis.
     regressors.rightCols<3>().rowwise() -= regressors.rightCols<3>().colwise().mean().eval();
     Eigen::JacobiSVD<MatrixX<double>> svd(regressors.rightCols<3>(), Eigen::ComputeThinU);
     MatrixX<double> rest = moved.rowwise() - moved.colwise().mean();
@@ -191,7 +202,8 @@ struct Frame {
   }
 
   // L: least-squares linear map of the patch from its present shape, on the span of that shape.
-  Matrix3<double> linear_map(const std::vector<int>& patch, const Eigen::Ref<const VectorX<double>>& positions) const {
+  Matrix3<double> linear_map(const std::vector<int>& patch,
+                             const Eigen::Ref<const VectorX<double>>& positions) const {
     const Index m = static_cast<Index>(patch.size());
     MatrixX<double> r(3, m), x(3, m);
     for (Index j = 0; j < m; ++j) {
@@ -203,8 +215,11 @@ struct Frame {
     Eigen::JacobiSVD<MatrixX<double>> svd(r, Eigen::ComputeThinU | Eigen::ComputeThinV);
     Matrix3<double> out = Matrix3<double>::Zero();
     for (Index a = 0; a < std::min<Index>(3, m); ++a) {
-      if (svd.singularValues()[a] < 1e-3 * svd.singularValues()[0] || svd.singularValues()[a] <= 0.0) continue;
-      out += (x * svd.matrixV().col(a)) * svd.matrixU().col(a).transpose() / svd.singularValues()[a];
+      if (svd.singularValues()[a] < 1e-3 * svd.singularValues()[0] ||
+          svd.singularValues()[a] <= 0.0)
+        continue;
+      out +=
+          (x * svd.matrixV().col(a)) * svd.matrixU().col(a).transpose() / svd.singularValues()[a];
     }
     return out;
   }
@@ -215,21 +230,26 @@ struct Frame {
     const MatrixX<double> x = simulate(dense_step, u, raw);
     const PlannerWeights<double>& w = settings.weights;
     const bool force = settings.input == GripInput::Force;
-    const VectorX<double> now = Eigen::Map<const VectorX<double>>(state.positions.data(), state.positions.size());
-    const auto at = [&](Index k) -> VectorX<double> { return k < 0 ? now : VectorX<double>(x.col(k)); };
+    const VectorX<double> now =
+        Eigen::Map<const VectorX<double>>(state.positions.data(), state.positions.size());
+    const auto at = [&](Index k) -> VectorX<double> {
+      return k < 0 ? now : VectorX<double>(x.col(k));
+    };
     double J = 0.0;
     Points<double> y(3, 2), start(3, 2);
     evaluate_features<double>(setup.features, sheet.state.positions, start);
     for (Index k = 0; k < settings.horizon; ++k) {
       const double s = t + static_cast<double>(k + 1) * kDt;
       const VectorX<double> xk = x.col(k);
-      evaluate_features<double>(setup.features, Eigen::Map<const Points<double>>(xk.data(), 3, xk.size() / 3), y);
+      evaluate_features<double>(setup.features,
+                                Eigen::Map<const Points<double>>(xk.data(), 3, xk.size() / 3), y);
       for (Index i = 0; i < 2; ++i) J += w.feature * (y.col(i) - wanted(i, s)).squaredNorm();
       const double per_vertex = 1.0 / (static_cast<double>(raw.rows()) / 3.0);
       for (Index j = 0; 3 * j < raw.rows(); ++j) {
-        const V reference = force ? V(settings.supported * per_vertex) : V(V::Zero());
+        const V reference = force ? V(settings.gravity_load * per_vertex) : V(V::Zero());
         J += (force ? w.force : w.velocity) * (raw.block<3, 1>(3 * j, k) - reference).squaredNorm();
-        if (w.step > 0.0) J += w.step * (raw.block<3, 1>(3 * j, k) - shifted.block<3, 1>(3 * j, k)).squaredNorm();
+        if (w.step > 0.0)
+          J += w.step * (raw.block<3, 1>(3 * j, k) - shifted.block<3, 1>(3 * j, k)).squaredNorm();
       }
       const auto grips = patches();
       for (std::size_t g = 0; g < grips.size(); ++g) {
@@ -239,26 +259,30 @@ struct Frame {
           for (int v : grips[g]) c += p.segment<3>(3 * v);
           return V(c / static_cast<double>(grips[g].size()));
         };
-        const auto velocity = [&](Index frame) {  // ċ at the end of that frame; -1: measured now, -2: a frame ago
-          if (frame >= 0) return V((centroid(frame) - centroid(frame - 1)) / kDt);
-          V c = V::Zero();
-          for (int v : grips[g]) c += (frame == -1 ? state.velocities : before).col(v);
-          return V(c / static_cast<double>(grips[g].size()));
-        };
+        const auto velocity =
+            [&](Index frame) {  // ċ at the end of that frame; -1: measured now, -2: a frame ago
+              if (frame >= 0) return V((centroid(frame) - centroid(frame - 1)) / kDt);
+              V c = V::Zero();
+              for (int v : grips[g]) c += (frame == -1 ? state.velocities : before).col(v);
+              return V(c / static_cast<double>(grips[g].size()));
+            };
         HandAnchor<double> anchor;
         anchor.feature_weights = {g == 0 ? 1.0 : 0.0, g == 0 ? 0.0 : 1.0};
         V home = V::Zero();
-        for (int v : grips[g]) home += sheet.state.positions.col(v) / static_cast<double>(grips[g].size());
+        for (int v : grips[g])
+          home += sheet.state.positions.col(v) / static_cast<double>(grips[g].size());
         anchor.offset = home - start.col(static_cast<Index>(g));
-        anchor.drop = anchor.offset[2];
+        anchor.hanging_length = anchor.offset[2];
         const V wanted_hand = anchor_position(
-            anchor, settings.swing, settings.gravity, [&](Index i, double time) { return wanted(i, time); }, s);
+            anchor, settings.heavy_chain_axes, settings.gravity,
+            [&](Index i, double time) { return wanted(i, time); }, s);
         J += w.anchor * (centroid(k) - wanted_hand).squaredNorm();
         J += w.smooth * (velocity(k) - velocity(k - 1)).squaredNorm();
         J += w.jerk * (velocity(k) - 2.0 * velocity(k - 1) + velocity(k - 2)).squaredNorm();
         if (grips[g].size() < 2) continue;
         J += w.shape * (linear_map(grips[g], xk) - linear_map(grips[g], at(k - 1))).squaredNorm();
-        if (force && settings.patch == PatchMode::Soft) J += w.patch * non_affine(grips[g], xk).squaredNorm();
+        if (force && settings.patch == PatchMode::Soft)
+          J += w.patch * non_affine(grips[g], xk).squaredNorm();
       }
     }
     if (force) J += w.cone * u.squaredNorm();
@@ -266,7 +290,8 @@ struct Frame {
   }
 };
 
-// The quadratic that the solver was given is the cost, and its answer is the cost's constrained minimum.
+// The quadratic that the solver was given is the cost, and its answer is the cost's constrained
+// minimum.
 void check_frame(Frame& frame, int frames) {
   frame.run(frames);
   const clothctl_test::DenseStep dense = frame.dense();
@@ -278,14 +303,17 @@ void check_frame(Frame& frame, int frames) {
   const double size = frame.settings.input == GripInput::Force ? 0.3 : 0.5;
   for (int trial = 0; trial < 4; ++trial) {
     VectorX<double> u(n);
-    for (Index i = 0; i < n; ++i) u[i] = size * (uniform(random) - (frame.settings.input == GripInput::Force ? 0.0 : 0.5));
+    for (Index i = 0; i < n; ++i)
+      u[i] = size * (uniform(random) - (frame.settings.input == GripInput::Force ? 0.0 : 0.5));
     const double cost = frame.cost(dense, u);
-    CHECK(0.5 * (cost - at_zero) == Approx(0.5 * u.dot(told.H * u) + told.g.dot(u)).epsilon(1e-7).margin(1e-9 * at_zero));
+    CHECK(0.5 * (cost - at_zero) ==
+          Approx(0.5 * u.dot(told.H * u) + told.g.dot(u)).epsilon(1e-7).margin(1e-9 * at_zero));
   }
 
   const VectorX<double> x = told.answer.x;
-  const KktResiduals<double> kkt = kkt_residuals(told.H, told.g, told.A, told.rl, told.ru, told.lb, told.ub, x,
-                                                 told.answer.row_multipliers, told.answer.bound_multipliers);
+  const KktResiduals<double> kkt =
+      kkt_residuals(told.H, told.g, told.A, told.rl, told.ru, told.lb, told.ub, x,
+                    told.answer.row_multipliers, told.answer.bound_multipliers);
   CHECK(kkt.worst() < 1e-7);
 
   // The plan that came out is the solver's answer...
@@ -296,8 +324,11 @@ void check_frame(Frame& frame, int frames) {
   Points<double> y(3, 2);
   for (Index k = 0; k < frame.settings.horizon; ++k) {
     const VectorX<double> xk = positions.col(k);
-    evaluate_features<double>(frame.setup.features, Eigen::Map<const Points<double>>(xk.data(), 3, xk.size() / 3), y);
-    CHECK((y - Eigen::Map<const Points<double>>(frame.result.predicted.col(k).data(), 3, 2)).norm() < 1e-9);
+    evaluate_features<double>(frame.setup.features,
+                              Eigen::Map<const Points<double>>(xk.data(), 3, xk.size() / 3), y);
+    CHECK(
+        (y - Eigen::Map<const Points<double>>(frame.result.predicted.col(k).data(), 3, 2)).norm() <
+        1e-9);
   }
   // ... and no feasible plan beside it costs less.
   const double best = frame.cost(dense, x);
@@ -310,7 +341,8 @@ void check_frame(Frame& frame, int frames) {
     }
     if (told.A.rows() > 0) {
       const VectorX<double> rows = told.A * u;
-      if (((rows - told.ru).array() > 0.0).any() || ((told.rl - rows).array() > 0.0).any()) continue;
+      if (((rows - told.ru).array() > 0.0).any() || ((told.rl - rows).array() > 0.0).any())
+        continue;
     }
     CHECK(frame.cost(dense, u) > best - 1e-9 * at_zero);
   }
@@ -336,7 +368,8 @@ TEST_CASE("planned forces of single vertices minimise the cost", "[mpc]") {
 }
 
 TEST_CASE("planned forces under grip limits minimise the cost", "[mpc]") {
-  // The weight alone is carried by friction, which takes a normal force beyond this limit or near it.
+  // The weight alone is carried by friction, which takes a normal force beyond this limit or near
+  // it.
   Frame frame(single(), PlannerSettings<double>(), 1, 0.35, 0.8);
   check_frame(frame, 4);
   CHECK(frame.result.used_rows);
@@ -378,7 +411,8 @@ TEST_CASE("hard rows say that the patch moves affinely", "[mpc]") {
   const MatrixX<double> x = frame.simulate(dense, u, raw);
   double expected = 0.0;
   for (Index k = 0; k < x.cols(); ++k) {
-    for (const auto& patch : frame.patches()) expected += frame.non_affine(patch, x.col(k)).squaredNorm();
+    for (const auto& patch : frame.patches())
+      expected += frame.non_affine(patch, x.col(k)).squaredNorm();
   }
   const VectorX<double> motion = told.A * u;
   double rows = 0.0;

@@ -10,15 +10,43 @@ endfunction()
 
 file(REMOVE_RECURSE ${WORK_DIR})
 file(MAKE_DIRECTORY ${WORK_DIR})
-set(arguments -S ${SOURCE_DIR}/tests/package/${KIND} -B ${WORK_DIR}/build -G ${GENERATOR} -DCMAKE_BUILD_TYPE=Debug
-    -DCMAKE_CXX_COMPILER=${COMPILER} -DEigen3_DIR=${EIGEN_DIR})
+
+if(KIND STREQUAL "pkg_config")
+  # Installed, then moved: flags come from clothctl.pc alone, without CMake.
+  run(${CMAKE_COMMAND} --install ${BINARY_DIR} --prefix ${WORK_DIR}/first)
+  file(RENAME ${WORK_DIR}/first ${WORK_DIR}/prefix)
+  set(ENV{PKG_CONFIG_PATH} ${WORK_DIR}/prefix/share/pkgconfig:$ENV{PKG_CONFIG_PATH})
+  execute_process(COMMAND ${PKG_CONFIG} --cflags clothctl OUTPUT_VARIABLE flags RESULT_VARIABLE code
+                  OUTPUT_STRIP_TRAILING_WHITESPACE)
+  if(NOT code EQUAL 0)
+    message(FATAL_ERROR "package pkg_config: pkg-config does not know clothctl")
+  endif()
+  execute_process(COMMAND ${PKG_CONFIG} --modversion clothctl OUTPUT_VARIABLE version
+                  OUTPUT_STRIP_TRAILING_WHITESPACE)
+  if(NOT version STREQUAL VERSION)
+    message(FATAL_ERROR "package pkg_config: version '${version}', expected '${VERSION}'")
+  endif()
+  separate_arguments(flags)
+  run(${COMPILER} -std=c++20 ${flags} ${SOURCE_DIR}/tests/package/main.cpp -o ${WORK_DIR}/consumer)
+  run(${WORK_DIR}/consumer)
+  return()
+endif()
+
+# What a linker merges shows only in optimised code.
+set(build_type Debug)
+if(KIND STREQUAL "two_units")
+  set(build_type Release)
+endif()
+set(arguments -S ${SOURCE_DIR}/tests/package/${KIND} -B ${WORK_DIR}/build -G ${GENERATOR}
+    -DCMAKE_BUILD_TYPE=${build_type} -DCMAKE_CXX_COMPILER=${COMPILER} -DEigen3_DIR=${EIGEN_DIR})
 if(KIND STREQUAL "find_package")
   # Installed into a prefix of its own; the source tree is not on any search path.
   run(${CMAKE_COMMAND} --install ${BINARY_DIR} --prefix ${WORK_DIR}/prefix)
   list(APPEND arguments -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
 elseif(KIND STREQUAL "fetch_content")
   # The consumer names a remote; here it is overridden by the tree at hand, so no network is needed.
-  list(APPEND arguments -DFETCHCONTENT_SOURCE_DIR_CLOTHCTL=${SOURCE_DIR} -DFETCHCONTENT_FULLY_DISCONNECTED=ON)
+  list(APPEND arguments -DFETCHCONTENT_SOURCE_DIR_CLOTHCTL=${SOURCE_DIR}
+       -DFETCHCONTENT_FULLY_DISCONNECTED=ON)
 else()
   list(APPEND arguments -DCLOTHCTL_TREE=${SOURCE_DIR})
 endif()

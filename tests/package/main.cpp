@@ -9,11 +9,12 @@ int main() {
   pair.rest_positions(0, 1) = 0.1;
   pair.mass = clothctl::VectorX<double>::Constant(2, 0.01);
   pair.springs.push_back({0, 1, 0.1, 100.0, 0.01});
-  const std::string problem = pair.check();
+  const std::string problem = pair.validate();
   if (!problem.empty()) {
     std::fprintf(stderr, "%s\n", problem.c_str());
     return 1;
   }
-  std::printf("clothctl %s, %d vertices\n", CLOTHCTL_VERSION_STRING, static_cast<int>(pair.vertex_count()));
+  std::printf("clothctl %s, %d vertices\n", CLOTHCTL_VERSION_STRING,
+              static_cast<int>(pair.vertex_count()));
   return 0;
 }

@@ -1,5 +1,7 @@
 #include "clothctl/qp/active_set.hpp"
 
+#include "clothctl/qp/certificate.hpp"
+
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -16,7 +18,8 @@ using namespace clothctl;
 using namespace clothctl_test;
 
 static_assert(QpSolver<ActiveSet<float>, float> && QpSolver<ActiveSet<double>, double>);
-static_assert(WarmStartable<ActiveSet<float>, float> && WarmStartable<ActiveSet<double>, double>);
+static_assert(clothctl_test::WarmStartable<ActiveSet<float>, float> &&
+              clothctl_test::WarmStartable<ActiveSet<double>, double>);
 static_assert(!BoxQpSolver<ActiveSet<double>>);
 
 namespace {
@@ -52,7 +55,8 @@ KnownQp<S> from_file(const Qpt& file) {
 
 bool any(const std::string&) { return true; }
 
-// Calls `visit` with the problems of a shared folder whose names `wanted` picks. False, with a warning, where it is missing.
+// Calls `visit` with the problems of a shared folder whose names `wanted` picks. False, with a
+// warning, where it is missing.
 template <class Wanted, class Visit>
 bool for_each_problem(const std::string& folder, const Wanted& wanted, const Visit& visit) {
   const std::string path = shared_path("data/qp/" + folder);
@@ -111,6 +115,7 @@ void check_farkas(const KnownQp<double>& q, const QpResult<double>& r) {
   for (Index i = 0; i < y.size(); ++i) add(y[i], q.rl[i], q.ru[i]);
   for (Index j = 0; j < z.size(); ++j) add(z[j], q.lb[j], q.ub[j]);
   CHECK(support < 0.0);
+  CHECK(farkas_residuals(q.A, q.rl, q.ru, q.lb, q.ub, y, z).holds());
 }
 
 // H d = 0, gᵀd < 0, and d leaves no finite bound or row.
@@ -119,6 +124,7 @@ void check_ray(const KnownQp<double>& q, const VectorX<double>& d) {
   REQUIRE(size > 0.0);
   CHECK(q.g.dot(d) < 0.0);
   CHECK((q.H * d).cwiseAbs().maxCoeff() <= 1e-9 * size * (1.0 + q.H.cwiseAbs().maxCoeff()));
+  CHECK(ray_residuals(q.H, q.g, q.A, q.rl, q.ru, q.lb, q.ub, d).holds());
   const VectorX<double> Ad = q.A * d;
   for (Index j = 0; j < d.size(); ++j) {
     if (q.lb[j] > -inf) CHECK(d[j] >= 0.0);
@@ -156,7 +162,8 @@ TEMPLATE_TEST_CASE("random problems of every kind are solved", "[qp]", float, do
     if (single && session.result.status == QpStatus::SolvedInaccurate) {
       ++inaccurate;  // said so itself, and holds what that promises
       const auto r = session.residuals(q);
-      CHECK(static_cast<double>(r.worst()) <= 2000.0 * static_cast<double>(QpSettings<S>::default_tolerance()));
+      CHECK(static_cast<double>(r.worst()) <=
+            2000.0 * static_cast<double>(QpSettings<S>::default_tolerance()));
       CHECK(static_cast<double>(session.result.feasibility) <=
             1000.0 * static_cast<double>(QpSettings<S>::default_tolerance()));
       check_within_bounds(q, session.result.x);
@@ -167,7 +174,8 @@ TEMPLATE_TEST_CASE("random problems of every kind are solved", "[qp]", float, do
   CHECK(inaccurate <= count / 50);
 }
 
-TEMPLATE_TEST_CASE("the general solver keeps the laws of history and recovery", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("the general solver keeps the laws of history and recovery", "[qp]", float,
+                   double) {
   using S = TestType;
   std::mt19937 random(22);
   for (Index n : {Index(2), Index(9), Index(40)}) {
@@ -204,7 +212,8 @@ TEST_CASE("the synthetic problems end with the right status, proof and objective
       CHECK(status == QpStatus::Solved);
       const auto r = session.residuals(q);
       CHECK(r.worst() < 1e-8);
-      CHECK(std::abs(r.objective + file.r - file.objective) <= 1e-7 * std::max(1.0, std::abs(file.objective)));
+      CHECK(std::abs(r.objective + file.r - file.objective) <=
+            1e-7 * std::max(1.0, std::abs(file.objective)));
       session.solve(q);
       CHECK(session.result.iterations == 0);
     }
@@ -212,7 +221,8 @@ TEST_CASE("the synthetic problems end with the right status, proof and objective
   if (present) CHECK(seen >= 96);
 }
 
-TEST_CASE("in single precision the synthetic problems end right where its digits can tell", "[qp]") {
+TEST_CASE("in single precision the synthetic problems end right where its digits can tell",
+          "[qp]") {
   int seen = 0;
   const auto clear = [](const std::string& name) {  // no contradictions smaller than the tolerance
     return name.find("crossed") == std::string::npos && name.find("comb1e-4") == std::string::npos;
@@ -231,8 +241,10 @@ TEST_CASE("in single precision the synthetic problems end right where its digits
       CHECK(status == QpStatus::Solved);
       // Against the terms that it sums: ill-scaled columns make them far larger than the objective.
       const VectorX<double> x = session.result.x.cast<double>();
-      const double size = file.g.cwiseAbs().dot(x.cwiseAbs()) + 0.5 * x.cwiseAbs().dot(file.H.cwiseAbs() * x.cwiseAbs());
-      CHECK(std::abs(x.dot(0.5 * (file.H * x) + file.g) + file.r - file.objective) <= 1e-4 * std::max(1.0, size));
+      const double size = file.g.cwiseAbs().dot(x.cwiseAbs()) +
+                          0.5 * x.cwiseAbs().dot(file.H.cwiseAbs() * x.cwiseAbs());
+      CHECK(std::abs(x.dot(0.5 * (file.H * x) + file.g) + file.r - file.objective) <=
+            1e-4 * std::max(1.0, size));
     }
   });
   if (present) CHECK(seen >= 90);
@@ -240,17 +252,19 @@ TEST_CASE("in single precision the synthetic problems end right where its digits
 
 TEST_CASE("the public collection is solved, small problems in the quick tier", "[qp]") {
   int seen = 0;
-  const bool present = for_each_problem("maros_meszaros", any, [&](const std::string&, const Qpt& file) {
-    if (file.n > 300 && !full_tier()) return;
-    const KnownQp<double> q = from_file<double>(file);
-    QpSession<double, ActiveSet<double>> session;
-    REQUIRE(session.set(q) == QpStatus::Solved);
-    ++seen;
-    CHECK(session.solve(q) == QpStatus::Solved);
-    CHECK(session.residuals(q).worst() < 1e-8);
-    const double value = session.result.objective + file.r;
-    CHECK(std::abs(value - file.objective) <= 1e-6 * std::max(1.0, std::max(std::abs(file.objective), std::abs(file.r))));
-  });
+  const bool present =
+      for_each_problem("maros_meszaros", any, [&](const std::string&, const Qpt& file) {
+        if (file.n > 300 && !full_tier()) return;
+        const KnownQp<double> q = from_file<double>(file);
+        QpSession<double, ActiveSet<double>> session;
+        REQUIRE(session.set(q) == QpStatus::Solved);
+        ++seen;
+        CHECK(session.solve(q) == QpStatus::Solved);
+        CHECK(session.residuals(q).worst() < 1e-8);
+        const double value = session.result.objective + file.r;
+        CHECK(std::abs(value - file.objective) <=
+              1e-6 * std::max(1.0, std::max(std::abs(file.objective), std::abs(file.r))));
+      });
   if (present) CHECK(seen >= (full_tier() ? 36 : 20));
 }
 
@@ -344,20 +358,24 @@ TEST_CASE("indefinite Hessians and bad rows are named", "[qp]") {
   CHECK(solver.set_rows(A) == QpStatus::InvalidData);
   CHECK(std::string(solver.refusal().message) == "row entry is not finite");
   CHECK(solver.refusal().index == 1);
-  CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(0), vec(1), r) == QpStatus::InvalidData);  // there are no rows
-  CHECK(solver.solve(vec(-1, 0), vec(0, 0), vec(1, 1), VectorX<double>(0), VectorX<double>(0), r) == QpStatus::Solved);
+  CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(0), vec(1), r) ==
+        QpStatus::InvalidData);  // there are no rows
+  CHECK(solver.solve(vec(-1, 0), vec(0, 0), vec(1, 1), VectorX<double>(0), VectorX<double>(0), r) ==
+        QpStatus::Solved);
   CHECK(solver.set_rows(MatrixX<double>::Ones(1, 3)) == QpStatus::InvalidData);
   REQUIRE(solver.set_rows(MatrixX<double>::Ones(1, 2)) == QpStatus::Solved);
   CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(2), vec(1), r) == QpStatus::InvalidData);
   CHECK(r.invalid_index == 0);
-  CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(1, 1), vec(1, 1), r) == QpStatus::InvalidData);
+  CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(1, 1), vec(1, 1), r) ==
+        QpStatus::InvalidData);
   REQUIRE(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(1), vec(1), r) == QpStatus::Solved);
   CHECK(r.x[0] == Approx(0.5));
   MatrixX<double> H = I;
   H(0, 1) = H(1, 0) = 2.0;
   CHECK(solver.set_hessian(H) == QpStatus::NonConvex);
   CHECK(solver.refusal().index == 1);
-  REQUIRE(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(1), vec(1), r) == QpStatus::Solved);  // with the old H
+  REQUIRE(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), vec(1), vec(1), r) ==
+          QpStatus::Solved);  // with the old H
   CHECK(r.x[0] == Approx(0.5));
   CHECK(r.iterations == 0);
 }
@@ -368,7 +386,8 @@ TEST_CASE("a negative direction that no pair of entries shows is noticed on the 
   ActiveSet<double> solver;
   REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
   QpResult<double> r;
-  const VectorX<double> g = VectorX<double>::Constant(3, -1.0), ub = VectorX<double>::Constant(3, 5.0), none(0);
+  const VectorX<double> g = VectorX<double>::Constant(3, -1.0),
+                        ub = VectorX<double>::Constant(3, 5.0), none(0);
   CHECK(solver.solve(g, -ub, ub, none, none, r) == QpStatus::NonConvex);
   for (Index i = 0; i < 3; ++i) CHECK(std::abs(r.x[i]) <= 5.0);
 }
@@ -388,7 +407,8 @@ TEST_CASE("without a Hessian, or with bad settings, nothing is solved", "[qp]") 
   ActiveSet<double> careless(settings);
   REQUIRE(careless.set_hessian(MatrixX<double>::Zero(1, 1)) == QpStatus::Solved);
   REQUIRE(careless.set_rows(MatrixX<double>::Ones(1, 1)) == QpStatus::Solved);
-  CHECK(careless.solve(vec(0.0), vec(-inf), vec(inf), vec(1.0), vec(inf), r) == QpStatus::InvalidData);
+  CHECK(careless.solve(vec(0.0), vec(-inf), vec(inf), vec(1.0), vec(inf), r) ==
+        QpStatus::InvalidData);
   CHECK(std::string(r.message) == "feasibility_tolerance is not a positive number");
 }
 
@@ -414,25 +434,29 @@ struct Tiny {
     for (Index k = 0; k < v.size(); ++k) M(k / cols, k % cols) = v[k];
     return M;
   }
-  Tiny(MatrixX<S> hessian, std::initializer_list<double> gradient) : H(std::move(hessian)), A(0, H.rows()), g(list(gradient)) {
+  Tiny(MatrixX<S> hessian, std::initializer_list<double> gradient)
+      : H(std::move(hessian)), A(0, H.rows()), g(list(gradient)) {
     ub = VectorX<S>::Constant(H.rows(), std::numeric_limits<S>::infinity());
     lb = -ub;
   }
-  Tiny& rows(MatrixX<S> matrix, std::initializer_list<double> lower, std::initializer_list<double> upper) {
+  Tiny& rows(MatrixX<S> matrix, std::initializer_list<double> lower,
+             std::initializer_list<double> upper) {
     A = std::move(matrix);
     rl = list(lower);
     ru = list(upper);
     return *this;
   }
   QpStatus solve() {
-    if (solver.set_hessian(H) != QpStatus::Solved || solver.set_rows(A) != QpStatus::Solved) return QpStatus::InvalidData;
+    if (solver.set_hessian(H) != QpStatus::Solved || solver.set_rows(A) != QpStatus::Solved)
+      return QpStatus::InvalidData;
     return solver.solve(g, lb, ub, rl, ru, result);
   }
 };
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("numbers at the end of the scalar's range do not trap the solver", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("numbers at the end of the scalar's range do not trap the solver", "[qp]", float,
+                   double) {
   using S = TestType;
   using T = Tiny<S>;
   const bool single = sizeof(S) == sizeof(float);
@@ -449,11 +473,13 @@ TEMPLATE_TEST_CASE("numbers at the end of the scalar's range do not trap the sol
     T q(T::table(2, 2, {h, 0, 0, 1}), {h, -1});
     const QpStatus status = q.rows(T::table(1, 2, {1, h}), {1}, {h}).solve();
     INFO("H = diag(" << h << ", 1) " << to_string(status));
-    CHECK((status == QpStatus::Solved || status == QpStatus::SolvedInaccurate || status == QpStatus::IterationLimit));
+    CHECK((status == QpStatus::Solved || status == QpStatus::SolvedInaccurate ||
+           status == QpStatus::IterationLimit));
   }
 }
 
-TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not called unbounded", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not called unbounded",
+                   "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
   const bool single = sizeof(S) == sizeof(float);
@@ -463,12 +489,14 @@ TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not call
     const double actual = static_cast<double>(q.H(1, 1)) - 1.0;
     INFO("e = " << e);
     const QpStatus status = q.solve();
-    // The digits of x at 2/e may be too few for the tolerance: then the residual, as it truly is, says so.
+    // The digits of x at 2/e may be too few for the tolerance: then the residual, as it truly is,
+    // says so.
     const long double x0 = q.result.x[0], x1 = q.result.x[1];
-    const long double first = x0 - x1 - 1, second = static_cast<long double>(q.H(1, 1)) * x1 - x0 - 1;
+    const long double first = x0 - x1 - 1,
+                      second = static_cast<long double>(q.H(1, 1)) * x1 - x0 - 1;
     const double error = static_cast<double>(std::max(std::abs(first), std::abs(second)));
-    CHECK(error <=
-          2.1 * static_cast<double>(q.result.stationarity) + 0.6 * static_cast<double>(QpSettings<S>().stationarity_tolerance));
+    CHECK(error <= 2.1 * static_cast<double>(q.result.stationarity) +
+                       0.6 * static_cast<double>(QpSettings<S>().stationarity_tolerance));
     CHECK(error <= 8 * static_cast<double>(scalar_traits<S>::epsilon()) / actual);
     CHECK(static_cast<double>(q.result.x[1]) == Approx(2.0 / actual).epsilon(1e-2));
     CHECK(q.result.ray.isZero(S(0)));
@@ -497,7 +525,8 @@ TEMPLATE_TEST_CASE("rows that meet far out are not called contradictory", "[qp]"
     }
   }
   T q(T::table(2, 2, {1, 0, 0, 1}), {0, 0});  // e = 0 is a contradiction
-  CHECK(q.rows(T::table(2, 2, {1, 1, 1, 1}), {1, -INFINITY}, {INFINITY, 0}).solve() == QpStatus::PrimalInfeasible);
+  CHECK(q.rows(T::table(2, 2, {1, 1, 1, 1}), {1, -INFINITY}, {INFINITY, 0}).solve() ==
+        QpStatus::PrimalInfeasible);
 }
 
 TEMPLATE_TEST_CASE("feasibility is decided before unboundedness", "[qp]", float, double) {
@@ -520,13 +549,15 @@ TEMPLATE_TEST_CASE("feasibility is decided before unboundedness", "[qp]", float,
     CHECK(static_cast<double>(q.result.x[2]) == Approx(7.0));
   }
   T lp(T::table(2, 2, {0, 0, 0, 0}), {0, -1});
-  CHECK(lp.rows(T::table(2, 2, {1, 0, 1, 0}), {1, -INFINITY}, {INFINITY, 0}).solve() == QpStatus::PrimalInfeasible);
+  CHECK(lp.rows(T::table(2, 2, {1, 0, 1, 0}), {1, -INFINITY}, {INFINITY, 0}).solve() ==
+        QpStatus::PrimalInfeasible);
 }
 
 TEMPLATE_TEST_CASE("gently falling rays are recognised", "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
-  const bool single = sizeof(S) == sizeof(float);  // there, slopes below the tolerance pass as solved
+  const bool single =
+      sizeof(S) == sizeof(float);  // there, slopes below the tolerance pass as solved
   for (double slope : {single ? 1e-3 : 1e-4, 1e-2, 1e-1}) {
     INFO("slope " << slope);
     T lp(T::table(2, 2, {0, 0, 0, 0}), {1, -1.0 - slope});
@@ -546,7 +577,8 @@ TEMPLATE_TEST_CASE("gently falling rays are recognised", "[qp]", float, double) 
 TEMPLATE_TEST_CASE("bounds that scaling makes huge stay bounds", "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
-  T lp(T::table(2, 2, {0, 0, 0, 0}), {1, 1});  // min x0 + x1, x0 ≥ 1e8; the free row makes column 0 look like 1e18
+  T lp(T::table(2, 2, {0, 0, 0, 0}),
+       {1, 1});  // min x0 + x1, x0 ≥ 1e8; the free row makes column 0 look like 1e18
   lp.lb = T::list({1e8, -3});
   CHECK(lp.rows(T::table(1, 2, {1e18, 1}), {-INFINITY}, {INFINITY}).solve() == QpStatus::Solved);
   CHECK(lp.result.x[0] == S(1e8));
@@ -558,7 +590,8 @@ TEMPLATE_TEST_CASE("bounds that scaling makes huge stay bounds", "[qp]", float, 
   CHECK(q.result.x[0] == S(1e8));
 }
 
-TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least violation", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least violation", "[qp]",
+                   float, double) {
   using S = TestType;
   std::mt19937 random(26);
   int unfinished = 0;
@@ -568,7 +601,8 @@ TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least
     const auto violation = [&q](const VectorX<S>& x) {
       const VectorX<S> Ax = q.A * x;
       const S worst = std::max((q.rl - Ax).maxCoeff(), (Ax - q.ru).maxCoeff());
-      return std::max(S(0), worst) / std::max(S(1), std::max(Ax.cwiseAbs().maxCoeff(), x.cwiseAbs().maxCoeff()));
+      return std::max(S(0), worst) /
+             std::max(S(1), std::max(Ax.cwiseAbs().maxCoeff(), x.cwiseAbs().maxCoeff()));
     };
     for (int budget = 1; budget < 12; ++budget) {
       QpSettings<S> settings;
@@ -579,18 +613,22 @@ TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least
       if (solve(solver, q, r) != QpStatus::IterationLimit) continue;
       ++unfinished;
       INFO("trial " << trial << " budget " << budget);
-      CHECK(static_cast<double>(violation(r.x)) <= 1.001 * static_cast<double>(violation(start)) + 1e-6);
-      CHECK(static_cast<double>(r.feasibility) == Approx(static_cast<double>(violation(r.x))).epsilon(1e-2).margin(1e-6));
+      CHECK(static_cast<double>(violation(r.x)) <=
+            1.001 * static_cast<double>(violation(start)) + 1e-6);
+      CHECK(static_cast<double>(r.feasibility) ==
+            Approx(static_cast<double>(violation(r.x))).epsilon(1e-2).margin(1e-6));
       check_within_bounds(q, r.x);
     }
   }
   CHECK(unfinished > 20);
 }
 
-TEMPLATE_TEST_CASE("progress shows beside a large constant in the objective", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("progress shows beside a large constant in the objective", "[qp]", float,
+                   double) {
   using S = TestType;
   using T = Tiny<S>;
-  constexpr Index n = 60;  // a chain that is released link by link, and an unknown far away that is fixed
+  constexpr Index n =
+      60;  // a chain that is released link by link, and an unknown far away that is fixed
   for (double far : {0.0, 1e6, 1e10}) {
     MatrixX<S> H = MatrixX<S>::Zero(n, n);
     for (Index i = 1; i < n; ++i) {
@@ -611,7 +649,8 @@ TEMPLATE_TEST_CASE("progress shows beside a large constant in the objective", "[
 
 TEST_CASE("the general solver starts from x, by shift, and cold after reset", "[qp]") {
   std::mt19937 random(27);
-  // Blocks of 8 unknowns and 5 rows that know nothing of each other, so that the shifted problem has the shifted solution.
+  // Blocks of 8 unknowns and 5 rows that know nothing of each other, so that the shifted problem
+  // has the shifted solution.
   const KnownQp<double> block = draw_qp<double>({.n = 8, .m = 5, .equalities = 0.0}, random);
   const Index blocks = 5, n = 8 * blocks, m = 5 * blocks;
   KnownQp<double> q;
@@ -669,7 +708,8 @@ TEST_CASE("reserved sizes are maxima, sizes may shrink and grow, rows may be abs
   std::mt19937 random(23);
   ActiveSet<double> solver;
   solver.reserve(40, 30);
-  for (const auto& [n, m] : {std::pair<Index, Index>{40, 30}, {12, 5}, {25, 0}, {40, 30}, {50, 45}}) {
+  for (const auto& [n, m] :
+       {std::pair<Index, Index>{40, 30}, {12, 5}, {25, 0}, {40, 30}, {50, 45}}) {
     const KnownQp<double> q = draw_qp<double>({.n = n, .m = m}, random);
     const long before = allocations();
     const QpStatus hessian = solver.set_hessian(q.H), rows = solver.set_rows(q.A);
@@ -691,7 +731,8 @@ TEST_CASE("reserved sizes are maxima, sizes may shrink and grow, rows may be abs
 TEST_CASE("a large solve takes nothing from the heap", "[qp]") {
   if (!allocation_counting_works()) return;
   std::mt19937 random(25);
-  const KnownQp<double> q = draw_qp<double>({.n = 300, .m = 150, .active = 0.4, .equalities = 0.5}, random);
+  const KnownQp<double> q =
+      draw_qp<double>({.n = 300, .m = 150, .active = 0.4, .equalities = 0.5}, random);
   QpSession<double, ActiveSet<double>> session;
   REQUIRE(session.set(q) == QpStatus::Solved);
   session.result.resize(300, 150);
@@ -717,7 +758,8 @@ TEST_CASE("an exhausted budget gives a point within the bounds", "[qp]") {
   CHECK(r.feasibility > 0.0);
 }
 
-TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solution", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solution", "[qp]",
+                   float, double) {
   using S = TestType;
   std::mt19937 random(91);
   int unique_ones = 0;
@@ -730,7 +772,8 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
     KnownQp<S> q = draw_qp<S>(family, random);
     const S tiny = trial % 4 == 3 ? std::ldexp(S(1), -60) : S(1);  // rows of any size have sides
     q.A *= tiny;
-    for (VectorX<S>* r : {&q.rl, &q.ru}) *r = r->unaryExpr([&](S v) { return is_unbounded(v) ? v : S(v * tiny); });
+    for (VectorX<S>* r : {&q.rl, &q.ru})
+      *r = r->unaryExpr([&](S v) { return is_unbounded(v) ? v : S(v * tiny); });
     ActiveSet<S> first, second, both;
     QpResult<S> cold, warm;
     for (ActiveSet<S>* s : {&first, &second, &both}) set(*s, q);
@@ -751,12 +794,15 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
     const auto count = [](const std::vector<QpSide>& sides, QpSide side) {
       return std::count(sides.begin(), sides.end(), side);
     };
-    const bool unique = count(cold.bound_sides, QpSide::Between) + count(cold.row_sides, QpSide::Between) >= family.m;
+    const bool unique =
+        count(cold.bound_sides, QpSide::Between) + count(cold.row_sides, QpSide::Between) >=
+        family.m;
     unique_ones += unique ? 1 : 0;
     REQUIRE(second.warm_start(cold.bound_sides, cold.row_sides));
     REQUIRE(solve(second, q, warm) == QpStatus::Solved);
     if (unique) CHECK(warm.iterations == 0);
-    CHECK(double((warm.x - q.x).norm()) <= (sizeof(S) == 8 ? 1e-6 : 2e-2) * (1.0 + double(q.x.norm())));
+    CHECK(double((warm.x - q.x).norm()) <=
+          (sizeof(S) == 8 ? 1e-6 : 2e-2) * (1.0 + double(q.x.norm())));
     REQUIRE(both.warm_start(cold.x, cold.bound_sides, cold.row_sides));
     REQUIRE(solve(both, q, warm) == QpStatus::Solved);
     if (unique) CHECK(warm.iterations == 0);
@@ -774,7 +820,8 @@ TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are ref
     const KnownQp<double> q = draw_qp<double>(family, random);
     ActiveSet<double> solver;
     set(solver, q);
-    std::vector<QpSide> bounds(static_cast<std::size_t>(family.n)), rows(static_cast<std::size_t>(family.m));
+    std::vector<QpSide> bounds(static_cast<std::size_t>(family.n)),
+        rows(static_cast<std::size_t>(family.m));
     for (QpSide& s : bounds) s = static_cast<QpSide>(three(random));
     for (QpSide& s : rows) s = static_cast<QpSide>(three(random));
     REQUIRE(solver.warm_start(bounds, rows));
@@ -878,4 +925,23 @@ TEST_CASE("what ran out of budget goes on in the next solve", "[qp]") {
     }
   }
   CHECK(cut > 40);
+}
+
+TEST_CASE("negative sizes are refused by name and change nothing", "[qp]") {
+  ActiveSet<double> solver;
+  const MatrixX<double> H = MatrixX<double>::Identity(2, 2), A = MatrixX<double>::Ones(1, 2);
+  CHECK(solver.reserve(-1, 1) == QpStatus::InvalidData);
+  CHECK(std::string(solver.refusal().message) == "reserved number of unknowns is negative");
+  REQUIRE(solver.reserve(2, 1) == QpStatus::Solved);
+  REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+  REQUIRE(solver.set_rows(A) == QpStatus::Solved);
+  CHECK(solver.reserve(2, -1) == QpStatus::InvalidData);
+  CHECK(std::string(solver.refusal().message) == "reserved number of rows is negative");
+  QpResult<double> result;
+  const VectorX<double> g = VectorX<double>::Zero(2), low = VectorX<double>::Constant(2, -5.0);
+  const VectorX<double> one = VectorX<double>::Ones(1);
+  CHECK(solver.solve(g, low, -low, one, one, result) == QpStatus::Solved);
+  CHECK(result.x[0] == Approx(0.5));
+  CHECK(solver.solve(g, low, -low, one, g, result) == QpStatus::InvalidData);
+  CHECK(std::string(result.message) == "upper row bounds differ in size from the rows");
 }

@@ -15,7 +15,8 @@ using namespace clothctl;
 using namespace clothctl_test;
 
 static_assert(BoxQpSolver<BoxActiveSet<float>, float> && BoxQpSolver<BoxActiveSet<double>, double>);
-static_assert(WarmStartable<BoxActiveSet<float>, float> && WarmStartable<BoxActiveSet<double>, double>);
+static_assert(clothctl_test::WarmStartable<BoxActiveSet<float>, float> &&
+              clothctl_test::WarmStartable<BoxActiveSet<double>, double>);
 static_assert(!QpSolver<BoxActiveSet<double>>);
 
 namespace {
@@ -30,7 +31,8 @@ const double inf = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("random bound-constrained problems of every kind are solved", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("random bound-constrained problems of every kind are solved", "[qp]", float,
+                   double) {
   using S = TestType;
   std::mt19937 random(11);
   for (int trial = 0; trial < trials(150, 20000); ++trial) {
@@ -106,16 +108,20 @@ TEST_CASE("flat directions end at a bound or prove the problem unbounded", "[qp]
 }
 
 // Sequences that go from few active bounds to many and back: the modes hand over to each other.
-TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", "[qp]", float,
+                   double) {
   using S = TestType;
   std::mt19937 random(17);
   std::normal_distribution<double> normal;
   for (const double condition : {1e1, sizeof(S) == 8 ? 1e7 : 1e3}) {
     for (const Index n : {Index(9), Index(60), Index(220)}) {
       MatrixX<double> J(n, n);
-      for (Index k = 0; k < J.size(); ++k) J.data()[k] = normal(random) / std::sqrt(static_cast<double>(n));
-      for (Index i = 0; i < n; ++i) J.row(i) *= std::pow(condition, -0.5 * static_cast<double>(i) / static_cast<double>(n));
-      const MatrixX<S> H = (J.transpose() * J + MatrixX<double>::Identity(n, n) / condition).template cast<S>();
+      for (Index k = 0; k < J.size(); ++k)
+        J.data()[k] = normal(random) / std::sqrt(static_cast<double>(n));
+      for (Index i = 0; i < n; ++i)
+        J.row(i) *= std::pow(condition, -0.5 * static_cast<double>(i) / static_cast<double>(n));
+      const MatrixX<S> H =
+          (J.transpose() * J + MatrixX<double>::Identity(n, n) / condition).template cast<S>();
       BoxActiveSet<S> warm;
       warm.reserve(n);
       QpResult<S> result, cold_result;
@@ -123,11 +129,14 @@ TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", 
       REQUIRE(warm.set_hessian(H) == QpStatus::Solved);
       Index fewest = n, most = 0;
       for (int frame = 0; frame < 30; ++frame) {
-        if (frame == 12) REQUIRE(warm.set_hessian(H) == QpStatus::Solved);  // what was made for H is forgotten, the set is not
+        if (frame == 12)
+          REQUIRE(warm.set_hessian(H) ==
+                  QpStatus::Solved);  // what was made for H is forgotten, the set is not
         for (Index i = 0; i < n; ++i) g[i] = S(0.8) * g[i] + S(0.2 * normal(random));
         // From hardly any bound to most of them.
         const S farthest = H.llt().solve(g).cwiseAbs().maxCoeff();
-        const VectorX<S> ub = VectorX<S>::Constant(n, S(frame % 15 < 10 ? 0.9 : 0.01) * farthest), lb = S(-0.8) * ub;
+        const VectorX<S> ub = VectorX<S>::Constant(n, S(frame % 15 < 10 ? 0.9 : 0.01) * farthest),
+                         lb = S(-0.8) * ub;
         const QpStatus status = warm.solve(g, lb, ub, result);
         const long before = clothctl_test::allocations();
         const QpStatus again = warm.solve(g, lb, ub, result);
@@ -159,7 +168,8 @@ TEST_CASE("a solver with room for many unknowns solves few", "[qp]") {
   solver.reserve(500);
   for (const Index n : {20, 450, 100}) {
     const MatrixX<double> H = 2.0 * MatrixX<double>::Identity(n, n);
-    const VectorX<double> g = VectorX<double>::LinSpaced(n, -3.0, 1.0), ub = VectorX<double>::Ones(n), lb = -ub;
+    const VectorX<double> g = VectorX<double>::LinSpaced(n, -3.0, 1.0),
+                          ub = VectorX<double>::Ones(n), lb = -ub;
     QpResult<double> r;
     REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
     for (int frame = 0; frame < 20; ++frame) {
@@ -211,7 +221,8 @@ TEST_CASE("small budgets make progress from solve to solve, in every mode", "[qp
       QpResult<double> r;
       REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
       const VectorX<double> wide = VectorX<double>::Constant(n, 1e4);
-      for (int k = 0; k < 30; ++k) (void)solver.solve(g, -wide, wide, r);  // nothing is active: the active-set mode gets ready
+      for (int k = 0; k < 30; ++k)
+        (void)solver.solve(g, -wide, wide, r);  // nothing is active: the active-set mode gets ready
       double last = std::numeric_limits<double>::infinity();
       QpStatus status = QpStatus::IterationLimit;
       for (int k = 0; k < 300 && status != QpStatus::Solved; ++k) {
@@ -231,7 +242,8 @@ TEST_CASE("a linear program over a box goes to its corners", "[qp]") {
   REQUIRE(solver.set_hessian(MatrixX<double>::Zero(30, 30)) == QpStatus::Solved);
   VectorX<double> g(30);
   for (Index i = 0; i < 30; ++i) g[i] = i % 3 == 0 ? 0.0 : i % 3 == 1 ? 1.0 : -1.0;
-  const VectorX<double> lb = VectorX<double>::Constant(30, -2.0), ub = VectorX<double>::Constant(30, 5.0);
+  const VectorX<double> lb = VectorX<double>::Constant(30, -2.0),
+                        ub = VectorX<double>::Constant(30, 5.0);
   QpResult<double> r;
   REQUIRE(solver.solve(g, lb, ub, r) == QpStatus::Solved);
   CHECK(r.objective == Approx(-70.0));
@@ -251,16 +263,19 @@ TEST_CASE("indefinite Hessians are named", "[qp]") {
   H << 0.0, 1.0, 1.0, 0.0;
   CHECK(solver.set_hessian(H) == QpStatus::NonConvex);
   CHECK(solver.refusal().index == 1);
-  MatrixX<double> three = MatrixX<double>::Constant(3, 3, -0.9);  // eigenvalue -0.8: no pair of entries shows it
+  MatrixX<double> three =
+      MatrixX<double>::Constant(3, 3, -0.9);  // eigenvalue -0.8: no pair of entries shows it
   three.diagonal().setOnes();
   REQUIRE(solver.set_hessian(three) == QpStatus::Solved);
-  const VectorX<double> g = VectorX<double>::Constant(3, -1.0), ub = VectorX<double>::Constant(3, 100.0);
+  const VectorX<double> g = VectorX<double>::Constant(3, -1.0),
+                        ub = VectorX<double>::Constant(3, 100.0);
   CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);
   CHECK(solver.set_hessian(MatrixX<double>::Constant(2, 2, inf)) == QpStatus::InvalidData);
   CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);  // the old H is still there
 }
 
-TEMPLATE_TEST_CASE("progress of the box solver shows beside a large constant in the objective", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("progress of the box solver shows beside a large constant in the objective",
+                   "[qp]", float, double) {
   using S = TestType;
   constexpr Index n = 60;
   for (double far : {0.0, 1e6, 1e8, 1e10, 1e12}) {
@@ -284,7 +299,8 @@ TEMPLATE_TEST_CASE("progress of the box solver shows beside a large constant in 
   }
 }
 
-TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, flat ones with a clean ray", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, flat ones with a clean ray", "[qp]",
+                   float, double) {
   using S = TestType;
   const bool single = sizeof(S) == sizeof(float);
   const VectorX<S> ub = VectorX<S>::Constant(3, std::numeric_limits<S>::infinity());
@@ -292,7 +308,8 @@ TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, flat ones with a cle
   VectorX<S> g = VectorX<S>::Constant(3, S(-1));
   QpResult<S> r;
   BoxActiveSet<S> solver;
-  for (double e : single ? std::vector<double>{1e-5, 1e-4, 1e-3} : std::vector<double>{1e-11, 1e-10, 3e-10}) {
+  for (double e :
+       single ? std::vector<double>{1e-5, 1e-4, 1e-3} : std::vector<double>{1e-11, 1e-10, 3e-10}) {
     H << S(1), S(-1), S(0), S(-1), S(1.0 + e), S(0), S(0), S(0), S(1);
     REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
     CHECK(solver.solve(g, -ub, ub, r) == QpStatus::Solved);
@@ -342,7 +359,8 @@ TEST_CASE("refusals say what and where", "[qp]") {
 }
 
 TEST_CASE("bounds that close and open again leave no mark", "[qp]") {
-  // Schedules switch unknowns off by ub = lb = 0 for some frames; the set must be recomputed each time.
+  // Schedules switch unknowns off by ub = lb = 0 for some frames; the set must be recomputed each
+  // time.
   std::mt19937 random(14);
   KnownQp<double> q = draw_qp<double>({.n = 60, .active = 0.3}, random);
   QpSession<double, BoxActiveSet<double>> warm;
@@ -365,7 +383,8 @@ TEST_CASE("bounds that close and open again leave no mark", "[qp]") {
 
 TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
   std::mt19937 random(15);
-  // Blocks of 10 unknowns coupled within themselves only, so that the shifted problem has the shifted solution.
+  // Blocks of 10 unknowns coupled within themselves only, so that the shifted problem has the
+  // shifted solution.
   const KnownQp<double> block = draw_qp<double>({.n = 10}, random);
   const Index blocks = 6, n = 10 * blocks;
   KnownQp<double> q;
@@ -405,7 +424,8 @@ TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
   CHECK((session.result.x - x).cwiseAbs().maxCoeff() < 1e-12);
 }
 
-TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a feasible point", "[qp]") {
+TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a feasible point",
+          "[qp]") {
   std::mt19937 random(16);
   BoxActiveSet<double> solver;
   solver.reserve(50);
@@ -439,7 +459,8 @@ TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a 
   CHECK(r.objective == Approx(big.objective()).epsilon(1e-9));
 }
 
-TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives on every frame", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives on every frame",
+                   "[qp]", float, double) {
   using S = TestType;
   const bool single = sizeof(S) == sizeof(float);
   for (const char* name : {"slide_n080", "slide_n160", "slide_n320", "sched_n160", "grip_n160"}) {
@@ -469,7 +490,8 @@ TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives
       CHECK(static_cast<double>(r.stationarity) < (single ? 1e-3 : 1e-9));
       CHECK(static_cast<double>(r.feasibility) == 0.0);
       CHECK(static_cast<double>(r.relative_complementarity) < (single ? 1e-4 : 1e-9));
-      CHECK(static_cast<double>(r.objective) == Approx(frame.objective).epsilon(single ? 1e-4 : 1e-9));
+      CHECK(static_cast<double>(r.objective) ==
+            Approx(frame.objective).epsilon(single ? 1e-4 : 1e-9));
       if (k > 0) iterations += session.result.iterations;
     }
     CHECK(iterations < 59 * 4);  // warm frames take a few rounds each
@@ -521,4 +543,15 @@ TEST_CASE("a far move of one unknown does not round the others' gradients away",
   g[0] = lb[0] = ub[0] = 0.0;
   REQUIRE(solver.solve(g, lb, ub, result) == QpStatus::Solved);
   for (Index j = 1; j < 4; ++j) CHECK(result.x[j] == Approx(-0.5));
+}
+
+TEST_CASE("a negative number of unknowns is refused by name and changes nothing", "[qp]") {
+  BoxActiveSet<double> solver;
+  REQUIRE(solver.set_hessian(MatrixX<double>::Identity(2, 2)) == QpStatus::Solved);
+  CHECK(solver.reserve(-1) == QpStatus::InvalidData);
+  CHECK(std::string(solver.refusal().message) == "reserved number of unknowns is negative");
+  QpResult<double> result;
+  const VectorX<double> g = VectorX<double>::Ones(2), high = VectorX<double>::Constant(2, 5.0);
+  CHECK(solver.solve(g, -high, high, result) == QpStatus::Solved);
+  CHECK(result.x[1] == Approx(-1.0));
 }

@@ -1,6 +1,6 @@
 // The method is one whatever keeps the Hessian: factored and dense curvature agree, warm and cold.
 
-#include "clothctl/qp/box_method.hpp"
+#include "clothctl/qp/detail/box_method.hpp"
 
 #include "clothctl/qp/box_active_set.hpp"
 #include "qp/curvatures.hpp"
@@ -10,8 +10,9 @@
 using namespace clothctl;
 using clothctl_test::FactoredHessian;
 
-TEMPLATE_TEST_CASE("diagonal plus low rank gives the minimiser of the dense problem, cold, warm and shifted",
-                   "[qp][box_method]", float, double) {
+TEMPLATE_TEST_CASE(
+    "diagonal plus low rank gives the minimiser of the dense problem, cold, warm and shifted",
+    "[qp][box_method]", float, double) {
   using S = TestType;
   using Method = detail::BoxMethod<S, detail::LowRankCurvature<S>>;
   const QpSettings<S> settings;
@@ -36,7 +37,8 @@ TEMPLATE_TEST_CASE("diagonal plus low rank gives the minimiser of the dense prob
       int iterations = 0, again = 0;
       const detail::Budget budget(settings, n);
       const long before = clothctl_test::allocations();
-      const QpStatus status = method.solve(data, settings.stationarity_tolerance, budget, iterations);
+      const QpStatus status =
+          method.solve(data, settings.stationarity_tolerance, budget, iterations);
       const QpStatus repeated = method.solve(data, settings.stationarity_tolerance, budget, again);
       const long made = clothctl_test::allocations() - before;
       CHECK(status == QpStatus::Solved);

@@ -1,6 +1,6 @@
 // What a solve may spend: rounds and the caller's seconds, in the settings and in both solvers.
 
-#include "clothctl/qp/budget.hpp"
+#include "clothctl/qp/detail/budget.hpp"
 
 #include <limits>
 
@@ -27,9 +27,9 @@ QpSettings<double> seconds(double limit, double& now) {
 struct Chain {
   static constexpr Index n = 40;
   MatrixX<double> H = MatrixX<double>::Zero(n, n), A = MatrixX<double>::Ones(1, n);
-  VectorX<double> g = VectorX<double>::LinSpaced(n, -3.0, 2.0), lb = VectorX<double>::Constant(n, -0.5),
-                  ub = VectorX<double>::Constant(n, 0.5), rl = VectorX<double>::Constant(1, 0.5),
-                  ru = VectorX<double>::Constant(1, 1.5);
+  VectorX<double> g = VectorX<double>::LinSpaced(n, -3.0, 2.0),
+                  lb = VectorX<double>::Constant(n, -0.5), ub = VectorX<double>::Constant(n, 0.5),
+                  rl = VectorX<double>::Constant(1, 0.5), ru = VectorX<double>::Constant(1, 1.5);
   Chain() {
     for (Index i = 0; i < n; ++i) {
       H(i, i) = 2.1;
@@ -64,23 +64,27 @@ TEST_CASE("a clock that says NaN ends the solve", "[qp][budget]") {
 
 TEST_CASE("time settings are checked", "[qp][budget]") {
   double now = 0;
-  CHECK(seconds(1.0, now).check().empty());
-  CHECK(seconds(-1.0, now).check() == "time_limit is negative or not finite");
-  CHECK(seconds(std::numeric_limits<double>::quiet_NaN(), now).check() == "time_limit is negative or not finite");
+  CHECK(seconds(1.0, now).validate().empty());
+  CHECK(seconds(-1.0, now).validate() == "time_limit is negative or not finite");
+  CHECK(seconds(std::numeric_limits<double>::quiet_NaN(), now).validate() ==
+        "time_limit is negative or not finite");
   QpSettings<double> settings;
   settings.time_limit = 1.0;
-  CHECK(settings.check() == "time_limit is set without a clock");
+  CHECK(settings.validate() == "time_limit is set without a clock");
 }
 
-TEST_CASE("a solve that runs out of time returns its best iterate within the bounds, and the next one is whole",
-          "[qp][budget]") {
+TEST_CASE(
+    "a solve that runs out of time returns its best iterate within the bounds, and the next one is "
+    "whole",
+    "[qp][budget]") {
   const Chain chain;
   double now = 0;
   BoxActiveSet<double> box(seconds(0.5, now));
   REQUIRE(box.set_hessian(chain.H) == QpStatus::Solved);
   QpResult<double> result;
   CHECK(box.solve(chain.g, chain.lb, chain.ub, result) == QpStatus::TimeLimit);
-  CHECK(((result.x.array() >= chain.lb.array()).all() && (result.x.array() <= chain.ub.array()).all()));
+  CHECK(((result.x.array() >= chain.lb.array()).all() &&
+         (result.x.array() <= chain.ub.array()).all()));
   CHECK(result.feasibility == 0.0);
   for (int again = 0; again < 100 && result.status != QpStatus::Solved; ++again)
     (void)box.solve(chain.g, chain.lb, chain.ub, result);
@@ -90,7 +94,8 @@ TEST_CASE("a solve that runs out of time returns its best iterate within the bou
   REQUIRE(rows.set_hessian(chain.H) == QpStatus::Solved);
   REQUIRE(rows.set_rows(chain.A) == QpStatus::Solved);
   CHECK(rows.solve(chain.g, chain.lb, chain.ub, chain.rl, chain.ru, result) == QpStatus::TimeLimit);
-  CHECK(((result.x.array() >= chain.lb.array()).all() && (result.x.array() <= chain.ub.array()).all()));
+  CHECK(((result.x.array() >= chain.lb.array()).all() &&
+         (result.x.array() <= chain.ub.array()).all()));
   ActiveSet<double> patient(seconds(1e6, now));
   REQUIRE(patient.set_hessian(chain.H) == QpStatus::Solved);
   REQUIRE(patient.set_rows(chain.A) == QpStatus::Solved);

@@ -8,53 +8,81 @@ using namespace clothctl;
 
 namespace {
 
+constexpr double inf = std::numeric_limits<double>::infinity();
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
 VectorX<double> vec(double a) { return VectorX<double>::Constant(1, a); }
 VectorX<double> vec(double a, double b) { return (VectorX<double>(2) << a, b).finished(); }
+MatrixX<double> row(double a, double b) { return vec(a, b).transpose(); }
 
 }  // namespace
 
-TEST_CASE("a Farkas pair is believed only when every number fits", "[qp]") {
-  // x + y ≥ 3 with x, y ≤ 1: the multiplier -1 on the row gives z = (1, 1), support -3 + 1 + 1 = -1.
-  const double none = detail::no_bound<double>();
-  const VectorX<double> rl = vec(3.0), ru = vec(none), lo = vec(-none, -none), size = vec(1.0, 1.0);
-  const auto proves = [&](double y, double z0, double z1, double top) {
-    VectorX<double> z = vec(z0, z1);
-    return detail::check_farkas<double>(vec(y), z, size, rl, ru, lo, vec(top, top), 10.0).proven;
+TEST_CASE("a Farkas pair is a certificate when it balances and its bound is negative", "[qp]") {
+  // x + y ≥ 3 with x, y ≤ 1: the multiplier -1 on the row and (1, 1) give s = -3 + 1 + 1 = -1.
+  const auto measure = [](double y, double z0, double z1, double top) {
+    return farkas_residuals(row(1, 1), vec(3), vec(inf), vec(-inf, -inf), vec(top, top), vec(y),
+                            vec(z0, z1));
   };
-  CHECK(proves(-1.0, 1.0, 1.0, 1.0));
-  CHECK(proves(-1.0, 1.0, 1.0, 1.499));
-  CHECK_FALSE(proves(-1.0, 1.0, 1.0, 1.5));   // feasible: x = y = 1.5
-  CHECK_FALSE(proves(-1.0, 1.0, 1.0, none));  // needs a bound that is not there
-  CHECK_FALSE(proves(1.0, -1.0, -1.0, 1.0));  // pushes from the row's open side
-  CHECK_FALSE(proves(0.0, 0.0, 0.0, 1.0));    // says nothing
-  CHECK_FALSE(proves(std::numeric_limits<double>::quiet_NaN(), 1.0, 1.0, 1.0));
-  CHECK_FALSE(proves(-1.0, std::numeric_limits<double>::quiet_NaN(), 1.0, 1.0));
-  VectorX<double> z = vec(1.0, 2e-16);  // rounding of the sum towards an open side is let through and cleared
-  CHECK(detail::check_farkas<double>(vec(-1.0), z, size, rl, ru, lo, vec(1.0, none), 10.0).proven);
-  CHECK(z[1] == 0.0);
-  z = vec(1.0, 1e-14);  // more than that is a coefficient: far out there are feasible points
-  const detail::ProofCheck<double> close = detail::check_farkas<double>(vec(-1.0), z, size, rl, ru, lo, vec(1.0, none), 10.0);
-  CHECK_FALSE(close.proven);
-  CHECK(close.promising);
-  CHECK(close.error > 10.0);
+  const FarkasResiduals<double> good = measure(-1, 1, 1, 1);
+  CHECK(good.holds());
+  CHECK(good.balance == 0.0);
+  CHECK(good.value == -1.0);
+  CHECK(good.relative_value == Approx(-0.2));
+  CHECK(good.excluded_radius == inf);
+  CHECK(measure(-1e9, 1e9, 1e9, 1).holds());    // its length does not count
+  CHECK_FALSE(measure(-1, 1, 1, 1.5).holds());  // x = y = 1.5 is feasible
+  CHECK_FALSE(measure(-1, 1, 1, inf).holds());  // relies on a bound that is not there
+  CHECK_FALSE(measure(1, -1, -1, 1).holds());   // pushes from the row's open side
+  CHECK_FALSE(measure(0, 0, 0, 1).holds());     // proves nothing
+  CHECK_FALSE(measure(-1, 1, 0.5, 1).holds());  // does not balance
+  CHECK_FALSE(measure(kNan, 1, 1, 1).holds());
+  CHECK_FALSE(measure(-1, 1, kNan, 1).holds());
+  CHECK_FALSE(measure(-1, 1, 1, kNan).holds());
+  // An error of 1e-6 in the balance leaves room for feasible points far out only.
+  const FarkasResiduals<double> rough = measure(-1, 1, 1 + 1e-6, 1);
+  CHECK_FALSE(rough.holds());
+  CHECK(rough.holds(1e-5));
+  CHECK(rough.excluded_radius == Approx(1e6).epsilon(1e-3));
 }
 
-TEST_CASE("a ray is believed only when it is flat, falling and leaves no bound", "[qp]") {
-  const double none = detail::no_bound<double>();
-  const VectorX<double> zero = vec(0.0, 0.0), one = vec(1.0, 1.0);
-  const auto proves = [&](double d0, double d1, double Hd, double Ad, double lower, double row_top) {
-    return detail::check_ray<double>(vec(d0, d1), vec(Hd, 0.0), vec(Ad), one, vec(1.0), vec(-1.0, 0.0), vec(-none),
-                                     vec(row_top), vec(lower, -none), vec(none, none))
-        .proven;
+TEST_CASE("a ray is a certificate when it is flat, falls and meets no bound", "[qp]") {
+  const MatrixX<double> H = (MatrixX<double>(2, 2) << 1, 1, 1, 1).finished();
+  const auto measure = [&](double d0, double d1, double lower, double top, double a1 = 1) {
+    return ray_residuals(H, vec(-1, 0), row(1, a1), vec(-inf), vec(top), vec(lower, -inf),
+                         vec(inf, inf), vec(d0, d1));
   };
-  CHECK(proves(1.0, -1.0, 0.0, 0.0, 0.0, 1.0));
-  CHECK(proves(1.0, -1.0, 0.0, 2.0, 0.0, none));
-  CHECK(proves(1.0, -1.0, 4e-16, -1.0, 0.0, 1.0));
-  CHECK_FALSE(proves(1.0, -1.0, 1e-13, 0.0, 0.0, 1.0));  // curved
-  CHECK_FALSE(proves(1.0, -1.0, 0.0, 1e-13, 0.0, 1.0));  // meets a row
-  CHECK_FALSE(proves(-1.0, 0.0, 0.0, 0.0, 0.0, 1.0));    // rises and meets a bound
-  CHECK_FALSE(proves(0.0, -1.0, 0.0, 0.0, 0.0, 1.0));    // does not fall
-  CHECK_FALSE(proves(1.0, std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0, 0.0, 1.0));
-  CHECK_FALSE(proves(1.0, 0.0, std::numeric_limits<double>::quiet_NaN(), 0.0, 0.0, 1.0));
-  CHECK_FALSE(detail::check_ray<double>(zero, zero, vec(0.0), one, vec(1.0), one, vec(-none), vec(none), zero, one).proven);
+  CHECK(measure(1, -1, 0, 5).holds());
+  CHECK(measure(1, -1, 0, 5).relative_slope == -1.0);
+  CHECK(measure(2e9, -2e9, 0, 5).holds());
+  CHECK(measure(1, -1, 0, inf, -1).holds());      // A d = 2 towards an open side
+  CHECK_FALSE(measure(1, -1, 0, 5, -1).holds());  // A d = 2 towards a finite one
+  CHECK_FALSE(measure(1, -0.999, 0, 5).holds());  // curved
+  CHECK_FALSE(measure(-1, 1, 0, 5).holds());      // rises, and runs into its bound
+  CHECK(measure(-1, 1, 0, 5).violation == 1.0);
+  CHECK_FALSE(measure(0, 0, 0, 5).holds());
+  CHECK_FALSE(measure(kNan, -1, 0, 5).holds());
+  CHECK_FALSE(measure(1, -1, 0, 5, kNan).holds());
+}
+
+TEST_CASE("sizes that do not match are no certificate, and nothing is read", "[qp]") {
+  const MatrixX<double> none(0, 0), H = MatrixX<double>::Zero(2, 2);
+  const VectorX<double> empty;
+  CHECK(farkas_residuals(none, empty, empty, vec(1, 1), vec(0, 0), empty, vec(-1, 1)).balance ==
+        1.0);
+  CHECK_FALSE(
+      farkas_residuals(row(1, 1), vec(3), vec(inf), vec(-inf), vec(1, 1), vec(-1), vec(1, 1))
+          .holds());
+  CHECK_FALSE(
+      farkas_residuals(row(1, 1), vec(3), vec(inf), vec(-inf, -inf), vec(1, 1), vec(-1), vec(1))
+          .holds());
+  CHECK_FALSE(
+      farkas_residuals(none, vec(3), vec(inf), vec(-inf, -inf), vec(1, 1), vec(-1), vec(1, 1))
+          .holds());
+  CHECK(ray_residuals(H, vec(-1, 0), none, empty, empty, vec(0, 0), vec(inf, inf), vec(1, 0))
+            .holds());
+  CHECK_FALSE(
+      ray_residuals(H, vec(-1, 0), none, empty, empty, vec(0, 0), vec(inf, inf), vec(1)).holds());
+  CHECK_FALSE(
+      ray_residuals(none, vec(-1, 0), none, empty, empty, vec(0, 0), vec(inf, inf), vec(1, 0))
+          .holds());
 }

@@ -1,11 +1,12 @@
 #pragma once
 
-// Random diagonal-plus-low-rank Hessians, dense and factored, for the tests of the curvatures and of the box method.
+// Random diagonal-plus-low-rank Hessians, dense and factored, for the tests of the curvatures and
+// of the box method.
 
 #include <cmath>
 #include <random>
 
-#include "clothctl/qp/low_rank_curvature.hpp"
+#include "clothctl/qp/detail/special/low_rank_curvature.hpp"
 
 namespace clothctl_test {
 
@@ -15,7 +16,8 @@ struct FactoredHessian {
   clothctl::VectorX<Scalar> D;
   clothctl::MatrixX<Scalar> N;
 
-  FactoredHessian(clothctl::Index n, clothctl::Index r, unsigned seed, double ridge = 0.1) : D(n), N(r, n) {
+  FactoredHessian(clothctl::Index n, clothctl::Index r, unsigned seed, double ridge = 0.1)
+      : D(n), N(r, n) {
     std::mt19937 random(seed);
     std::normal_distribution<double> normal;
     for (clothctl::Index i = 0; i < n; ++i) {

@@ -1,13 +1,15 @@
-// The dense Hessian's side of the box method: products, Newton steps on a changing set, lines of a walk.
+// The dense Hessian's side of the box method: products, Newton steps on a changing set, lines of a
+// walk.
 
-#include "clothctl/qp/dense_curvature.hpp"
+#include "clothctl/qp/detail/dense_curvature.hpp"
 
 #include "qp/curvatures.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
 
-TEST_CASE("dense curvature multiplies, solves on the free set and keeps dependent unknowns out", "[qp][dense_curvature]") {
+TEST_CASE("dense curvature multiplies, solves on the free set and keeps dependent unknowns out",
+          "[qp][dense_curvature]") {
   const Index n = 12;
   MatrixX<double> H = clothctl_test::FactoredHessian<double>(n, 5, 2).dense();
   H.row(11) = H.row(3);  // unknown 11 is unknown 3 once more
@@ -41,7 +43,8 @@ TEST_CASE("the line of a dense walk is that of what still moves", "[qp][dense_cu
   detail::DenseCurvature<double> curvature;
   curvature.reserve(n);
   curvature.attach({H.data(), n, n});
-  VectorX<double> p = VectorX<double>::Random(n), q = VectorX<double>::Random(n), x = VectorX<double>::Zero(n);
+  VectorX<double> p = VectorX<double>::Random(n), q = VectorX<double>::Random(n),
+                  x = VectorX<double>::Zero(n);
   const VectorX<double> start = q;
   std::vector<Index> moving{0, 1, 2, 3, 4, 5, 6, 7, 8};
   curvature.start_walk(moving, n, p, q);

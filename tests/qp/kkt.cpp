@@ -8,7 +8,8 @@ using namespace clothctl;
 
 namespace {
 
-// min ½ x² - 2x + ½ y², x ≤ 1, y free, x + y ≥ 3: x = 1, y = 2, row multiplier 2, bound multiplier 1 - 2 - 2 = -3.
+// min ½ x² - 2x + ½ y², x ≤ 1, y free, x + y ≥ 3: x = 1, y = 2, row multiplier 2, bound multiplier
+// 1 - 2 - 2 = -3.
 template <class S>
 struct Small {
   S inf = std::numeric_limits<S>::infinity();
@@ -82,8 +83,10 @@ TEST_CASE("each kind of error shows in its own residual with its own size", "[qp
 
 TEST_CASE("problems without rows take empty matrices", "[qp]") {
   const MatrixX<double> H = MatrixX<double>::Identity(1, 1), A(0, 1);
-  const VectorX<double> g = VectorX<double>::Constant(1, -1.0), one = VectorX<double>::Ones(1), none(0);
-  const VectorX<double> lb = VectorX<double>::Zero(1), ub = VectorX<double>::Constant(1, 9.0), z = VectorX<double>::Zero(1);
+  const VectorX<double> g = VectorX<double>::Constant(1, -1.0), one = VectorX<double>::Ones(1),
+                        none(0);
+  const VectorX<double> lb = VectorX<double>::Zero(1), ub = VectorX<double>::Constant(1, 9.0),
+                        z = VectorX<double>::Zero(1);
   CHECK(kkt_residuals(H, g, A, none, none, lb, ub, one, none, z).worst() == 0.0);
 }
 
@@ -113,4 +116,22 @@ TEMPLATE_TEST_CASE("a term that is not finite makes residuals infinite", "[qp]",
   q = {};
   q.x *= S(0.9) * std::numeric_limits<S>::max();  // finite, but the objective overflows
   CHECK(infinite(q.judge().worst()));
+}
+
+TEST_CASE("sizes that do not match make every residual infinite, and nothing is read", "[qp]") {
+  const auto broken = [](auto change) {
+    Small<double> q;
+    change(q);
+    return !is_finite(q.judge().worst()) && !is_finite(q.judge().stationarity);
+  };
+  const VectorX<double> longer = VectorX<double>::Zero(7);
+  CHECK_FALSE(broken([](Small<double>&) {}));
+  CHECK(broken([&](Small<double>& q) { q.x = longer; }));
+  CHECK(broken([&](Small<double>& q) { q.y = longer; }));
+  CHECK(broken([&](Small<double>& q) { q.z = longer; }));
+  CHECK(broken([&](Small<double>& q) { q.g = longer; }));
+  CHECK(broken([&](Small<double>& q) { q.rl = longer; }));
+  CHECK(broken([&](Small<double>& q) { q.ub = longer; }));
+  CHECK(broken([](Small<double>& q) { q.A = MatrixX<double>::Zero(1, 1); }));
+  CHECK(broken([](Small<double>& q) { q.H = MatrixX<double>::Zero(2, 1); }));
 }

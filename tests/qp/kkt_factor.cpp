@@ -1,4 +1,4 @@
-#include "clothctl/qp/kkt_factor.hpp"
+#include "clothctl/qp/detail/kkt_factor.hpp"
 
 #include <random>
 
@@ -8,7 +8,8 @@
 using namespace clothctl;
 using clothctl_test::ListedMatrices;
 
-TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give the same steps", "[qp]") {
+TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give the same steps",
+          "[qp]") {
   std::mt19937 random(21);
   std::normal_distribution<double> normal;
   const Index n = 90, m = 40;
@@ -30,7 +31,8 @@ TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give t
     CHECK_FALSE(dense.sparse());
     const auto is_free = [](Index i) { return i % 5 != 1; };
     const auto is_active = [](Index i) { return i % 3 != 0; };
-    const VectorX<double> r1 = VectorX<double>::LinSpaced(n, -1.0, 2.0), r2 = VectorX<double>::LinSpaced(m, 1.0, -1.0);
+    const VectorX<double> r1 = VectorX<double>::LinSpaced(n, -1.0, 2.0),
+                          r2 = VectorX<double>::LinSpaced(m, 1.0, -1.0);
     VectorX<double> p[2], delta[2];
     int which = 0;
     for (detail::KktFactor<double>* factor : {&chosen, &dense}) {

@@ -1,10 +1,11 @@
 #pragma once
 
-// H, A and Aᵀ of a quadratic program with the lists of their nonzeros, for the tests of the sparse factors.
+// H, A and Aᵀ of a quadratic program with the lists of their nonzeros, for the tests of the sparse
+// factors.
 
 #include <utility>
 
-#include "clothctl/qp/columns.hpp"
+#include "clothctl/linalg/columns.hpp"
 
 namespace clothctl_test {
 
@@ -12,7 +13,7 @@ namespace clothctl_test {
 template <class Scalar>
 struct ListedMatrices {
   clothctl::MatrixX<Scalar> H, A, At;
-  clothctl::detail::Columns<Scalar> h, a, at;
+  clothctl::Columns<Scalar> h, a, at;
 
   ListedMatrices(clothctl::MatrixX<Scalar> hessian, clothctl::MatrixX<Scalar> rows)
       : H(std::move(hessian)), A(std::move(rows)) {

@@ -9,23 +9,24 @@ using namespace clothctl;
 
 TEMPLATE_TEST_CASE("settings name their first bad value", "[qp]", float, double) {
   QpSettings<TestType> s;
-  CHECK(s.check().empty());
+  CHECK(s.validate().empty());
   CHECK(s.stationarity_tolerance < TestType(2e-4));
   s.max_iterations = -1;
-  CHECK(s.check() == "max_iterations is negative");
+  CHECK(s.validate() == "max_iterations is negative");
   s.complementarity_tolerance = TestType(0);
-  CHECK(s.check() == "complementarity_tolerance is not a positive number");
+  CHECK(s.validate() == "complementarity_tolerance is not a positive number");
   s.feasibility_tolerance = std::numeric_limits<TestType>::quiet_NaN();
-  CHECK(s.check() == "feasibility_tolerance is not a positive number");
+  CHECK(s.validate() == "feasibility_tolerance is not a positive number");
   s.stationarity_tolerance = std::numeric_limits<TestType>::infinity();
-  CHECK(s.check() == "stationarity_tolerance is not a positive number");
+  CHECK(s.validate() == "stationarity_tolerance is not a positive number");
 }
 
 TEMPLATE_TEST_CASE("bounds are loaded or refused by index", "[qp]", float, double) {
   using S = TestType;
   const S inf = std::numeric_limits<S>::infinity(), nan = std::numeric_limits<S>::quiet_NaN();
   const auto load = [](S l, S u) {
-    const VectorX<S> lower = (VectorX<S>(2) << S(0), l).finished(), upper = (VectorX<S>(2) << S(0), u).finished();
+    const VectorX<S> lower = (VectorX<S>(2) << S(0), l).finished(),
+                     upper = (VectorX<S>(2) << S(0), u).finished();
     VectorX<S> lo(2), hi(2);
     const detail::BoundRefusal refusal = detail::load_bounds<S>(lower, upper, lo, hi);
     CHECK(refusal.index == (std::string(refusal.bound).empty() ? -1 : 1));
@@ -43,7 +44,8 @@ TEMPLATE_TEST_CASE("bounds are loaded or refused by index", "[qp]", float, doubl
   CHECK(load(-inf, -inf) == "upper bound is -infinite");
 }
 
-TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds under every scaling", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds under every scaling",
+                   "[qp]", float, double) {
   using S = TestType;
   const VectorX<S> lower = (VectorX<S>(2) << S(-1e21), S(-0.99e20)).finished(), upper = -lower;
   VectorX<S> lo(2), hi(2);
@@ -55,7 +57,8 @@ TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds unde
   CHECK(is_finite(detail::no_bound<S>()));
 }
 
-TEMPLATE_TEST_CASE("Hessians are refused for asymmetry beyond rounding and for negative minors", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("Hessians are refused for asymmetry beyond rounding and for negative minors",
+                   "[qp]", float, double) {
   using S = TestType;
   const S eps = std::numeric_limits<S>::epsilon(), nan = std::numeric_limits<S>::quiet_NaN();
   MatrixX<S> H = MatrixX<S>::Identity(3, 3);
@@ -89,11 +92,12 @@ TEMPLATE_TEST_CASE("Hessians are refused for asymmetry beyond rounding and for n
   CHECK(detail::judge_hessian<S>(H).status == QpStatus::InvalidData);
 }
 
-TEMPLATE_TEST_CASE("an entry too large for its diagonal is noticed where products overflow or underflow", "[qp]", float,
-                   double) {
+TEMPLATE_TEST_CASE(
+    "an entry too large for its diagonal is noticed where products overflow or underflow", "[qp]",
+    float, double) {
   using S = TestType;
-  for (const S size :
-       {S(1), std::sqrt(std::numeric_limits<S>::max()) * S(8), std::sqrt(std::numeric_limits<S>::min()) / S(8)}) {
+  for (const S size : {S(1), std::sqrt(std::numeric_limits<S>::max()) * S(8),
+                       std::sqrt(std::numeric_limits<S>::min()) / S(8)}) {
     MatrixX<S> H(2, 2);
     H << size, S(1.01) * size, S(1.01) * size, size;
     CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
@@ -102,7 +106,8 @@ TEMPLATE_TEST_CASE("an entry too large for its diagonal is noticed where product
   }
 }
 
-TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank and scale", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank and scale", "[qp]",
+                   float, double) {
   using S = TestType;
   std::mt19937 random(51);
   std::normal_distribution<double> normal;
@@ -110,7 +115,8 @@ TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank an
     const Index n = 2 + trial % 37, rank = 1 + trial % 5;
     MatrixX<S> J(rank, n);
     for (Index k = 0; k < J.size(); ++k) J.data()[k] = S(normal(random));
-    for (Index j = 0; j < n; ++j) J.col(j) *= S(std::ldexp(1.0, static_cast<int>(random() % 31) - 15));
+    for (Index j = 0; j < n; ++j)
+      J.col(j) *= S(std::ldexp(1.0, static_cast<int>(random() % 31) - 15));
     const MatrixX<S> H = J.transpose() * J;
     INFO("trial " << trial << " " << detail::judge_hessian<S>(H).message);
     CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
@@ -120,8 +126,8 @@ TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank an
 TEST_CASE("settings with a tolerance of zero are refused", "[qp]") {
   QpSettings<double> s;
   s.stationarity_tolerance = 0.0;
-  CHECK_FALSE(s.check().empty());
+  CHECK_FALSE(s.validate().empty());
   s = {};
   s.feasibility_tolerance = 0.0;
-  CHECK_FALSE(s.check().empty());
+  CHECK_FALSE(s.validate().empty());
 }

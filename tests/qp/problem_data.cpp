@@ -1,6 +1,6 @@
 // The caller's problem: refused by name and index, copied symmetric, untouched by what is refused.
 
-#include "clothctl/qp/problem_data.hpp"
+#include "clothctl/qp/detail/problem_data.hpp"
 
 #include <limits>
 
@@ -14,8 +14,9 @@ namespace {
 template <class S>
 struct Problem {
   MatrixX<S> H = MatrixX<S>::Identity(3, 3), A = MatrixX<S>::Constant(2, 3, S(1));
-  VectorX<S> g = VectorX<S>::Constant(3, S(0.5)), lb = VectorX<S>::Constant(3, S(-1)), ub = VectorX<S>::Constant(3, S(1)),
-             rl = VectorX<S>::Constant(2, S(-2)), ru = VectorX<S>::Constant(2, S(2));
+  VectorX<S> g = VectorX<S>::Constant(3, S(0.5)), lb = VectorX<S>::Constant(3, S(-1)),
+             ub = VectorX<S>::Constant(3, S(1)), rl = VectorX<S>::Constant(2, S(-2)),
+             ru = VectorX<S>::Constant(2, S(2));
   detail::ProblemData<S> data;
   QpResult<S> result;
 
@@ -27,7 +28,9 @@ struct Problem {
     CHECK(data.take_rows(A));
   }
   bool load(const char* fault = "") { return data.load(fault, g, lb, ub, rl, ru, result); }
-  std::string refused() const { return std::string(result.message) + " " + std::to_string(result.invalid_index); }
+  std::string refused() const {
+    return std::string(result.message) + " " + std::to_string(result.invalid_index);
+  }
 };
 
 }  // namespace
@@ -63,15 +66,17 @@ TEMPLATE_TEST_CASE("asymmetry within rounding is averaged away", "[qp]", float, 
   CHECK(p.data.m() == 2);  // the size stays, so do the rows
 }
 
-TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", "[qp]", float,
+                   double) {
   using S = TestType;
   const S nan = std::numeric_limits<S>::quiet_NaN();
   Problem<S> p;
   REQUIRE(p.load());
   const auto same = [&] {
     const Problem<S> fresh;
-    return MatrixX<S>(p.data.H()) == fresh.H && MatrixX<S>(p.data.A()) == fresh.A && p.data.g().head(3) == fresh.g &&
-           p.data.lo().head(3) == fresh.lb && p.data.hi().head(3) == fresh.ub && p.data.rl().head(2) == fresh.rl &&
+    return MatrixX<S>(p.data.H()) == fresh.H && MatrixX<S>(p.data.A()) == fresh.A &&
+           p.data.g().head(3) == fresh.g && p.data.lo().head(3) == fresh.lb &&
+           p.data.hi().head(3) == fresh.ub && p.data.rl().head(2) == fresh.rl &&
            p.data.ru().head(2) == fresh.ru;
   };
   MatrixX<S> bad = p.H;
@@ -106,14 +111,19 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
   };
   CHECK(refusal([](Problem<S>&) {}, "a bad setting") == "a bad setting -1");
   CHECK(refusal([&](Problem<S>& q) { q.g[2] = nan; }) == "gradient entry is not finite 2");
-  CHECK(refusal([&](Problem<S>& q) { q.g.resize(2); }) == "gradient differs in size from the Hessian -1");
-  CHECK(refusal([&](Problem<S>& q) { q.ub.resize(4); }) == "upper bounds differ in size from the Hessian -1");
-  CHECK(refusal([&](Problem<S>& q) { q.ru.resize(1); }) == "upper row bounds differ in size from the rows -1");
+  CHECK(refusal([&](Problem<S>& q) { q.g.resize(2); }) ==
+        "gradient differs in size from the Hessian -1");
+  CHECK(refusal([&](Problem<S>& q) { q.ub.resize(4); }) ==
+        "upper bounds differ in size from the Hessian -1");
+  CHECK(refusal([&](Problem<S>& q) { q.ru.resize(1); }) ==
+        "upper row bounds differ in size from the rows -1");
   CHECK(refusal([&](Problem<S>& q) { q.lb[1] = S(2); }) == "lower bound is above the upper one 1");
   CHECK(refusal([&](Problem<S>& q) { q.rl[1] = nan; }) == "lower row bound is NaN 1");
 }
 
-TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more rows keep the Hessian", "[qp]") {
+TEST_CASE(
+    "without a Hessian nothing loads; another size forgets the rows; more rows keep the Hessian",
+    "[qp]") {
   detail::ProblemData<double> data;
   data.reserve(2, 1);
   QpResult<double> result;
@@ -148,12 +158,14 @@ TEST_CASE("without a Hessian nothing loads; another size forgets the rows; more 
 TEST_CASE("loading clears what the last solve left in the result", "[qp]") {
   Problem<double> p;
   p.result.iterations = 9;
-  p.result.stationarity = p.result.feasibility = p.result.complementarity = p.result.objective = 4.0;
+  p.result.stationarity = p.result.feasibility = p.result.complementarity = p.result.objective =
+      4.0;
   p.result.message = "old";
   p.result.invalid_index = 2;
   REQUIRE(p.load());
   CHECK(p.result.iterations == 0);
-  CHECK((p.result.stationarity == 0.0 && p.result.feasibility == 0.0 && p.result.complementarity == 0.0));
+  CHECK((p.result.stationarity == 0.0 && p.result.feasibility == 0.0 &&
+         p.result.complementarity == 0.0));
   CHECK(p.result.objective == 0.0);
   CHECK(p.refused() == " -1");
 }
@@ -164,7 +176,8 @@ TEST_CASE("taking data allocates nothing within the reserve", "[qp]") {
   REQUIRE(p.load());
   const long before = clothctl_test::allocations();
   bool good = p.data.judge(p.H) == QpStatus::Solved;
-  good = !p.data.take(p.H) && p.data.judge_rows(p.A) == QpStatus::Solved && !p.data.take_rows(p.A) && p.load() && good;
+  good = !p.data.take(p.H) && p.data.judge_rows(p.A) == QpStatus::Solved &&
+         !p.data.take_rows(p.A) && p.load() && good;
   const long made = clothctl_test::allocations() - before;
   CHECK(good);
   CHECK(made == 0);

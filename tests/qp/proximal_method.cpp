@@ -1,4 +1,4 @@
-#include "clothctl/qp/proximal_method.hpp"
+#include "clothctl/qp/detail/proximal_method.hpp"
 
 #include <random>
 
@@ -28,8 +28,9 @@ struct Scene {
     method.scale(data);
   }
 
-  QpStatus run(const VectorX<double>& g, const VectorX<double>& lb, const VectorX<double>& ub, const VectorX<double>& rl,
-               const VectorX<double>& ru, ProximalStart start, int& iterations) {
+  QpStatus run(const VectorX<double>& g, const VectorX<double>& lb, const VectorX<double>& ub,
+               const VectorX<double>& rl, const VectorX<double>& ru, ProximalStart start,
+               int& iterations) {
     REQUIRE(data.load("", g, lb, ub, rl, ru, result));
     x = x.cwiseMax(data.lo()).cwiseMin(data.hi());
     auto& state = method.problem().state;
@@ -51,7 +52,10 @@ struct Scene {
 
 }  // namespace
 
-TEST_CASE("the proximal method meets the optimality conditions in the caller's units, and keeps what it found", "[qp]") {
+TEST_CASE(
+    "the proximal method meets the optimality conditions in the caller's units, and keeps what it "
+    "found",
+    "[qp]") {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
   for (int trial = 0; trial < 30; ++trial) {
@@ -71,15 +75,20 @@ TEST_CASE("the proximal method meets the optimality conditions in the caller's u
     }
     A.row(2) *= 1024.0;
     Scene scene(H, A);
-    const VectorX<double> lb = VectorX<double>::Constant(n, -1.0), ub = VectorX<double>::Constant(n, 2.0);
-    const VectorX<double> middle = A * VectorX<double>::Constant(n, 0.5), rl = middle - draw(m, 1).cwiseAbs(), ru = middle;
+    const VectorX<double> lb = VectorX<double>::Constant(n, -1.0),
+                          ub = VectorX<double>::Constant(n, 2.0);
+    const VectorX<double> middle = A * VectorX<double>::Constant(n, 0.5),
+                          rl = middle - draw(m, 1).cwiseAbs(), ru = middle;
     const VectorX<double> g = 10.0 * draw(n, 1);
     int iterations = 0;
     REQUIRE(scene.run(g, lb, ub, rl, ru, ProximalStart::Cold, iterations) == QpStatus::Solved);
     CHECK(iterations > 0);
     const VectorX<double> gradient = H * scene.x + g - A.transpose() * scene.y, ax = A * scene.x;
-    const double slope = 1.0 + g.cwiseAbs().maxCoeff() + (A.transpose() * scene.y).cwiseAbs().maxCoeff();
-    CHECK((gradient - scene.method.gradient().cwiseQuotient(scene.method.D())).cwiseAbs().maxCoeff() < 1e-11 * slope);
+    const double slope =
+        1.0 + g.cwiseAbs().maxCoeff() + (A.transpose() * scene.y).cwiseAbs().maxCoeff();
+    CHECK(
+        (gradient - scene.method.gradient().cwiseQuotient(scene.method.D())).cwiseAbs().maxCoeff() <
+        1e-11 * slope);
     for (Index j = 0; j < n; ++j) {
       CHECK(scene.x[j] >= lb[j]);
       CHECK(scene.x[j] <= ub[j]);
@@ -101,7 +110,8 @@ TEST_CASE("the proximal method meets the optimality conditions in the caller's u
 
 TEST_CASE("the proximal method ends with a proof where there is no solution", "[qp]") {
   const double inf = scalar_traits<double>::infinity();
-  const VectorX<double> open = VectorX<double>::Constant(2, inf), none(0), one = VectorX<double>::Ones(1);
+  const VectorX<double> open = VectorX<double>::Constant(2, inf), none(0),
+                        one = VectorX<double>::Ones(1);
   MatrixX<double> A(2, 2);
   A << 1.0, 1.0, 2.0, 2.0;
   Scene apart(MatrixX<double>::Identity(2, 2), A);
@@ -118,13 +128,15 @@ TEST_CASE("the proximal method ends with a proof where there is no solution", "[
   Scene falling(MatrixX<double>::Zero(2, 2), MatrixX<double>::Ones(1, 2));
   VectorX<double> g(2);
   g << -1.0, 0.0;
-  CHECK(falling.run(g, -open, open, -one, one, ProximalStart::Cold, iterations) == QpStatus::DualInfeasible);
+  CHECK(falling.run(g, -open, open, -one, one, ProximalStart::Cold, iterations) ==
+        QpStatus::DualInfeasible);
   const VectorX<double> d = falling.method.proofs().direction();
   CHECK(d[0] > 0.0);
   CHECK(d[0] == Approx(-d[1]));
 }
 
-TEST_CASE("a run without budget settles on its best iterate, one that is not finite on the box", "[qp]") {
+TEST_CASE("a run without budget settles on its best iterate, one that is not finite on the box",
+          "[qp]") {
   std::mt19937 random(8);
   std::normal_distribution<double> normal;
   const Index n = 20, m = 10;
@@ -132,8 +144,10 @@ TEST_CASE("a run without budget settles on its best iterate, one that is not fin
   for (Index k = 0; k < J.size(); ++k) J.data()[k] = normal(random);
   for (Index k = 0; k < A.size(); ++k) A.data()[k] = normal(random);
   Scene scene(J.transpose() * J, A);
-  const VectorX<double> lb = VectorX<double>::Constant(n, 0.5), ub = VectorX<double>::Constant(n, 1.0);
-  const VectorX<double> ax = A * VectorX<double>::Constant(n, 0.75), g = VectorX<double>::Constant(n, -3.0);
+  const VectorX<double> lb = VectorX<double>::Constant(n, 0.5),
+                        ub = VectorX<double>::Constant(n, 1.0);
+  const VectorX<double> ax = A * VectorX<double>::Constant(n, 0.75),
+                        g = VectorX<double>::Constant(n, -3.0);
   scene.settings.max_iterations = 1;
   int iterations = 0;
   CHECK(scene.run(g, lb, ub, ax, ax, ProximalStart::Cold, iterations) == QpStatus::IterationLimit);

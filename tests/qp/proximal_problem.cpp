@@ -1,4 +1,4 @@
-#include "clothctl/qp/proximal_problem.hpp"
+#include "clothctl/qp/detail/proximal_problem.hpp"
 
 #include <limits>
 #include <random>
@@ -20,7 +20,8 @@ detail::Budget rounds(int most) {
 // φ as it is defined, for the check by differences.
 double phi(const Problem& p, const VectorX<double>& x) {
   const Index n = p.unknowns(), m = p.rows();
-  double value = 0.5 * x.dot(p.H() * x) + p.g.head(n).dot(x) + 0.5 * p.rho * (x - p.xk.head(n)).squaredNorm();
+  double value =
+      0.5 * x.dot(p.H() * x) + p.g.head(n).dot(x) + 0.5 * p.rho * (x - p.xk.head(n)).squaredNorm();
   const VectorX<double> v = p.A() * x - p.mu * p.yk.head(m);
   for (Index i = 0; i < m; ++i) {
     const double distance = v[i] - std::min(std::max(v[i], p.rl[i]), p.ru[i]);
@@ -31,7 +32,10 @@ double phi(const Problem& p, const VectorX<double>& x) {
 
 }  // namespace
 
-TEST_CASE("the inner minimiser beats every nearby point of the box, and its gradient is that of the definition", "[qp]") {
+TEST_CASE(
+    "the inner minimiser beats every nearby point of the box, and its gradient is that of the "
+    "definition",
+    "[qp]") {
   std::mt19937 random(41);
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> uniform(0.0, 1.0);

@@ -1,8 +1,10 @@
-// Random problems of every family (random_problems.hpp) against both solvers: the status is the one that the problem was built
-// for, and every answer or proof passes a judge of its own in long double. Part of the problems is followed by a second one on
-// the same solver, which starts warm from whatever the first left behind.
+// Random problems of every family (random_problems.hpp) against both solvers: the status is the one
+// that the problem was built for, and every answer or proof passes a judge of its own in long
+// double. Part of the problems is followed by a second one on the same solver, which starts warm
+// from whatever the first left behind.
 //
-// A failure names family and seed; that one problem alone runs with CLOTHCTL_QP_TRIAL="family/seed" in the environment.
+// A failure names family and seed; that one problem alone runs with CLOTHCTL_QP_TRIAL="family/seed"
+// in the environment.
 
 #include "qp/random_problems.hpp"
 
@@ -31,7 +33,8 @@ struct Demands {
 
 template <class S>
 Demands demands() {
-  return sizeof(S) == sizeof(float) ? Demands{4e-4, 1e-3, 1e-5, 1e-2} : Demands{1e-8, 1e-6, 1e-12, 1e-6};
+  return sizeof(S) == sizeof(float) ? Demands{4e-4, 1e-3, 1e-5, 1e-2}
+                                    : Demands{1e-8, 1e-6, 1e-12, 1e-6};
 }
 
 /// One solver and its last answer.
@@ -63,7 +66,8 @@ class Bench {
     if (status != result.status) return "the status returned is not that of the result";
     const std::string fault = judge(q);
     if (!fault.empty())
-      return std::string(to_string(status)) + " after " + std::to_string(result.iterations) + " rounds: " + fault;
+      return std::string(to_string(status)) + " after " + std::to_string(result.iterations) +
+             " rounds: " + fault;
     const Index most = 10 * (q.H.rows() + q.A.rows()) + 10;
     return result.iterations <= most ? "" : "more rounds than the limit";
   }
@@ -74,20 +78,25 @@ class Bench {
   std::string judge(const RandomQp& q) const {
     const Demands d = demands<S>();
     const bool clear = q.miss >= d.seen;
-    const VectorXd x = result.x.template cast<double>(), y = result.row_multipliers.template cast<double>(),
-                   z = result.bound_multipliers.template cast<double>(), ray = result.ray.template cast<double>();
+    const VectorXd x = result.x.template cast<double>(),
+                   y = result.row_multipliers.template cast<double>(),
+                   z = result.bound_multipliers.template cast<double>(),
+                   ray = result.ray.template cast<double>();
     switch (result.status) {
       case QpStatus::Solved:
         if (q.outcome != Outcome::Optimal && clear) return "it has no solution";
         return fault_of_solution(q, x, y, z, d.residual, d.objective);
       case QpStatus::PrimalInfeasible:
-        if (q.outcome != Outcome::Infeasible && q.outcome != Outcome::Neither) return "it is feasible";
+        if (q.outcome != Outcome::Infeasible && q.outcome != Outcome::Neither)
+          return "it is feasible";
         return fault_of_farkas(q, y, z, d.rounding);
       case QpStatus::DualInfeasible:
         if (q.outcome != Outcome::Unbounded && clear) return "it is not unbounded, or not feasible";
         return fault_of_ray(q, ray, x, d.rounding, d.residual);
       case QpStatus::InvalidData:
-        return q.outcome == Outcome::Crossed && result.invalid_index >= 0 ? "" : std::string("refused: ") + result.message;
+        return q.outcome == Outcome::Crossed && result.invalid_index >= 0
+                   ? ""
+                   : std::string("refused: ") + result.message;
       default: return clear ? "not finished" : "";
     }
   }
@@ -105,7 +114,8 @@ struct Trial {
   double effort = 0.0;
 };
 
-/// A problem and what may follow it on the same solver. `watch` sees each problem before it is solved.
+/// A problem and what may follow it on the same solver. `watch` sees each problem before it is
+/// solved.
 template <class S, class Solver, class Watch>
 Trial run(const QpRecipe& recipe, Draws& draws, const Watch& watch) {
   Trial trial;
@@ -125,7 +135,8 @@ Trial run(const QpRecipe& recipe, Draws& draws, const Watch& watch) {
     }
     trial.rounds = std::max(trial.rounds, bench.result.iterations);
     trial.effort =
-        std::max(trial.effort, bench.result.iterations / (10.0 * static_cast<double>(q.H.rows() + q.A.rows()) + 10.0));
+        std::max(trial.effort, bench.result.iterations /
+                                   (10.0 * static_cast<double>(q.H.rows() + q.A.rows()) + 10.0));
     if (!trial.fault.empty()) trial.fault = when + trial.fault;
     return trial.fault.empty();
   };
@@ -134,7 +145,8 @@ Trial run(const QpRecipe& recipe, Draws& draws, const Watch& watch) {
   const bool solved = q.outcome == Outcome::Optimal;
   switch (draws.between(0, 8)) {
     case 0:
-      if (answer("again: ") && solved && bench.result.iterations > 0) trial.fault = "again: it took rounds";
+      if (answer("again: ") && solved && bench.result.iterations > 0)
+        trial.fault = "again: it took rounds";
       break;
     case 1:
       q = solved ? maker.turn() : maker.make(Outcome::Optimal);
@@ -169,33 +181,39 @@ template <class S, class Watch>
 Trial run_seed(const QpFamilyEntry& family, std::uint64_t seed, const Watch& watch) {
   Draws draws(seed);
   QpRecipe recipe = draw_recipe(family, draws);
-  if (sizeof(S) == sizeof(float)) {  // small integers, and nothing that float's tolerances cannot see
+  if (sizeof(S) ==
+      sizeof(float)) {  // small integers, and nothing that float's tolerances cannot see
     recipe.span = 3;
     recipe.n = recipe.contact ? recipe.n : std::min(recipe.n, 30);
     recipe.margin = std::max(recipe.margin, 0.0625);
     recipe.copies = std::min(recipe.copies, 0.3);
   }
   const bool box = recipe.m == 0 && draws.chance(0.8);
-  return box ? run<S, BoxActiveSet<S>>(recipe, draws, watch) : run<S, ActiveSet<S>>(recipe, draws, watch);
+  return box ? run<S, BoxActiveSet<S>>(recipe, draws, watch)
+             : run<S, ActiveSet<S>>(recipe, draws, watch);
 }
 
 std::string title(const QpFamilyEntry& family, std::uint64_t seed) {
   return std::string(family.name) + "/" + std::to_string(seed);
 }
 
-/// Families whose numbers differ by 1e±8. There the largest terms, by which residuals are measured, may hide an error of the
-/// objective, and an honest "not finished" is an answer: both are counted apart, wrong claims are not.
+/// Families whose numbers differ by 1e±8. There the largest terms, by which residuals are measured,
+/// may hide an error of the objective, and an honest "not finished" is an answer: both are counted
+/// apart, wrong claims are not.
 bool is_uneven(const QpFamilyEntry& family) {
   const std::string name = family.name;
   return name.find("scaled") != std::string::npos || name.find("mixture") != std::string::npos;
 }
 
-/// Whether a fault is no wrong claim: the solver did not finish, or its residuals hold and only the objective is off.
+/// Whether a fault is no wrong claim: the solver did not finish, or its residuals hold and only the
+/// objective is off.
 bool is_beyond(const std::string& fault) {
-  return fault.find("not finished") != std::string::npos || fault.find("objective error") != std::string::npos;
+  return fault.find("not finished") != std::string::npos ||
+         fault.find("objective error") != std::string::npos;
 }
 
-/// Many trials of the families that `wanted` picks. Failures are listed up to a number that can be read.
+/// Many trials of the families that `wanted` picks. Failures are listed up to a number that can be
+/// read.
 template <class S, class Wanted>
 void campaign(std::uint64_t first, int count, const Wanted& wanted) {
   constexpr int kListed = 30;
@@ -227,13 +245,15 @@ void campaign(std::uint64_t first, int count, const Wanted& wanted) {
   CHECK(20 * beyond <= uneven);
   CHECK(spoilt <= count / 200);
   if (full_tier())
-    WARN(count << " trials, " << beyond << " of " << uneven << " uneven ones unfinished or off, " << unfinished
-               << " others unfinished; the slowest: " << slowest << ", " << effort << " of the limit");
+    WARN(count << " trials, " << beyond << " of " << uneven << " uneven ones unfinished or off, "
+               << unfinished << " others unfinished; the slowest: " << slowest << ", " << effort
+               << " of the limit");
 }
 
 }  // namespace
 
-TEST_CASE("random problems of every family end as they were built, and answers hold in long double", "[qp][random]") {
+TEST_CASE("random problems of every family end as they were built, and answers hold in long double",
+          "[qp][random]") {
   const char* single = std::getenv("CLOTHCTL_QP_TRIAL");
   if (single == nullptr) {
     campaign<double>(1, trials(1500, 100000), [](const QpFamilyEntry&) { return true; });
@@ -244,8 +264,9 @@ TEST_CASE("random problems of every family end as they were built, and answers h
     const std::string wanted = single, name = family.name;
     if (wanted.rfind(name + "/", 0) != 0) continue;
     known = true;
-    CHECK(run_seed<double>(family, std::strtoull(wanted.c_str() + name.size() + 1, nullptr, 10), [](const RandomQp&) {
-          }).fault == "");
+    CHECK(run_seed<double>(family, std::strtoull(wanted.c_str() + name.size() + 1, nullptr, 10),
+                           [](const RandomQp&) {})
+              .fault == "");
   }
   CHECK(known);
 }
@@ -264,12 +285,15 @@ TEST_CASE("random problems that once ended wrong keep their lesson", "[qp][rando
     std::uint64_t seed;
     bool finished;
   };
-  // A ray lost in the rounding of H d; an unknown between bounds that hid one; a point far out in the null space, or on columns
-  // of 2^60, whose residual plain sums do not show; the same problem again where only the caller's tolerance was met.
-  const Lesson lessons[] = {{"unbounded", 9141, true},        {"unbounded box", 17051, true}, {"unbounded box", 57420, true},
-                            {"unbounded", 86191, true},       {"scaled box", 25082, true},    {"mixture", 73349, false},
-                            {"scaled box", 86320, false},     {"scaled box", 33693, true},    {"sparse mixture", 12215, false},
-                            {"sparse mixture", 76669, false}, {"mixture", 50919, false}};
+  // A ray lost in the rounding of H d; an unknown between bounds that hid one; a point far out in
+  // the null space, or on columns of 2^60, whose residual plain sums do not show; the same problem
+  // again where only the caller's tolerance was met.
+  const Lesson lessons[] = {{"unbounded", 9141, true},        {"unbounded box", 17051, true},
+                            {"unbounded box", 57420, true},   {"unbounded", 86191, true},
+                            {"scaled box", 25082, true},      {"mixture", 73349, false},
+                            {"scaled box", 86320, false},     {"scaled box", 33693, true},
+                            {"sparse mixture", 12215, false}, {"sparse mixture", 76669, false},
+                            {"mixture", 50919, false}};
   for (const Lesson& lesson : lessons) {
     for (const QpFamilyEntry& family : qp_families()) {
       if (std::string(family.name) != lesson.family) continue;

@@ -1,17 +1,20 @@
 #pragma once
 
-// Random quadratic programs of many families whose outcome is known by construction, and a judge of answers in long double that
-// shares nothing with the library but the vector types.
+// Random quadratic programs of many families whose outcome is known by construction, and a judge of
+// answers in long double that shares nothing with the library but the vector types.
 //
-//   optimal      x is drawn, then bounds around it, multipliers y, z on the sides that x touches, g = Aᵀy + z - Hx
-//   infeasible   y is drawn, z = -Aᵀy, the sides they name pass through a point; one row is then moved until
+//   optimal      x is drawn, then bounds around it, multipliers y, z on the sides that x touches, g
+//   = Aᵀy + z - Hx infeasible   y is drawn, z = -Aᵀy, the sides they name pass through a point; one
+//   row is then moved until
 //                Σ max y_i r + Σ max z_j x = -margin · (size of its terms)
-//   unbounded    d is drawn, columns of the factor J of H = JᵀJ and of A are chosen for J d = 0 and A d = 0 or one-signed; the
+//   unbounded    d is drawn, columns of the factor J of H = JᵀJ and of A are chosen for J d = 0 and
+//   A d = 0 or one-signed; the
 //                sides that d leaves are opened, x is feasible, gᵀd < 0
 //
-// Most data are small integers scaled by powers of two, so that all of this holds exactly in double and an outcome is a fact
-// about the very numbers that the solver sees, however degenerate or ill scaled. "Real" data hold it up to rounding; they are
-// not used where rounding could turn the outcome.
+// Most data are small integers scaled by powers of two, so that all of this holds exactly in double
+// and an outcome is a fact about the very numbers that the solver sees, however degenerate or ill
+// scaled. "Real" data hold it up to rounding; they are not used where rounding could turn the
+// outcome.
 
 #include <algorithm>
 #include <cmath>
@@ -57,14 +60,16 @@ struct RandomQp {
   Outcome outcome = Outcome::Optimal;
   /// The optimal value.
   long double objective = 0.0L;
-  /// A minimiser, or a feasible point; where there is none, the point that the sides were drawn around.
+  /// A minimiser, or a feasible point; where there is none, the point that the sides were drawn
+  /// around.
   VectorXd x;
   /// With Optimal its multipliers, with Infeasible and Neither a Farkas pair.
   VectorXd y, z;
   /// With Unbounded and Neither.
   VectorXd ray;
-  /// Without a solution: how much any point must miss, relative to the sizes that residuals are divided by, at the point of the
-  /// construction. Where that is not far above the tolerances, a point within them is as good an answer as a proof.
+  /// Without a solution: how much any point must miss, relative to the sizes that residuals are
+  /// divided by, at the point of the construction. Where that is not far above the tolerances, a
+  /// point within them is as good an answer as a proof.
   double miss = std::numeric_limits<double>::infinity();
 };
 
@@ -80,9 +85,11 @@ struct QpRecipe {
   bool banded = false;
   /// Rank of H over n. At 1 a multiple of the identity is added.
   double rank = 1.0;
-  /// Parts of the unknowns or rows: at a bound; of these with a zero multiplier; equalities; fixed unknowns; unknowns and rows
-  /// without bounds; rows that repeat or combine earlier ones; zero rows.
-  double active = 0.5, degenerate = 0.0, equal = 0.2, fixed = 0.0, open = 0.2, copies = 0.0, zero = 0.0;
+  /// Parts of the unknowns or rows: at a bound; of these with a zero multiplier; equalities; fixed
+  /// unknowns; unknowns and rows without bounds; rows that repeat or combine earlier ones; zero
+  /// rows.
+  double active = 0.5, degenerate = 0.0, equal = 0.2, fixed = 0.0, open = 0.2, copies = 0.0,
+         zero = 0.0;
   /// Rows are positive multiples of so many directions, when it is not 0.
   int directions = 0;
   /// Unknowns w and d under equality rows w - M d = b, H = diag(Q, ridge).
@@ -91,7 +98,8 @@ struct QpRecipe {
   bool combined = false;
   /// Infeasible: the relative margin.
   double margin = 1.0;
-  /// Rows, unknowns and the objective are scaled by 2^±these; `uneven` adds a random factor, so that scaling rounds.
+  /// Rows, unknowns and the objective are scaled by 2^±these; `uneven` adds a random factor, so
+  /// that scaling rounds.
   int row_spread = 0, column_spread = 0, objective_spread = 0;
   bool uneven = false;
 };
@@ -375,10 +383,12 @@ inline QpRecipe draw_recipe(const QpFamilyEntry& family, Draws& draws) {
   return r;
 }
 
-/// The matrices of a problem, its scaling, and what bounds can be drawn around. Bounds may be drawn many times.
+/// The matrices of a problem, its scaling, and what bounds can be drawn around. Bounds may be drawn
+/// many times.
 class QpMaker {
  public:
-  QpMaker(const QpRecipe& recipe, Draws& draws) : recipe_(recipe), draws_(draws), n_(recipe.n), m_(recipe.m) {
+  QpMaker(const QpRecipe& recipe, Draws& draws)
+      : recipe_(recipe), draws_(draws), n_(recipe.n), m_(recipe.m) {
     draw_matrices();
     draw_scales();
   }
@@ -386,7 +396,8 @@ class QpMaker {
   /// Bounds, gradient and what is known, as the recipe wants.
   RandomQp make() { return make(recipe_.outcome); }
 
-  /// The same for another outcome. Unbounded and Neither need a recipe that asks for one of the two.
+  /// The same for another outcome. Unbounded and Neither need a recipe that asks for one of the
+  /// two.
   RandomQp make(Outcome outcome) {
     place();
     if (outcome == Outcome::Optimal) tighten();
@@ -434,7 +445,8 @@ class QpMaker {
     const Index rank = static_cast<Index>(std::lround(part * static_cast<double>(curved)));
     MatrixXd J = MatrixXd::Zero(rank, n_);
     for (Index i = 0; i < rank; ++i) fill_row(J, i, 0, curved);
-    const bool with_ray = recipe_.outcome == Outcome::Unbounded || recipe_.outcome == Outcome::Neither;
+    const bool with_ray =
+        recipe_.outcome == Outcome::Unbounded || recipe_.outcome == Outcome::Neither;
     if (with_ray) draw_ray(J);
     H_ = J.transpose() * J;
     H_ = (0.5 * (H_ + H_.transpose())).eval();
@@ -449,7 +461,8 @@ class QpMaker {
   /// d with a pivot of ±1, and J d = 0 by the column of the pivot.
   void draw_ray(MatrixXd& J) {
     ray_.setZero(n_);
-    const int count = recipe_.fill > 0 || draws_.chance(0.4) ? draws_.between(1, 4) : static_cast<int>(n_);
+    const int count =
+        recipe_.fill > 0 || draws_.chance(0.4) ? draws_.between(1, 4) : static_cast<int>(n_);
     for (int k = 0; k < count; ++k) ray_[one_of(n_)] = draws_.sign() * draws_.between(1, 3);
     pivot_ = one_of(n_);
     ray_[pivot_] = draws_.sign();
@@ -479,7 +492,8 @@ class QpMaker {
         if (draws_.chance(0.3)) A_.row(i) += A_.row(one_of(i));
       } else {
         fill_row(A_, i, 0, n_);
-        if (with_ray && (recipe_.outcome == Outcome::Neither || draws_.chance(0.5))) make_orthogonal(A_, i);
+        if (with_ray && (recipe_.outcome == Outcome::Neither || draws_.chance(0.5)))
+          make_orthogonal(A_, i);
       }
     }
     if (!recipe_.combined) return;
@@ -499,7 +513,8 @@ class QpMaker {
   double scale(int spread) {
     if (spread == 0) return 1.0;
     const double power =
-        std::ldexp(1.0, draws_.chance(0.3) ? (draws_.chance(0.5) ? spread : -spread) : draws_.between(-spread, spread));
+        std::ldexp(1.0, draws_.chance(0.3) ? (draws_.chance(0.5) ? spread : -spread)
+                                           : draws_.between(-spread, spread));
     return recipe_.uneven ? power * (0.7 + 0.6 * draws_.unit()) : power;
   }
 
@@ -520,7 +535,8 @@ class QpMaker {
     ru_.resize(m_);
     for (Index j = 0; j < n_; ++j) x_[j] = draws_.chance(0.2) ? 0.0 : value();
     const VectorXd Ax = A_ * x_;
-    for (Index j = 0; j < n_; ++j) surround(x_[j], lb_[j], ub_[j], recipe_.contact && j < m_ ? 1.0 : recipe_.open);
+    for (Index j = 0; j < n_; ++j)
+      surround(x_[j], lb_[j], ub_[j], recipe_.contact && j < m_ ? 1.0 : recipe_.open);
     for (Index i = 0; i < m_; ++i) surround(Ax[i], rl_[i], ru_[i], recipe_.open);
     side_.assign(static_cast<std::size_t>(n_ + m_), Side::None);
     y_.setZero(m_);
@@ -571,7 +587,8 @@ class QpMaker {
       double& multiplier = k >= n_ ? y_[k - n_] : z_[k];
       const Side side = side_[static_cast<std::size_t>(k)];
       multiplier = side == Side::None || draws_.chance(recipe_.degenerate) ? 0.0 : small();
-      if (side == Side::Upper || (side == Side::Both && draws_.chance(0.5))) multiplier = -multiplier;
+      if (side == Side::Upper || (side == Side::Both && draws_.chance(0.5)))
+        multiplier = -multiplier;
     }
   }
 
@@ -602,7 +619,9 @@ class QpMaker {
     y_.cwiseAbs().maxCoeff(&k);
     // A power of two above the size keeps integers exact.
     const int exponent = std::ilogb(std::max(1.0, static_cast<double>(terms))) + 1;
-    const double step = (static_cast<double>(support) + recipe_.margin * std::ldexp(1.0, exponent)) / std::abs(y_[k]);
+    const double step =
+        (static_cast<double>(support) + recipe_.margin * std::ldexp(1.0, exponent)) /
+        std::abs(y_[k]);
     const double move = exact() ? std::ceil(step * 65536.0) / 65536.0 : step;
     if (y_[k] > 0.0) {
       ru_[k] -= move;
@@ -680,7 +699,8 @@ class QpMaker {
     return q;
   }
 
-  /// A Farkas pair forces a violation of -support / (|y| + |z|) on every point, a ray a stationarity error of -gᵀd / |d|.
+  /// A Farkas pair forces a violation of -support / (|y| + |z|) on every point, a ray a
+  /// stationarity error of -gᵀd / |d|.
   static double least_miss(const RandomQp& q) {
     if (q.outcome == Outcome::Unbounded) {
       return -q.g.dot(q.ray) / (q.ray.lpNorm<1>() * std::max(1.0, q.g.cwiseAbs().maxCoeff()));
@@ -692,7 +712,8 @@ class QpMaker {
     };
     for (Index i = 0; i < q.y.size(); ++i) add(q.y[i], q.rl[i], q.ru[i]);
     for (Index j = 0; j < q.z.size(); ++j) add(q.z[j], q.lb[j], q.ub[j]);
-    const double size = std::max({1.0, q.x.cwiseAbs().maxCoeff(), (q.A * q.x).cwiseAbs().maxCoeff()});
+    const double size =
+        std::max({1.0, q.x.cwiseAbs().maxCoeff(), (q.A * q.x).cwiseAbs().maxCoeff()});
     return -support / (size * (q.y.lpNorm<1>() + q.z.lpNorm<1>()));
   }
 
@@ -707,7 +728,8 @@ class QpMaker {
   std::vector<Side> side_;
 };
 
-/// How an answer stands against the definition, in long double: relative as the shared problems are judged.
+/// How an answer stands against the definition, in long double: relative as the shared problems are
+/// judged.
 struct JudgedPoint {
   /// |Hx + g - Aᵀy - z|, and multipliers on infinite sides, over max(1, |Hx|, |g|, |Aᵀy|).
   long double stationarity = 0.0L;
@@ -722,7 +744,8 @@ struct JudgedPoint {
 using LongVector = std::vector<long double>;
 
 /// M v, or its transpose times v, and the sizes of the terms.
-inline LongVector product(const MatrixXd& M, const VectorXd& v, bool transposed, LongVector& terms) {
+inline LongVector product(const MatrixXd& M, const VectorXd& v, bool transposed,
+                          LongVector& terms) {
   LongVector sum(static_cast<std::size_t>(transposed ? M.cols() : M.rows()), 0.0L);
   terms = sum;
   for (Index j = 0; j < M.cols(); ++j) {
@@ -744,10 +767,12 @@ inline bool is_number(const VectorXd& v) {
 }
 
 /// Judges the triple (x, y, z).
-inline JudgedPoint judge_point(const RandomQp& q, const VectorXd& x, const VectorXd& y, const VectorXd& z) {
+inline JudgedPoint judge_point(const RandomQp& q, const VectorXd& x, const VectorXd& y,
+                               const VectorXd& z) {
   JudgedPoint p;
   LongVector terms;
-  const LongVector Hx = product(q.H, x, false, terms), Ax = product(q.A, x, false, terms), Aty = product(q.A, y, true, terms);
+  const LongVector Hx = product(q.H, x, false, terms), Ax = product(q.A, x, false, terms),
+                   Aty = product(q.A, y, true, terms);
   long double dual = 1.0L, primal = 1.0L;
   const auto bounded = [&](long double at, double lower, double upper, double multiplier) {
     primal = std::max(primal, std::abs(at));
@@ -764,21 +789,25 @@ inline JudgedPoint judge_point(const RandomQp& q, const VectorXd& x, const Vecto
   };
   for (Index j = 0; j < x.size(); ++j) {
     const std::size_t k = static_cast<std::size_t>(j);
-    dual = std::max({dual, std::abs(Hx[k]), static_cast<long double>(std::abs(q.g[j])), std::abs(Aty[k])});
+    dual = std::max(
+        {dual, std::abs(Hx[k]), static_cast<long double>(std::abs(q.g[j])), std::abs(Aty[k])});
     p.stationarity = std::max(p.stationarity, std::abs(Hx[k] + q.g[j] - Aty[k] - z[j]));
     p.objective += (0.5L * Hx[k] + q.g[j]) * x[j];
     bounded(x[j], q.lb[j], q.ub[j], z[j]);
   }
-  for (Index i = 0; i < y.size(); ++i) bounded(Ax[static_cast<std::size_t>(i)], q.rl[i], q.ru[i], y[i]);
+  for (Index i = 0; i < y.size(); ++i)
+    bounded(Ax[static_cast<std::size_t>(i)], q.rl[i], q.ru[i], y[i]);
   p.stationarity /= dual;
   p.feasibility /= primal;
   p.complementarity /= std::max(1.0L, std::abs(p.objective));
   return p;
 }
 
-/// What is wrong with (x, y, z) as a solution, "" when nothing is. `tolerance`: for the three residuals.
-inline std::string fault_of_solution(const RandomQp& q, const VectorXd& x, const VectorXd& y, const VectorXd& z,
-                                     double tolerance, double objective_tolerance) {
+/// What is wrong with (x, y, z) as a solution, "" when nothing is. `tolerance`: for the three
+/// residuals.
+inline std::string fault_of_solution(const RandomQp& q, const VectorXd& x, const VectorXd& y,
+                                     const VectorXd& z, double tolerance,
+                                     double objective_tolerance) {
   if (!is_number(x) || !is_number(y) || !is_number(z)) return "an answer is not finite";
   const JudgedPoint p = judge_point(q, x, y, z);
   const auto over = [](const char* what, long double value) {
@@ -790,14 +819,17 @@ inline std::string fault_of_solution(const RandomQp& q, const VectorXd& x, const
   if (!(p.stationarity <= tolerance)) return over("stationarity", p.stationarity);
   if (!(p.complementarity <= tolerance)) return over("complementarity", p.complementarity);
   if (q.outcome != Outcome::Optimal) return "";
-  const long double error = std::abs(p.objective - q.objective) / std::max(1.0L, std::abs(q.objective));
+  const long double error =
+      std::abs(p.objective - q.objective) / std::max(1.0L, std::abs(q.objective));
   return error <= objective_tolerance ? "" : over("objective error", error);
 }
 
-/// What is wrong with (y, z) as a proof that no point is feasible, "" when nothing is: Aᵀy + z vanishes to `rounding` of its
-/// terms, no multiplier names an infinite side, and the support is negative by more than what is left of Aᵀy + z can make up
-/// within the bounds, or on open sides within 1e4 times the point that the problem was drawn around.
-inline std::string fault_of_farkas(const RandomQp& q, const VectorXd& y, const VectorXd& z, double rounding) {
+/// What is wrong with (y, z) as a proof that no point is feasible, "" when nothing is: Aᵀy + z
+/// vanishes to `rounding` of its terms, no multiplier names an infinite side, and the support is
+/// negative by more than what is left of Aᵀy + z can make up within the bounds, or on open sides
+/// within 1e4 times the point that the problem was drawn around.
+inline std::string fault_of_farkas(const RandomQp& q, const VectorXd& y, const VectorXd& z,
+                                   double rounding) {
   if (!is_number(y) || !is_number(z)) return "a proof is not finite";
   LongVector terms;
   const LongVector Aty = product(q.A, y, true, terms);
@@ -811,44 +843,54 @@ inline std::string fault_of_farkas(const RandomQp& q, const VectorXd& y, const V
     return true;
   };
   for (Index i = 0; i < y.size(); ++i) {
-    if (!add(y[i], q.rl[i], q.ru[i])) return "a proof names the infinite side of row " + std::to_string(i);
+    if (!add(y[i], q.rl[i], q.ru[i]))
+      return "a proof names the infinite side of row " + std::to_string(i);
   }
   for (Index j = 0; j < z.size(); ++j) {
-    if (!add(z[j], q.lb[j], q.ub[j])) return "a proof names the infinite side of unknown " + std::to_string(j);
+    if (!add(z[j], q.lb[j], q.ub[j]))
+      return "a proof names the infinite side of unknown " + std::to_string(j);
     const std::size_t k = static_cast<std::size_t>(j);
     const long double error = std::abs(Aty[k] + z[j]);
-    if (!(error <= rounding * terms[k])) return "Aty + z is not zero at unknown " + std::to_string(j);
+    if (!(error <= rounding * terms[k]))
+      return "Aty + z is not zero at unknown " + std::to_string(j);
     const bool closed = is_side(q.lb[j]) && is_side(q.ub[j]);
-    rest += error * (closed ? std::max(std::abs(q.lb[j]), std::abs(q.ub[j])) : 1e4 * std::abs(q.x[j]));
+    rest +=
+        error * (closed ? std::max(std::abs(q.lb[j]), std::abs(q.ub[j])) : 1e4 * std::abs(q.x[j]));
   }
   return support + rest < -rounding * size ? "" : "the support of a proof is not negative";
 }
 
-/// What is wrong with d as a ray from x, "" when nothing is: H d and A d towards a bound vanish to `rounding` of their terms, d
-/// leaves no bound, the slope is negative beyond rounding, and x is feasible to `tolerance`.
-inline std::string fault_of_ray(const RandomQp& q, const VectorXd& d, const VectorXd& x, double rounding, double tolerance) {
+/// What is wrong with d as a ray from x, "" when nothing is: H d and A d towards a bound vanish to
+/// `rounding` of their terms, d leaves no bound, the slope is negative beyond rounding, and x is
+/// feasible to `tolerance`.
+inline std::string fault_of_ray(const RandomQp& q, const VectorXd& d, const VectorXd& x,
+                                double rounding, double tolerance) {
   if (!is_number(d) || !is_number(x)) return "a ray is not finite";
   LongVector h_terms, a_terms;
   const LongVector Hd = product(q.H, d, false, h_terms), Ad = product(q.A, d, false, a_terms);
   long double slope = 0.0L, size = 0.0L;
   for (Index j = 0; j < d.size(); ++j) {
     const std::size_t k = static_cast<std::size_t>(j);
-    if ((d[j] < 0.0 && is_side(q.lb[j])) || (d[j] > 0.0 && is_side(q.ub[j]))) return "a ray leaves bound " + std::to_string(j);
-    if (!(std::abs(Hd[k]) <= rounding * h_terms[k])) return "H d is not zero at unknown " + std::to_string(j);
+    if ((d[j] < 0.0 && is_side(q.lb[j])) || (d[j] > 0.0 && is_side(q.ub[j])))
+      return "a ray leaves bound " + std::to_string(j);
+    if (!(std::abs(Hd[k]) <= rounding * h_terms[k]))
+      return "H d is not zero at unknown " + std::to_string(j);
     slope += static_cast<long double>(q.g[j]) * d[j];
     size += std::abs(static_cast<long double>(q.g[j]) * d[j]);
   }
   for (Index i = 0; i < q.A.rows(); ++i) {
     const std::size_t k = static_cast<std::size_t>(i);
     const bool leaves = (Ad[k] < 0.0L && is_side(q.rl[i])) || (Ad[k] > 0.0L && is_side(q.ru[i]));
-    if (leaves && !(std::abs(Ad[k]) <= rounding * a_terms[k])) return "a ray leaves row " + std::to_string(i);
+    if (leaves && !(std::abs(Ad[k]) <= rounding * a_terms[k]))
+      return "a ray leaves row " + std::to_string(i);
   }
   if (!(slope < -rounding * size)) return "the objective does not fall along a ray";
   const JudgedPoint p = judge_point(q, x, VectorXd::Zero(q.A.rows()), VectorXd::Zero(d.size()));
   return p.feasibility <= tolerance ? "" : "the point of a ray is not feasible";
 }
 
-/// What is wrong with what the problem itself claims to know, "" when nothing is: its answer must pass the judge.
+/// What is wrong with what the problem itself claims to know, "" when nothing is: its answer must
+/// pass the judge.
 inline std::string fault_of_construction(const RandomQp& q) {
   if (q.outcome == Outcome::Crossed) return "";
   if (q.outcome == Outcome::Optimal) return fault_of_solution(q, q.x, q.y, q.z, 1e-12, 1e-15);
@@ -856,7 +898,9 @@ inline std::string fault_of_construction(const RandomQp& q) {
     const std::string fault = fault_of_farkas(q, q.y, q.z, 1e-14);
     if (!fault.empty() || q.outcome == Outcome::Infeasible) return fault;
   }
-  return fault_of_ray(q, q.ray, q.x, 1e-14, q.outcome == Outcome::Unbounded ? 1e-14 : std::numeric_limits<double>::infinity());
+  return fault_of_ray(
+      q, q.ray, q.x, 1e-14,
+      q.outcome == Outcome::Unbounded ? 1e-14 : std::numeric_limits<double>::infinity());
 }
 
 }  // namespace clothctl_test

@@ -1,4 +1,4 @@
-#include "clothctl/qp/scaling.hpp"
+#include "clothctl/qp/detail/scaling.hpp"
 
 #include <random>
 
@@ -6,7 +6,8 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("equilibration undoes column and row scales by exact powers of two", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("equilibration undoes column and row scales by exact powers of two", "[qp]",
+                   float, double) {
   using S = TestType;
   const Index n = 12, m = 7;
   std::mt19937 random(2);

@@ -9,27 +9,27 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/robot/inverse_dynamics.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
-#include "clothctl/robot/mass_matrix.hpp"
-#include "clothctl/robot/tree_model.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
-using namespace clothctl::robot;
 
 namespace {
 
 const std::vector<std::string> kFingers = {"index", "middle", "ring", "little"};
 
 struct Hand {
-  Tree<double> tree = hand34<double>();
-  Kinematics<double> kinematics{tree};
+  KinematicTree<double> tree = hand34<double>();
+  BodyPoses<double> body_poses{tree};
   std::mt19937 random{34};
 
   VectorX<double> anywhere() {
     std::uniform_real_distribution<double> uniform(0.0, 1.0);
-    VectorX<double> q(tree.positions());
-    for (Index i = 0; i < q.size(); ++i) q[i] = tree.lower()[i] + uniform(random) * (tree.upper()[i] - tree.lower()[i]);
+    VectorX<double> q(tree.nq());
+    for (Index i = 0; i < q.size(); ++i)
+      q[i] = tree.lower()[i] + uniform(random) * (tree.upper()[i] - tree.lower()[i]);
     return q;
   }
   Index entry(const std::string& joint) const {
@@ -37,12 +37,12 @@ struct Hand {
   }
   Pose<double> pose(const VectorX<double>& q, const std::string& link) {
     REQUIRE(tree.find_link(link) >= 0);
-    forward_kinematics<double>(tree, q, kinematics);
-    return link_pose(tree, kinematics, tree.find_link(link));
+    forward_kinematics<double>(tree, q, body_poses);
+    return link_pose(tree, body_poses, tree.find_link(link));
   }
   /// Where a link goes when one joint turns a little from rest.
   Vector3<double> moved(const std::string& joint, const std::string& link) {
-    VectorX<double> q = VectorX<double>::Zero(tree.positions());
+    VectorX<double> q = VectorX<double>::Zero(tree.nq());
     const Vector3<double> before = pose(q, link).p;
     q[entry(joint)] = 0.01;
     return pose(q, link).p - before;
@@ -53,8 +53,8 @@ struct Hand {
 
 TEST_CASE("hand34: 34 joints, 40 links, a kilogram", "[robot][hand34]") {
   const Hand hand;
-  CHECK(hand.tree.velocities() == 34);
-  CHECK(hand.tree.positions() == 34);
+  CHECK(hand.tree.nv() == 34);
+  CHECK(hand.tree.nq() == 34);
   CHECK(hand.tree.bodies().size() == 34);
   CHECK(hand.tree.links().size() == 40);
   CHECK_FALSE(hand.tree.coupled());
@@ -72,7 +72,7 @@ TEST_CASE("hand34: 34 joints, 40 links, a kilogram", "[robot][hand34]") {
     CHECK(hand.tree.effort_limits()[i] > 0);
     CHECK(hand.tree.velocity_limits()[i] > 0);
   }
-  CHECK(hand34<float>().velocities() == 34);
+  CHECK(hand34<float>().nv() == 34);
 }
 
 TEST_CASE("hand34: at rest it is a right hand with its palm down", "[robot][hand34]") {
@@ -81,7 +81,8 @@ TEST_CASE("hand34: at rest it is a right hand with its palm down", "[robot][hand
   double side = 1;
   for (const std::string& finger : kFingers) {
     INFO(finger);
-    const Pose<double> tip = hand.pose(q, finger + "_tip"), knuckle = hand.pose(q, finger + "_knuckle");
+    const Pose<double> tip = hand.pose(q, finger + "_tip"),
+                       knuckle = hand.pose(q, finger + "_knuckle");
     CHECK((tip.R - Matrix3<double>::Identity()).cwiseAbs().maxCoeff() < 1e-15);
     const Vector3<double> along = tip.p - knuckle.p;
     CHECK(along[0] > 0.07);
@@ -89,7 +90,8 @@ TEST_CASE("hand34: at rest it is a right hand with its palm down", "[robot][hand
     CHECK(along[2] < -0.005);  // the pad is on the palm's side
     CHECK(tip.p[1] < side);    // from the thumb's side to the other
     side = tip.p[1];
-    for (const char* joint : {"_cmc", "_mcp_flex", "_pip", "_dip"}) CHECK(hand.moved(finger + joint, finger + "_tip")[2] < 0);
+    for (const char* joint : {"_cmc", "_mcp_flex", "_pip", "_dip"})
+      CHECK(hand.moved(finger + joint, finger + "_tip")[2] < 0);
     CHECK(hand.moved(finger + "_mcp_abd", finger + "_tip")[1] > 0);
   }
   CHECK(hand.pose(q, "thumb_tip").p[1] > hand.pose(q, "index_tip").p[1] + 0.01);
@@ -97,7 +99,8 @@ TEST_CASE("hand34: at rest it is a right hand with its palm down", "[robot][hand
   CHECK(hand.pose(q, "little_tip").p[0] < hand.pose(q, "ring_tip").p[0]);
 }
 
-TEST_CASE("hand34: the mass matrix is positive definite in every pose, at the gimbal's limit too", "[robot][hand34]") {
+TEST_CASE("hand34: the mass matrix is positive definite in every pose, at the gimbal's limit too",
+          "[robot][hand34]") {
   Hand hand;
   MassMatrixWorkspace<double> work(hand.tree);
   MatrixX<double> M(34, 34);
@@ -105,11 +108,12 @@ TEST_CASE("hand34: the mass matrix is positive definite in every pose, at the gi
   for (int k = 0; k < 300; ++k) {
     VectorX<double> q = hand.anywhere();
     if (k % 10 == 0) q[hand.entry("base_ry")] = k % 20 == 0 ? 1.45 : -1.45;
-    forward_kinematics<double>(hand.tree, q, hand.kinematics);
-    mass_matrix<double>(hand.tree, hand.kinematics, work, M);
+    forward_kinematics<double>(hand.tree, q, hand.body_poses);
+    mass_matrix<double>(hand.tree, hand.body_poses, work, M);
     CHECK((M - M.transpose()).cwiseAbs().maxCoeff() == 0);
     REQUIRE(Eigen::LLT<MatrixX<double>>(M).info() == Eigen::Success);
-    const double smallest = Eigen::SelfAdjointEigenSolver<MatrixX<double>>(M, Eigen::EigenvaluesOnly).eigenvalues()[0];
+    const double smallest =
+        Eigen::SelfAdjointEigenSolver<MatrixX<double>>(M, Eigen::EigenvaluesOnly).eigenvalues()[0];
     least = (std::min)(least, smallest);
     CHECK(std::abs(M(0, 0) - 1.037) < 5e-4);  // what slides along x is the whole hand
   }
@@ -121,17 +125,21 @@ TEST_CASE("hand34: the thumb's pad meets that of every finger", "[robot][hand34]
   Hand hand;
   IkSettings<double> settings;
   settings.tolerance = 1e-7;
-  InverseKinematics<Tree<double>> ik(hand.tree, 2, settings);
-  const auto uniform = [&] { return std::uniform_real_distribution<double>(0.0, 1.0)(hand.random); };
+  InverseKinematics<KinematicTree<double>> ik(hand.tree, 2, settings);
+  const auto uniform = [&] {
+    return std::uniform_real_distribution<double>(0.0, 1.0)(hand.random);
+  };
   const std::vector<FingerTip<double>> tips = hand34_tips<double>();
   const VectorX<double> home = hand34_home(hand.tree);
   const auto task = [&](const FingerTip<double>& tip, const Vector3<double>& target) {
-    return IkTask<double>::position(hand.tree.find_link(tip.contact_link), tip.contact_point, target);
+    return IkTask<double>::position(hand.tree.find_link(tip.contact_link), tip.contact_point,
+                                    target);
   };
   for (std::size_t f = 1; f < tips.size(); ++f) {
     INFO(tips[f].finger);
     VectorX<double> q = home;
-    const Vector3<double> meeting = 0.5 * (hand.pose(q, tips[0].link).p + hand.pose(q, tips[f].link).p);
+    const Vector3<double> meeting =
+        0.5 * (hand.pose(q, tips[0].link).p + hand.pose(q, tips[f].link).p);
     CHECK((hand.pose(q, tips[0].link).p - meeting).norm() > 0.01);
     const std::vector<IkTask<double>> tasks = {task(tips[0], meeting), task(tips[f], meeting)};
     const IkReport<double> report = ik.solve(hand.tree, tasks, VectorX<double>(), q, 20, uniform);
@@ -156,10 +164,11 @@ TEST_CASE("hand34: tips are frames of the tree, thumb first", "[robot][hand34]")
   }
 }
 
-TEST_CASE("hand34: capsules run from joint to joint, and contact points lie inside near the skin", "[robot][hand34]") {
+TEST_CASE("hand34: capsules run from joint to joint, and contact points lie inside near the skin",
+          "[robot][hand34]") {
   const Hand hand;
   const std::vector<Capsule<double>> shape = hand34_capsules<double>();
-  const TreeBuilder<double> builder = hand34_builder<double>();
+  const KinematicTreeBuilder<double> builder = hand34_builder<double>();
   CHECK(shape.size() == 23);
   std::set<std::string> links;
   for (const Capsule<double>& capsule : shape) {
@@ -168,13 +177,16 @@ TEST_CASE("hand34: capsules run from joint to joint, and contact points lie insi
     CHECK(capsule.radius > 0);
     // A bone's capsule ends where the next joint of the chain begins.
     for (const Joint<double>& joint : builder.joints()) {
-      const bool on_finger = capsule.link != "palm" && capsule.link != "forearm" && joint.type != JointType::Fixed;
-      if (on_finger && joint.parent == capsule.link) CHECK((joint.origin.p - capsule.to).norm() == 0);
+      const bool on_finger =
+          capsule.link != "palm" && capsule.link != "forearm" && joint.type != JointType::Fixed;
+      if (on_finger && joint.parent == capsule.link)
+        CHECK((joint.origin.p - capsule.to).norm() == 0);
     }
   }
   CHECK(links.size() == 21);
   for (const FingerTip<double>& tip : hand34_tips<double>()) {
-    const auto bone = std::find_if(shape.begin(), shape.end(), [&](const auto& c) { return c.link == tip.contact_link; });
+    const auto bone = std::find_if(shape.begin(), shape.end(),
+                                   [&](const auto& c) { return c.link == tip.contact_link; });
     REQUIRE(bone != shape.end());
     const double t = std::clamp(tip.contact_point[0], bone->from[0], bone->to[0]);
     const double inside = bone->radius - (tip.contact_point - Vector3<double>(t, 0, 0)).norm();
@@ -193,8 +205,8 @@ TEST_CASE("hand34: home is within the limits, found by name in a larger robot", 
   CHECK(home[hand.entry("thumb_ip")] == 0.3);
   CHECK(home[hand.entry("wrist_flex")] == 0);
   // On a rail, with one joint that follows another and one that is not there.
-  TreeBuilder<double> larger;
-  const TreeBuilder<double> own = hand34_builder<double>();
+  KinematicTreeBuilder<double> larger;
+  const KinematicTreeBuilder<double> own = hand34_builder<double>();
   larger.add_link("rail");
   for (const auto& link : own.links()) larger.add_link(link.name, link.inertia);
   Joint<double> rail;
@@ -209,7 +221,7 @@ TEST_CASE("hand34: home is within the limits, found by name in a larger robot", 
     if (joint.name == "base_tz") joint.name = "lift";
     larger.add_joint(joint);
   }
-  const Tree<double> tree = larger.build().value();
+  const KinematicTree<double> tree = larger.build().value();
   const VectorX<double> q = hand34_home(tree);
   REQUIRE(q.size() == 34);
   CHECK(q[0] == 0.5);

@@ -1,4 +1,4 @@
-#include "clothctl/robot/motion.hpp"
+#include "clothctl/robot/detail/motion.hpp"
 
 #include "robot/random_tree.hpp"
 #include "support/catch.hpp"
@@ -9,10 +9,10 @@ using namespace clothctl_test;
 TEST_CASE("accelerations that velocities cause are second derivatives of places", "[robot]") {
   RobotDraws draws(12);
   for (int trial = 0; trial < 10; ++trial) {
-    const Tree<double> tree = draws.tree<double>(10, trial % 2 == 0, trial % 3 == 0);
-    const Index n = tree.velocities();
-    Kinematics<double> here(tree), ahead(tree), behind(tree);
-    Motion<double> motion(tree);
+    const KinematicTree<double> tree = draws.tree<double>(10, trial % 2 == 0, trial % 3 == 0);
+    const Index n = tree.nv();
+    BodyPoses<double> here(tree), ahead(tree), behind(tree);
+    detail::BodyMotions<double> motion(tree);
     const VectorX<double> q = draws.positions<double>(tree), qd = draws.entries<double>(n);
     VectorX<double> moved(q.size());
     forward_kinematics<double>(tree, q, here);
@@ -22,14 +22,19 @@ TEST_CASE("accelerations that velocities cause are second derivatives of places"
     tree.advance(q, -h * qd, moved);
     forward_kinematics<double>(tree, moved, behind);
     const Vector3<double> still = Vector3<double>::Zero();
-    clothctl::robot::detail::place_motions<double>(tree, here, qd, VectorX<double>(), still, motion);
+    clothctl::detail::compute_motions<double>(tree, here, qd, VectorX<double>(), still, motion);
     for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
       const auto& own = motion.bodies[i];
-      const Vector3<double> second = (ahead.places[i].p - 2 * here.places[i].p + behind.places[i].p) / (h * h);
-      CHECK((own.move - second).norm() < 1e-4 * (1 + second.norm()));
-      const Matrix3<double> spin = (ahead.places[i].R - behind.places[i].R) / (2 * h) * here.places[i].R.transpose();
-      CHECK((own.w - Vector3<double>(spin(2, 1), spin(0, 2), spin(1, 0))).norm() < 1e-5 * (1 + own.w.norm()));
-      CHECK((own.inertia.h - tree.bodies()[i].inertia.mass * (here.places[i].R * tree.bodies()[i].inertia.com)).norm() < 1e-14);
+      const Vector3<double> second =
+          (ahead.poses[i].p - 2 * here.poses[i].p + behind.poses[i].p) / (h * h);
+      CHECK((own.a - second).norm() < 1e-4 * (1 + second.norm()));
+      const Matrix3<double> spin =
+          (ahead.poses[i].R - behind.poses[i].R) / (2 * h) * here.poses[i].R.transpose();
+      CHECK((own.w - Vector3<double>(spin(2, 1), spin(0, 2), spin(1, 0))).norm() <
+            1e-5 * (1 + own.w.norm()));
+      CHECK((own.inertia.h -
+             tree.bodies()[i].inertia.mass * (here.poses[i].R * tree.bodies()[i].inertia.com))
+                .norm() < 1e-14);
     }
   }
 }

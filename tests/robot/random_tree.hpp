@@ -8,7 +8,7 @@
 
 #include <Eigen/Geometry>
 
-#include "clothctl/robot/tree_builder.hpp"
+#include "clothctl/robot/kinematic_tree_builder.hpp"
 
 namespace clothctl_test {
 
@@ -16,7 +16,7 @@ using clothctl::Index;
 using clothctl::Matrix3;
 using clothctl::Vector3;
 using clothctl::VectorX;
-using namespace clothctl::robot;
+using namespace clothctl;
 
 /// Draws numbers, vectors, robots and states.
 class RobotDraws {
@@ -26,7 +26,9 @@ class RobotDraws {
   double normal() { return normal_(random_); }
   int below(int n) { return static_cast<int>(random_() % static_cast<unsigned>(n)); }
   Vector3<double> vector() { return {normal(), normal(), normal()}; }
-  Matrix3<double> rotation() { return Eigen::AngleAxisd(3.0 * normal(), vector().normalized()).toRotationMatrix(); }
+  Matrix3<double> rotation() {
+    return Eigen::AngleAxisd(3.0 * normal(), vector().normalized()).toRotationMatrix();
+  }
 
   /// An inertia that a real body can have.
   template <class S>
@@ -41,10 +43,11 @@ class RobotDraws {
     return part;
   }
 
-  /// A robot of so many joints; with `free`, the first and the sixth are free ones, with `coupled`, two follow the third.
+  /// A robot of so many joints; with `free`, the first and the sixth are free ones, with `coupled`,
+  /// two follow the third.
   template <class S>
-  Tree<S> tree(int joints, bool free, bool coupled) {
-    TreeBuilder<S> builder;
+  KinematicTree<S> tree(int joints, bool free, bool coupled) {
+    KinematicTreeBuilder<S> builder;
     builder.add_link("world");
     for (int k = 0; k < joints; ++k) {
       builder.add_link("link" + std::to_string(k), inertia<S>());
@@ -80,8 +83,8 @@ class RobotDraws {
 
   /// Positions with unit quaternions.
   template <class S>
-  VectorX<S> positions(const Tree<S>& tree) {
-    VectorX<S> q = entries<S>(tree.positions());
+  VectorX<S> positions(const KinematicTree<S>& tree) {
+    VectorX<S> q = entries<S>(tree.nq());
     for (const Body<S>& body : tree.bodies()) {
       if (body.type == JointType::Free) q.template segment<4>(body.position + 3).normalize();
     }

@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/robot/forward_kinematics.hpp"
 #include "clothctl/robot/ik_task.hpp"
-#include "clothctl/robot/kinematics.hpp"
-#include "clothctl/robot/tree_builder.hpp"
-#include "clothctl/robot/tree_model.hpp"
+#include "clothctl/robot/kinematic_tree_builder.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 
 namespace clothctl_test {
 
@@ -18,13 +18,14 @@ using clothctl::Matrix3;
 using clothctl::MatrixX;
 using clothctl::Vector3;
 using clothctl::VectorX;
-using namespace clothctl::robot;
+using namespace clothctl;
 
 /// A palm on six joints with five fingers of four: limits of about a radian.
-inline Tree<double> small_hand() {
-  TreeBuilder<double> builder;
+inline KinematicTree<double> small_hand() {
+  KinematicTreeBuilder<double> builder;
   builder.add_link("world");
-  const auto add = [&](const std::string& parent, const std::string& child, JointType type, int axis, Vector3<double> place) {
+  const auto add = [&](const std::string& parent, const std::string& child, JointType type,
+                       int axis, Vector3<double> place) {
     Joint<double> joint;
     joint.name = "to_" + child;
     joint.type = type;
@@ -47,7 +48,8 @@ inline Tree<double> small_hand() {
     std::string parent = last;
     for (int k = 0; k < 4; ++k) {
       const std::string name = "finger" + std::to_string(f) + std::to_string(k);
-      const Vector3<double> place = k == 0 ? Vector3<double>(0.08, 0.02 * (f - 2), 0.0) : Vector3<double>(0.035, 0.0, 0.0);
+      const Vector3<double> place =
+          k == 0 ? Vector3<double>(0.08, 0.02 * (f - 2), 0.0) : Vector3<double>(0.035, 0.0, 0.0);
       add(parent, name, JointType::Revolute, k == 0 ? 2 : 1, place);
       parent = name;
     }
@@ -57,24 +59,25 @@ inline Tree<double> small_hand() {
 
 /// The hand, random poses, and tasks that the tips be where a pose has them.
 struct Reach {
-  Tree<double> tree = small_hand();
-  Kinematics<double> kinematics{tree};
+  KinematicTree<double> tree = small_hand();
+  BodyPoses<double> body_poses{tree};
   std::mt19937 random{17};
   std::vector<IkTask<double>> tasks;
 
   double uniform() { return std::uniform_real_distribution<double>(0.0, 1.0)(random); }
   VectorX<double> anywhere() {
-    VectorX<double> q(tree.positions());
-    for (Index i = 0; i < q.size(); ++i) q[i] = tree.lower()[i] + uniform() * (tree.upper()[i] - tree.lower()[i]);
+    VectorX<double> q(tree.nq());
+    for (Index i = 0; i < q.size(); ++i)
+      q[i] = tree.lower()[i] + uniform() * (tree.upper()[i] - tree.lower()[i]);
     return q;
   }
   void aim_at(const VectorX<double>& q) {
     tasks.clear();
-    forward_kinematics<double>(tree, q, kinematics);
+    forward_kinematics<double>(tree, q, body_poses);
     for (int f = 0; f < 5; ++f) {
       const int tip = tree.find_link("finger" + std::to_string(f) + "3");
       const Vector3<double> pad(0.02, 0.0, -0.005);
-      tasks.push_back(IkTask<double>::position(tip, pad, link_pose(tree, kinematics, tip) * pad));
+      tasks.push_back(IkTask<double>::position(tip, pad, link_pose(tree, body_poses, tip) * pad));
     }
   }
   bool within_limits(const VectorX<double>& q) const {

@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "clothctl/robot/tree_model.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 #include "robot/random_tree.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -10,11 +10,57 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
+namespace other_engine {
+
+// A robot of twelve joints, one more of which exceeds its torque limit in each solve.
+struct Cascade {};
+
+}  // namespace other_engine
+
+template <>
+struct clothctl::articulated_traits<other_engine::Cascade> {
+  using Model = other_engine::Cascade;
+  using scalar_type = double;
+  using workspace_type = int;
+  using View = Eigen::Ref<const VectorX<double>>;
+  using Out = Eigen::Ref<VectorX<double>>;
+  static int make_workspace(const Model&) { return 0; }
+  static Index nq(const Model&) { return 12; }
+  static Index nv(const Model&) { return 12; }
+  static VectorX<double> lower(const Model&) { return VectorX<double>::Constant(12, -9.0); }
+  static VectorX<double> upper(const Model&) { return VectorX<double>::Constant(12, 9.0); }
+  static VectorX<double> effort_limits(const Model&) { return VectorX<double>::Constant(12, 2.0); }
+  static void advance(const Model&, const View& q, const View& step, Out out) { out = q + step; }
+  static void difference(const Model&, const View& from, const View& to, Out out) {
+    out = to - from;
+  }
+  static void forward_kinematics(const Model&, const View&, int&) {}
+  static void frame_pose(const Model&, const int&, int, Matrix3<double>& R, Vector3<double>& p) {
+    R.setIdentity();
+    p.setZero();
+  }
+  static void point_jacobian(const Model&, const int&, int, const Vector3<double>&,
+                             Eigen::Ref<MatrixX<double>> J) {
+    J.setZero();
+  }
+  static void inverse_dynamics(const Model&, const View&, const View&, int&, Out out) {
+    out.setZero();
+  }
+  static Index forward_dynamics(const Model&, const View&, const View&, const View& diagonal, int&,
+                                Out qdd) {
+    qdd.setZero();
+    Index held = 0;
+    while (held < 11 && diagonal[held] == 0.0) ++held;
+    qdd[held] = -1e6;
+    return -1;
+  }
+};
+
 namespace {
 
 /// A slider with a mass, or none.
-Tree<double> slider(double mass, double effort = 1e9) {
-  TreeBuilder<double> builder;
+KinematicTree<double> slider(double mass, double effort = 1e9) {
+  KinematicTreeBuilder<double> builder;
   Inertia<double> inertia;
   inertia.mass = mass;
   Joint<double> joint;
@@ -29,26 +75,30 @@ Tree<double> slider(double mass, double effort = 1e9) {
 
 /// A robot, its controller and its own symplectic simulator.
 struct Loop {
-  using Controller = StablePd<Tree<double>>;
-  Tree<double> tree;
+  using Controller = StablePd<KinematicTree<double>>;
+  KinematicTree<double> tree;
   StablePdSettings<double> settings;
   Controller controller;
-  TreeWorkspace<double> work;
+  KinematicTreeWorkspace<double> work;
   VectorX<double> q, qd, torques, qdd, target, target_velocity;
   int saturated = 0;
 
-  Loop(Tree<double> robot, const StablePdSettings<double>& chosen)
-      : tree(std::move(robot)), settings(chosen), controller(Controller::make(tree, settings).value()), work(tree) {
-    const Index n = tree.velocities();
+  Loop(KinematicTree<double> robot, const StablePdSettings<double>& chosen)
+      : tree(std::move(robot)),
+        settings(chosen),
+        controller(Controller::create(tree, settings).value()),
+        work(tree) {
+    const Index n = tree.nv();
     q = target = tree.neutral();
     qd = torques = qdd = target_velocity = VectorX<double>::Zero(n);
   }
   PdStatus step() {
-    const PdReport report = controller.solve(tree, q, qd, target, target_velocity, VectorX<double>(), work, torques, qdd);
+    const PdReport report = controller.solve(tree, q, qd, target, target_velocity,
+                                             VectorX<double>(), work, torques, qdd);
     saturated = report.saturated;
     if (report.status != PdStatus::Solved) return report.status;
-    qd += settings.step * qdd;
-    tree.advance(q, settings.step * qd, q);
+    qd += settings.dt * qdd;
+    tree.advance(q, settings.dt * qd, q);
     return report.status;
   }
   double largest() const { return std::max(q.cwiseAbs().maxCoeff(), qd.cwiseAbs().maxCoeff()); }
@@ -56,12 +106,15 @@ struct Loop {
 
 }  // namespace
 
-TEST_CASE("the torque is the spring's and the damper's at the end of the step, and causes the acceleration", "[robot]") {
+TEST_CASE(
+    "the torque is the spring's and the damper's at the end of the step, and causes the "
+    "acceleration",
+    "[robot]") {
   RobotDraws draws(19);
   for (const PdForm form : {PdForm::Stable, PdForm::Implicit}) {
     for (int trial = 0; trial < 20; ++trial) {
-      Tree<double> tree = draws.tree<double>(10, trial % 2 == 0, trial % 3 == 0);
-      const Index n = tree.velocities();
+      KinematicTree<double> tree = draws.tree<double>(10, trial % 2 == 0, trial % 3 == 0);
+      const Index n = tree.nv();
       StablePdSettings<double> settings;
       settings.kp = 800 * draws.entries<double>(n).cwiseAbs();
       settings.kd = 100 * draws.entries<double>(n).cwiseAbs();
@@ -73,19 +126,23 @@ TEST_CASE("the torque is the spring's and the damper's at the end of the step, a
       loop.target_velocity = draws.entries<double>(n);
       const VectorX<double> external = draws.entries<double>(n);
       const long before = clothctl_test::allocations();
-      const PdReport report = loop.controller.solve(tree, loop.q, loop.qd, loop.target, loop.target_velocity, external,
-                                                    loop.work, loop.torques, loop.qdd);
+      const PdReport report =
+          loop.controller.solve(tree, loop.q, loop.qd, loop.target, loop.target_velocity, external,
+                                loop.work, loop.torques, loop.qdd);
       const long taken = clothctl_test::allocations() - before;
       if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
       CHECK(report.status == PdStatus::Solved);
-      const double h = settings.step;
+      const double h = settings.dt;
       VectorX<double> error(n), held(n), needed(n);
       tree.difference(loop.q, loop.target, error);
       const VectorX<double> zero = VectorX<double>::Zero(n);
-      articulated_traits<Tree<double>>::inverse_dynamics(tree, zero, zero, loop.work, held);
-      articulated_traits<Tree<double>>::inverse_dynamics(tree, loop.qd, loop.qdd, loop.work, needed);
-      VectorX<double> wanted = settings.kp.cwiseProduct(error - h * loop.qd) -
-                               settings.kd.cwiseProduct(loop.qd + h * loop.qdd - loop.target_velocity) + held;
+      articulated_traits<KinematicTree<double>>::inverse_dynamics(tree, zero, zero, loop.work,
+                                                                  held);
+      articulated_traits<KinematicTree<double>>::inverse_dynamics(tree, loop.qd, loop.qdd,
+                                                                  loop.work, needed);
+      VectorX<double> wanted =
+          settings.kp.cwiseProduct(error - h * loop.qd) -
+          settings.kd.cwiseProduct(loop.qd + h * loop.qdd - loop.target_velocity) + held;
       if (form == PdForm::Implicit) wanted -= settings.kp.cwiseProduct(h * h * loop.qdd);
       CHECK((loop.torques - wanted).norm() <= 1e-10 * wanted.norm());
       CHECK((loop.torques + external - needed).norm() <= 1e-10 * needed.norm());
@@ -93,7 +150,8 @@ TEST_CASE("the torque is the spring's and the damper's at the end of the step, a
   }
 }
 
-TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always when implicit", "[robot]") {
+TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always when implicit",
+          "[robot]") {
   const double kp = 800, h = 0.02;
   for (const double share : {0.05, 0.1, 0.5}) {  // of kp h²
     const double mass = share * kp * h * h, bound = least_damping<double>(kp, h, mass);
@@ -104,7 +162,8 @@ TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always w
       loop.q[0] = 0.01;
       for (int k = 0; k < 4000 && loop.largest() < 1e6; ++k) CHECK(loop.step() == PdStatus::Solved);
       CHECK((loop.largest() < 1e-6) == (kd > bound));
-      CHECK(loop.controller.unstable_at(loop.tree, loop.tree.neutral(), loop.work).size() == (kd > bound ? 0u : 1u));
+      CHECK(loop.controller.unstable_at(loop.tree, loop.tree.neutral(), loop.work).value().size() ==
+            (kd > bound ? 0u : 1u));
       settings.form = PdForm::Implicit;
       settings.kd *= 0.1;
       Loop implicit(slider(mass), settings);
@@ -116,9 +175,9 @@ TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always w
 }
 
 TEST_CASE("joints that are too weakly damped only together are named", "[robot]") {
-  // Two carriages side by side: the lighter one alone decides, since they do not feel each other … but where one rides on
-  // the other, the two move together with less inertia than each has alone.
-  TreeBuilder<double> builder;
+  // Two carriages side by side: the lighter one alone decides, since they do not feel each other …
+  // but where one rides on the other, the two move together with less inertia than each has alone.
+  KinematicTreeBuilder<double> builder;
   builder.add_link("world");
   for (int k = 0; k < 2; ++k) {
     Inertia<double> inertia;
@@ -131,28 +190,33 @@ TEST_CASE("joints that are too weakly damped only together are named", "[robot]"
     joint.axis << 1.0, 0.0, 0.0;
     builder.add_link(joint.child, inertia).add_joint(joint);
   }
-  const Tree<double> tree = builder.build().value();
+  const KinematicTree<double> tree = builder.build().value();
   const double kp = 800, h = 0.02;
   int between = 0;
   for (double kd = 22.9; kd < 24.2; kd += 0.1) {
     CAPTURE(kd);
     Loop loop(tree, StablePdSettings<double>::uniform(2, kp, kd));
-    const bool warned = !loop.controller.unstable_at(tree, loop.tree.neutral(), loop.work).empty();
+    const bool warned =
+        !loop.controller.unstable_at(tree, loop.tree.neutral(), loop.work).value().empty();
     // M = [1.01 1; 1 1]: the least eigenvalue decides.
     const double least = 0.5 * (2.01 - std::sqrt(0.01 * 0.01 + 4.0));
     CHECK(warned == (kd < 1.5 * kp * h - 2 * least / h));
     loop.q << 1e-3, -1e-3;
-    for (int k = 0; k < 20000 && loop.largest() < 1e3; ++k) REQUIRE(loop.step() == PdStatus::Solved);
+    for (int k = 0; k < 20000 && loop.largest() < 1e3; ++k)
+      REQUIRE(loop.step() == PdStatus::Solved);
     CHECK((loop.largest() < 1e-4) == !warned);
-    if (warned && kd > 1.5 * kp * h - 2 * 0.01 / h) ++between;  // what each joint alone would not tell
+    if (warned && kd > 1.5 * kp * h - 2 * 0.01 / h)
+      ++between;  // what each joint alone would not tell
   }
   CHECK(between > 0);
 }
 
-TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has both, as computed", "[robot]") {
+TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has both, as computed",
+          "[robot]") {
   const double v = 0.3, h = 0.02, mass = 0.5;
   for (const bool paper : {false, true}) {
-    Loop loop(slider(mass), paper ? StablePdSettings<double>::paper(1) : StablePdSettings<double>::uniform(1));
+    Loop loop(slider(mass),
+              paper ? StablePdSettings<double>::paper(1) : StablePdSettings<double>::uniform(1));
     for (int k = 0; k < 1000; ++k) CHECK(loop.step() == PdStatus::Solved);
     CHECK(loop.q[0] == Approx(paper ? -mass * 9.81 / 800 : 0.0).margin(1e-9));
     loop.target_velocity[0] = v;
@@ -167,7 +231,7 @@ TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has 
 
 TEST_CASE("torque limits hold without divergence where clipping would diverge", "[robot]") {
   RobotDraws draws(20);
-  TreeBuilder<double> builder;
+  KinematicTreeBuilder<double> builder;
   builder.add_link("world");
   for (int k = 0; k < 6; ++k) {
     Inertia<double> inertia;
@@ -196,27 +260,35 @@ TEST_CASE("torque limits hold without divergence where clipping would diverge", 
 }
 
 TEST_CASE("gains are checked and bad states refused without a trace", "[robot]") {
-  const Tree<double> tree = slider(1.0);
+  const KinematicTree<double> tree = slider(1.0);
   StablePdSettings<double> settings = StablePdSettings<double>::uniform(2);
-  CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "kp has 2 entries for 1 coordinates");
+  CHECK(StablePd<KinematicTree<double>>::create(tree, settings).error() ==
+        "kp has 2 entries for 1 coordinates");
   settings = StablePdSettings<double>::uniform(1, 800, -1);
-  CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "kd of coordinate 0 is negative or not finite: -1");
+  CHECK(StablePd<KinematicTree<double>>::create(tree, settings).error() ==
+        "kd of coordinate 0 is negative or not finite: -1");
   settings = StablePdSettings<double>::uniform(1);
-  settings.step = 0;
-  CHECK(StablePd<Tree<double>>::make(tree, settings).error() == "step is not a positive time: 0");
+  settings.dt = 0;
+  CHECK(StablePd<KinematicTree<double>>::create(tree, settings).error() ==
+        "dt is not a positive time: 0");
   const VectorX<double> rest = VectorX<double>::Zero(1);
-  const Tree<double> light = slider(0.001);
-  CHECK(StablePd<Tree<double>>::make(light, StablePdSettings<double>::uniform(1), rest));
-  CHECK(StablePd<Tree<double>>::make(light, StablePdSettings<double>::uniform(1, 800, 20), rest).error() ==
-        "kd of coordinate 0 is too low for its kp and the step: 20 (1 in all)");
-  CHECK(StablePd<Tree<double>>::make(light, StablePdSettings<double>::uniform(1), VectorX<double>::Zero(2)).error() ==
-        "q is not of the robot's size");
+  const KinematicTree<double> light = slider(0.001);
+  CHECK(StablePd<KinematicTree<double>>::create(light, StablePdSettings<double>::uniform(1), rest));
+  CHECK(StablePd<KinematicTree<double>>::create(light,
+                                                StablePdSettings<double>::uniform(1, 800, 20), rest)
+            .error() ==
+        "kd of coordinate 0 is too low for its kp and the time step: 20 (coordinates with that "
+        "fault: 1)");
+  CHECK(StablePd<KinematicTree<double>>::create(light, StablePdSettings<double>::uniform(1),
+                                                VectorX<double>::Zero(2))
+            .error() == "q has 2 entries, the robot has 1 positions");
   Loop loop(slider(1.0), StablePdSettings<double>::uniform(1));
   loop.torques[0] = 7.0;
   loop.target[0] = std::nan("");
   CHECK(loop.step() == PdStatus::InvalidInput);
   CHECK(loop.torques[0] == 7.0);
-  for (VectorX<double>* bad : {&loop.q, &loop.qd, &loop.target, &loop.target_velocity, &loop.torques, &loop.qdd}) {
+  for (VectorX<double>* bad :
+       {&loop.q, &loop.qd, &loop.target, &loop.target_velocity, &loop.torques, &loop.qdd}) {
     loop.target[0] = 0.0;
     const VectorX<double> kept = *bad;
     bad->setZero(3);
@@ -236,4 +308,40 @@ TEST_CASE("gains are checked and bad states refused without a trace", "[robot]")
   CHECK(feather.step() == PdStatus::NoInertia);
   loop.target[0] = 0.1;
   CHECK(loop.step() == PdStatus::Solved);
+}
+
+TEST_CASE("joints that reach their limits in every round end clipped to them", "[robot]") {
+  const other_engine::Cascade robot;
+  auto pd = StablePd<other_engine::Cascade>::create(robot, StablePdSettings<double>::uniform(12));
+  REQUIRE(pd);
+  const VectorX<double> rest = VectorX<double>::Zero(12), none;
+  VectorX<double> torques = rest, qdd = rest;
+  int work = 0;
+  const PdReport report = pd->solve(robot, rest, rest, rest, none, none, work, torques, qdd);
+  CHECK(report.status == PdStatus::Clipped);
+  CHECK(report.solves == 9);
+  CHECK(report.saturated == 9);
+  CHECK(torques.head(9) == VectorX<double>::Constant(9, 2.0));
+  CHECK(torques.cwiseAbs().maxCoeff() <= 2.0);
+  CHECK(to_string(PdStatus::Clipped) == "clipped");
+}
+
+TEST_CASE("a workspace of another robot is refused, and so is another robot", "[robot]") {
+  RobotDraws draws(46);
+  const KinematicTree<double> tree = draws.tree<double>(8, false, false),
+                              other = draws.tree<double>(8, true, false);
+  Loop loop(tree, StablePdSettings<double>::uniform(tree.nv()));
+  KinematicTreeWorkspace<double> foreign(other);
+  const VectorX<double> none;
+  CHECK(loop.controller
+            .solve(tree, loop.q, loop.qd, loop.target, none, none, foreign, loop.torques, loop.qdd)
+            .status == PdStatus::OtherWorkspace);
+  CHECK(loop.controller
+            .solve(other, loop.q, loop.qd, loop.target, none, none, foreign, loop.torques, loop.qdd)
+            .status == PdStatus::WrongSize);
+  CHECK(loop.controller.unstable_at(tree, loop.q, foreign).error() ==
+        "the workspace was made for another robot");
+  CHECK(loop.controller.unstable_at(tree, VectorX<double>::Zero(99), loop.work).error() ==
+        "q or the robot is not of the size that the controller was made for");
+  CHECK(to_string(PdStatus::OtherWorkspace) == "other_workspace");
 }

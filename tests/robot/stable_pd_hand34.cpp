@@ -3,9 +3,9 @@
 #include <cmath>
 
 #include "clothctl/robot/hand34.hpp"
-#include "clothctl/robot/mass_matrix.hpp"
+#include "clothctl/robot/inverse_dynamics.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 #include "clothctl/robot/stable_pd.hpp"
-#include "clothctl/robot/tree_model.hpp"
 #include "robot/random_tree.hpp"
 #include "support/catch.hpp"
 
@@ -16,58 +16,63 @@ namespace {
 
 /// The hand, its controller, and a symplectic simulator that is given the torques alone.
 struct HandLoop {
-  using Traits = articulated_traits<Tree<double>>;
-  Tree<double> tree = hand34<double>();
-  Index n = tree.velocities();
+  using Traits = articulated_traits<KinematicTree<double>>;
+  KinematicTree<double> tree = hand34<double>();
+  Index n = tree.nv();
   StablePdSettings<double> settings;
-  StablePd<Tree<double>> controller;
-  TreeWorkspace<double> work{tree};
-  VectorX<double> q = hand34_home(tree), qd = VectorX<double>::Zero(n), target = q, target_velocity = qd, torques = qd,
-                  qdd = qd;
+  StablePd<KinematicTree<double>> controller;
+  KinematicTreeWorkspace<double> work{tree};
+  VectorX<double> q = hand34_home(tree), qd = VectorX<double>::Zero(n), target = q,
+                  target_velocity = qd, torques = qd, qdd = qd;
   int saturated = 0;
 
   explicit HandLoop(double step, double kp = 800, double kd = 100, PdForm form = PdForm::Stable)
-      : settings(chosen(n, step, kp, kd, form)), controller(StablePd<Tree<double>>::make(tree, settings).value()) {}
+      : settings(chosen(n, step, kp, kd, form)),
+        controller(StablePd<KinematicTree<double>>::create(tree, settings).value()) {}
 
   static StablePdSettings<double> chosen(Index n, double step, double kp, double kd, PdForm form) {
     StablePdSettings<double> settings = StablePdSettings<double>::uniform(n, kp, kd);
-    settings.step = step;
+    settings.dt = step;
     settings.form = form;
     return settings;
   }
   void step() {
-    const PdReport report = controller.solve(tree, q, qd, target, target_velocity, VectorX<double>(), work, torques, qdd);
+    const PdReport report = controller.solve(tree, q, qd, target, target_velocity,
+                                             VectorX<double>(), work, torques, qdd);
     REQUIRE(report.status == PdStatus::Solved);
     saturated += report.saturated;
     REQUIRE(Traits::forward_dynamics(tree, qd, torques, VectorX<double>::Zero(n), work, qdd) < 0);
-    qd += settings.step * qdd;
-    tree.advance(q, settings.step * qd, q);
+    qd += settings.dt * qdd;
+    tree.advance(q, settings.dt * qd, q);
   }
   double largest() const { return std::max(q.cwiseAbs().maxCoeff(), qd.cwiseAbs().maxCoeff()); }
   double energy() {
     MassMatrixWorkspace<double> memory(tree);
     MatrixX<double> M(n, n);
-    forward_kinematics<double>(tree, q, work.kinematics);
-    mass_matrix<double>(tree, work.kinematics, memory, M);
+    forward_kinematics<double>(tree, q, work.body_poses);
+    mass_matrix<double>(tree, work.body_poses, memory, M);
     return 0.5 * qd.dot(M * qd) + 0.5 * (target - q).dot(settings.kp.cwiseProduct(target - q));
   }
   Vector3<double> place_of(const char* link, const VectorX<double>& at) {
-    forward_kinematics<double>(tree, at, work.kinematics);
-    return link_pose(tree, work.kinematics, tree.find_link(link)).p;
+    forward_kinematics<double>(tree, at, work.body_poses);
+    return link_pose(tree, work.body_poses, tree.find_link(link)).p;
   }
 };
 
 }  // namespace
 
-TEST_CASE("the hand follows keyframes at 50 to 1000 Hz: at 0.3 m/s no fingertip lags by a millimetre", "[robot]") {
+TEST_CASE(
+    "the hand follows keyframes at 50 to 1000 Hz: at 0.3 m/s no fingertip lags by a millimetre",
+    "[robot]") {
   for (const double rate : {50.0, 100.0, 250.0, 1000.0}) {
     CAPTURE(rate);
     HandLoop hand(1.0 / rate);
     const VectorX<double> home = hand.q;
-    const double h = hand.settings.step, speed = 0.3, start = 0.5;
+    const double h = hand.settings.dt, speed = 0.3, start = 0.5;
     double worst = 0;
     for (int k = 1; k * h <= 2.5; ++k) {
-      // From rest to 0.3 m/s along x within half a second, while the fingers open and close once a second.
+      // From rest to 0.3 m/s along x within half a second, while the fingers open and close once a
+      // second.
       const double t = k * h, ramp = std::min(t / start, 1.0), fade = ramp * ramp * (3 - 2 * ramp);
       const VectorX<double> before = hand.target;
       hand.target = home;
@@ -79,7 +84,8 @@ TEST_CASE("the hand follows keyframes at 50 to 1000 Hz: at 0.3 m/s no fingertip 
       }
       hand.target_velocity = (hand.target - before) / h;
       hand.step();
-      if (t < 1.5) continue;  // what the start left behind has faded: kd/kp is an eighth of a second
+      if (t < 1.5)
+        continue;  // what the start left behind has faded: kd/kp is an eighth of a second
       for (const FingerTip<double>& tip : hand34_tips<double>()) {
         const Vector3<double> wanted = hand.place_of(tip.link.c_str(), hand.target);
         worst = std::max(worst, (hand.place_of(tip.link.c_str(), hand.q) - wanted).norm());
@@ -92,8 +98,8 @@ TEST_CASE("the hand follows keyframes at 50 to 1000 Hz: at 0.3 m/s no fingertip 
     // The paper's form, without feed-forward, lags by kd/kp times the speed and sags by weight/kp.
     HandLoop paper(h);
     StablePdSettings<double> printed = StablePdSettings<double>::paper(paper.n);
-    printed.step = h;
-    paper.controller = StablePd<Tree<double>>::make(paper.tree, printed).value();
+    printed.dt = h;
+    paper.controller = StablePd<KinematicTree<double>>::create(paper.tree, printed).value();
     for (int k = 1; k * h <= 2.5; ++k) {
       paper.target[0] = home[0] + speed * k * h;
       paper.step();
@@ -107,7 +113,10 @@ TEST_CASE("the hand follows keyframes at 50 to 1000 Hz: at 0.3 m/s no fingertip 
   }
 }
 
-TEST_CASE("without gravity and with a held target the hand's energy does not grow over a tenth of a second", "[robot]") {
+TEST_CASE(
+    "without gravity and with a held target the hand's energy does not grow over a tenth of a "
+    "second",
+    "[robot]") {
   RobotDraws draws(71);
   for (const double rate : {50.0, 100.0, 250.0, 1000.0}) {
     for (int trial = 0; trial < 4; ++trial) {
@@ -141,7 +150,8 @@ TEST_CASE("torque limits bind on a hard grip without divergence", "[robot]") {
     hand.target[0] += 1.0;
     for (int k = 0; k < static_cast<int>(3 * rate); ++k) {
       hand.step();
-      for (Index i = 0; i < hand.n; ++i) CHECK(std::abs(hand.torques[i]) <= hand.tree.effort_limits()[i]);
+      for (Index i = 0; i < hand.n; ++i)
+        CHECK(std::abs(hand.torques[i]) <= hand.tree.effort_limits()[i]);
       REQUIRE(hand.largest() < 1e3);
     }
     CHECK(hand.saturated > 2);
@@ -149,14 +159,16 @@ TEST_CASE("torque limits bind on a hard grip without divergence", "[robot]") {
   }
 }
 
-TEST_CASE("the hand blows up and settles where the bound for light joints says, and is warned of", "[robot]") {
+TEST_CASE("the hand blows up and settles where the bound for light joints says, and is warned of",
+          "[robot]") {
   const double h = 0.02, kp = 800;
-  for (const double share : {1.40, 1.60}) {  // kd over kp h; joints of fingers weigh next to nothing: the bound is 1.5
+  for (const double share :
+       {1.40, 1.60}) {  // kd over kp h; joints of fingers weigh next to nothing: the bound is 1.5
     CAPTURE(share);
     HandLoop hand(h, kp, share * kp * h);
     hand.settings.limit_torques = false;
-    hand.controller = StablePd<Tree<double>>::make(hand.tree, hand.settings).value();
-    const bool warned = !hand.controller.unstable_at(hand.tree, hand.q, hand.work).empty();
+    hand.controller = StablePd<KinematicTree<double>>::create(hand.tree, hand.settings).value();
+    const bool warned = !hand.controller.unstable_at(hand.tree, hand.q, hand.work).value().empty();
     CHECK(warned == (share < 1.5));
     hand.q[12] += 0.1;
     for (int k = 0; k < 400 && hand.largest() < 1e3; ++k) hand.step();

@@ -1,4 +1,4 @@
-#include "clothctl/robot/task_priority.hpp"
+#include "clothctl/robot/detail/task_priority.hpp"
 
 #include <Eigen/Dense>
 
@@ -24,7 +24,8 @@ MatrixX<double> pseudo_inverse(const MatrixX<double>& A, double floor = 1e-9) {
 }
 
 /// The formula of the head comment, with dense pseudo-inverses.
-VectorX<double> by_formula(const std::vector<MatrixX<double>>& J, const std::vector<VectorX<double>>& x) {
+VectorX<double> by_formula(const std::vector<MatrixX<double>>& J,
+                           const std::vector<VectorX<double>>& x) {
   const Index n = J.front().cols();
   VectorX<double> velocity = VectorX<double>::Zero(n);
   MatrixX<double> N = MatrixX<double>::Identity(n, n);
@@ -38,19 +39,22 @@ VectorX<double> by_formula(const std::vector<MatrixX<double>>& J, const std::vec
 
 }  // namespace
 
-TEST_CASE("levels follow the recursive formula, rank-deficient ones and ones of many rows too", "[robot]") {
+TEST_CASE("levels follow the recursive formula, rank-deficient ones and ones of many rows too",
+          "[robot]") {
   RobotDraws draws(61);
   PrioritySettings<double> exact;
   exact.damping = 0.0;
   for (int round = 0; round < 40; ++round) {
     const Index n = 12;
-    std::vector<MatrixX<double>> J = {drawn_matrix(draws, 4, n), drawn_matrix(draws, 3, n), drawn_matrix(draws, 2, n)};
+    std::vector<MatrixX<double>> J = {drawn_matrix(draws, 4, n), drawn_matrix(draws, 3, n),
+                                      drawn_matrix(draws, 2, n)};
     if (round % 4 == 1) J[0].row(3) = J[0].row(0) - 2.0 * J[0].row(1);
-    if (round % 4 == 2) J[1].row(1) = J[0].row(2) + J[0].row(1);  // one row of the second level is the first's
+    if (round % 4 == 2)
+      J[1].row(1) = J[0].row(2) + J[0].row(1);  // one row of the second level is the first's
     if (round % 4 == 3) J[2] = drawn_matrix(draws, 30, 2) * drawn_matrix(draws, 2, n);
     std::vector<VectorX<double>> x;
     for (const MatrixX<double>& level : J) x.push_back(draws.entries<double>(level.rows()));
-    TaskPriority<double> priority(n, 30, exact);
+    detail::TaskPriority<double> priority(n, 30, exact);
     const long before = clothctl_test::allocations();
     priority.start();
     Index ranks = 0;
@@ -67,23 +71,24 @@ TEST_CASE("levels follow the recursive formula, rank-deficient ones and ones of 
 TEST_CASE("a second level leaves the first alone on random poses of a hand", "[robot]") {
   Reach reach;
   RobotDraws draws(62);
-  const Index n = reach.tree.velocities();
+  const Index n = reach.tree.nv();
   for (const double damping : {0.0, 0.01, 0.05}) {
     PrioritySettings<double> settings;
     settings.damping = damping;
-    TaskPriority<double> priority(n, 15, settings);
+    detail::TaskPriority<double> priority(n, 15, settings);
     MatrixX<double> J(15, n), twist(6, n);
     for (int round = 0; round < 1000; ++round) {
       reach.aim_at(reach.anywhere());
       for (int f = 0; f < 5; ++f) {
         const IkTask<double>& task = reach.tasks[static_cast<std::size_t>(f)];
-        point_jacobian<double>(reach.tree, reach.kinematics, task.frame, task.target, twist);
+        point_jacobian<double>(reach.tree, reach.body_poses, task.frame, task.target, twist);
         J.middleRows(3 * f, 3) = twist.topRows(3);
       }
-      link_jacobian<double>(reach.tree, reach.kinematics, reach.tree.find_link("palm5"), twist);
-      const VectorX<double> first = draws.entries<double>(15, 0.3), second = draws.entries<double>(3);
+      link_jacobian<double>(reach.tree, reach.body_poses, reach.tree.find_link("palm5"), twist);
+      const VectorX<double> first = draws.entries<double>(15, 0.3),
+                            second = draws.entries<double>(3);
       priority.start();
-      const PriorityReport<double> tips = priority.add(J, first);
+      const detail::PriorityReport<double> tips = priority.add(J, first);
       const VectorX<double> alone = priority.velocity();
       priority.add(twist.bottomRows(3), second);
       CHECK((J * (priority.velocity() - alone)).norm() <= 1e-10 * first.norm());
@@ -95,8 +100,10 @@ TEST_CASE("a second level leaves the first alone on random poses of a hand", "[r
   }
 }
 
-TEST_CASE("constant damping is the papers' damped pseudo-inverse, and near singularities alone well-conditioned tasks are met",
-          "[robot]") {
+TEST_CASE(
+    "constant damping is the papers' damped pseudo-inverse, and near singularities alone "
+    "well-conditioned tasks are met",
+    "[robot]") {
   RobotDraws draws(63);
   for (const Index rows : {Index(4), Index(20)}) {
     const Index n = 9;
@@ -105,7 +112,7 @@ TEST_CASE("constant damping is the papers' damped pseudo-inverse, and near singu
     PrioritySettings<double> settings;
     settings.damping = 0.3;
     settings.form = PriorityDamping::Constant;
-    TaskPriority<double> constant(n, rows, settings);
+    detail::TaskPriority<double> constant(n, rows, settings);
     constant.start();
     constant.add(J, x);
     const MatrixX<double> H = J.transpose() * J + 0.09 * MatrixX<double>::Identity(n, n);
@@ -113,19 +120,20 @@ TEST_CASE("constant damping is the papers' damped pseudo-inverse, and near singu
     CHECK((constant.velocity() - expected).norm() <= 1e-11 * expected.norm());
 
     settings.form = PriorityDamping::NearSingular;
-    TaskPriority<double> near(n, rows, settings);
+    detail::TaskPriority<double> near(n, rows, settings);
     near.start();
     near.add(J, x);
     const VectorX<double> exact = pseudo_inverse(J) * x;
     CHECK((near.velocity() - exact).norm() <= 1e-10 * exact.norm());
   }
-  // A direction that has all but lost its length does not fling the robot, and later levels still leave it alone.
+  // A direction that has all but lost its length does not fling the robot, and later levels still
+  // leave it alone.
   MatrixX<double> thin = MatrixX<double>::Zero(2, 3);
   thin(0, 0) = 1.0;
   thin(1, 1) = 1e-4;
-  TaskPriority<double> priority(3, 3);
+  detail::TaskPriority<double> priority(3, 3);
   priority.start();
-  const PriorityReport<double> report = priority.add(thin, VectorX<double>::Ones(2));
+  const detail::PriorityReport<double> report = priority.add(thin, VectorX<double>::Ones(2));
   CHECK(report.rank == 2);
   CHECK(priority.velocity()[0] == Approx(1.0));
   CHECK(priority.velocity()[1] <= 1.01);
@@ -141,11 +149,11 @@ TEST_CASE("held coordinates keep their velocity, and a posture fills what is lef
   const Index n = 8;
   const MatrixX<double> J = drawn_matrix(draws, 3, n);
   const VectorX<double> x = draws.entries<double>(3), z = draws.entries<double>(n);
-  TaskPriority<double> priority(n, 3);
+  detail::TaskPriority<double> priority(n, 3);
   priority.start();
   priority.hold(2, 0.25);
   priority.hold(7, -1.0);
-  const PriorityReport<double> report = priority.add(J, x);
+  const detail::PriorityReport<double> report = priority.add(J, x);
   CHECK(report.residual < 1e-12);
   CHECK(priority.velocity()[2] == Approx(0.25).epsilon(1e-13));
   CHECK(priority.velocity()[7] == Approx(-1.0).epsilon(1e-13));
@@ -159,7 +167,7 @@ TEST_CASE("held coordinates keep their velocity, and a posture fills what is lef
 }
 
 TEST_CASE("a level that is not finite or of a wrong size changes nothing", "[robot]") {
-  TaskPriority<double> priority(4, 3);
+  detail::TaskPriority<double> priority(4, 3);
   priority.start();
   const MatrixX<double> J = MatrixX<double>::Identity(2, 4);
   VectorX<double> x = VectorX<double>::Ones(2);
@@ -169,18 +177,19 @@ TEST_CASE("a level that is not finite or of a wrong size changes nothing", "[rob
   bad(1, 3) = std::nan("");
   CHECK_FALSE(priority.add(bad, x).accepted);
   CHECK_FALSE(priority.add(MatrixX<double>::Identity(2, 3), x).accepted);
-  CHECK_FALSE(priority.add(MatrixX<double>::Identity(4, 4), VectorX<double>::Ones(4)).accepted);  // more rows than memory
+  CHECK_FALSE(priority.add(MatrixX<double>::Identity(4, 4), VectorX<double>::Ones(4))
+                  .accepted);  // more rows than memory
   x[0] = std::nan("");
   CHECK_FALSE(priority.add(J, x).accepted);
   CHECK(priority.velocity() == before);
   CHECK(priority.freedom() == 2);
   PrioritySettings<double> settings;
   settings.damping = -1.0;
-  CHECK(settings.check() == "damping is negative or not finite");
+  CHECK(settings.validate() == "damping is negative or not finite");
   settings = PrioritySettings<double>();
   settings.rank_threshold = 0.0;
-  CHECK(settings.check() == "rank_threshold is not between 0 and 1");
-  TaskPriority<double> refused(4, 3, settings);
+  CHECK(settings.validate() == "rank_threshold is not between 0 and 1");
+  detail::TaskPriority<double> refused(4, 3, settings);
   refused.start();
   CHECK_FALSE(refused.add(J, VectorX<double>::Ones(2)).accepted);
 }

@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Compiles one unit against the headers of the project with the house warnings as errors and the flags given."""
+"""Compiles one unit against the headers of the project with the house warnings as errors and the flags given; with --run,
+links it and runs it, too."""
 
 import os
 import shlex
@@ -16,6 +17,7 @@ def main():
         compiler={"default": "c++"},
         unit={"required": True, "help": "source file, relative to tests/static"},
         flags={"default": "", "help": "flags beside the house's own"},
+        run={"action": "store_true", "help": "link the unit and run it"},
         system={"default": "/usr/include/eigen3", "help": "directories of system headers, separated by ;"},
     )
     command = [options.compiler, "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
@@ -24,8 +26,11 @@ def main():
     for directory in filter(None, options.system.split(";")):
         command += ["-isystem", directory]
     with tempfile.TemporaryDirectory() as scratch:
-        command += ["-c", str(options.root / "tests" / "static" / options.unit), "-o", os.path.join(scratch, "unit.o")]
-        code = subprocess.run(command).returncode
+        output = os.path.join(scratch, "unit")
+        command += [str(options.root / "tests" / "static" / options.unit), "-o", output]
+        code = subprocess.run(command if options.run else command + ["-c"]).returncode
+        if code == 0 and options.run:
+            code = subprocess.run([output]).returncode
     print(f"{options.unit} with {os.path.basename(options.compiler)} {options.flags}: {'ok' if code == 0 else 'FAILED'}")
     sys.exit(1 if code else 0)
 

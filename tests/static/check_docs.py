@@ -85,8 +85,10 @@ def opens_requires_expression(head):
 
 
 class Scanner:
-    def __init__(self, shown, text, report):
-        self.shown, self.report = shown, report
+    """Walks the declarations of a header. `everything` includes private nested classes and namespaces named detail."""
+
+    def __init__(self, shown, text, report, everything=False):
+        self.shown, self.report, self.everything = shown, report, everything
         self.raw = text.split("\n")
         self.code = blank_preprocessor(strip_comments(text, keep_strings=False))
         self.found = []
@@ -138,12 +140,13 @@ class Scanner:
                     continue
                 core = drop_template_heads(head)
                 flat = flatten(core)
-                space = re.match(r"\s*(inline\s+)?namespace\b\s*([\w:]*)", core)
+                space = re.match(r"\s*()namespace\b\s*([\w:]*)", re.sub(r"\binline\s+", "", core))
                 if space or re.match(r'\s*extern\s*""\s*$', core):
                     inner = space.group(2) if space else ""
                     close = skip_group(code, i)
                     parts = inner.split("::")
-                    if space and (inner == "" or any(part.endswith("detail") for part in parts)):
+                    hidden = inner == "" or any(part.endswith("detail") for part in parts)
+                    if space and hidden and not self.everything:
                         return close
                     self.scan(i + 1, close - 1, "namespace", True, inner, in_house or "clothctl" in parts)
                     return close
@@ -159,7 +162,7 @@ class Scanner:
                     key = re.search(r"\b(class|struct|union)\b", flat).group(1)
                     name = re.search(r"\b(?:class|struct|union)\s+(?:\[\]\s*)?(?:alignas\(\)\s*)?(\w+)", flat)
                     inner_public = key != "class"
-                    if public:
+                    if public or self.everything:
                         self.scan(i + 1, close - 1, "class", inner_public, name.group(1) if name else "", in_house)
                     return close
                 plain = re.sub(r"operator\s*(\(\)|\[\]|[^\s\w(]+)", "operator_", flat)

@@ -1,20 +1,46 @@
 #!/usr/bin/env python3
-"""Checks how long headers are, counted without comments and blank lines.
+"""Checks how long headers, functions, programs and folders are.
 
-No header is over 500 lines unless long_headers.txt gives a reason; prints the median and the share up to 300 lines (aims of the
-design: median 120, nine in ten up to 300).
+Headers and functions of include/ are counted without comments and blank lines. No header is over
+500 lines unless long_headers.txt gives a reason, no function (signature to closing brace) is over
+60 unless long_functions.txt lists its length, no program examples/*.cpp is over 150 lines of any kind. A folder has at most 12 doors, qp/ at
+most 6: headers that lie in the folder itself and not in its detail/. Prints the median header and
+the share up to 300 lines (aims: median 120, nine in ten up to 300).
 """
 
 import statistics
 
+from check_docs import Scanner, skip_group
 from house import Report, arguments, headers, read, strip_comments
 
 LIMIT, AIM_MEDIAN, AIM_NINE_IN_TEN = 500, 120, 300
+FUNCTION_LIMIT, PROGRAM_LIMIT = 60, 150
+DOORS, DOORS_OF = 12, {"qp": 6}
 
 
-def main():
-    options = arguments(__doc__)
-    report = Report("header length")
+class FunctionLengths(Scanner):
+    """Collects (lines of code, line number, first line) of every function body of a header."""
+
+    def __init__(self, shown, text):
+        super().__init__(shown, text, None, everything=True)
+        self.functions = []
+        self.scan(0, len(self.code), "namespace", True, "", False)
+
+    def require(self, start, end, what):
+        """Takes no interest in comments."""
+
+    def judge(self, start, end, what, public, owner, in_house):
+        if what != "function":
+            return
+        body = self.code[start : skip_group(self.code, end)]
+        length = sum(1 for line in body.split("\n") if line.strip())
+        heads = [line.strip() for line in body.split("\n") if line.strip()]
+        head = next((h for h in heads if not h.startswith(("template", "requires"))), heads[0])
+        self.functions.append((length, self.line(start), head.rstrip("{ ")))
+
+
+def check_headers(options, report):
+    """Header lengths; returns them by name."""
     reasons = {}
     listing = options.root / "tests" / "static" / "long_headers.txt"
     for line in listing.read_text(encoding="utf-8").splitlines():
@@ -27,16 +53,77 @@ def main():
         lengths[header.as_posix()] = sum(1 for line in code.split("\n") if line.strip())
     for name, length in lengths.items():
         if length > LIMIT and not reasons.get(name):
-            report.add("include/clothctl/" + name, 0, f"{length} lines of code, over {LIMIT}, and no reason in long_headers.txt")
+            message = f"{length} lines of code, over {LIMIT}, and no reason in long_headers.txt"
+            report.add("include/clothctl/" + name, 0, message)
     for name in reasons:
         if lengths.get(name, 0) <= LIMIT:
             report.add(listing, 0, f"{name} is listed but needs no reason")
+    return lengths
+
+
+def check_functions(options, report):
+    """Function lengths; returns the longest as (length, place) and how many there are."""
+    listing = options.root / "tests" / "static" / "long_functions.txt"
+    listed = {}
+    for line in listing.read_text(encoding="utf-8").splitlines():
+        if line.strip() and not line.startswith("#"):
+            path, length = line.split()
+            listed.setdefault(path, []).append(int(length))
+    longest, count = (0, ""), 0
+    for header in headers(options.root):
+        shown = "include/clothctl/" + header.as_posix()
+        for length, line, head in FunctionLengths(shown, read(options.root, header)).functions:
+            count += 1
+            longest = max(longest, (length, f"{shown}:{line}"))
+            if length in listed.get(header.as_posix(), []):
+                listed[header.as_posix()].remove(length)
+            elif length > FUNCTION_LIMIT:
+                message = f"function of {length} lines of code, over {FUNCTION_LIMIT}: {head}"
+                report.add(shown, line, message)
+    for path, lengths in listed.items():
+        for length in lengths:
+            report.add(listing, 0, f"{path} has no function of {length} lines any more")
+    return longest, count
+
+
+def check_folders(options, report):
+    """The number of doors of each folder; returns it by folder."""
+    doors = {}
+    for header in headers(options.root):
+        if len(header.parts) == 2:
+            doors[header.parts[0]] = doors.get(header.parts[0], 0) + 1
+    for folder, count in sorted(doors.items()):
+        most = DOORS_OF.get(folder, DOORS)
+        if count > most:
+            message = f"{count} doors, over {most}; what users never include goes to detail/"
+            report.add("include/clothctl/" + folder, 0, message)
+    return doors
+
+
+def check_programs(options, report):
+    for path in sorted((options.root / "examples").glob("*.cpp")):
+        length = path.read_text(encoding="utf-8").count("\n")
+        if length > PROGRAM_LIMIT:
+            message = f"program of {length} lines, over {PROGRAM_LIMIT}"
+            report.add(path.relative_to(options.root), 0, message)
+
+
+def main():
+    options = arguments(__doc__)
+    report = Report("length")
+    lengths = check_headers(options, report)
+    function, functions = check_functions(options, report)
+    doors = check_folders(options, report)
+    check_programs(options, report)
     values = sorted(lengths.values())
     short = 100 * sum(v <= AIM_NINE_IN_TEN for v in values) // len(values)
     longest = max(lengths, key=lengths.get)
-    print(f"median {statistics.median(values):g} (aim {AIM_MEDIAN}), {short} % up to {AIM_NINE_IN_TEN} (aim 90 %)")
+    print(f"headers: median {statistics.median(values):g} (aim {AIM_MEDIAN}), {short} % up to "
+          f"{AIM_NINE_IN_TEN} (aim 90 %)")
     for name in sorted((n for n in lengths if lengths[n] > AIM_NINE_IN_TEN), key=lengths.get, reverse=True):
         print(f"  over {AIM_NINE_IN_TEN}: {name} {lengths[name]}")
+    print(f"functions: {functions}, longest {function[0]} lines ({function[1]})")
+    print("doors: " + ", ".join(f"{folder} {count}" for folder, count in sorted(doors.items())))
     report.finish(f"{len(values)} headers, longest {longest} with {lengths[longest]} lines")
 
 

@@ -1,8 +1,8 @@
 #pragma once
 
-// A number that converts to and from nothing by itself. Code that compiles with it writes every constant as Scalar(0.5),
-// calls sqrt and friends by argument-dependent lookup, and never mixes in a double by accident; so it will also compile
-// with dual numbers, intervals and the like.
+// A number that converts to and from nothing by itself. Code that compiles with it writes every
+// constant as Scalar(0.5), calls sqrt and friends by argument-dependent lookup, and never mixes in
+// a double by accident; so it will also compile with dual numbers, intervals and the like.
 
 #include <Eigen/Core>
 #include <cmath>
@@ -26,10 +26,18 @@ class ExplicitDouble {
 
   constexpr ExplicitDouble operator-() const { return ExplicitDouble(-value_); }
   constexpr ExplicitDouble operator+() const { return *this; }
-  constexpr ExplicitDouble& operator+=(ExplicitDouble b) { return *this = ExplicitDouble(value_ + b.value_); }
-  constexpr ExplicitDouble& operator-=(ExplicitDouble b) { return *this = ExplicitDouble(value_ - b.value_); }
-  constexpr ExplicitDouble& operator*=(ExplicitDouble b) { return *this = ExplicitDouble(value_ * b.value_); }
-  constexpr ExplicitDouble& operator/=(ExplicitDouble b) { return *this = ExplicitDouble(value_ / b.value_); }
+  constexpr ExplicitDouble& operator+=(ExplicitDouble b) {
+    return *this = ExplicitDouble(value_ + b.value_);
+  }
+  constexpr ExplicitDouble& operator-=(ExplicitDouble b) {
+    return *this = ExplicitDouble(value_ - b.value_);
+  }
+  constexpr ExplicitDouble& operator*=(ExplicitDouble b) {
+    return *this = ExplicitDouble(value_ * b.value_);
+  }
+  constexpr ExplicitDouble& operator/=(ExplicitDouble b) {
+    return *this = ExplicitDouble(value_ / b.value_);
+  }
 
   friend constexpr ExplicitDouble operator+(ExplicitDouble a, ExplicitDouble b) { return a += b; }
   friend constexpr ExplicitDouble operator-(ExplicitDouble a, ExplicitDouble b) { return a -= b; }
@@ -61,14 +69,24 @@ CLOTHCTL_TEST_UNARY(floor)
 CLOTHCTL_TEST_UNARY(ceil)
 CLOTHCTL_TEST_UNARY(round)
 #undef CLOTHCTL_TEST_UNARY
-inline ExplicitDouble atan2(ExplicitDouble y, ExplicitDouble x) { return ExplicitDouble(std::atan2(y.unboxed(), x.unboxed())); }
-inline ExplicitDouble hypot(ExplicitDouble x, ExplicitDouble y) { return ExplicitDouble(std::hypot(x.unboxed(), y.unboxed())); }
-inline ExplicitDouble pow(ExplicitDouble x, ExplicitDouble y) { return ExplicitDouble(std::pow(x.unboxed(), y.unboxed())); }
+inline ExplicitDouble atan2(ExplicitDouble y, ExplicitDouble x) {
+  return ExplicitDouble(std::atan2(y.unboxed(), x.unboxed()));
+}
+inline ExplicitDouble hypot(ExplicitDouble x, ExplicitDouble y) {
+  return ExplicitDouble(std::hypot(x.unboxed(), y.unboxed()));
+}
+inline ExplicitDouble pow(ExplicitDouble x, ExplicitDouble y) {
+  return ExplicitDouble(std::pow(x.unboxed(), y.unboxed()));
+}
 inline ExplicitDouble copysign(ExplicitDouble x, ExplicitDouble y) {
   return ExplicitDouble(std::copysign(x.unboxed(), y.unboxed()));
 }
-inline bool(isnan)(ExplicitDouble x) { return clothctl::scalar_traits<double>::is_nan(x.unboxed()); }
-inline bool(isfinite)(ExplicitDouble x) { return clothctl::scalar_traits<double>::is_finite(x.unboxed()); }
+inline bool(isnan)(ExplicitDouble x) {
+  return clothctl::scalar_traits<double>::is_nan(x.unboxed());
+}
+inline bool(isfinite)(ExplicitDouble x) {
+  return clothctl::scalar_traits<double>::is_finite(x.unboxed());
+}
 inline bool(isinf)(ExplicitDouble x) { return !(isnan)(x) && !(isfinite)(x); }
 inline ExplicitDouble abs2(ExplicitDouble x) { return x * x; }
 inline const ExplicitDouble& conj(const ExplicitDouble& x) { return x; }
@@ -86,7 +104,9 @@ struct scalar_traits<clothctl_test::ExplicitDouble> {
   static constexpr Scalar epsilon() { return Scalar(std::numeric_limits<double>::epsilon()); }
   static constexpr Scalar infinity() { return Scalar(std::numeric_limits<double>::infinity()); }
   static bool is_finite(Scalar value) { return scalar_traits<double>::is_finite(value.unboxed()); }
-  static bool is_unbounded(Scalar value) { return scalar_traits<double>::is_unbounded(value.unboxed()); }
+  static bool is_unbounded(Scalar value) {
+    return scalar_traits<double>::is_unbounded(value.unboxed());
+  }
   static bool is_nan(Scalar value) { return scalar_traits<double>::is_nan(value.unboxed()); }
 };
 
@@ -100,7 +120,15 @@ struct NumTraits<clothctl_test::ExplicitDouble> {
   using NonInteger = clothctl_test::ExplicitDouble;
   using Nested = clothctl_test::ExplicitDouble;
   using Literal = clothctl_test::ExplicitDouble;
-  enum { IsComplex = 0, IsInteger = 0, IsSigned = 1, RequireInitialization = 1, ReadCost = 1, AddCost = 3, MulCost = 3 };
+  enum {
+    IsComplex = 0,
+    IsInteger = 0,
+    IsSigned = 1,
+    RequireInitialization = 1,
+    ReadCost = 1,
+    AddCost = 3,
+    MulCost = 3
+  };
   static Real epsilon() { return Real(std::numeric_limits<double>::epsilon()); }
   static Real dummy_precision() { return Real(1e-12); }
   static Real highest() { return Real(std::numeric_limits<double>::max()); }
@@ -130,10 +158,14 @@ concept Compares = requires(A a, B b) {
 };
 
 static_assert(clothctl::RealScalar<ExplicitDouble>);
-static_assert(!std::convertible_to<double, ExplicitDouble> && !std::convertible_to<int, ExplicitDouble>);
-static_assert(!std::convertible_to<ExplicitDouble, double> && !std::constructible_from<double, ExplicitDouble>);
-static_assert(!std::convertible_to<ExplicitDouble, bool> && !std::assignable_from<ExplicitDouble&, double>);
-static_assert(Adds<ExplicitDouble, ExplicitDouble> && !Adds<ExplicitDouble, double> && !Adds<int, ExplicitDouble>);
+static_assert(!std::convertible_to<double, ExplicitDouble> &&
+              !std::convertible_to<int, ExplicitDouble>);
+static_assert(!std::convertible_to<ExplicitDouble, double> &&
+              !std::constructible_from<double, ExplicitDouble>);
+static_assert(!std::convertible_to<ExplicitDouble, bool> &&
+              !std::assignable_from<ExplicitDouble&, double>);
+static_assert(Adds<ExplicitDouble, ExplicitDouble> && !Adds<ExplicitDouble, double> &&
+              !Adds<int, ExplicitDouble>);
 static_assert(!Multiplies<double, ExplicitDouble> && !Multiplies<ExplicitDouble, int>);
 static_assert(!Compares<ExplicitDouble, double> && !Compares<ExplicitDouble, int>);
 

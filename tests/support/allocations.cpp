@@ -7,17 +7,30 @@
 #include <new>
 
 #if defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
-#define CLOTHCTL_TEST_SANITIZED 1
+#if __has_feature(address_sanitizer)
+#define CLOTHCTL_TEST_ADDRESS_SANITIZER 1
+#elif __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#define CLOTHCTL_TEST_OTHER_SANITIZER 1
 #endif
 #endif
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define CLOTHCTL_TEST_SANITIZED 1
+#if defined(__SANITIZE_ADDRESS__)
+#define CLOTHCTL_TEST_ADDRESS_SANITIZER 1
+#elif defined(__SANITIZE_THREAD__)
+#define CLOTHCTL_TEST_OTHER_SANITIZER 1
 #endif
 
-// The symbol behind malloc in glibc; a program that defines malloc itself takes over for every library it links.
-#if defined(__GLIBC__) && !defined(CLOTHCTL_TEST_SANITIZED)
+#if defined(CLOTHCTL_TEST_ADDRESS_SANITIZER)
+// The address sanitizer has an allocator of its own, which calls hooks. (g++ does not install the
+// header that declares this.)
+extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*malloc_hook)(const volatile void*,
+                                                                             std::size_t),
+                                                         void (*free_hook)(const volatile void*));
 #define CLOTHCTL_TEST_COUNTS 1
+#elif defined(__GLIBC__) && !defined(CLOTHCTL_TEST_OTHER_SANITIZER)
+// glibc keeps the symbol behind malloc: a program that defines malloc itself takes over for every
+// library it links.
+#define CLOTHCTL_TEST_COUNTS 1
+#define CLOTHCTL_TEST_REPLACES_MALLOC 1
 #endif
 
 namespace {
@@ -27,7 +40,23 @@ std::atomic<long> count{0};
 
 }  // namespace
 
-#ifdef CLOTHCTL_TEST_COUNTS
+#ifdef CLOTHCTL_TEST_ADDRESS_SANITIZER
+
+namespace {
+
+void count_allocation(const volatile void*, std::size_t) {
+  count.fetch_add(1, std::memory_order_relaxed);
+}
+void ignore_release(const volatile void*) {}
+
+// Non-zero where the hooks were taken.
+const int installed = __sanitizer_install_malloc_and_free_hooks(count_allocation, ignore_release);
+
+}  // namespace
+
+#endif
+
+#ifdef CLOTHCTL_TEST_REPLACES_MALLOC
 
 extern "C" {
 
@@ -94,6 +123,9 @@ bool allocation_counting_works() {
     double value[8];
   };
   bool all = seen([] { return std::malloc(24); }, by_free);
+#ifdef CLOTHCTL_TEST_ADDRESS_SANITIZER
+  all = installed != 0 && all;
+#endif
   all = seen([] { return std::calloc(3, 8); }, by_free) && all;
   void* volatile none = nullptr;  // a plain null would let the compiler call malloc instead
   all = seen([&none] { return std::realloc(none, 24); }, by_free) && all;
@@ -105,9 +137,15 @@ bool allocation_counting_works() {
             },
             by_free) &&
         all;
-  all = seen([]() -> void* { return ::operator new(24); }, [](void* block) { ::operator delete(block); }) && all;
-  all = seen([]() -> void* { return ::operator new[](24); }, [](void* block) { ::operator delete[](block); }) && all;
-  all = seen([]() -> void* { return new Wide; }, [](void* block) { delete static_cast<Wide*>(block); }) && all;
+  all = seen([]() -> void* { return ::operator new(24); },
+             [](void* block) { ::operator delete(block); }) &&
+        all;
+  all = seen([]() -> void* { return ::operator new[](24); },
+             [](void* block) { ::operator delete[](block); }) &&
+        all;
+  all = seen([]() -> void* { return new Wide; },
+             [](void* block) { delete static_cast<Wide*>(block); }) &&
+        all;
   return all;
 #else
   return false;

@@ -8,16 +8,16 @@
 //     CHECK(allocations() == before);
 //   }
 //
-// All of malloc, calloc, realloc, aligned_alloc, posix_memalign, memalign and hence operator new of every kind are
-// counted, on every thread. It works with glibc and without sanitizers (which have an allocator of their own).
+// All of malloc, calloc, realloc, aligned_alloc, posix_memalign, memalign and hence operator new of
+// every kind are counted, on every thread. It works with glibc, and under the address sanitizer.
 
 namespace clothctl_test {
 
 /// How often the heap was asked for memory since the program started.
 long allocations();
 
-/// The canary: allocates in each of the ways above and tells whether the counter saw every one. False under sanitizers
-/// and other C libraries, where a test of allocations must be skipped.
+/// The canary: allocates in each of the ways above; returns true when the counter saw every one.
+/// False with other C libraries and sanitizers, where a test of allocations must be skipped.
 bool allocation_counting_works();
 
 }  // namespace clothctl_test

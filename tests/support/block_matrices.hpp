@@ -1,12 +1,13 @@
 #pragma once
 
-// Random symmetric positive definite matrices of 3×3 blocks on the graphs that cloth has, and their dense counterparts.
+// Random symmetric positive definite matrices of 3×3 blocks on the graphs that cloth has, and their
+// dense counterparts.
 
 #include <random>
 #include <utility>
 #include <vector>
 
-#include "clothctl/math/block_symmetric.hpp"
+#include "clothctl/linalg/block_symmetric.hpp"
 
 namespace clothctl_test {
 
@@ -20,12 +21,14 @@ struct Graph {
   int size() const { return static_cast<int>(positions.cols()); }
 };
 
-/// A rows×columns sheet: structural and shear couplings, and those to the next but one where `bending`.
+/// A rows×columns sheet: structural and shear couplings, and those to the next but one where
+/// `bending`.
 inline Graph sheet_graph(int rows, int columns, bool bending) {
   Graph graph;
   graph.positions.resize(3, rows * columns);
   const auto add = [&](int i, int j, int a, int b) {
-    if (a >= 0 && a < rows && b >= 0 && b < columns) graph.pairs.push_back({i * columns + j, a * columns + b});
+    if (a >= 0 && a < rows && b >= 0 && b < columns)
+      graph.pairs.push_back({i * columns + j, a * columns + b});
   };
   for (int i = 0; i < rows; ++i) {
     for (int j = 0; j < columns; ++j) {
@@ -64,15 +67,18 @@ inline Graph cloud_graph(int n, double radius, std::mt19937& random) {
   Graph graph = random_graph(n, 0, random);
   for (int i = 0; i < n; ++i) {
     for (int j = 0; j < i; ++j) {
-      if ((graph.positions.col(i) - graph.positions.col(j)).norm() < radius) graph.pairs.push_back({i, j});
+      if ((graph.positions.col(i) - graph.positions.col(j)).norm() < radius)
+        graph.pairs.push_back({i, j});
     }
   }
   return graph;
 }
 
-/// A random matrix on a graph: for each pair a random 3×3 coupling whose norm the diagonals dominate by `margin`.
+/// A random matrix on a graph: for each pair a random 3×3 coupling whose norm the diagonals
+/// dominate by `margin`.
 template <class Scalar>
-clothctl::BlockSymmetric<Scalar> random_spd(const Graph& graph, std::mt19937& random, double margin = 0.1) {
+clothctl::BlockSymmetric<Scalar> random_spd(const Graph& graph, std::mt19937& random,
+                                            double margin = 0.1) {
   clothctl::BlockSymmetric<Scalar> matrix(graph.size(), graph.pairs);
   std::normal_distribution<double> normal;
   const auto draw = [&] {
@@ -80,7 +86,8 @@ clothctl::BlockSymmetric<Scalar> random_spd(const Graph& graph, std::mt19937& ra
     for (int i = 0; i < 9; ++i) m(i) = normal(random);
     return m;
   };
-  std::vector<Eigen::Matrix3d> diagonal(static_cast<std::size_t>(graph.size()), margin * Eigen::Matrix3d::Identity());
+  std::vector<Eigen::Matrix3d> diagonal(static_cast<std::size_t>(graph.size()),
+                                        margin * Eigen::Matrix3d::Identity());
   for (int i = 0; i < graph.size(); ++i) {
     for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s) {
       // [AAᵀ ABᵀ; BAᵀ BBᵀ] is positive semidefinite.

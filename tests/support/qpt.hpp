@@ -1,6 +1,7 @@
 #pragma once
 
-// Reads the text format of the shared quadratic programs (one section a keyword, closed by `end`) into dense matrices.
+// Reads the text format of the shared quadratic programs (one section a keyword, closed by `end`)
+// into dense matrices.
 
 #include <cstdlib>
 #include <fstream>

@@ -1,6 +1,7 @@
 #pragma once
 
-// What tests of readers share: the value that must have been read, why a text was refused, and texts that differ in one place.
+// What tests of readers share: the value that must have been read, why a text was refused, and
+// texts that differ in one place.
 
 #include <cstddef>
 #include <string>

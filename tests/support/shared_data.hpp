@@ -1,7 +1,7 @@
 #pragma once
 
-// Finds the reference data that lies beside the project. It is not part of it: a test that wants a file says so with a
-// message and returns where the folder is missing.
+// Finds the reference data that lies beside the project. It is not part of it: a test that wants a
+// file says so with a message and returns where the folder is missing.
 
 #include <cstdlib>
 #include <filesystem>
@@ -10,8 +10,8 @@
 
 namespace clothctl_test {
 
-/// The path of `relative` in the shared folder: $CLOTHCTL_SHARED, else `../shared` seen from the project's root.
-/// Returns "" where it does not exist.
+/// The path of `relative` in the shared folder: $CLOTHCTL_SHARED, else `../shared` seen from the
+/// project's root. Returns "" where it does not exist.
 inline std::string shared_path(const std::string& relative) {
   std::string root;
   if (const char* set = std::getenv("CLOTHCTL_SHARED"); set != nullptr && *set != '\0') {

@@ -1,7 +1,7 @@
 #pragma once
 
-// Sheets that hang from their two upper corners, targets for their lower corners, and the loop that closes planner and plant:
-// what tests of prediction and planning start from.
+// Sheets that hang from their two upper corners, targets for their lower corners, and the loop that
+// closes planner and plant: what tests of prediction and planning start from.
 
 #include <algorithm>
 #include <cmath>
@@ -34,19 +34,21 @@ struct HangingSheet {
   int lower_right() const { return grid.vertex(0, grid.cols - 1); }
   int upper_left() const { return grid.vertex(grid.rows - 1, 0); }
   int upper_right() const { return grid.vertex(grid.rows - 1, grid.cols - 1); }
-  /// The force that holds it up, N.
-  clothctl::Vector3<double> supported() const { return {0.0, 0.0, 9.81 * network.mass.sum()}; }
+  /// The upward force that holds the sheet, N.
+  clothctl::Vector3<double> gravity_load() const { return {0.0, 0.0, 9.81 * network.mass.sum()}; }
   /// The size×size vertices at an upper corner (side 0: left, 1: right).
   std::vector<int> corner_patch(int side, int size) const {
     std::vector<int> vertices;
     for (int r = 0; r < size; ++r) {
-      for (int c = 0; c < size; ++c) vertices.push_back(grid.vertex(grid.rows - 1 - r, side == 0 ? c : grid.cols - 1 - c));
+      for (int c = 0; c < size; ++c)
+        vertices.push_back(grid.vertex(grid.rows - 1 - r, side == 0 ? c : grid.cols - 1 - c));
     }
     return vertices;
   }
 
   /// Its simulator. Air acts only where it is asked for.
-  clothctl::MassSpring<double> model(clothctl::Integration integration, bool air = false, std::vector<int> pinned = {}) const {
+  clothctl::MassSpring<double> model(clothctl::Integration integration, bool air = false,
+                                     std::vector<int> pinned = {}) const {
     clothctl::MassSpringSettings<double> settings;
     settings.integration = integration;
     settings.drag = material.drag;
@@ -59,10 +61,10 @@ struct HangingSheet {
   }
 };
 
-/// Makes a sheet of n×n vertices and lets it settle for `frames` frames with its upper corners (`patch`×`patch` vertices
-/// each, the outer ones at 90 % of their distance) held.
-inline HangingSheet hanging_sheet(int n, int patch = 1, int frames = 120, const std::string& material = "handkerchief",
-                                  double size = 0.5) {
+/// Makes a sheet of n×n vertices and lets it settle for `frames` frames with its upper corners
+/// (`patch`×`patch` vertices each, the outer ones at 90 % of their distance) held.
+inline HangingSheet hanging_sheet(int n, int patch = 1, int frames = 120,
+                                  const std::string& material = "handkerchief", double size = 0.5) {
   HangingSheet sheet;
   sheet.grid = clothctl::make_grid<double>(n, n, size, size).value();
   sheet.material = clothctl::material_preset<double>(material).value();
@@ -83,7 +85,8 @@ inline HangingSheet hanging_sheet(int n, int patch = 1, int frames = 120, const 
   }
   input.driven_positions.resize(3, static_cast<Index>(input.driven_vertices.size()));
   for (Index j = 0; j < input.driven_positions.cols(); ++j) {
-    clothctl::Vector3<double> p = sheet.network.rest_positions.col(input.driven_vertices[static_cast<std::size_t>(j)]);
+    clothctl::Vector3<double> p =
+        sheet.network.rest_positions.col(input.driven_vertices[static_cast<std::size_t>(j)]);
     p[0] -= (p[0] < 0 ? -1.0 : 1.0) * 0.05 * size;
     input.driven_positions.col(j) = p;
   }
@@ -94,8 +97,8 @@ inline HangingSheet hanging_sheet(int n, int patch = 1, int frames = 120, const 
 }
 
 /// A state that no plant comes to by itself: every vertex displaced and moving at random.
-inline clothctl::ClothState<double> shaken(const clothctl::ClothState<double>& state, unsigned seed, double displacement = 0.01,
-                                           double speed = 0.5) {
+inline clothctl::ClothState<double> shaken(const clothctl::ClothState<double>& state, unsigned seed,
+                                           double displacement = 0.01, double speed = 0.5) {
   std::mt19937 random(seed);
   std::uniform_real_distribution<double> uniform(-1.0, 1.0);
   clothctl::ClothState<double> out = state;
@@ -106,19 +109,23 @@ inline clothctl::ClothState<double> shaken(const clothctl::ClothState<double>& s
   return out;
 }
 
-/// Where the lower corners are wanted: each goes its own way and back, starting at rest from where it hangs.
+/// Where the lower corners are wanted: each goes its own way and back, starting at rest from where
+/// it hangs.
 struct AsyncTarget {
   clothctl::Vector3<double> start[2];
   double scale = 1.0;
 
   explicit AsyncTarget(const HangingSheet& sheet, double scale_ = 1.0)
-      : start{sheet.state.positions.col(sheet.lower_left()), sheet.state.positions.col(sheet.lower_right())}, scale(scale_) {}
+      : start{sheet.state.positions.col(sheet.lower_left()),
+              sheet.state.positions.col(sheet.lower_right())},
+        scale(scale_) {}
 
   clothctl::Vector3<double> operator()(Index feature, double t) const {
     if (t < 0) t = 0;
     const double ramp = scale * (1.0 - std::exp(-t * t / 0.3));
     const double a = feature == 0 ? 3.0 : 2.2;
-    return start[feature] + ramp * clothctl::Vector3<double>(0.02 * std::sin(a * t), 0.07 * std::sin(a * t + 0.3),
+    return start[feature] + ramp * clothctl::Vector3<double>(0.02 * std::sin(a * t),
+                                                             0.07 * std::sin(a * t + 0.3),
                                                              0.05 * (1.0 - std::cos(a * t)));
   }
 };
@@ -132,11 +139,12 @@ struct LoopStats {
   std::vector<clothctl::PlanStatus> statuses = {};
 };
 
-/// Closes the loop for `frames` frames through plant_traits alone; `features` are single vertices. `watch(frame, result)` sees
-/// each frame after the plant has moved. Errors are distances at the end of each frame.
+/// Closes the loop for `frames` frames through plant_traits alone; `features` are single vertices.
+/// `watch(frame, result)` sees each frame after the plant has moved. Errors are distances at the
+/// end of each frame.
 template <class PlannerType, class Plant, class Target, class Wind, class Watch>
-LoopStats run_loop(PlannerType& planner, Plant& plant, int frames, const std::vector<int>& features, const Target& target,
-                   const Wind& wind, const Watch& watch) {
+LoopStats run_loop(PlannerType& planner, Plant& plant, int frames, const std::vector<int>& features,
+                   const Target& target, const Wind& wind, const Watch& watch) {
   using traits = clothctl::plant_traits<Plant>;
   using Scalar = typename PlannerType::Scalar;
   LoopStats stats;
@@ -149,7 +157,8 @@ LoopStats run_loop(PlannerType& planner, Plant& plant, int frames, const std::ve
     result.input.wind = wind(t);
     traits::apply(plant, result.input);
     const auto report = traits::advance(plant, Scalar(kFrame));
-    if (status == clothctl::PlanStatus::Failed || status == clothctl::PlanStatus::InvalidInput || !report.advanced)
+    if (status == clothctl::PlanStatus::Failed || status == clothctl::PlanStatus::InvalidInput ||
+        !report.advanced)
       ++stats.failures;
     stats.mean_agreement += static_cast<double>(result.agreement) / frames;
     for (std::size_t i = 0; i < features.size(); ++i) {

@@ -1,6 +1,7 @@
 #pragma once
 
-// The two tiers of tests: quick (every run) and full (`scripts/test --full`, or CLOTHCTL_FULL=1 in the environment).
+// The two tiers of tests: quick (every run) and full (`scripts/test --full`, or CLOTHCTL_FULL=1 in
+// the environment).
 
 #include <cstdlib>
 #include <cstring>

@@ -34,7 +34,8 @@ class Ours final : public Solver {
       ready_ = box_.set_hessian(p.H) == clothctl::QpStatus::Solved;
     } else {
       general_.reserve(p.n(), p.m());
-      ready_ = general_.set_hessian(p.H) == clothctl::QpStatus::Solved && general_.set_rows(p.A) == clothctl::QpStatus::Solved;
+      ready_ = general_.set_hessian(p.H) == clothctl::QpStatus::Solved &&
+               general_.set_rows(p.A) == clothctl::QpStatus::Solved;
     }
   }
 
@@ -65,9 +66,10 @@ class Ours final : public Solver {
 }  // namespace
 
 Entry clothctl_entry() {
-  return {"clothctl", CLOTHCTL_VERSION_STRING, {Start::Shifted, Start::Kept}, [](double) -> std::unique_ptr<Solver> {
-            return std::make_unique<Ours>();
-          }};
+  return {"clothctl",
+          CLOTHCTL_VERSION_STRING,
+          {Start::Shifted, Start::Kept},
+          [](double) -> std::unique_ptr<Solver> { return std::make_unique<Ours>(); }};
 }
 
 }  // namespace versus

@@ -79,9 +79,11 @@ class Daqp final : public Solver {
       open_ = true;
     } else {
       int mask = DAQP_UPDATE_v | DAQP_UPDATE_d;
-      // A kept working set remembers "equal" bounds for good, so it is handed over afresh when one opens or closes.
+      // A kept working set remembers "equal" bounds for good, so it is handed over afresh when one
+      // opens or closes.
       if (start == Start::Shifted || equalities_moved()) {
-        choose_working_set(start == Start::Shifted ? problem_->shift : 0, start == Start::Shifted ? problem_->row_shift : 0);
+        choose_working_set(start == Start::Shifted ? problem_->shift : 0,
+                           start == Start::Shifted ? problem_->row_shift : 0);
         mask |= DAQP_UPDATE_sense;
       }
       int flag = daqp_update_ldp(mask, &work_, &qp_);
@@ -106,13 +108,16 @@ class Daqp final : public Solver {
 
  private:
   int& sense(Index i) { return sense_[static_cast<std::size_t>(i)]; }
-  bool equal(Index i) const { return upper_[i] - lower_[i] < settings_.zero_tol; }  // then the solver marks it itself
+  bool equal(Index i) const {
+    return upper_[i] - lower_[i] < settings_.zero_tol;
+  }  // then the solver marks it itself
 
   Verdict verdict() const {
     switch (result_.exitflag) {
       case DAQP_EXIT_OPTIMAL: return Verdict::Solved;
       case DAQP_EXIT_INFEASIBLE: return Verdict::Infeasible;
-      case DAQP_EXIT_OVERDETERMINED_INITIAL: return given_set_ ? Verdict::Stopped : Verdict::Infeasible;
+      case DAQP_EXIT_OVERDETERMINED_INITIAL:
+        return given_set_ ? Verdict::Stopped : Verdict::Infeasible;
       case DAQP_EXIT_UNBOUNDED: return Verdict::Unbounded;
       default: return Verdict::Stopped;
     }
@@ -160,9 +165,11 @@ class Daqp final : public Solver {
 }  // namespace
 
 Entry daqp_entry() {
-  return {"daqp", VERSUS_DAQP_VERSION, {Start::Shifted, Start::Kept}, [](double seconds) -> std::unique_ptr<Solver> {
-            return std::make_unique<Daqp>(seconds);
-          }};
+  return {
+      "daqp",
+      VERSUS_DAQP_VERSION,
+      {Start::Shifted, Start::Kept},
+      [](double seconds) -> std::unique_ptr<Solver> { return std::make_unique<Daqp>(seconds); }};
 }
 
 }  // namespace versus

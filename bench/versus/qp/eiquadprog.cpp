@@ -7,8 +7,8 @@ namespace versus {
 namespace {
 
 /// Needs H > 0, and takes bounds as rows of a dense matrix. It has no warm start: every frame
-/// starts afresh (its path for a given inverse factor starts from the negative of the unconstrained minimiser in
-/// version 1.2.9).
+/// starts afresh (its path for a given inverse factor starts from the negative of the unconstrained
+/// minimiser in version 1.2.9).
 class Eiquadprog final : public Solver {
  public:
   bool prepare(const Problem& problem) override {
@@ -27,10 +27,12 @@ class Eiquadprog final : public Solver {
     using Status = eiquadprog::solvers::EiquadprogFast_status;
     if (pattern_changed(v)) {
       split(v);
-      solver_.reset(static_cast<std::size_t>(problem_->n()), static_cast<std::size_t>(equal_.rows()),
+      solver_.reset(static_cast<std::size_t>(problem_->n()),
+                    static_cast<std::size_t>(equal_.rows()),
                     static_cast<std::size_t>(inside_.rows()));
     }
-    for (std::size_t k = 0; k < equals_.size(); ++k) offset_equal_[static_cast<Index>(k)] = -value(v, equals_[k], true);
+    for (std::size_t k = 0; k < equals_.size(); ++k)
+      offset_equal_[static_cast<Index>(k)] = -value(v, equals_[k], true);
     for (std::size_t k = 0; k < sides_.size(); ++k) {
       const double bound = value(v, sides_[k].index, sides_[k].lower);
       offset_[static_cast<Index>(k)] = sides_[k].lower ? -bound : bound;
@@ -39,7 +41,8 @@ class Eiquadprog final : public Solver {
     switch (solver_.solve_quadprog(problem_->H, v.g, equal_, offset_equal_, inside_, offset_, x_)) {
       case Status::EIQUADPROG_FAST_OPTIMAL: return Verdict::Solved;
       case Status::EIQUADPROG_FAST_INFEASIBLE: return Verdict::Infeasible;
-      case Status::EIQUADPROG_FAST_UNBOUNDED: return Verdict::Infeasible;  // the dual is, since H > 0
+      case Status::EIQUADPROG_FAST_UNBOUNDED:
+        return Verdict::Infeasible;  // the dual is, since H > 0
       default: return Verdict::Stopped;
     }
   }
@@ -73,7 +76,9 @@ class Eiquadprog final : public Solver {
     if (i < n) return lower ? v.lb[i] : v.ub[i];
     return lower ? v.rl[i - n] : v.ru[i - n];
   }
-  double& multiplier(Answer& answer, Index i) const { return i < problem_->n() ? answer.z[i] : answer.y[i - problem_->n()]; }
+  double& multiplier(Answer& answer, Index i) const {
+    return i < problem_->n() ? answer.z[i] : answer.y[i - problem_->n()];
+  }
 
   void list(const Vectors& v, std::vector<Index>& equals, std::vector<Side>& sides) const {
     for (Index i = 0; i < problem_->n() + problem_->m(); ++i) {
@@ -95,8 +100,10 @@ class Eiquadprog final : public Solver {
         if (e >= equals_.size() || equals_[e++] != i) return true;
         continue;
       }
-      if (low > -1e20 && (s >= sides_.size() || sides_[s].index != i || !sides_[s++].lower)) return true;
-      if (high < 1e20 && (s >= sides_.size() || sides_[s].index != i || sides_[s++].lower)) return true;
+      if (low > -1e20 && (s >= sides_.size() || sides_[s].index != i || !sides_[s++].lower))
+        return true;
+      if (high < 1e20 && (s >= sides_.size() || sides_[s].index != i || sides_[s++].lower))
+        return true;
     }
     return e != equals_.size() || s != sides_.size();
   }
@@ -112,7 +119,8 @@ class Eiquadprog final : public Solver {
     };
     equal_.resize(static_cast<Index>(equals_.size()), n);
     inside_.resize(static_cast<Index>(sides_.size()), n);
-    for (Index k = 0; k < equal_.rows(); ++k) equal_.row(k) = normal(equals_[static_cast<std::size_t>(k)]);
+    for (Index k = 0; k < equal_.rows(); ++k)
+      equal_.row(k) = normal(equals_[static_cast<std::size_t>(k)]);
     for (Index k = 0; k < inside_.rows(); ++k) {
       const Side& side = sides_[static_cast<std::size_t>(k)];
       inside_.row(k) = side.lower ? normal(side.index) : Vector(-normal(side.index));
@@ -132,9 +140,10 @@ class Eiquadprog final : public Solver {
 }  // namespace
 
 Entry eiquadprog_entry() {
-  return {"eiquadprog", VERSUS_EIQUADPROG_VERSION, {Start::Kept}, [](double) -> std::unique_ptr<Solver> {
-            return std::make_unique<Eiquadprog>();
-          }};
+  return {"eiquadprog",
+          VERSUS_EIQUADPROG_VERSION,
+          {Start::Kept},
+          [](double) -> std::unique_ptr<Solver> { return std::make_unique<Eiquadprog>(); }};
 }
 
 }  // namespace versus

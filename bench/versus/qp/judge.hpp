@@ -1,7 +1,7 @@
 #pragma once
 
-// One judge for all: an answer counts when `clothctl::kkt_residuals` of the unscaled data says so, whatever the solver's
-// status.
+// One judge for all: an answer counts when `clothctl::kkt_residuals` of the unscaled data says so,
+// whatever the solver's status.
 
 #include <string>
 #include <string_view>
@@ -12,7 +12,8 @@
 
 namespace versus {
 
-/// What is allowed: relative residuals and objective, and absolute stationarity and violation for well scaled problems.
+/// What is allowed: relative residuals and objective, and absolute stationarity and violation for
+/// well scaled problems.
 inline constexpr double kTolerance = 1e-6;
 
 /// What an answer is worth.
@@ -21,7 +22,8 @@ struct Judgement {
   bool right = false;
   /// Right, and stationarity and violation hold absolutely too.
   bool absolute = false;
-  /// A verdict that is not true: a wrong status, or "solved" beyond the tolerance. Limits are misses but not false.
+  /// A verdict that is not true: a wrong status, or "solved" beyond the tolerance. Limits are
+  /// misses but not false.
   bool false_status = false;
   clothctl::KktResiduals<double> residuals;
 };
@@ -29,8 +31,9 @@ struct Judgement {
 /// Names a verdict.
 std::string_view to_string(Verdict verdict);
 
-/// Judges an answer of the program (H, A) with the vectors and the reference of `frame`; r is the objective's constant.
-Judgement judge(const clothctl::QpProblem& program, const clothctl::QpSequenceFrame& frame, Verdict verdict,
-                const Answer& answer);
+/// Judges an answer of the program (H, A) with the vectors and the reference of `frame`; r is the
+/// objective's constant.
+Judgement judge(const clothctl::QpProblem& program, const clothctl::QpSequenceFrame& frame,
+                Verdict verdict, const Answer& answer);
 
 }  // namespace versus

@@ -1,5 +1,5 @@
-// Our QP solvers beside those that were found when this was built: the same problems in the same process, interleaved, thread
-// CPU time, every answer judged on the unscaled data.
+// Our QP solvers beside those that were found when this was built: the same problems in the same
+// process, interleaved, thread CPU time, every answer judged on the unscaled data.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -31,18 +31,24 @@ struct Options {
 
 Options parse(int argc, char** argv) {
   Options o;
-  CLI::App app{"Our QP solvers beside others: the same problems in one process, interleaved, thread CPU time, answers judged."};
-  app.add_option("--data", o.data, "Folder with maros_meszaros/*.qpt and synthetic/*.qpt")->required();
-  app.add_option("--sets", o.sets, "Problems: mm is Maros-Meszaros, a to e synthetic; e are the sequences")
+  CLI::App app{
+      "Our QP solvers beside others: the same problems in one process, interleaved, thread CPU "
+      "time, answers judged."};
+  app.add_option("--data", o.data, "Folder with maros_meszaros/*.qpt and synthetic/*.qpt")
+      ->required();
+  app.add_option("--sets", o.sets,
+                 "Problems: mm is Maros-Meszaros, a to e synthetic; e are the sequences")
       ->delimiter(',')
       ->check(CLI::IsMember(o.sets))
       ->capture_default_str();
-  app.add_option("--solvers", o.solvers, "Solvers by name (default: all that were built in)")->delimiter(',');
+  app.add_option("--solvers", o.solvers, "Solvers by name (default: all that were built in)")
+      ->delimiter(',');
   app.add_option("--passes", o.run.passes, "Times are the least of this many passes")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--block", o.run.block,
-                 "Frames of a sequence that a solver does in a row before the next takes its turn; 0 means all")
+                 "Frames of a sequence that a solver does in a row before the next takes its turn; "
+                 "0 means all")
       ->check(CLI::Range(0, 1000000))
       ->capture_default_str();
   app.add_option("--time-limit", o.run.time_limit,
@@ -60,7 +66,9 @@ Options parse(int argc, char** argv) {
   return o;
 }
 
-bool holds(const Names& names, const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); }
+bool holds(const Names& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
 
 std::vector<Entry> entries(const Names& chosen) {
   std::vector<Entry> all{versus::clothctl_entry()};
@@ -100,7 +108,8 @@ std::vector<std::string> files(const std::filesystem::path& folder, const std::s
   std::error_code error;
   for (const auto& item : std::filesystem::directory_iterator(folder, error)) {
     const std::string name = item.path().filename().string();
-    if (name.rfind(prefix, 0) == 0 && item.path().extension() == ".qpt") found.push_back(item.path().string());
+    if (name.rfind(prefix, 0) == 0 && item.path().extension() == ".qpt")
+      found.push_back(item.path().string());
   }
   if (found.empty()) refuse("no " + prefix + "*.qpt in " + folder.string());
   std::sort(found.begin(), found.end());
@@ -118,7 +127,8 @@ int main(int argc, char** argv) {
   versus::print_solvers(report.entries);
   const auto set = [&](const char* key, const char* name, const char* folder, const char* prefix) {
     if (!holds(options.sets, key)) return;
-    report.sets.emplace_back(name, versus::run_set(report.entries, files(data / folder, prefix), options.run));
+    report.sets.emplace_back(
+        name, versus::run_set(report.entries, files(data / folder, prefix), options.run));
     versus::print_set(name, report.sets.back().second);
   };
   set("mm", "maros_meszaros", "maros_meszaros", "");
@@ -131,13 +141,14 @@ int main(int argc, char** argv) {
     for (const std::string& file : files(data / "synthetic", "e_")) {
       const clothctl::QpProblem sequence = versus::load(file);
       if (sequence.frames.empty()) refuse(file + " is no sequence");
-      report.sequences.push_back(
-          {sequence.name, sequence.n(), sequence.m(), versus::run_sequence(report.entries, sequence, options.run)});
+      report.sequences.push_back({sequence.name, sequence.n(), sequence.m(),
+                                  versus::run_sequence(report.entries, sequence, options.run)});
       versus::print_sequence(report.sequences.back());
     }
   }
   if (options.json.empty()) return 0;
-  const clothctl::Result<std::size_t> written = clothctl::write_file(options.json, versus::to_json(report));
+  const clothctl::Result<std::size_t> written =
+      clothctl::write_file(options.json, versus::to_json(report));
   if (!written) refuse(written.error());
   return 0;
 }

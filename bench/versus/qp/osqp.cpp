@@ -8,7 +8,8 @@ namespace versus {
 
 namespace {
 
-/// Tolerances of 1e-7, polishing on, no iteration limit of note: at its defaults (1e-3) nothing here would pass.
+/// Tolerances of 1e-7, polishing on, no iteration limit of note: at its defaults (1e-3) nothing
+/// here would pass.
 class Osqp final : public Solver {
  public:
   explicit Osqp(double seconds) : seconds_(seconds) {}
@@ -36,7 +37,8 @@ class Osqp final : public Solver {
     u_ << v.ru, v.ub;
     l_ = l_.cwiseMax(-OSQP_INFTY);
     u_ = u_.cwiseMin(OSQP_INFTY);
-    if ((l_.array() > u_.array()).any()) return Verdict::Refused;  // what the solver does, with a printed message
+    if ((l_.array() > u_.array()).any())
+      return Verdict::Refused;  // what the solver does, with a printed message
     if (start == Start::Single || start == Start::First || solver_ == nullptr) {
       release();
       OSQPSettings* settings = OSQPSettings_new();
@@ -49,7 +51,8 @@ class Osqp final : public Solver {
       OSQPCscMatrix P{}, A{};
       P_.view(P);
       A_.view(A);
-      const OSQPInt error = osqp_setup(&solver_, &P, v.g.data(), &A, l_.data(), u_.data(), m + n, n, settings);
+      const OSQPInt error =
+          osqp_setup(&solver_, &P, v.g.data(), &A, l_.data(), u_.data(), m + n, n, settings);
       OSQPSettings_free(settings);
       if (error != 0) {
         release();
@@ -97,7 +100,8 @@ class Osqp final : public Solver {
       }
     }
     void view(OSQPCscMatrix& matrix) {
-      OSQPCscMatrix_set_data(&matrix, rows, cols, static_cast<OSQPInt>(value.size()), value.data(), row.data(), begin.data());
+      OSQPCscMatrix_set_data(&matrix, rows, cols, static_cast<OSQPInt>(value.size()), value.data(),
+                             row.data(), begin.data());
     }
   };
 

@@ -6,7 +6,8 @@ namespace versus {
 
 namespace {
 
-/// Dense backend, default settings; warm frames reuse the set-up, which is all that an interior point method can.
+/// Dense backend, default settings; warm frames reuse the set-up, which is all that an interior
+/// point method can.
 class Piqp final : public Solver {
  public:
   bool prepare(const Problem& problem) override {
@@ -68,8 +69,9 @@ class Piqp final : public Solver {
 }  // namespace
 
 Entry piqp_entry() {
-  return {
-      "piqp", VERSUS_PIQP_VERSION, {Start::Kept}, [](double) -> std::unique_ptr<Solver> { return std::make_unique<Piqp>(); }};
+  return {"piqp", VERSUS_PIQP_VERSION, {Start::Kept}, [](double) -> std::unique_ptr<Solver> {
+            return std::make_unique<Piqp>();
+          }};
 }
 
 }  // namespace versus

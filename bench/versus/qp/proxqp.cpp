@@ -8,8 +8,9 @@ namespace {
 
 namespace prox = proxsuite::proxqp;
 
-/// Dense backend, tolerance 1e-8 with the duality gap checked; warm frames start from the last result. The
-/// preconditioner is made anew for every frame: kept, version 0.7.2 calls wrong answers of bounds-only problems solved.
+/// Dense backend, tolerance 1e-8 with the duality gap checked; warm frames start from the last
+/// result. The preconditioner is made anew for every frame: kept, version 0.7.2 calls wrong answers
+/// of bounds-only problems solved.
 class Proxqp final : public Solver {
  public:
   bool prepare(const Problem& problem) override {
@@ -21,8 +22,9 @@ class Proxqp final : public Solver {
   }
 
   void setup() override {
-    solver_ = std::make_unique<prox::dense::QP<double>>(problem_->n(), rows_.A_equal.rows(), rows_.A_other.rows(), boxed_,
-                                                        linear_ ? prox::HessianType::Zero : prox::HessianType::Dense);
+    solver_ = std::make_unique<prox::dense::QP<double>>(
+        problem_->n(), rows_.A_equal.rows(), rows_.A_other.rows(), boxed_,
+        linear_ ? prox::HessianType::Zero : prox::HessianType::Dense);
     solver_->settings.eps_abs = 1e-8;
     solver_->settings.eps_rel = 1e-9;
     solver_->settings.check_duality_gap = true;
@@ -65,7 +67,8 @@ class Proxqp final : public Solver {
         solver_->update(nullopt, v.g, nullopt, b, nullopt, low, high, true);
       }
     }
-    if (!fresh_) solver_->settings.initial_guess = prox::InitialGuessStatus::WARM_START_WITH_PREVIOUS_RESULT;
+    if (!fresh_)
+      solver_->settings.initial_guess = prox::InitialGuessStatus::WARM_START_WITH_PREVIOUS_RESULT;
     fresh_ = false;
     solver_->solve();
     switch (solver_->results.info.status) {

@@ -49,12 +49,14 @@ class Qpmad final : public Solver {
     } catch (const std::exception& error) {
       parameters_.hessian_type_ = solver_.getHessianType();
       const std::string text = error.what();
-      const bool said = text.find("Infeasible") != std::string::npos || text.find("Inconsistent") != std::string::npos;
+      const bool said = text.find("Infeasible") != std::string::npos ||
+                        text.find("Inconsistent") != std::string::npos;
       return said ? Verdict::Infeasible : Verdict::Stopped;
     }
   }
 
-  /// Multipliers of equalities are not handed out by the solver; least squares on the stationarity condition gives them.
+  /// Multipliers of equalities are not handed out by the solver; least squares on the stationarity
+  /// condition gives them.
   void read(Answer& answer) override {
     const Index n = problem_->n(), m = problem_->m();
     Vector dual;
@@ -77,7 +79,9 @@ class Qpmad final : public Solver {
     for (Index j = 0; j < n; ++j) {
       if (v_->lb[j] < v_->ub[j]) open.push_back(j);
     }
-    const auto at = [](const std::vector<Index>& list, Index k) { return list[static_cast<std::size_t>(k)]; };
+    const auto at = [](const std::vector<Index>& list, Index k) {
+      return list[static_cast<std::size_t>(k)];
+    };
     Matrix normals(static_cast<Index>(open.size()), static_cast<Index>(rows.size()));
     Vector right(normals.rows());
     for (Index k = 0; k < normals.rows(); ++k) {

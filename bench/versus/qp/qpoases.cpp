@@ -47,9 +47,10 @@ class QpOases final : public Solver {
       value = first ? box_->init(H_.data(), v.g.data(), lb_.data(), ub_.data(), rounds, &seconds)
                     : box_->hotstart(v.g.data(), lb_.data(), ub_.data(), rounds, &seconds);
     } else {
-      value = first ? general_->init(H_.data(), v.g.data(), A_.data(), lb_.data(), ub_.data(), rl_.data(), ru_.data(), rounds,
-                                     &seconds)
-                    : general_->hotstart(v.g.data(), lb_.data(), ub_.data(), rl_.data(), ru_.data(), rounds, &seconds);
+      value = first ? general_->init(H_.data(), v.g.data(), A_.data(), lb_.data(), ub_.data(),
+                                     rl_.data(), ru_.data(), rounds, &seconds)
+                    : general_->hotstart(v.g.data(), lb_.data(), ub_.data(), rl_.data(), ru_.data(),
+                                         rounds, &seconds);
     }
     good_ = value == qpOASES::SUCCESSFUL_RETURN;
     switch (qpOASES::getSimpleStatus(value)) {
@@ -88,9 +89,11 @@ class QpOases final : public Solver {
 }  // namespace
 
 Entry qpoases_entry() {
-  return {"qpoases", VERSUS_QPOASES_VERSION, {Start::Kept}, [](double seconds) -> std::unique_ptr<Solver> {
-            return std::make_unique<QpOases>(seconds);
-          }};
+  return {
+      "qpoases",
+      VERSUS_QPOASES_VERSION,
+      {Start::Kept},
+      [](double seconds) -> std::unique_ptr<Solver> { return std::make_unique<QpOases>(seconds); }};
 }
 
 }  // namespace versus

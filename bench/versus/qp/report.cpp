@@ -14,7 +14,8 @@ const char* name_of(Start start) { return start == Start::Shifted ? "shift" : "k
 double own_median(const std::vector<LaneResult>& lanes) {
   double best = std::nan("");
   for (const LaneResult& lane : lanes) {
-    if (lane.solver == "clothctl" && lane.finished && !(lane.warm_median() >= best)) best = lane.warm_median();
+    if (lane.solver == "clothctl" && lane.finished && !(lane.warm_median() >= best))
+      best = lane.warm_median();
   }
   return best;
 }
@@ -75,10 +76,12 @@ void print_solvers(const std::vector<Entry>& entries) {
 void print_set(const std::string& name, const std::vector<SetResult>& results) {
   if (results.empty()) return;
   std::printf("\n%s (%zu), cold, times in ms\n", name.c_str(), results.front().problems.size());
-  std::printf("  %-12s %6s %6s %6s %10s %12s %10s\n", "solver", "solved", "abs", "false", "mean", "mean solved", "slowest");
+  std::printf("  %-12s %6s %6s %6s %10s %12s %10s\n", "solver", "solved", "abs", "false", "mean",
+              "mean solved", "slowest");
   for (const SetResult& r : results) {
-    std::printf("  %-12s %6d %6d %6d %10s %12s %10s\n", r.solver.c_str(), r.right(), r.absolute(), r.false_statuses(),
-                short_text(1e3 * r.mean(false)).c_str(), short_text(1e3 * r.mean(true)).c_str(),
+    std::printf("  %-12s %6d %6d %6d %10s %12s %10s\n", r.solver.c_str(), r.right(), r.absolute(),
+                r.false_statuses(), short_text(1e3 * r.mean(false)).c_str(),
+                short_text(1e3 * r.mean(true)).c_str(),
                 short_text(r.right() > 0 ? 1e3 * r.slowest() : std::nan("")).c_str());
   }
   for (const SetResult& r : results) {
@@ -90,7 +93,8 @@ void print_set(const std::string& name, const std::vector<SetResult>& results) {
       misses.append(" ").append(p.problem).append(":").append(to_string(p.verdict));
       if (p.judgement.false_status) misses += "(false)";
     }
-    if (unsupported > 0) misses.append(" and ").append(std::to_string(unsupported)).append(" unsupported");
+    if (unsupported > 0)
+      misses.append(" and ").append(std::to_string(unsupported)).append(" unsupported");
     if (!misses.empty()) std::printf("  %s misses%s\n", r.solver.c_str(), misses.c_str());
   }
   std::fflush(stdout);
@@ -98,15 +102,18 @@ void print_set(const std::string& name, const std::vector<SetResult>& results) {
 
 void print_sequence(const SequenceReport& report) {
   const double own = own_median(report.lanes);
-  std::printf("\n%s (n %ld, m %ld), times in ms\n", report.name.c_str(), static_cast<long>(report.n),
-              static_cast<long>(report.m));
-  std::printf("  %-12s %-6s %9s %9s %9s %8s %6s %8s\n", "solver", "start", "cold", "warm", "p99", "right", "false", "ratio");
+  std::printf("\n%s (n %ld, m %ld), times in ms\n", report.name.c_str(),
+              static_cast<long>(report.n), static_cast<long>(report.m));
+  std::printf("  %-12s %-6s %9s %9s %9s %8s %6s %8s\n", "solver", "start", "cold", "warm", "p99",
+              "right", "false", "ratio");
   for (const LaneResult& lane : report.lanes) {
     if (lane.frames == 0) continue;
-    std::printf("  %-12s %-6s %9s %9s %9s %5d/%-2d %6d %8s%s\n", lane.solver.c_str(), name_of(lane.start),
-                short_text(1e3 * lane.cold_median()).c_str(), short_text(1e3 * lane.warm_median()).c_str(),
-                short_text(1e3 * lane.warm_p99()).c_str(), lane.right, lane.frames, lane.false_statuses,
-                short_text(lane.warm_median() / own).c_str(), lane.finished ? "" : "  (over the time limit)");
+    std::printf("  %-12s %-6s %9s %9s %9s %5d/%-2d %6d %8s%s\n", lane.solver.c_str(),
+                name_of(lane.start), short_text(1e3 * lane.cold_median()).c_str(),
+                short_text(1e3 * lane.warm_median()).c_str(),
+                short_text(1e3 * lane.warm_p99()).c_str(), lane.right, lane.frames,
+                lane.false_statuses, short_text(lane.warm_median() / own).c_str(),
+                lane.finished ? "" : "  (over the time limit)");
     if (!lane.first_miss.empty()) std::printf("    first miss: %s\n", lane.first_miss.c_str());
   }
   std::fflush(stdout);
@@ -114,7 +121,8 @@ void print_sequence(const SequenceReport& report) {
 
 std::string to_json(const Report& report) {
   Json solvers = Json::array(), sets = Json::array(), sequences = Json::array();
-  for (const Entry& e : report.entries) solvers.push_back({{"name", e.name}, {"version", e.version}});
+  for (const Entry& e : report.entries)
+    solvers.push_back({{"name", e.name}, {"version", e.version}});
   for (const auto& [name, results] : report.sets) {
     Json items = Json::array();
     for (const SetResult& r : results) items.push_back(to_json(r));

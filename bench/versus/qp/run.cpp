@@ -30,7 +30,9 @@ double quantile(std::vector<double> values, double q) {
   return values[static_cast<std::size_t>(std::max(1.0, rank)) - 1];
 }
 
-Vectors vectors(const clothctl::QpSequenceFrame& frame) { return {frame.g, frame.lb, frame.ub, frame.rl, frame.ru}; }
+Vectors vectors(const clothctl::QpSequenceFrame& frame) {
+  return {frame.g, frame.lb, frame.ub, frame.rl, frame.ru};
+}
 
 /// 0, 1, 2 … in even rounds, backwards in odd ones.
 std::vector<std::size_t> turns(std::size_t count, int round) {
@@ -50,7 +52,8 @@ Verdict attempt(Solver& solver, const Vectors& v, Start start) {
 }
 
 /// A cold solve with its set-up. A verdict that came after the time limit is worth nothing.
-Verdict cold(const Entry& entry, const Problem& problem, double limit, Answer& answer, double& seconds) {
+Verdict cold(const Entry& entry, const Problem& problem, double limit, Answer& answer,
+             double& seconds) {
   const std::unique_ptr<Solver> solver = entry.make(limit);
   seconds = 0;
   if (!solver->prepare(problem)) return Verdict::Unsupported;
@@ -83,18 +86,20 @@ clothctl::QpProblem load(const std::string& file) {
 }
 
 int SetResult::right() const {
-  return static_cast<int>(
-      std::count_if(problems.begin(), problems.end(), [](const SingleResult& r) { return r.judgement.right; }));
+  return static_cast<int>(std::count_if(problems.begin(), problems.end(),
+                                        [](const SingleResult& r) { return r.judgement.right; }));
 }
 
 int SetResult::absolute() const {
   return static_cast<int>(
-      std::count_if(problems.begin(), problems.end(), [](const SingleResult& r) { return r.judgement.absolute; }));
+      std::count_if(problems.begin(), problems.end(),
+                    [](const SingleResult& r) { return r.judgement.absolute; }));
 }
 
 int SetResult::false_statuses() const {
   return static_cast<int>(
-      std::count_if(problems.begin(), problems.end(), [](const SingleResult& r) { return r.judgement.false_status; }));
+      std::count_if(problems.begin(), problems.end(),
+                    [](const SingleResult& r) { return r.judgement.false_status; }));
 }
 
 double SetResult::mean(bool right_only) const {
@@ -110,7 +115,8 @@ double SetResult::mean(bool right_only) const {
 
 double SetResult::slowest() const {
   double most = 0;
-  for (const SingleResult& r : problems) most = r.judgement.right ? std::max(most, r.seconds) : most;
+  for (const SingleResult& r : problems)
+    most = r.judgement.right ? std::max(most, r.seconds) : most;
   return most;
 }
 
@@ -118,8 +124,8 @@ double LaneResult::cold_median() const { return quantile(cold, 0.5); }
 double LaneResult::warm_median() const { return quantile(warm, 0.5); }
 double LaneResult::warm_p99() const { return quantile(warm, 0.99); }
 
-std::vector<SetResult> run_set(const std::vector<Entry>& entries, const std::vector<std::string>& files,
-                               const RunSettings& settings) {
+std::vector<SetResult> run_set(const std::vector<Entry>& entries,
+                               const std::vector<std::string>& files, const RunSettings& settings) {
   std::vector<SetResult> results(entries.size());
   for (std::size_t e = 0; e < entries.size(); ++e) results[e].solver = entries[e].name;
   for (const std::string& file : files) {
@@ -145,10 +151,13 @@ std::vector<SetResult> run_set(const std::vector<Entry>& entries, const std::vec
   return results;
 }
 
-std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries, const clothctl::QpProblem& sequence,
+std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries,
+                                     const clothctl::QpProblem& sequence,
                                      const RunSettings& settings) {
   const Index frames = static_cast<Index>(sequence.frames.size());
-  const auto frame = [&](Index t) -> const clothctl::QpSequenceFrame& { return sequence.frames[static_cast<std::size_t>(t)]; };
+  const auto frame = [&](Index t) -> const clothctl::QpSequenceFrame& {
+    return sequence.frames[static_cast<std::size_t>(t)];
+  };
   Problem problem{sequence.H, sequence.A, vectors(frame(0)), sequence.shift, sequence.row_shift()};
   std::vector<LaneResult> results;
   std::vector<const Entry*> owners;
@@ -163,7 +172,8 @@ std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries, const cl
 
   // Warm passes.
   const double none = std::numeric_limits<double>::infinity();
-  std::vector<std::vector<double>> least(results.size(), std::vector<double>(static_cast<std::size_t>(frames), none));
+  std::vector<std::vector<double>> least(
+      results.size(), std::vector<double>(static_cast<std::size_t>(frames), none));
   std::vector<Vectors> data;
   for (Index t = 0; t < frames; ++t) data.push_back(vectors(frame(t)));
   std::vector<bool> slow(results.size(), false);
@@ -187,7 +197,8 @@ std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries, const cl
           if (t == 0) lane.solver->setup();
           const Verdict verdict = attempt(*lane.solver, v, t == 0 ? Start::First : lane.start);
           const double seconds = thread_seconds() - start;
-          least[k][static_cast<std::size_t>(t)] = std::min(least[k][static_cast<std::size_t>(t)], seconds);
+          least[k][static_cast<std::size_t>(t)] =
+              std::min(least[k][static_cast<std::size_t>(t)], seconds);
           lane.spent += seconds;
           if (pass == 0) {
             Answer answer;
@@ -198,9 +209,10 @@ std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries, const cl
             result.right += right ? 1 : 0;
             if (!right && result.first_miss.empty()) {
               char text[96];
-              std::snprintf(text, sizeof text, "frame %ld %s, relative %.1e, stationarity %.1e, violation %.1e",
-                            static_cast<long>(t), std::string(to_string(verdict)).c_str(), j.residuals.worst(),
-                            j.residuals.stationarity, j.residuals.feasibility);
+              std::snprintf(text, sizeof text,
+                            "frame %ld %s, relative %.1e, stationarity %.1e, violation %.1e",
+                            static_cast<long>(t), std::string(to_string(verdict)).c_str(),
+                            j.residuals.worst(), j.residuals.stationarity, j.residuals.feasibility);
               result.first_miss = text;
             }
             result.false_statuses += j.false_status ? 1 : 0;
@@ -229,7 +241,8 @@ std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries, const cl
       if (spent[e] > settings.time_limit) continue;
       Answer answer;
       double seconds = 0;
-      if (cold(entries[e], problem, settings.time_limit, answer, seconds) == Verdict::Unsupported) continue;
+      if (cold(entries[e], problem, settings.time_limit, answer, seconds) == Verdict::Unsupported)
+        continue;
       cold_times[e].push_back(seconds);
       spent[e] += seconds;
     }

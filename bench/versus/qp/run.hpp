@@ -1,6 +1,7 @@
 #pragma once
 
-// The runs: every problem and every frame goes to all solvers in turn, forwards and backwards, in one process; thread CPU time.
+// The runs: every problem and every frame goes to all solvers in turn, forwards and backwards, in
+// one process; thread CPU time.
 
 #include <string>
 #include <vector>
@@ -11,7 +12,8 @@
 
 namespace versus {
 
-/// Times are in seconds of thread CPU time; 60 s stand for a failure in geometric means, which are shifted by 1 ms.
+/// Times are in seconds of thread CPU time; 60 s stand for a failure in geometric means, which are
+/// shifted by 1 ms.
 inline constexpr double kFailure = 60.0, kShift = 1e-3;
 
 /// How to run.
@@ -59,13 +61,15 @@ struct LaneResult {
   double warm_p99() const;
 };
 
-/// Runs a set of single problems cold, set-up included: the least of `passes` runs (one where it took over 0.2 s).
-std::vector<SetResult> run_set(const std::vector<Entry>& entries, const std::vector<std::string>& files,
-                               const RunSettings& settings);
+/// Runs a set of single problems cold, set-up included: the least of `passes` runs (one where it
+/// took over 0.2 s).
+std::vector<SetResult> run_set(const std::vector<Entry>& entries,
+                               const std::vector<std::string>& files, const RunSettings& settings);
 
-/// Runs a sequence. Warm: the least of `passes` passes per frame, frames 1 to the last. Cold: every sixth frame, set-up
-/// included.
-std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries, const clothctl::QpProblem& sequence,
+/// Runs a sequence. Warm: the least of `passes` passes per frame, frames 1 to the last. Cold: every
+/// sixth frame, set-up included.
+std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries,
+                                     const clothctl::QpProblem& sequence,
                                      const RunSettings& settings);
 
 /// Reads a file or ends the program with the reader's message.

@@ -1,7 +1,8 @@
 #pragma once
 
-// What every solver of the comparison is seen through. An adapter turns this into its solver's own calls; conversions of
-// storage (row-major copies, sparse matrices, rows split by kind) happen in `prepare` and are not timed.
+// What every solver of the comparison is seen through. An adapter turns this into its solver's own
+// calls; conversions of storage (row-major copies, sparse matrices, rows split by kind) happen in
+// `prepare` and are not timed.
 
 #include <functional>
 #include <memory>
@@ -87,7 +88,8 @@ bool is_positive_definite(const Matrix& H);
 /// Bounds with infinities replaced by ±big.
 inline Vector clip(const Vector& bounds, double big) { return bounds.cwiseMax(-big).cwiseMin(big); }
 
-/// Rows by kind, for solvers that take equalities apart; rows without any bound are left out. Kinds stay within a sequence.
+/// Rows by kind, for solvers that take equalities apart; rows without any bound are left out. Kinds
+/// stay within a sequence.
 struct RowSplit {
   std::vector<Index> equal, other;
   Matrix A_equal, A_other;

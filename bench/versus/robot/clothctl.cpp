@@ -7,14 +7,14 @@
 #include "clothctl/config.hpp"
 #include "clothctl/robot/forward_dynamics.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
-#include "clothctl/robot/tree_model.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 
 namespace versus {
 
 namespace {
 
 using namespace clothctl;
-using namespace clothctl::robot;
+using namespace clothctl;
 using Vector = VectorX<double>;
 
 class Ours final : public Peer {
@@ -34,27 +34,31 @@ class Ours final : public Peer {
     };
     inputs_.clear();
     for (const Sample& s : samples) {
-      inputs_.push_back({vector(s.q), vector(s.qd), vector(s.qdd), vector(s.torques), vector(s.diagonal)});
+      inputs_.push_back(
+          {vector(s.q), vector(s.qd), vector(s.qdd), vector(s.torques), vector(s.diagonal)});
     }
   }
 
   void run(Task task, int sample) override {
     Robot& r = *robot_;
     const Input& in = inputs_[static_cast<std::size_t>(sample)];
-    forward_kinematics<double>(r.tree, in.q, r.kinematics);
+    forward_kinematics<double>(r.tree, in.q, r.body_poses);
     switch (task) {
       case Task::Poses:
-        for (std::size_t k = 0; k < r.poses.size(); ++k) r.poses[k] = link_pose(r.tree, r.kinematics, static_cast<int>(k));
+        for (std::size_t k = 0; k < r.poses.size(); ++k)
+          r.poses[k] = link_pose(r.tree, r.body_poses, static_cast<int>(k));
         return;
-      case Task::Jacobian: link_jacobian<double>(r.tree, r.kinematics, r.tips[0], r.J); return;
+      case Task::Jacobian: link_jacobian<double>(r.tree, r.body_poses, r.tips[0], r.J); return;
       case Task::InverseDynamics:
-        inverse_dynamics<double>(r.tree, r.kinematics, in.qd, in.qdd, r.gravity, r.inverse, r.answer);
+        inverse_dynamics<double>(r.tree, r.body_poses, in.qd, in.qdd, r.gravity, r.inverse,
+                                 r.answer);
         return;
-      case Task::MassMatrix: mass_matrix<double>(r.tree, r.kinematics, r.mass, r.M); return;
+      case Task::MassMatrix: mass_matrix<double>(r.tree, r.body_poses, r.mass, r.M); return;
       case Task::ForwardDynamics:
       case Task::DampedDynamics:
-        (void)forward_dynamics<double>(r.tree, r.kinematics, in.qd, in.torques,
-                                       task == Task::DampedDynamics ? in.diagonal : r.none, r.gravity, r.forward, r.answer);
+        (void)forward_dynamics<double>(r.tree, r.body_poses, in.qd, in.torques,
+                                       task == Task::DampedDynamics ? in.diagonal : r.none,
+                                       r.gravity, r.forward, r.answer);
         return;
     }
   }
@@ -82,9 +86,10 @@ class Ours final : public Peer {
     r.tasks.clear();
     for (std::size_t k = 0; k < r.tips.size(); ++k) {
       const double* target = reach.targets.data() + 3 * k;
-      r.tasks.push_back(IkTask<double>::position(r.tips[k], Vector3<double>::Zero(), {target[0], target[1], target[2]}));
+      r.tasks.push_back(IkTask<double>::position(r.tips[k], Vector3<double>::Zero(),
+                                                 {target[0], target[1], target[2]}));
     }
-    r.answer = Eigen::Map<const Vector>(reach.start.data(), r.tree.positions());
+    r.answer = Eigen::Map<const Vector>(reach.start.data(), r.tree.nq());
     uniforms_ = reach.uniforms;
   }
 
@@ -92,8 +97,9 @@ class Ours final : public Peer {
     Robot& r = *robot_;
     std::size_t next = 0;
     const auto uniform = [&] { return uniforms_[next++ % uniforms_.size()]; };
-    const int restarts = static_cast<int>(uniforms_.size()) / static_cast<int>(r.tree.positions());
-    return r.ik.solve(r.tree, r.tasks, Vector(), r.answer, restarts, uniform).status == IkStatus::Reached;
+    const int restarts = static_cast<int>(uniforms_.size()) / static_cast<int>(r.tree.nq());
+    return r.ik.solve(r.tree, r.tasks, Vector(), r.answer, restarts, uniform).status ==
+           IkStatus::Reached;
   }
 
   void read(double* q) override { std::copy_n(robot_->answer.data(), robot_->answer.size(), q); }
@@ -103,8 +109,8 @@ class Ours final : public Peer {
     Vector q, qd, qdd, torques, diagonal;
   };
   struct Robot {
-    Tree<double> tree;
-    Kinematics<double> kinematics;
+    KinematicTree<double> tree;
+    BodyPoses<double> body_poses;
     InverseDynamicsWorkspace<double> inverse;
     MassMatrixWorkspace<double> mass;
     ForwardDynamicsWorkspace<double> forward;
@@ -114,17 +120,17 @@ class Ours final : public Peer {
     MatrixX<double> J, M;
     Vector answer, none;
     std::vector<IkTask<double>> tasks;
-    InverseKinematics<Tree<double>> ik;
+    InverseKinematics<KinematicTree<double>> ik;
 
-    Robot(Tree<double> t, const Model& model)
+    Robot(KinematicTree<double> t, const Model& model)
         : tree(std::move(t)),
-          kinematics(tree),
+          body_poses(tree),
           inverse(tree),
           mass(tree),
           forward(tree),
           tips(model.tips),
           ik(tree, static_cast<int>(tips.size()), settings()) {
-      const Index n = tree.velocities();
+      const Index n = tree.nv();
       poses.resize(tree.links().size());
       J.setZero(6, n);
       M.setZero(n, n);
@@ -147,15 +153,17 @@ class Ours final : public Peer {
 std::string describe(const std::string& file, const std::string& tips, Model& model) {
   const Result<UrdfModel<double>> read = read_urdf<double>(file);
   if (!read) return read.error();
-  const Tree<double>& tree = read->tree;
+  const KinematicTree<double>& tree = read->tree;
   model = Model();
   model.file = file;
   for (const Body<double>& body : tree.bodies()) {
-    if (body.type == JointType::Free || body.follows) return file + ": joint \"" + body.name + "\" has not one coordinate";
+    if (body.type == JointType::Free || body.follows)
+      return file + ": joint \"" + body.name + "\" has not one coordinate";
     model.joints.push_back(body.name);
   }
   for (const Link<double>& link : tree.links()) {
-    if (link.body >= 0 && link.name.find(tips) != std::string::npos) model.tips.push_back(static_cast<int>(model.links.size()));
+    if (link.body >= 0 && link.name.find(tips) != std::string::npos)
+      model.tips.push_back(static_cast<int>(model.links.size()));
     model.links.push_back(link.name);
     model.movers.push_back(link.body);
     const Pose<double>& place = link.placement;
@@ -163,7 +171,7 @@ std::string describe(const std::string& file, const std::string& tips, Model& mo
     model.placements.insert(model.placements.end(), place.p.data(), place.p.data() + 3);
   }
   if (model.tips.empty()) return file + ": no link has \"" + tips + "\" in its name";
-  for (Index i = 0; i < tree.positions(); ++i) {
+  for (Index i = 0; i < tree.nq(); ++i) {
     const double turn = 3.141592653589793;
     model.lower.push_back(is_unbounded(tree.lower()[i]) ? -turn : tree.lower()[i]);
     model.upper.push_back(is_unbounded(tree.upper()[i]) ? turn : tree.upper()[i]);

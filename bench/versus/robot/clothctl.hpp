@@ -6,7 +6,8 @@
 
 namespace versus {
 
-/// Reads a robot from a URDF file; its tips are the links with `tips` in their names. "" or what is wrong.
+/// Reads a robot from a URDF file; its tips are the links with `tips` in their names. "" or what is
+/// wrong.
 std::string describe(const std::string& file, const std::string& tips, Model& model);
 
 Entry clothctl_entry();

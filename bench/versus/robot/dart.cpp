@@ -5,6 +5,8 @@
 #include <dart/dynamics/Skeleton.hpp>
 #include <dart/utils/urdf/DartLoader.hpp>
 
+#include <filesystem>
+
 #include "peer.hpp"
 
 namespace {
@@ -12,19 +14,21 @@ namespace {
 using namespace versus;
 namespace dynamics = dart::dynamics;
 
-/// Answers are made when asked for, and kept until positions change. The diagonal is its joint damping, which enters forward
-/// dynamics implicitly (damping × time step on the diagonal, which is 1 s here); its explicit part is given back with the
-/// torques. Its whole-body inverse kinematics is left out: it adds up or ranks the steps of single tips, and did not bring five
-/// to 1 mm.
+/// Answers are made when asked for, and kept until positions change. The diagonal is its joint
+/// damping, which enters forward dynamics implicitly (damping × time step on the diagonal, which is
+/// 1 s here); its explicit part is given back with the torques. Its whole-body inverse kinematics
+/// is left out: it adds up or ranks the steps of single tips, and did not bring five to 1 mm.
 class Dart final : public Peer {
  public:
   std::string load(const Model& model) override {
     model_ = model;
     // Of links without inertia: it would take 1 kg, and warns of none.
-    const dynamics::Inertia nothing(1e-20, Eigen::Vector3d::Zero(), 1e-20 * Eigen::Matrix3d::Identity());
+    const dynamics::Inertia nothing(1e-20, Eigen::Vector3d::Zero(),
+                                    1e-20 * Eigen::Matrix3d::Identity());
     using Loader = dart::utils::DartLoader;
     Loader loader(Loader::Options(nullptr, Loader::RootJointType::FIXED, nothing));
-    robot_ = loader.parseSkeleton(model.file);
+    // DART takes a path without a leading slash for a URI without a scheme and refuses it.
+    robot_ = loader.parseSkeleton(std::filesystem::absolute(model.file).string());
     if (!robot_) return "DartLoader reads no skeleton";
     if (static_cast<int>(robot_->getNumDofs()) != model.n()) return "another number of coordinates";
     place_.clear();
@@ -58,7 +62,8 @@ class Dart final : public Peer {
     const Eigen::VectorXd damping = to_own(samples.front().diagonal);
     for (std::size_t i = 0; i < robot_->getNumDofs(); ++i) {
       const bool damped = task == Task::DampedDynamics;
-      robot_->getDof(i)->setDampingCoefficient(damped ? damping[static_cast<Eigen::Index>(i)] : 0.0);
+      robot_->getDof(i)->setDampingCoefficient(damped ? damping[static_cast<Eigen::Index>(i)]
+                                                      : 0.0);
     }
   }
 
@@ -100,7 +105,8 @@ class Dart final : public Peer {
       }
     } else if (task == Task::Jacobian) {
       for (std::size_t i = 0; i < n; ++i) {
-        for (Eigen::Index r = 0; r < 6; ++r) out[6 * i + static_cast<std::size_t>((r + 3) % 6)] = J_(r, place_[i]);
+        for (Eigen::Index r = 0; r < 6; ++r)
+          out[6 * i + static_cast<std::size_t>((r + 3) % 6)] = J_(r, place_[i]);
       }
     } else if (task == Task::MassMatrix) {
       const Eigen::MatrixXd& M = robot_->getMassMatrix();
@@ -108,7 +114,8 @@ class Dart final : public Peer {
         for (std::size_t k = 0; k < n; ++k) out[n * i + k] = M(place_[k], place_[i]);
       }
     } else {
-      const Eigen::VectorXd answer = task == Task::InverseDynamics ? robot_->getForces() : robot_->getAccelerations();
+      const Eigen::VectorXd answer =
+          task == Task::InverseDynamics ? robot_->getForces() : robot_->getAccelerations();
       for (std::size_t i = 0; i < n; ++i) out[i] = answer[place_[i]];
     }
   }

@@ -13,9 +13,10 @@ namespace {
 
 using namespace versus;
 
-/// Trees as kdl_parser makes them: Jacobians, inverse dynamics, and inverse kinematics by damped least squares within limits.
-/// Poses of all links are a walk over its segments, since its own function places one link a call, each from the root. Mass
-/// matrices are for chains only, and so is forward dynamics.
+/// Trees as kdl_parser makes them: Jacobians, inverse dynamics, and inverse kinematics by damped
+/// least squares within limits. Poses of all links are a walk over its segments, since its own
+/// function places one link a call, each from the root. Mass matrices are for chains only, and so
+/// is forward dynamics.
 class Kdl final : public Peer {
  public:
   std::string load(const Model& model) override {
@@ -36,13 +37,14 @@ class Kdl final : public Peer {
     for (const int tip : model.tips) ends_.push_back(model.links[static_cast<std::size_t>(tip)]);
     step_ = std::make_unique<KDL::TreeIkSolverVel_wdls>(tree_, ends_);
     const Eigen::Index rows = 6 * static_cast<Eigen::Index>(ends_.size());
-    Eigen::MatrixXd weights = Eigen::MatrixXd::Zero(rows, rows);  // positions count, rotations do not
+    Eigen::MatrixXd weights =
+        Eigen::MatrixXd::Zero(rows, rows);  // positions count, rotations do not
     for (Eigen::Index k = 0; k < rows; k += 6) weights.diagonal().segment<3>(k).setOnes();
     step_->setWeightTS(weights);
     step_->setLambda(VERSUS_KDL_LAMBDA);
     // It stops by the length of all tips' errors together.
-    solver_ = std::make_unique<KDL::TreeIkSolverPos_NR_JL>(tree_, ends_, q_min_, q_max_, *poser_, *step_, VERSUS_KDL_ITERATIONS,
-                                                           kReachTolerance);
+    solver_ = std::make_unique<KDL::TreeIkSolverPos_NR_JL>(
+        tree_, ends_, q_min_, q_max_, *poser_, *step_, VERSUS_KDL_ITERATIONS, kReachTolerance);
     return {};
   }
 
@@ -65,7 +67,8 @@ class Kdl final : public Peer {
     const Input& in = inputs_[static_cast<std::size_t>(sample)];
     if (task == Task::Poses) {
       for (std::size_t k = 0; k < segments_.size(); ++k) {
-        poses_[k + 1] = poses_[segments_[k].parent] * segments_[k].segment->pose(in.q(segments_[k].q));
+        poses_[k + 1] =
+            poses_[segments_[k].parent] * segments_[k].segment->pose(in.q(segments_[k].q));
       }
     } else if (task == Task::Jacobian) {
       jacobian_->JntToJac(in.q, J_, ends_.front());
@@ -155,7 +158,7 @@ class Kdl final : public Peer {
   }
 
   Model model_;
-  KDL::Tree tree_;
+  KDL::KinematicTree tree_;
   std::vector<unsigned> place_;  // of our coordinates among its own
   std::vector<Step> segments_;
   std::vector<KDL::Frame> poses_;

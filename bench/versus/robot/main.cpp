@@ -1,5 +1,5 @@
-// Our robot library beside those that were found when this was built: the same robots and positions in the same process,
-// interleaved, thread CPU time, every answer checked against ours.
+// Our robot library beside those that were found when this was built: the same robots and positions
+// in the same process, interleaved, thread CPU time, every answer checked against ours.
 
 #include <dlfcn.h>
 
@@ -35,15 +35,20 @@ struct Options {
 Options parse(int argc, char** argv) {
   Options o;
   CLI::App app{
-      "Our robot library beside others: the same robots and positions in one process, interleaved, thread CPU time, answers "
+      "Our robot library beside others: the same robots and positions in one process, interleaved, "
+      "thread CPU time, answers "
       "checked."};
-  app.add_option("files", o.files, "URDF files (default with --models: hand34, sia10d_shadow and shadow_hand_right)");
+  app.add_option("files", o.files,
+                 "URDF files (default with --models: hand34, sia10d_shadow and shadow_hand_right)");
   app.add_option("--models", o.models, "Folder with URDF files");
-  app.add_option("--tips", o.tips, "What links that are tips have in their names")->capture_default_str();
-  app.add_option("--libraries", o.libraries, "Libraries by name, beside ours (default: all that were built in)")
+  app.add_option("--tips", o.tips, "What links that are tips have in their names")
+      ->capture_default_str();
+  app.add_option("--libraries", o.libraries,
+                 "Libraries by name, beside ours (default: all that were built in)")
       ->delimiter(',')
       ->allow_extra_args(false);
-  app.add_option("--parts", o.parts, "What to run: tasks, near and random starts of inverse kinematics")
+  app.add_option("--parts", o.parts,
+                 "What to run: tasks, near and random starts of inverse kinematics")
       ->delimiter(',')
       ->allow_extra_args(false)
       ->check(CLI::IsMember(o.parts))
@@ -51,7 +56,8 @@ Options parse(int argc, char** argv) {
   app.add_option("--rounds", o.run.rounds, "Timed turns of each library at each task")
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
-  app.add_option("--diagonal", o.run.diagonal, "What damped dynamics add to the mass matrix's diagonal")
+  app.add_option("--diagonal", o.run.diagonal,
+                 "What damped dynamics add to the mass matrix's diagonal")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_option("--targets", o.run.targets, "Targets of inverse kinematics")
@@ -60,10 +66,12 @@ Options parse(int argc, char** argv) {
   app.add_option("--restarts", o.run.restarts, "Other starts that random starts are given")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
-  app.add_option("--passes", o.run.passes, "Times that each target is solved; its time is their median")
+  app.add_option("--passes", o.run.passes,
+                 "Times that each target is solved; its time is their median")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
-  app.add_option("--seed", o.run.seed, "Seed of positions, targets and starts")->capture_default_str();
+  app.add_option("--seed", o.run.seed, "Seed of positions, targets and starts")
+      ->capture_default_str();
   app.add_option("--json", o.json, "File for the figures");
   try {
     app.parse(argc, argv);
@@ -82,10 +90,12 @@ Options parse(int argc, char** argv) {
   return o;
 }
 
-bool holds(const Names& names, const std::string& name) { return std::find(names.begin(), names.end(), name) != names.end(); }
+bool holds(const Names& names, const std::string& name) {
+  return std::find(names.begin(), names.end(), name) != names.end();
+}
 
-/// Opens the modules. Each keeps its symbols and those of its libraries to itself, since they may differ in how they were
-/// compiled.
+/// Opens the modules. Each keeps its symbols and those of its libraries to itself, since they may
+/// differ in how they were compiled.
 std::vector<Entry> entries(const Names& chosen) {
   std::vector<Entry> all{versus::clothctl_entry()};
   const Names modules = CLI::detail::split(VERSUS_MODULES, ':');
@@ -107,17 +117,22 @@ std::vector<Entry> entries(const Names& chosen) {
   return all;
 }
 
-versus::RobotReport run(const std::vector<Entry>& entries, const std::string& file, const Options& options) {
+versus::RobotReport run(const std::vector<Entry>& entries, const std::string& file,
+                        const Options& options) {
   versus::RobotReport report;
-  if (const std::string fault = versus::describe(file, options.tips, report.model); !fault.empty()) refuse(fault);
+  if (const std::string fault = versus::describe(file, options.tips, report.model); !fault.empty())
+    refuse(fault);
   std::vector<versus::Runner> runners = versus::load(entries, report.model);
   for (const versus::Runner& runner : runners) {
     report.names.push_back(runner.name);
     report.refusals.push_back(runner.refusal);
   }
-  if (holds(options.parts, "tasks")) report.tasks = versus::run_tasks(runners, report.model, options.run);
-  if (holds(options.parts, "near")) report.near = versus::run_reach(runners, report.model, true, options.run);
-  if (holds(options.parts, "random")) report.random = versus::run_reach(runners, report.model, false, options.run);
+  if (holds(options.parts, "tasks"))
+    report.tasks = versus::run_tasks(runners, report.model, options.run);
+  if (holds(options.parts, "near"))
+    report.near = versus::run_reach(runners, report.model, true, options.run);
+  if (holds(options.parts, "random"))
+    report.random = versus::run_reach(runners, report.model, false, options.run);
   return report;
 }
 

@@ -9,8 +9,9 @@ namespace {
 
 using namespace versus;
 
-/// The parts of mj_forward that a robot without contact needs. Links that do not move against each other are merged (its
-/// default for URDF), so their poses are put together from its bodies'. The mass matrix stays sparse.
+/// The parts of mj_forward that a robot without contact needs. Links that do not move against each
+/// other are merged (its default for URDF), so their poses are put together from its bodies'. The
+/// mass matrix stays sparse.
 class Mujoco final : public Peer {
  public:
   std::string load(const Model& model) override {
@@ -35,18 +36,22 @@ class Mujoco final : public Peer {
       double* const placement = model_.placements.data() + 12 * k;
       std::copy_n(placement, 12, frame.offset);
       if (model.movers[k] >= 0) {
-        const int joint = mj_name2id(m, mjOBJ_JOINT, model.joints[static_cast<std::size_t>(model.movers[k])].c_str());
+        const int joint = mj_name2id(
+            m, mjOBJ_JOINT, model.joints[static_cast<std::size_t>(model.movers[k])].c_str());
         frame.body = m->jnt_bodyid[joint];
         const char* name = mj_id2name(m, mjOBJ_BODY, frame.body);
-        const auto main = std::find(model.links.begin(), model.links.end(), std::string(name != nullptr ? name : ""));
+        const auto main = std::find(model.links.begin(), model.links.end(),
+                                    std::string(name != nullptr ? name : ""));
         if (main == model.links.end()) return "no link of a body's name";
         const double* carrier = model.placements.data() + 12 * (main - model.links.begin());
         for (int r = 0; r < 3; ++r) {  // carrier⁻¹ · placement
           frame.offset[9 + r] = 0;
-          for (int i = 0; i < 3; ++i) frame.offset[9 + r] += carrier[3 * r + i] * (placement[9 + i] - carrier[9 + i]);
+          for (int i = 0; i < 3; ++i)
+            frame.offset[9 + r] += carrier[3 * r + i] * (placement[9 + i] - carrier[9 + i]);
           for (int c = 0; c < 3; ++c) {
             frame.offset[3 * c + r] = 0;
-            for (int i = 0; i < 3; ++i) frame.offset[3 * c + r] += carrier[3 * r + i] * placement[3 * c + i];
+            for (int i = 0; i < 3; ++i)
+              frame.offset[3 * c + r] += carrier[3 * r + i] * placement[3 * c + i];
           }
         }
       }
@@ -54,7 +59,8 @@ class Mujoco final : public Peer {
     }
     poses_.assign(12 * frames_.size(), 0.0);
     J_.assign(static_cast<std::size_t>(6 * m->nv), 0.0);
-    for (std::vector<double>* v : {&answer_, &rest_}) v->assign(static_cast<std::size_t>(m->nv), 0.0);
+    for (std::vector<double>* v : {&answer_, &rest_})
+      v->assign(static_cast<std::size_t>(m->nv), 0.0);
     return {};
   }
 
@@ -66,7 +72,8 @@ class Mujoco final : public Peer {
     for (std::size_t k = 0; k < samples.size(); ++k) {
       Sample& in = inputs_[k];
       const Sample& from = samples[k];
-      for (std::vector<double>* v : {&in.q, &in.qd, &in.qdd, &in.torques, &in.diagonal}) v->assign(n, 0.0);
+      for (std::vector<double>* v : {&in.q, &in.qd, &in.qdd, &in.torques, &in.diagonal})
+        v->assign(n, 0.0);
       for (std::size_t i = 0; i < n; ++i) {
         const std::size_t q = static_cast<std::size_t>(q_[i]), v = static_cast<std::size_t>(v_[i]);
         in.q[q] = from.q[i];
@@ -110,7 +117,8 @@ class Mujoco final : public Peer {
         std::copy(in.qd.begin(), in.qd.end(), d->qvel);
         mj_crb(m, d);
         if (task == Task::DampedDynamics) {
-          for (int i = 0; i < m->nv; ++i) d->qM[m->dof_Madr[i]] += in.diagonal[static_cast<std::size_t>(i)];
+          for (int i = 0; i < m->nv; ++i)
+            d->qM[m->dof_Madr[i]] += in.diagonal[static_cast<std::size_t>(i)];
         }
         mj_factorM(m, d);
         mj_comVel(m, d);
@@ -158,7 +166,8 @@ class Mujoco final : public Peer {
     const double* offset = frame.offset;
     for (int c = 0; c < 4; ++c) {
       for (int r = 0; r < 3; ++r) {
-        pose[3 * c + r] = R[3 * r] * offset[3 * c] + R[3 * r + 1] * offset[3 * c + 1] + R[3 * r + 2] * offset[3 * c + 2];
+        pose[3 * c + r] = R[3 * r] * offset[3 * c] + R[3 * r + 1] * offset[3 * c + 1] +
+                          R[3 * r + 2] * offset[3 * c + 2];
       }
     }
     for (int r = 0; r < 3; ++r) pose[9 + r] += p[r];

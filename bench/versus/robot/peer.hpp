@@ -1,8 +1,8 @@
 #pragma once
 
-// What every robot library of the comparison is seen through: names and arrays of numbers, so that a library compiled with
-// other processor flags (and so other ideas of how Eigen lays out memory) can take part. All adapters but our own are modules
-// that the program opens.
+// What every robot library of the comparison is seen through: names and arrays of numbers, so that
+// a library compiled with other processor flags (and so other ideas of how Eigen lays out memory)
+// can take part. All adapters but our own are modules that the program opens.
 
 #include <string>
 #include <vector>
@@ -26,8 +26,8 @@ inline constexpr Task kTasks[] = {Task::Poses,      Task::Jacobian,        Task:
 struct Model {
   std::string file;
   std::vector<std::string> joints, links;
-  /// The joint that moves each link, or -1, and its pose in a frame that moves with that joint (or in the world; 12 numbers):
-  /// for libraries that merge links.
+  /// The joint that moves each link, or -1, and its pose in a frame that moves with that joint (or
+  /// in the world; 12 numbers): for libraries that merge links.
   std::vector<int> movers;
   std::vector<double> placements;
   /// Links that are tips.

@@ -50,7 +50,8 @@ class Pinocchio final : public Peer {
   void prepare(Task, const std::vector<Sample>& samples) override {
     inputs_.clear();
     for (const Sample& s : samples) {
-      inputs_.push_back({to_own(s.q), to_own(s.qd), to_own(s.qdd), to_own(s.torques), to_own(s.diagonal)});
+      inputs_.push_back(
+          {to_own(s.q), to_own(s.qd), to_own(s.qdd), to_own(s.torques), to_own(s.diagonal)});
     }
     model_.armature.setZero();
   }
@@ -71,7 +72,9 @@ class Pinocchio final : public Peer {
       case Task::InverseDynamics: pinocchio::rnea(model_, data, in.q, in.qd, in.qdd); return;
       case Task::MassMatrix: pinocchio::crba(model_, data, in.q, kMassConvention); return;
       case Task::DampedDynamics: model_.armature = in.diagonal; [[fallthrough]];
-      case Task::ForwardDynamics: pinocchio::aba(model_, data, in.q, in.qd, in.torques, kForwardConvention); return;
+      case Task::ForwardDynamics:
+        pinocchio::aba(model_, data, in.q, in.qd, in.torques, kForwardConvention);
+        return;
     }
   }
 

@@ -44,7 +44,9 @@ std::string short_text(double value) {
   return text;
 }
 
-std::string short_name(const RobotReport& report) { return std::filesystem::path(report.model.file).stem().string(); }
+std::string short_name(const RobotReport& report) {
+  return std::filesystem::path(report.model.file).stem().string();
+}
 
 /// Time of a library's forward dynamics without the diagonal over ours with it.
 double forward_over_damped(const RobotReport& report, std::size_t library) {
@@ -52,21 +54,23 @@ double forward_over_damped(const RobotReport& report, std::size_t library) {
          report.tasks[static_cast<std::size_t>(Task::DampedDynamics)][0].seconds;
 }
 
-void print_reach(const RobotReport& report, const std::vector<ReachResult>& results, const char* title) {
+void print_reach(const RobotReport& report, const std::vector<ReachResult>& results,
+                 const char* title) {
   if (results.empty() || results[0].seconds.empty()) return;
-  std::printf("  inverse kinematics of %zu tips, %s starts, %zu targets\n", report.model.tips.size(), title,
-              results[0].seconds.size());
-  std::printf("    %-10s %9s %7s %12s %8s %14s %8s\n", "library", "reached", "false", "median us", "ratio", "both reach, us",
-              "ratio");
+  std::printf("  inverse kinematics of %zu tips, %s starts, %zu targets\n",
+              report.model.tips.size(), title, results[0].seconds.size());
+  std::printf("    %-10s %9s %7s %12s %8s %14s %8s\n", "library", "reached", "false", "median us",
+              "ratio", "both reach, us", "ratio");
   for (std::size_t r = 0; r < results.size(); ++r) {
     const ReachResult& own = results[0];
     const ReachResult& it = results[r];
     if (!it.offered) continue;
     const double both = it.median_with(own), ours = own.median_with(it);
     std::printf("    %-10s %8.1f%% %7d %12s %8s %14s %8s\n", report.names[r].c_str(),
-                100.0 * it.reached_count() / static_cast<double>(it.reached.size()), it.false_claims,
-                short_text(1e6 * it.median()).c_str(), short_text(it.median() / own.median()).c_str(),
-                short_text(1e6 * both).c_str(), short_text(both / ours).c_str());
+                100.0 * it.reached_count() / static_cast<double>(it.reached.size()),
+                it.false_claims, short_text(1e6 * it.median()).c_str(),
+                short_text(it.median() / own.median()).c_str(), short_text(1e6 * both).c_str(),
+                short_text(both / ours).c_str());
   }
 }
 
@@ -96,10 +100,11 @@ void print_entries(const std::vector<Entry>& entries) {
 }
 
 void print_robot(const RobotReport& report) {
-  std::printf("\n%s (%d coordinates, %zu links), us and ratio to ours\n", short_name(report).c_str(), report.model.n(),
-              report.model.links.size());
+  std::printf("\n%s (%d coordinates, %zu links), us and ratio to ours\n",
+              short_name(report).c_str(), report.model.n(), report.model.links.size());
   for (std::size_t r = 0; r < report.names.size(); ++r) {
-    if (!report.refusals[r].empty()) std::printf("  %s: %s\n", report.names[r].c_str(), report.refusals[r].c_str());
+    if (!report.refusals[r].empty())
+      std::printf("  %s: %s\n", report.names[r].c_str(), report.refusals[r].c_str());
   }
   std::printf("  %-20s", "");
   for (const std::string& name : report.names) std::printf(" %18s", name.c_str());
@@ -136,7 +141,8 @@ void print_robot(const RobotReport& report) {
   std::fflush(stdout);
 }
 
-std::string to_json(const std::vector<Entry>& entries, const RunSettings& settings, const std::vector<RobotReport>& robots) {
+std::string to_json(const std::vector<Entry>& entries, const RunSettings& settings,
+                    const std::vector<RobotReport>& robots) {
   Json libraries = Json::array(), items = Json::array();
   for (const Entry& e : entries) libraries.push_back({{"name", e.name}, {"version", e.version}});
   for (const RobotReport& robot : robots) {

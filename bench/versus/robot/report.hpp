@@ -23,6 +23,7 @@ void print_entries(const std::vector<Entry>& entries);
 /// Prints one robot's tables: microseconds, ratios to ours, differences.
 void print_robot(const RobotReport& report);
 /// The whole as JSON; absent figures are null.
-std::string to_json(const std::vector<Entry>& entries, const RunSettings& settings, const std::vector<RobotReport>& robots);
+std::string to_json(const std::vector<Entry>& entries, const RunSettings& settings,
+                    const std::vector<RobotReport>& robots);
 
 }  // namespace versus

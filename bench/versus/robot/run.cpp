@@ -24,7 +24,8 @@ double thread_seconds() {
 double median(std::vector<double> values) {
   if (values.empty()) return kNone;
   const std::size_t middle = (values.size() - 1) / 2;
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(middle), values.end());
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(middle),
+                   values.end());
   return values[middle];
 }
 
@@ -51,7 +52,8 @@ class Random {
 /// Positions anywhere within the limits.
 std::vector<double> anywhere(const Model& model, Random& random) {
   std::vector<double> q(model.joints.size());
-  for (std::size_t i = 0; i < q.size(); ++i) q[i] = model.lower[i] + random.uniform() * (model.upper[i] - model.lower[i]);
+  for (std::size_t i = 0; i < q.size(); ++i)
+    q[i] = model.lower[i] + random.uniform() * (model.upper[i] - model.lower[i]);
   return q;
 }
 
@@ -80,7 +82,8 @@ std::size_t size_of(Task task, const Model& model) {
 }
 
 /// Answers to all samples, end to end.
-std::vector<double> answers(Peer& peer, const Model& model, Task task, const std::vector<Sample>& samples) {
+std::vector<double> answers(Peer& peer, const Model& model, Task task,
+                            const std::vector<Sample>& samples) {
   const std::size_t size = size_of(task, model);
   std::vector<double> all(size * samples.size());
   peer.prepare(task, samples);
@@ -91,8 +94,10 @@ std::vector<double> answers(Peer& peer, const Model& model, Task task, const std
   return all;
 }
 
-/// The largest difference in a sample over the largest entry there; infinite where one is not finite.
-double difference(const std::vector<double>& own, const std::vector<double>& other, std::size_t size) {
+/// The largest difference in a sample over the largest entry there; infinite where one is not
+/// finite.
+double difference(const std::vector<double>& own, const std::vector<double>& other,
+                  std::size_t size) {
   double worst = 0;
   for (std::size_t from = 0; from < own.size(); from += size) {
     double most = 0, scale = 0;
@@ -125,8 +130,8 @@ bool is_reached(Peer& ours, const Model& model, const Reach& reach, const std::v
   }
   const std::vector<double> places = tip_places(ours, model, q);
   for (std::size_t k = 0; k < places.size(); k += 3) {
-    const double d =
-        std::hypot(places[k] - reach.targets[k], places[k + 1] - reach.targets[k + 1], places[k + 2] - reach.targets[k + 2]);
+    const double d = std::hypot(places[k] - reach.targets[k], places[k + 1] - reach.targets[k + 1],
+                                places[k + 2] - reach.targets[k + 2]);
     if (!(d <= kReachTolerance * (1 + 1e-6))) return false;
   }
   return true;
@@ -153,7 +158,9 @@ Reach draw_reach(Peer& ours, const Model& model, bool near, int restarts, Random
 
 }  // namespace
 
-int ReachResult::reached_count() const { return static_cast<int>(std::count(reached.begin(), reached.end(), true)); }
+int ReachResult::reached_count() const {
+  return static_cast<int>(std::count(reached.begin(), reached.end(), true));
+}
 double ReachResult::median() const { return versus::median(seconds); }
 double ReachResult::median_with(const ReachResult& other) const {
   std::vector<double> both;
@@ -172,14 +179,16 @@ std::vector<Runner> load(const std::vector<Entry>& entries, const Model& model) 
   return runners;
 }
 
-std::vector<std::vector<TaskResult>> run_tasks(std::vector<Runner>& runners, const Model& model, const RunSettings& settings) {
+std::vector<std::vector<TaskResult>> run_tasks(std::vector<Runner>& runners, const Model& model,
+                                               const RunSettings& settings) {
   struct Lane {
     std::size_t task, runner;
     int repeats = 1;
     std::vector<double> times;
   };
   const std::vector<Sample> samples = draw_samples(model, settings);
-  std::vector<std::vector<TaskResult>> results(std::size(kTasks), std::vector<TaskResult>(runners.size()));
+  std::vector<std::vector<TaskResult>> results(std::size(kTasks),
+                                               std::vector<TaskResult>(runners.size()));
   std::vector<Lane> lanes;
   const auto turn = [&](const Lane& lane) {
     Peer& peer = *runners[lane.runner].peer;
@@ -217,7 +226,8 @@ std::vector<std::vector<TaskResult>> run_tasks(std::vector<Runner>& runners, con
   return results;
 }
 
-std::vector<ReachResult> run_reach(std::vector<Runner>& runners, const Model& model, bool near, const RunSettings& settings) {
+std::vector<ReachResult> run_reach(std::vector<Runner>& runners, const Model& model, bool near,
+                                   const RunSettings& settings) {
   Random random(settings.seed);
   std::vector<ReachResult> results(runners.size());
   for (std::size_t r = 0; r < runners.size(); ++r) {

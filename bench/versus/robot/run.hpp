@@ -1,7 +1,7 @@
 #pragma once
 
-// The runs: each peer in turn, forwards and backwards, in one process and thread; thread CPU time. Answers are checked first,
-// and a peer with other answers is not timed.
+// The runs: each peer in turn, forwards and backwards, in one process and thread; thread CPU time.
+// Answers are checked first, and a peer with other answers is not timed.
 
 #include <memory>
 #include <string>
@@ -20,7 +20,8 @@ struct RunSettings {
   double turn = 3e-4;
   /// The diagonal that damped dynamics add (N m s²/rad, N s²/m): time step times damping.
   double diagonal = 1;
-  /// Targets of inverse kinematics, other starts that a target is given, and times that each is solved.
+  /// Targets of inverse kinematics, other starts that a target is given, and times that each is
+  /// solved.
   int targets = 200;
   int restarts = 20;
   int passes = 3;
@@ -43,7 +44,8 @@ struct TaskResult {
 /// One peer at inverse kinematics.
 struct ReachResult {
   bool offered = false;
-  /// Whether each target was reached: our kinematics of its answer is within the tolerance, and the answer within limits.
+  /// Whether each target was reached: our kinematics of its answer is within the tolerance, and the
+  /// answer within limits.
   std::vector<bool> reached;
   /// It said that it had and had not.
   int false_claims = 0;
@@ -68,10 +70,12 @@ struct Runner {
 std::vector<Runner> load(const std::vector<Entry>& entries, const Model& model);
 
 /// All tasks, in turns: for each of `kTasks` a result for each runner.
-std::vector<std::vector<TaskResult>> run_tasks(std::vector<Runner>& runners, const Model& model, const RunSettings& settings);
+std::vector<std::vector<TaskResult>> run_tasks(std::vector<Runner>& runners, const Model& model,
+                                               const RunSettings& settings);
 
-/// Inverse kinematics to places that random positions give, from starts within 10 % of each range (near, without restarts) or
-/// anywhere; a result for each runner.
-std::vector<ReachResult> run_reach(std::vector<Runner>& runners, const Model& model, bool near, const RunSettings& settings);
+/// Inverse kinematics to places that random positions give, from starts within 10 % of each range
+/// (near, without restarts) or anywhere; a result for each runner.
+std::vector<ReachResult> run_reach(std::vector<Runner>& runners, const Model& model, bool near,
+                                   const RunSettings& settings);
 
 }  // namespace versus

@@ -1,8 +1,9 @@
 #pragma once
 
-// Robots from URDF, the XML format of ROS for links and joints. Read are links with their inertia and joints with origin,
-// axis, limits, dynamics and mimic; shapes, materials, transmissions and extensions are not. Coordinates that lead others carry
-// the damping and friction of all,
+// Reads robots from URDF, the XML format of ROS for links and joints. It reads links with their
+// inertia, and joints with origin, axis, limits, dynamics and mimic. It ignores shapes, materials,
+// transmissions and extensions. A coordinate that several joints share gets the damping and
+// friction of all of them:
 //
 //   d = Σ ratio² d_joint,   f = Σ |ratio| f_joint
 //
@@ -14,64 +15,69 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/bridge/urdf_elements.hpp"
-#include "clothctl/robot/tree_builder.hpp"
+#include "clothctl/bridge/detail/urdf_elements.hpp"
+#include "clothctl/robot/kinematic_tree_builder.hpp"
 
-namespace clothctl::robot {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// A joint that follows another: q = ratio · q_leader + offset.
+/// A joint that follows another one: q = ratio · q_leader + offset.
 template <RealScalar Scalar>
 struct UrdfCoupling {
-  /// The joint that follows.
+  /// Name of the joint that follows.
   std::string joint;
-  /// The joint that leads.
+  /// Name of its leader.
   std::string leader;
-  /// Ratio to the leader.
+  /// Ratio of the joint's position to the leader's.
   Scalar ratio = Scalar(1);
-  /// Offset to the leader (m or rad).
+  /// Position of the joint where the leader's is zero (m or rad).
   Scalar offset = Scalar(0);
 };
 
-/// What is known of a robot beside its URDF.
+/// Facts about a robot that its URDF file does not hold.
 template <RealScalar Scalar>
 struct UrdfOptions {
-  /// Joints that follow others as <mimic> would say, such as fingers pulled by one tendon.
+  /// Joints that follow others, as the element <mimic> says it: for instance the joints of a finger
+  /// that one tendon pulls.
   std::vector<UrdfCoupling<Scalar>> couplings;
 
   /// Adds a coupling. Allocates.
-  UrdfOptions& couple(std::string joint, std::string leader, Scalar ratio = Scalar(1), Scalar offset = Scalar(0)) {
+  UrdfOptions& couple(std::string joint, std::string leader, Scalar ratio = Scalar(1),
+                      Scalar offset = Scalar(0)) {
     couplings.push_back({std::move(joint), std::move(leader), ratio, offset});
     return *this;
   }
 };
 
-/// What a URDF file holds.
+/// A robot from a URDF file.
 template <RealScalar Scalar>
 struct UrdfModel {
-  /// Bodies, links and limits; joints in depth-first order, below a link as in the file.
-  Tree<Scalar> tree;
-  /// The robot's name.
+  /// Bodies, links and limits. Joints are in depth-first order, children of a link in file order.
+  KinematicTree<Scalar> tree;
+  /// Name of the robot.
   std::string name;
-  /// Viscous damping of each velocity (N s/m or N m s/rad); joints that follow add ratio² times theirs.
+  /// Viscous damping of each velocity coordinate (nv; N s/m or N m s/rad). A joint that follows
+  /// adds ratio² times its own.
   VectorX<Scalar> damping;
-  /// Coulomb friction of each velocity (N or N m); joints that follow add |ratio| times theirs.
+  /// Coulomb friction of each velocity coordinate (nv; N or N m). A joint that follows adds |ratio|
+  /// times its own.
   VectorX<Scalar> friction;
-  /// Mass of all links, those that do not move too (kg).
+  /// Mass of all links, including those that do not move (kg).
   Scalar mass = Scalar(0);
-  /// Links that move and were given no inertia: they weigh nothing.
+  /// Names of links that move and have no inertia in the file; they have no mass.
   std::vector<std::string> weightless_links;
-  /// What is odd in the file but was read, one line each, with file, line and element.
+  /// Warnings: unusual contents that were read nevertheless. One line each, with file, line and
+  /// element.
   std::vector<std::string> warnings;
 };
 
-namespace urdf_detail {
+namespace detail {
 
-/// Reads a robot and makes a tree of it.
+/// Reads a robot and builds its tree.
 template <RealScalar Scalar>
 class UrdfParser : public ElementReader<Scalar> {
   using Base = ElementReader<Scalar>;
-  using Base::enter, Base::fail, Base::fail_in, Base::find_joint, Base::find_link, Base::joint, Base::joints_, Base::leave,
-      Base::link, Base::links_, Base::root, Base::warn;
+  using Base::enter, Base::fail, Base::fail_in, Base::find_joint, Base::find_link, Base::joint,
+      Base::joints_, Base::leave, Base::link, Base::links_, Base::root, Base::warn;
 
  public:
   using Base::Base;
@@ -83,8 +89,10 @@ class UrdfParser : public ElementReader<Scalar> {
     } else {
       warn(root().GetLineNum(), "<robot> has no name");
     }
-    this->warn_of_strangers(root(), {"link", "joint", "material", "transmission", "gazebo", "sensor", "ros2_control"});
-    for (const XmlElement* e = root().FirstChildElement(); e != nullptr; e = e->NextSiblingElement()) {
+    this->warn_of_unknown(
+        root(), {"link", "joint", "material", "transmission", "gazebo", "sensor", "ros2_control"});
+    for (const XmlElement* e = root().FirstChildElement(); e != nullptr;
+         e = e->NextSiblingElement()) {
       leave();
       if (Base::named(*e, "link") && !this->read_link(*e)) return false;
       if (Base::named(*e, "joint") && !this->read_joint(*e)) return false;
@@ -103,11 +111,13 @@ class UrdfParser : public ElementReader<Scalar> {
       const std::string what = "coupling of " + quote(c.joint) + " to " + quote(c.leader) + ": ";
       const int follower = find_joint(c.joint);
       for (const std::string& name : {c.joint, c.leader}) {
-        if (find_joint(name) < 0) return fail(root().GetLineNum(), what + "there is no joint " + quote(name));
+        if (find_joint(name) < 0)
+          return fail(root().GetLineNum(), what + "there is no joint " + quote(name));
       }
       JointEntry<Scalar>& entry = joint(follower);
       Joint<Scalar>& j = entry.joint;
-      if (!j.leader.empty()) return fail(entry.line, what + "the joint follows " + quote(j.leader) + " already");
+      if (!j.leader.empty())
+        return fail(entry.line, what + "the joint already follows " + quote(j.leader));
       j.leader = c.leader;
       j.ratio = c.ratio;
       j.offset = c.offset;
@@ -122,15 +132,18 @@ class UrdfParser : public ElementReader<Scalar> {
       const JointEntry<Scalar>& entry = joints_[k];
       const Joint<Scalar>& j = entry.joint;
       enter("joint", j.name);
-      if (find_link(j.parent) < 0) return fail_in(entry.parent_line, "<parent>: there is no link " + quote(j.parent));
+      if (find_link(j.parent) < 0)
+        return fail_in(entry.parent_line, "<parent>: there is no link " + quote(j.parent));
       const int child = find_link(j.child);
-      if (child < 0) return fail_in(entry.child_line, "<child>: there is no link " + quote(j.child));
+      if (child < 0)
+        return fail_in(entry.child_line, "<child>: there is no link " + quote(j.child));
       if (!j.leader.empty() && find_joint(j.leader) < 0)
         return fail_in(entry.mimic_line, "<mimic>: there is no joint " + quote(j.leader));
       int& mover = link(child).mover;
       if (mover >= 0) {
         const std::string other = quote(joint(mover).joint.name);
-        return fail_in(entry.child_line, "<child>: link " + quote(j.child) + " is moved by joint " + other + " already");
+        return fail_in(entry.child_line,
+                       "<child>: link " + quote(j.child) + " is already moved by joint " + other);
       }
       mover = static_cast<int>(k);
     }
@@ -139,28 +152,32 @@ class UrdfParser : public ElementReader<Scalar> {
     for (const LinkEntry<Scalar>& entry : links_) {
       if (entry.mover >= 0) continue;
       if (first != nullptr) {
-        return fail(entry.line, "link " + quote(entry.name) + ": no joint moves it, and none moves link " + quote(first->name) +
-                                    " in line " + std::to_string(first->line) + ": a robot has one root");
+        return fail(entry.line, "link " + quote(entry.name) +
+                                    ": no joint moves it, and none moves link " +
+                                    quote(first->name) + " in line " + std::to_string(first->line) +
+                                    ": a robot has one root");
       }
       first = &entry;
     }
     if (first != nullptr || links_.empty()) return true;
-    int place = 0;  // every link has a joint above it: as many steps up as there are links end in a loop
-    for (std::size_t k = 0; k < links_.size(); ++k) place = find_link(joint(link(place).mover).joint.parent);
+    // Every link has a parent, so going up as many times as there are links ends in a loop.
+    int place = 0;
+    for (std::size_t k = 0; k < links_.size(); ++k)
+      place = find_link(joint(link(place).mover).joint.parent);
     const JointEntry<Scalar>& entry = joint(link(place).mover);
     return fail(entry.line, "joint " + quote(entry.joint.name) + " is part of a loop");
   }
 
   bool build() {
-    TreeBuilder<Scalar> builder;
+    KinematicTreeBuilder<Scalar> builder;
     for (const LinkEntry<Scalar>& entry : links_) builder.add_link(entry.name, entry.inertia);
     for (const JointEntry<Scalar>& entry : joints_) builder.add_joint(entry.joint);
-    Result<Tree<Scalar>> tree = builder.build();
+    Result<KinematicTree<Scalar>> tree = builder.build();
     if (!tree) return fail(line_of(tree.error()), tree.error());
     model.tree = std::move(tree).value();
     std::vector<Scalar> carried;
-    model.damping.setConstant(model.tree.velocities(), Scalar(0));
-    model.friction.setConstant(model.tree.velocities(), Scalar(0));
+    model.damping.setConstant(model.tree.nv(), Scalar(0));
+    model.friction.setConstant(model.tree.nv(), Scalar(0));
     for (const Body<Scalar>& body : model.tree.bodies()) {
       using std::abs;
       const JointEntry<Scalar>& entry = joint(find_joint(body.name));
@@ -175,11 +192,14 @@ class UrdfParser : public ElementReader<Scalar> {
       carried.push_back(inertia.mass);
     }
     for (const Link<Scalar>& frame : model.tree.links()) {
-      if (!all_finite(frame.placement.p)) return fail(root().GetLineNum(), "link " + quote(frame.name) + ": numbers overflow");
+      if (!all_finite(frame.placement.p))
+        return fail(root().GetLineNum(), "link " + quote(frame.name) + ": numbers overflow");
       if (frame.body >= 0 && !frame.has_inertia) model.weightless_links.push_back(frame.name);
     }
-    if (!all_finite(model.damping) || !all_finite(model.friction) || !all_finite(model.tree.neutral()))
-      return fail(root().GetLineNum(), "<robot>: limits, damping or friction of joints that follow overflow");
+    if (!all_finite(model.damping) || !all_finite(model.friction) ||
+        !all_finite(model.tree.neutral()))
+      return fail(root().GetLineNum(),
+                  "<robot>: limits, damping or friction of joints that follow overflow");
     for (const LinkEntry<Scalar>& entry : links_) {
       if (entry.inertia) model.mass += entry.inertia->mass;
     }
@@ -188,7 +208,7 @@ class UrdfParser : public ElementReader<Scalar> {
     return true;
   }
 
-  /// Warns of joints that carry no mass at all; `carried` holds the mass of each body.
+  /// Warns of joints that move no mass. `carried` holds the mass of each body.
   void warn_of_weightless(std::vector<Scalar>& carried) {
     const std::vector<Body<Scalar>>& bodies = model.tree.bodies();
     for (std::size_t k = bodies.size(); k-- > 0;) {
@@ -196,11 +216,12 @@ class UrdfParser : public ElementReader<Scalar> {
     }
     for (std::size_t k = 0; k < bodies.size(); ++k) {
       if (carried[k] > Scalar(0)) continue;
-      warn(joint(find_joint(bodies[k].name)).line, "joint " + quote(bodies[k].name) + ": what it moves has no mass");
+      warn(joint(find_joint(bodies[k].name)).line,
+           "joint " + quote(bodies[k].name) + ": the links it moves have no mass");
     }
   }
 
-  /// The line of what a message of the builder begins with.
+  /// Returns the line of the joint or link with which an error of the builder begins.
   int line_of(std::string_view message) const {
     const auto begins = [message](const std::string& kind, const std::string& name) {
       return message.substr(0, kind.size() + name.size() + 3) == kind + " \"" + name + "\"";
@@ -215,30 +236,37 @@ class UrdfParser : public ElementReader<Scalar> {
   }
 };
 
-}  // namespace urdf_detail
+}  // namespace detail
 
-/// Parses a robot from URDF text; `name` stands for the file in messages. Joints of type revolute, continuous, prismatic, fixed
-/// and floating are read; <limit> may be missing (a warning tells). Allocates. Complexity: O(length), and O(joints) more for
-/// each joint that follows.
-/// Fails when: the text is not XML, is xacro, or is no <robot>; an element or attribute that must be there is missing, or one
-/// is there twice; a name is given twice; a joint names a link or leader that does not exist, is planar, or of an unknown type;
-/// links form a loop or have two roots; a number is not finite, negative where it must not be, or one too many or few; an axis
-/// is zero, limits are crossed; or there are more than `kLargestUrdfLinks` links or 16 MiB. The error names file, line, element
-/// and value.
+/// Parses a robot from URDF text. Messages call the file `name`. Joints may be revolute,
+/// continuous, prismatic, fixed or floating. A missing <limit> gives a warning. Allocates.
+/// Complexity: O(length), and O(joints) more for each joint that follows another. Fails when:
+///
+/// * the text is not XML, contains xacro, or its root element is not <robot>
+/// * a required element or attribute is missing, one occurs twice, or a name is given twice
+/// * a joint names a link or leader that does not exist, or its type is planar or unknown
+/// * links form a loop or have two roots
+/// * a number is not finite, is negative where it must not be, or numbers are missing or too many
+/// * an axis is zero, limits are crossed, or an inertia tensor is far from that of any body
+/// * the text is longer than 16 MiB or has more than `kLargestUrdfLinks` links
+///
+/// The error names file, line, element and value.
 template <RealScalar Scalar = double>
-Result<UrdfModel<Scalar>> parse_urdf(std::string_view text, const std::string& name, const UrdfOptions<Scalar>& options = {}) {
-  urdf_detail::UrdfParser<Scalar> parser(name);
+Result<UrdfModel<Scalar>> parse_urdf(std::string_view text, const std::string& name,
+                                     const UrdfOptions<Scalar>& options = {}) {
+  detail::UrdfParser<Scalar> parser(name);
   if (!parser.parse(text, options)) return Error{parser.error()};
   return std::move(parser.model);
 }
 
-/// Reads a robot from a URDF file; see `parse_urdf`. Allocates.
-/// Fails when: the file cannot be read, or as `parse_urdf` does.
+/// Reads a robot from a URDF file; see `parse_urdf`. Allocates. Fails when: the file cannot be
+/// read, or `parse_urdf` fails.
 template <RealScalar Scalar = double>
-Result<UrdfModel<Scalar>> read_urdf(const std::string& path, const UrdfOptions<Scalar>& options = {}) {
-  const Result<std::string> text = urdf_detail::read_text(path);
+Result<UrdfModel<Scalar>> read_urdf(const std::string& path,
+                                    const UrdfOptions<Scalar>& options = {}) {
+  const Result<std::string> text = detail::read_text(path);
   if (!text) return Error{text.error()};
   return parse_urdf<Scalar>(*text, path, options);
 }
 
-}  // namespace clothctl::robot
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,25 +1,28 @@
 #pragma once
 
-// Robots as URDF text. An origin's rotation is written as roll, pitch and yaw, R = Rz(yaw) Ry(pitch) Rx(roll):
+// Writes robots as URDF text. The rotation of an origin is written as roll, pitch and yaw, R =
+// Rz(yaw) Ry(pitch) Rx(roll):
 //
-//   yaw = atan2(R10, R00),   S = Rz(-yaw) R = Ry(pitch) Rx(roll),   pitch = atan2(-R20, S00),   roll = atan2(-S12, S11)
+//   yaw = atan2(R10, R00),   S = Rz(-yaw) R = Ry(pitch) Rx(roll)
+//   pitch = atan2(-R20, S00),   roll = atan2(-S12, S11)
 //
-// Roll is taken from what yaw leaves and not from R alone, so that it holds at pitch = ±π/2 too: there yaw is arbitrary (a
-// rounding error, or 0), and roll makes up for it. Needs no library; urdf.hpp reads it.
+// Roll is computed from S and not from R, so that it is right at pitch = ±π/2 too. There yaw is
+// arbitrary and roll compensates for it. Needs no library; urdf.hpp reads the text.
 
 #include <cmath>
 #include <optional>
 #include <string>
 #include <string_view>
 
+#include "clothctl/config.hpp"
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/robot/kinematic_tree_builder.hpp"
+
 #include <Eigen/Geometry>
 
-#include "clothctl/core/number_text.hpp"
-#include "clothctl/robot/tree_builder.hpp"
+namespace clothctl::inline CLOTHCTL_ABI {
 
-namespace clothctl::robot {
-
-namespace urdf_detail {
+namespace detail {
 
 /// Writes elements line by line.
 template <RealScalar Scalar>
@@ -39,10 +42,10 @@ class UrdfWriter {
     text += "      <mass";
     attribute("value", number(inertia->mass));
     text += "/>\n      <inertia";
-    const Matrix3<Scalar>& I = inertia->about_com;
+    const Matrix3<Scalar>& moments = inertia->about_com;
     const char* const names[3][3] = {{"ixx", "ixy", "ixz"}, {"", "iyy", "iyz"}, {"", "", "izz"}};
     for (int i = 0; i < 3; ++i) {
-      for (int j = i; j < 3; ++j) attribute(names[i][j], number(I(i, j)));
+      for (int j = i; j < 3; ++j) attribute(names[i][j], number(moments(i, j)));
     }
     text += "/>\n    </inertial>\n  </link>\n";
   }
@@ -50,10 +53,13 @@ class UrdfWriter {
   void joint(const Joint<Scalar>& joint) {
     const bool moves = joint.type == JointType::Revolute || joint.type == JointType::Prismatic;
     const JointLimits<Scalar>& limits = joint.limits;
-    const bool endless = joint.type == JointType::Revolute && is_unbounded(limits.lower) && is_unbounded(limits.upper);
+    const bool endless = joint.type == JointType::Revolute && is_unbounded(limits.lower) &&
+                         is_unbounded(limits.upper);
     text += "  <joint";
     attribute("name", escaped(joint.name));
-    attribute("type", endless ? "continuous" : joint.type == JointType::Free ? "floating" : std::string(to_string(joint.type)));
+    attribute("type", endless                         ? "continuous"
+                      : joint.type == JointType::Free ? "floating"
+                                                      : std::string(to_string(joint.type)));
     text += ">\n";
     origin("    ", joint.origin.p, joint.origin.R);
     text += "    <parent";
@@ -83,7 +89,8 @@ class UrdfWriter {
     text += "  </joint>\n";
   }
 
-  /// A name as an attribute can hold it; white space other than blanks would become a blank.
+  /// Returns a name as an attribute can hold it. Control characters become numeric references,
+  /// since readers turn white space other than blanks into blanks.
   static std::string escaped(std::string_view name) {
     std::string out;
     for (const char c : name) {
@@ -104,7 +111,7 @@ class UrdfWriter {
     return out;
   }
 
-  /// Roll, pitch and yaw of a rotation.
+  /// Returns roll, pitch and yaw of a rotation.
   static Vector3<Scalar> angles_of(const Matrix3<Scalar>& R) {
     using std::atan2;
     using std::cos;
@@ -132,7 +139,9 @@ class UrdfWriter {
     text += "/>\n";
   }
 
-  static std::string triple(const Vector3<Scalar>& v) { return number(v[0]) + " " + number(v[1]) + " " + number(v[2]); }
+  static std::string triple(const Vector3<Scalar>& v) {
+    return number(v[0]) + " " + number(v[1]) + " " + number(v[2]);
+  }
 
   static std::string number(const Scalar& value) {
     return value < Scalar(0) || value > Scalar(0) || !is_finite(value) ? number_text(value) : "0";
@@ -143,7 +152,8 @@ class UrdfWriter {
     return number(limit);
   }
 
-  /// An angle, rounded where it is a number of few digits but for rounding: what was typed comes back.
+  /// Returns the angle, rounded to few digits where that changes it by rounding errors alone. So an
+  /// angle that somebody typed is written as it was typed.
   static Scalar neat(const Scalar& angle) {
     using std::abs;
     using std::round;
@@ -154,22 +164,31 @@ class UrdfWriter {
   }
 };
 
-}  // namespace urdf_detail
+}  // namespace detail
 
-/// Writes the links and joints of a robot as URDF, in their order: a reader gets the same robot, places within a few roundings
-/// of a rotation and all other numbers exactly. Without position limits a revolute joint is `continuous`; in a prismatic
-/// one, and wherever else a bound is missing that the format wants, it stands as ±1e30 (which `read_urdf` takes for none). A
-/// free joint is `floating`. Of an inertia tensor the upper triangle counts. Names may hold anything but NUL and what is no
-/// UTF-8; other control characters are written as numeric references, which only lenient readers take, and `${` and `$(` belong
-/// to xacro and are refused by `read_urdf`. A robot that does not build gives a text that is refused. Allocates. Complexity:
+/// Returns the links and joints of a robot as URDF text, in their order. A reader gets the same
+/// robot: rotations differ by a few roundings, all other numbers are exact.
+///
+/// * A revolute joint without position limits becomes `continuous`, a free joint `floating`.
+/// * Where URDF requires a limit and the robot has none, ±1e30 is written; `read_urdf` reads that
+/// as
+///   "no limit".
+/// * The upper triangle of an inertia tensor is written.
+/// * Names must be UTF-8 without zero bytes. Other control characters are written as numeric
+///   references, which not every reader accepts. `read_urdf` refuses names with `${` or `$(`, which
+///   belong to xacro.
+///
+/// A robot that does not build gives a text that `read_urdf` refuses. Allocates. Complexity:
 /// O(links + joints).
 template <RealScalar Scalar>
-std::string urdf_text(const TreeBuilder<Scalar>& robot, const std::string& name) {
-  urdf_detail::UrdfWriter<Scalar> writer;
-  writer.text = "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<robot name=\"" + writer.escaped(name) + "\">\n";
-  for (const typename TreeBuilder<Scalar>::LinkEntry& link : robot.links()) writer.link(link.name, link.inertia);
+std::string urdf_text(const KinematicTreeBuilder<Scalar>& robot, const std::string& name) {
+  detail::UrdfWriter<Scalar> writer;
+  writer.text =
+      "<?xml version=\"1.0\" encoding=\"utf-8\"?>\n<robot name=\"" + writer.escaped(name) + "\">\n";
+  for (const typename KinematicTreeBuilder<Scalar>::LinkEntry& link : robot.links())
+    writer.link(link.name, link.inertia);
   for (const Joint<Scalar>& joint : robot.joints()) writer.joint(joint);
   return writer.text + "</robot>\n";
 }
 
-}  // namespace clothctl::robot
+}  // namespace clothctl::inline CLOTHCTL_ABI

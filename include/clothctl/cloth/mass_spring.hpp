@@ -1,41 +1,54 @@
 #pragma once
 
-// A mass-spring body stepped by implicit Euler, h = dt, driven vertices (index h) prescribed:
+// A mass-spring body stepped by implicit Euler with h = dt. Driven vertices have a prescribed
+// velocity. Two integrations:
 //
-//   one linear solve (Baraff-Witkin):  A v⁺ = M v + h ( f(x0) + f_g + f_u + C w ),              x⁺ = x0 + h v⁺
-//                                      A = (1 + h α) M + h (D + C) + h² K(x0)
-//   Newton to convergence:             v⁺ = argmin ½(v - v0)ᵀM(v - v0) + U(x0 + h v) - h (M g + f_u)ᵀ v
-//                                           + ½ h α vᵀM v + ½ h vᵀD v + ½ h (w - v)ᵀC (w - v)
+//   LinearlyImplicit, one linear solve (Baraff-Witkin):
+//     A v⁺ = M v + h ( f(x0) + f_g + f_u + C w ),        x⁺ = x0 + h v⁺
+//     A    = (1 + h α) M + h (D + C) + h² K(x0)
+//   Newton, iterated to convergence:
+//     v⁺ = argmin  ½ (v - v0)ᵀM(v - v0) + U(x0 + h v) - h (M g + f_u)ᵀ v
+//                  + ½ h α vᵀM v + ½ h vᵀD v + ½ h (w - v)ᵀC (w - v)
 //
-// D and C are frozen at the start of the step. The one solve takes K's SPD projection. A Newton step takes as much of the
-// exact K as leaves A positive definite: the factor γ on its compression part (spring_forces.hpp) starts at 1, halves whenever
-// the factorisation fails (0 below ¼: the projection) and doubles again after a few good steps. So every direction descends,
-// and near a minimum, where the exact A is positive definite, convergence is quadratic: a sheet that buckles takes a fifth of
-// the iterations of the projected method. An Armijo backtracking line search on the energy makes it globally convergent.
-// Reference: Baraff & Witkin, Large Steps in Cloth Simulation (1998); paper 000, eq. 4-6.
+// x0, v0 state at the start of the step, M masses, f and U forces and energy of the springs, f_g
+// gravity, f_u input forces, α drag, K stiffness, w wind. The dampers D and the air matrices C are
+// frozen at the start of the step.
+//
+// The single solve uses the projection of K onto the positive semidefinite matrices. A Newton step
+// uses as much of the exact K as leaves A positive definite: the factor γ on the compression part
+// (detail/spring_forces.hpp) starts at 1, is halved whenever the factorisation fails (below ¼ it
+// becomes 0, the projection), and is doubled again after every third iteration. So every direction
+// descends; and near a minimum, where the exact A is positive definite, convergence is quadratic. A
+// sheet that buckles needs a fifth of the iterations of the projected method. An Armijo
+// backtracking line search on the energy gives global convergence. References: Baraff & Witkin,
+// Large Steps in Cloth Simulation (1998); [Bai 2016], eq. 4-6.
 
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/detail/spring_forces.hpp"
+#include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
-#include "clothctl/cloth/spring_forces.hpp"
-#include "clothctl/cloth/step_input.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
-#include "clothctl/math/block_cholesky.hpp"
-#include "clothctl/mesh/ordering.hpp"
+#include "clothctl/core/step_input.hpp"
+#include "clothctl/linalg/block_cholesky.hpp"
+#include "clothctl/linalg/nested_dissection.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// A network of masses and springs under implicit Euler; models ClothModel. Const in use: one model serves many threads.
+/// A network of masses and springs under implicit Euler. Satisfies the concept ClothModel. A step
+/// does not change the model, so one model serves many threads, each with its own state and
+/// workspace.
 template <RealScalar S>
 class MassSpring {
  public:
@@ -44,33 +57,39 @@ class MassSpring {
   /// The state of a step.
   using State = ClothState<Scalar>;
 
-  /// All memory of a step. Made by `make_workspace`.
+  /// All memory of a step. `make_workspace` makes it; a step refuses any other.
   struct Workspace {
-    /// The step matrix, and the part of it that a step keeps: inertia, drag, dampers, air and bending.
+    /// Hash of the structure (pattern and order of elimination) that the workspace was made for.
+    std::uint64_t structure = 0;
+    /// The step matrix, and the part of it that is constant over a step: inertia, drag, dampers,
+    /// air and bending.
     BlockSymmetric<Scalar> matrix, frozen;
-    /// Its factor.
+    /// The factor of `matrix`.
     BlockCholesky<Scalar> factor;
-    /// Flags of driven and pinned vertices.
+    /// 1 for driven and pinned vertices, else 0.
     std::vector<unsigned char> held;
     /// Unit vectors of the springs at the start of the step.
     Points<Scalar> direction;
-    /// Forces that stay over the step (gravity, input, C w), end velocities, trial velocities, end positions, energy gradient.
+    /// Forces that are constant over the step (gravity, input, C w), velocities at its end, trial
+    /// velocities of the line search, positions at its end, and the gradient of the energy.
     Points<Scalar> outer, velocity, trial, position, gradient;
-    /// Air matrices of the triangles, one after the other.
+    /// Air matrices C_t, one for each triangle; empty without air.
     std::vector<Matrix3<Scalar>> air;
-    /// A right-hand side and a product.
+    /// Right-hand side of the linear system, and a product of the step matrix.
     Lanes<Scalar, 1> rhs, product;
-    /// Length of the last step, s.
+    /// Length of the last step, s; 0 before the first.
     Scalar dt = Scalar(0);
-    /// Whether one linear solve was all of it.
+    /// True when the last step was a single linear solve.
     bool linear = false;
   };
 
-  /// Checks and keeps network and settings, and analyses the step matrix once. Allocates. Fails when: network or settings do
-  /// not pass their check, or a pin is off the mesh.
-  static Result<MassSpring> create(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings = {}) {
-    std::string problem = network.check();
-    if (problem.empty()) problem = settings.check();
+  /// Makes a model of a network and analyses the step matrix once. Allocates. Fails when:
+  /// `network.validate()` or `settings.validate()` finds a fault, or a pinned vertex is off the
+  /// mesh.
+  static Result<MassSpring> create(SpringNetwork<Scalar> network,
+                                   MassSpringSettings<Scalar> settings = {}) {
+    std::string problem = network.validate();
+    if (problem.empty()) problem = settings.validate();
     for (int v : settings.pinned) {
       if (problem.empty() && (v < 0 || v >= network.vertex_count()))
         problem = "pinned vertex " + std::to_string(v) + " is off the mesh";
@@ -79,97 +98,175 @@ class MassSpring {
     return MassSpring(std::move(network), std::move(settings));
   }
 
-  /// The masses and springs.
+  /// Returns the masses and springs.
   const SpringNetwork<Scalar>& network() const { return network_; }
-  /// The settings.
+  /// Returns the settings.
   const MassSpringSettings<Scalar>& settings() const { return settings_; }
-  /// Changes how a step is solved; everything else stays.
+  /// Changes how a step is solved.
   void set_integration(Integration integration) { settings_.integration = integration; }
-  /// Changes the mass-proportional drag α (1/s), as for settling; negative or non-finite values are a caller's bug.
-  void set_drag(Scalar drag) {
-    assert(is_finite(drag) && !(drag < Scalar(0)));
+  /// Changes the mass-proportional drag α (1/s), for example while a sheet settles. Returns false
+  /// and changes nothing when `drag` is negative or not finite.
+  bool set_drag(Scalar drag) {
+    if (!is_finite(drag) || drag < Scalar(0)) return false;
     settings_.drag = drag;
+    return true;
   }
-  /// Number of vertices.
+  /// Returns the upward force (3-vector, N) that holds the body at rest: minus the acceleration of
+  /// gravity times the sum of the masses. PlannerSettings::gravity_load takes it.
+  Vector3<Scalar> gravity_load() const {
+    return detail::gravity_load(settings_.gravity, network_.mass);
+  }
+  /// Returns the number of vertices.
   Index vertex_count() const { return network_.vertex_count(); }
 
-  /// The undeformed body at rest. Allocates.
-  State rest_state() const { return {network_.rest_positions, Points<Scalar>::Zero(3, vertex_count())}; }
+  /// Returns the state of the undeformed body at rest. Allocates.
+  State rest_state() const {
+    return {network_.rest_positions, Points<Scalar>::Zero(3, vertex_count())};
+  }
 
-  /// Makes the memory of a step. Allocates.
+  /// Makes the memory of a step of this model. Allocates.
   Workspace make_workspace() const {
     const Index n = vertex_count();
     Workspace ws;
+    ws.structure = structure_;
     ws.matrix = pattern_.matrix();
     ws.frozen = pattern_.matrix();
     ws.factor = BlockCholesky<Scalar>(pattern_.matrix(), tree_);
     ws.held.assign(static_cast<std::size_t>(n), 0);
     ws.direction.setZero(3, static_cast<Index>(network_.springs.size()));
-    for (Points<Scalar>* p : {&ws.outer, &ws.velocity, &ws.trial, &ws.position, &ws.gradient}) p->setZero(3, n);
+    for (Points<Scalar>* p : {&ws.outer, &ws.velocity, &ws.trial, &ws.position, &ws.gradient})
+      p->setZero(3, n);
     ws.air.assign(air() ? network_.triangles.size() : 0, Matrix3<Scalar>::Zero());
     ws.rhs.setZero(1, 3 * n);
     ws.product.setZero(1, 3 * n);
     return ws;
   }
 
-  /// Advances `state` by `dt` seconds under `input`. Never allocates. On any failure the state is left as it was.
-  /// Complexity: one factorisation of the step matrix (O(n^1.5) on a sheet of n vertices) a linear solve.
-  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
-    const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
-    if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
+  /// Returns why `step` would refuse these arguments: one line that names the item, its index and
+  /// the bad value. Returns an empty string when they are good. Allocates. Complexity: O(vertices).
+  std::string check_input(const State& state, const ClothInput<Scalar>& input, Scalar dt,
+                          const Workspace& ws) const {
+    if (!fits(ws)) return detail::foreign_workspace_line();
+    return check_step_input(state, input, dt, vertex_count());
+  }
+
+  /// Advances `state` by `dt` (s) under `input`. Never allocates. Fails when: see StepStatus; the
+  /// state is then bitwise unchanged, and `check_input` says why. Complexity: every linear solve
+  /// takes one factorisation of the step matrix, O(n^1.5) on a sheet of n vertices.
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                                        Workspace& ws) const {
+    const StepStatus refused = refuse(state, input, dt, ws);
+    if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
     prepare(state, input, dt, ws);
     StepReport<Scalar> report = solve_linear(state, dt, ws);
     if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
-      report = iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), Scalar(0), ws);
+      report =
+          iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), Scalar(0), ws);
     }
     return finish(state, input, dt, report, ws);
   }
 
-  /// Writes the forces that moved `vertices` (driven or pinned in the last step that ended with this workspace) as they were
-  /// told to move, 3×vertices.size(), N: what a hand that holds them feels, with the sign of what it gives. Forces of the input
-  /// on those vertices count as given already. As exact as the step's residual. Never allocates.
-  void holding_forces(std::span<const int> vertices, Workspace& ws, Eigen::Ref<Points<Scalar>> forces) const {
-    assert(static_cast<Index>(vertices.size()) == forces.cols());
+  /// Writes the forces that made `vertices` follow their prescribed motion in the last step with
+  /// this workspace, 3×vertices.size(), N: the force that a hand must exert on each. The vertices
+  /// were driven or pinned in that step. Input forces on them are already subtracted. The error is
+  /// that of the step's residual. Never allocates. Returns false, and writes nothing, when the
+  /// workspace was made by another model or has seen no step, a vertex is off the mesh, or `forces`
+  /// has another number of columns.
+  bool holding_forces(std::span<const int> vertices, Workspace& ws,
+                      Eigen::Ref<Points<Scalar>> forces) const {
+    if (!fits(ws) || !(Scalar(0) < ws.dt)) return false;
+    if (static_cast<Index>(vertices.size()) != forces.cols()) return false;
+    for (const int i : vertices) {
+      if (i < 0 || i >= vertex_count()) return false;
+    }
     if (ws.linear) {
       as_points(ws.rhs) = ws.velocity;
       ws.matrix.multiply(ws.rhs, ws.product);
     }
     for (std::size_t j = 0; j < vertices.size(); ++j) {
       const Index i = vertices[j];
-      Vector3<Scalar> force = ws.gradient.col(i) / ws.dt;
-      if (ws.linear) force = (point(ws.product, i) - network_.mass[i] * ws.trial.col(i)) / ws.dt - ws.gradient.col(i);
-      forces.col(static_cast<Index>(j)) = force;
+      const detail::Triple<Scalar> g = detail::column(ws.gradient, i);
+      detail::Triple<Scalar> force = g / ws.dt;
+      if (ws.linear) {
+        const detail::Triple<Scalar> before = detail::column(ws.trial, i) * network_.mass[i];
+        force = (point(ws.product, i) - before) / ws.dt - g;
+      }
+      forces(0, static_cast<Index>(j)) = force.x;
+      forces(1, static_cast<Index>(j)) = force.y;
+      forces(2, static_cast<Index>(j)) = force.z;
     }
+    return true;
   }
 
-  /// Advances `state` by at most `newton_steps` Newton steps from the end velocities `guess` (3×n, m/s), whatever the settings
-  /// say, with the projected Hessian, whose first step is the tamest: for rolling a plan out again that has hardly changed.
-  /// Ends sooner when a Newton step changes no coordinate of a velocity by more than `step_tolerance`, m/s. Never allocates. On
-  /// any failure the state is left as it was.
-  [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps, State& state,
-                                             const ClothInput<Scalar>& input, Scalar dt, Workspace& ws,
+  /// Advances `state` by `dt` (s) with at most `newton_steps` Newton steps that start from the end
+  /// velocities `guess` (3×n, m/s), whatever integration the settings name. Use it to roll out a
+  /// plan again that has hardly changed. It takes the projected Hessian, whose first step is the
+  /// most cautious. It ends sooner when a Newton step changes no coordinate of a velocity by more
+  /// than `step_tolerance`, m/s. Never allocates. Fails as `step` does, and with InvalidInput when
+  /// `guess` has another size or is not finite.
+  [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps,
+                                             State& state, const ClothInput<Scalar>& input,
+                                             Scalar dt, Workspace& ws,
                                              Scalar step_tolerance = Scalar(0)) const {
-    const StepStatus checked = check_step(state, input, dt, vertex_count(), ws.held);
-    if (checked != StepStatus::Converged) return {checked, false, Scalar(0), 0};
-    if (guess.cols() != vertex_count() || !all_finite(guess)) return {StepStatus::InvalidInput, false, Scalar(0), 0};
+    const StepStatus refused = refuse(state, input, dt, ws);
+    if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
+    if (guess.cols() != vertex_count() || !all_finite(guess))
+      return {StepStatus::InvalidInput, false, Scalar(0), 0};
     prepare(state, input, dt, ws);
     for (Index i = 0; i < vertex_count(); ++i) {
-      if (!held(ws, i)) ws.velocity.col(i) = guess.col(i);
+      if (!held(ws, i)) detail::set_column(ws.velocity, i, detail::column(guess, i));
     }
-    return finish(state, input, dt, iterate(state, dt, newton_steps, 0, Scalar(0), step_tolerance, ws), ws);
+    return finish(state, input, dt,
+                  iterate(state, dt, newton_steps, 0, Scalar(0), step_tolerance, ws), ws);
   }
 
  private:
   static constexpr int kMaxHalvings = 30;
 
+  /// Returns true when this model, or one of the same structure, made the workspace.
+  bool fits(const Workspace& ws) const {
+    const Index n = vertex_count();
+    bool good = ws.structure == structure_;
+    for (const BlockSymmetric<Scalar>* m : {&ws.matrix, &ws.frozen})
+      good = good && m->rows() == n && m->lower_count() == pattern_.matrix().lower_count();
+    for (const Points<Scalar>* p : {&ws.outer, &ws.velocity, &ws.trial, &ws.position, &ws.gradient})
+      good = good && p->cols() == n;
+    return good && ws.direction.cols() == static_cast<Index>(network_.springs.size()) &&
+           ws.air.size() == (air() ? network_.triangles.size() : 0) && ws.rhs.cols() == 3 * n &&
+           ws.product.cols() == 3 * n;
+  }
+
+  /// Returns the status that refuses the arguments of a step, or Converged; marks driven vertices.
+  StepStatus refuse(const State& state, const ClothInput<Scalar>& input, Scalar dt,
+                    Workspace& ws) const {
+    if (!fits(ws)) return StepStatus::InvalidWorkspace;
+    return detail::check_step(state, input, dt, vertex_count(), ws.held);
+  }
+
+  /// Hash of pattern and order of elimination. Nothing else of a workspace depends on the model.
+  std::uint64_t structure_hash() const {
+    detail::StructureHash hash;
+    hash.add(vertex_count());
+    for (Index i = 0; i < vertex_count(); ++i) hash.add(pattern_.matrix().row_begin(i));
+    for (Index slot = 0; slot < pattern_.matrix().lower_count(); ++slot)
+      hash.add(pattern_.matrix().column(slot));
+    for (const std::vector<int>* list : {&tree_.permutation, &tree_.node_begin, &tree_.parent}) {
+      for (const int value : *list) hash.add(value);
+    }
+    return hash.value;
+  }
+
   /// Moves the state to the end of the step unless the solve failed.
-  StepReport<Scalar> finish(State& state, const ClothInput<Scalar>& input, Scalar dt, StepReport<Scalar> report,
-                            Workspace& ws) const {
-    if (report.status != StepStatus::Converged && report.status != StepStatus::IterationLimit) return report;
-    ws.position = state.positions + dt * ws.velocity;
-    for (int v : settings_.pinned) ws.position.col(v) = state.positions.col(v);
+  StepReport<Scalar> finish(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                            StepReport<Scalar> report, Workspace& ws) const {
+    if (report.status != StepStatus::Converged && report.status != StepStatus::IterationLimit)
+      return report;
+    add_scaled(state.positions, dt, ws.velocity, ws.position);
+    for (int v : settings_.pinned)
+      detail::set_column(ws.position, v, detail::column(state.positions, v));
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
-      ws.position.col(input.driven_vertices[i]) = input.driven_positions.col(static_cast<Index>(i));  // exact, not x + h v
+      detail::set_column(ws.position, input.driven_vertices[i],  // exact, not x + h v
+                         detail::column(input.driven_positions, static_cast<Index>(i)));
     }
     if (!all_finite(ws.velocity) || !all_finite(ws.position)) {
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
@@ -186,38 +283,47 @@ class MassSpring {
         pattern_(network_, true, settings_.air.enabled()),
         tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)) {
     for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
+    structure_ = structure_hash();
   }
 
   bool air() const { return settings_.air.enabled(); }
 
-  /// Freezes what a step keeps fixed: directions of the dampers, air matrices, outer forces, ws.frozen; ws.velocity = v with
-  /// the held vertices at their prescribed velocity.
-  void prepare(const State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+  /// Computes what is constant over a step: directions of the dampers, air matrices, outer forces
+  /// and ws.frozen. Sets ws.velocity = v, with held vertices at their prescribed velocity.
+  void prepare(const State& state, const ClothInput<Scalar>& input, Scalar dt,
+               Workspace& ws) const {
     const Points<Scalar>& x = state.positions;
     for (int v : settings_.pinned) ws.held[static_cast<std::size_t>(v)] = 1;
-    spring_directions<Scalar>(network_, x, ws.direction);
-    ws.outer.noalias() = settings_.gravity * network_.mass.transpose();
-    for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
-      ws.outer.col(input.force_vertices[i]) += input.forces.col(static_cast<Index>(i));
-    }
-    freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air, ws.outer);
+    detail::spring_directions<Scalar>(network_, x, ws.direction);
+    const detail::Triple<Scalar> g = detail::triple(settings_.gravity);
+    for (Index i = 0; i < vertex_count(); ++i)
+      detail::set_column(ws.outer, i, g * network_.mass[i]);
+    for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
+      detail::add_to_column(ws.outer, input.force_vertices[i],
+                            detail::column(input.forces, static_cast<Index>(i)));
+    detail::freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air,
+                               ws.outer);
     ws.dt = dt;
     ws.frozen.set_zero();
     pattern_.add_bending(network_, dt * dt, ws.frozen);
     pattern_.add_frozen(network_, ws.direction, ws.air, dt, ws.frozen);
     const Scalar inertia = Scalar(1) + dt * settings_.drag;
     for (Index i = 0; i < vertex_count(); ++i) {
-      ws.frozen.diagonal(i).diagonal().array() += inertia * network_.mass[i];
+      detail::add_to_diagonal(ws.frozen.diagonal(i), Scalar(inertia * network_.mass[i]));
     }
     ws.velocity = state.velocities;
-    for (int v : settings_.pinned) ws.velocity.col(v).setZero();
+    const detail::Triple<Scalar> zero{Scalar(0), Scalar(0), Scalar(0)};
+    for (int v : settings_.pinned) detail::set_column(ws.velocity, v, zero);
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
       const int v = input.driven_vertices[i];
-      ws.velocity.col(v) = (input.driven_positions.col(static_cast<Index>(i)) - x.col(v)) / dt;
+      const detail::Triple<Scalar> end =
+          detail::column(input.driven_positions, static_cast<Index>(i));
+      detail::set_column(ws.velocity, v, (end - detail::column(x, v)) / dt);
     }
   }
 
-  /// Factorises A at `x`: the frozen part and h² K with the factor `compression` on its indefinite part.
+  /// Factorises A at `x`: the frozen part plus h² K, with the factor `compression` on the
+  /// indefinite part of K. Returns false when A is not positive definite.
   bool factorize(const Points<Scalar>& x, Scalar dt, Scalar compression, Workspace& ws) const {
     StiffnessScale<Scalar> scale;
     scale.compression = compression;
@@ -226,55 +332,61 @@ class MassSpring {
     return ws.factor.factorize(ws.matrix, ws.held);
   }
 
-  /// One linear solve: A (v⁺ - v̂) = M v + h f - A v̂ on the free rows, v̂ the start velocity with held rows prescribed.
+  /// The single linear solve: A (v⁺ - v̂) = M v + h f - A v̂ on the free rows. v̂ is the velocity
+  /// at the start, with the prescribed one on held rows.
   StepReport<Scalar> solve_linear(const State& state, Scalar dt, Workspace& ws) const {
-    if (!factorize(state.positions, dt, Scalar(0), ws)) return {StepStatus::NumericalFailure, false, Scalar(0), 1};
+    if (!factorize(state.positions, dt, Scalar(0), ws))
+      return {StepStatus::NumericalFailure, false, Scalar(0), 1};
     ws.gradient = ws.outer;
-    add_spring_forces<Scalar>(network_, state.positions, ws.gradient);
+    detail::add_spring_forces<Scalar>(network_, state.positions, ws.gradient);
     as_points(ws.rhs) = ws.velocity;
     ws.matrix.multiply(ws.rhs, ws.product);
     for (Index i = 0; i < vertex_count(); ++i) {
       if (held(ws, i)) {
-        point(ws.rhs, i).setZero();
+        set_point(ws.rhs, i, {Scalar(0), Scalar(0), Scalar(0)});
       } else {
-        point(ws.rhs, i) = network_.mass[i] * state.velocities.col(i) + dt * ws.gradient.col(i) - point(ws.product, i);
+        set_point(ws.rhs, i,
+                  detail::column(state.velocities, i) * network_.mass[i] +
+                      detail::column(ws.gradient, i) * dt - point(ws.product, i));
       }
     }
     ws.factor.template solve<1>(ws.rhs);
-    ws.velocity += as_points(ws.rhs);
+    add_scaled(ws.velocity, Scalar(1), ws.rhs, ws.velocity);
     ws.trial = state.velocities;  // for holding_forces
     ws.linear = true;
     return {StepStatus::Converged, false, Scalar(0), 1};
   }
 
-  /// The step's energy (kg m²/s²), and a bound on its rounding over ε.
+  /// The energy of a step (J), and a bound on its rounding error divided by ε.
   struct Energy {
     Scalar value, size;
   };
 
-  /// Newton from ws.velocity, with `solves` linear solves spent before. Leaves the best velocities there. `compression` is the
-  /// γ to start from; 0 stays with the projection. A shorter step than `step_tolerance` is the last.
-  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves, Scalar compression,
-                             Scalar step_tolerance, Workspace& ws) const {
+  /// Runs Newton's method from ws.velocity and leaves the best velocities there. `solves` counts
+  /// the linear solves so far. `compression` is the first γ; with 0 it stays at the projection. A
+  /// step shorter than `step_tolerance` is the last.
+  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves,
+                             Scalar compression, Scalar step_tolerance, Workspace& ws) const {
     const Scalar epsilon = scalar_traits<Scalar>::epsilon();
     StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
     ws.linear = false;
     const Scalar tolerance = velocity_tolerance();
     Energy energy = objective(state, ws.velocity, dt, ws);
     const bool projected = !(Scalar(0) < compression);
-    bool small_step = false;  // the last step was a full one and shorter than the tolerance
-    bool enough = false;      // it was shorter than step_tolerance
+    bool small_step = false;  // the last step was full and shorter than the tolerance
+    bool enough = false;      // the last step was shorter than step_tolerance
     for (int iteration = 0; iteration <= max_iterations; ++iteration) {
       const Scalar last = report.residual;
-      const bool converged =
-          load_residual(tolerance, report.residual, ws) || (small_step && !(report.residual < Scalar(0.5) * last));
+      const bool converged = load_residual(tolerance, report.residual, ws) ||
+                             (small_step && !(report.residual < Scalar(0.5) * last));
       if (!is_finite(report.residual) || !is_finite(energy.value)) {
         return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
       }
       if (converged) report.status = StepStatus::Converged;
       if (converged || enough || iteration == max_iterations) break;
       while (!factorize(ws.position, dt, compression, ws)) {
-        if (!(Scalar(0) < compression)) return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+        if (!(Scalar(0) < compression))
+          return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
         compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);
       }
       ws.factor.template solve<1>(ws.rhs);
@@ -284,7 +396,7 @@ class MassSpring {
       const Scalar slope = as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
       const Scalar noise = Scalar(4) * epsilon * energy.size;
       const auto descends = [&](Scalar length) {
-        ws.trial = ws.velocity + length * as_points(ws.rhs);
+        add_scaled(ws.velocity, length, ws.rhs, ws.trial);
         const Energy next = objective(state, ws.trial, dt, ws);
         if (!(next.value < energy.value + Scalar(1e-4) * length * slope + noise)) return false;
         energy = next;
@@ -297,7 +409,7 @@ class MassSpring {
         ++halvings;
       }
       if (halvings == kMaxHalvings) break;  // rounding hides any descent
-      const Scalar change = as_points(ws.rhs).cwiseAbs().maxCoeff();
+      const Scalar change = largest_entry(ws.rhs);
       small_step = halvings == 0 && change < tolerance;
       enough = length * change < step_tolerance;
       ws.velocity.swap(ws.trial);
@@ -311,43 +423,53 @@ class MassSpring {
     return Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
   }
 
-  /// ws.rhs = minus the gradient on the free vertices; its largest entry goes to `largest`. Returns true when every vertex
-  /// meets the tolerance.
+  /// Sets ws.rhs to minus the gradient on the free vertices, and `largest` to its largest entry.
+  /// Returns true when every vertex meets the tolerance.
   bool load_residual(Scalar tolerance, Scalar& largest, Workspace& ws) const {
     bool converged = true;
     largest = Scalar(0);
     for (Index i = 0; i < vertex_count(); ++i) {
       if (held(ws, i)) {
-        point(ws.rhs, i).setZero();
+        set_point(ws.rhs, i, {Scalar(0), Scalar(0), Scalar(0)});
         continue;
       }
-      point(ws.rhs, i) = -ws.gradient.col(i);
-      const Scalar size = ws.gradient.col(i).cwiseAbs().maxCoeff();
-      if (largest < size) largest = size;
+      const detail::Triple<Scalar> g = detail::column(ws.gradient, i);
+      set_point(ws.rhs, i, {-g.x, -g.y, -g.z});
+      Scalar size = Scalar(0);
+      for (const Scalar& entry : {g.x, g.y, g.z}) {
+        const Scalar magnitude = entry < Scalar(0) ? -entry : entry;
+        if (!(magnitude <= size)) size = magnitude;  // keeps a NaN
+        if (!is_finite(size)) break;
+      }
+      if (is_finite(largest) && !(size <= largest)) largest = size;
       if (!(size < tolerance * network_.mass[i])) converged = false;
     }
     return converged;
   }
 
-  /// The step's energy at velocities `v`; leaves its gradient in ws.gradient and x0 + h v in ws.position. On a held vertex the
-  /// gradient is the impulse that holds it.
+  /// Returns the energy of the step at velocities `v`. Writes its gradient to ws.gradient and x0 +
+  /// h v to ws.position. On a held vertex the gradient is the impulse that holds it.
   Energy objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const {
     using std::sqrt;
+    using Triple = detail::Triple<Scalar>;
     const Scalar half = Scalar(0.5);
     const Scalar drag = dt * settings_.drag;
-    ws.position = state.positions + dt * v;
+    add_scaled(state.positions, dt, v, ws.position);
     ws.gradient = ws.outer;
-    Scalar energy = add_spring_forces<Scalar>(network_, ws.position, ws.gradient);
-    // Positions round by ε |x|, the energy of a spring by k |l - l0| ε |x|: summed, at most √(2 U Σk) ε |x|.
-    Scalar size = sqrt(Scalar(2) * energy * total_stiffness_) * ws.position.cwiseAbs().maxCoeff();
+    Scalar energy = detail::add_spring_forces<Scalar>(network_, ws.position, ws.gradient);
+    // The rounding error of a position is ε |x|, that of a spring's energy k |l - l0| ε |x|. Their
+    // sum is at most √(2 U Σk) ε |x|.
+    Scalar size = sqrt(Scalar(2) * energy * total_stiffness_) * largest_entry(ws.position);
     Scalar work = Scalar(0);
     for (Index i = 0; i < vertex_count(); ++i) {
-      const Vector3<Scalar> dv = v.col(i) - state.velocities.col(i);
+      const Triple vi = detail::column(v, i);
+      const Triple dv = vi - detail::column(state.velocities, i);
       const Scalar m = network_.mass[i];
-      ws.gradient.col(i) = m * (dv + drag * v.col(i)) - dt * ws.gradient.col(i);
-      if (held(ws, i)) continue;  // a constant part of the energy
-      const Scalar gain = dt * ws.outer.col(i).dot(v.col(i));
-      energy += half * m * (dv.squaredNorm() + drag * v.col(i).squaredNorm());
+      detail::set_column(ws.gradient, i,
+                         (dv + vi * drag) * m - detail::column(ws.gradient, i) * dt);
+      if (held(ws, i)) continue;  // its part of the energy is constant
+      const Scalar gain = dt * detail::dot(detail::column(ws.outer, i), vi);
+      energy += half * m * (detail::squared_norm(dv) + drag * detail::squared_norm(vi));
       work += gain;
       size += gain < Scalar(0) ? -gain : gain;
     }
@@ -355,34 +477,63 @@ class MassSpring {
       const Spring<Scalar>& s = network_.springs[e];
       if (!(Scalar(0) < s.damping)) continue;
       const Index k = static_cast<Index>(e);
-      const Scalar rate = ws.direction.col(k).dot(v.col(s.a) - v.col(s.b));
-      const Vector3<Scalar> push = ws.direction.col(k) * (dt * s.damping * rate);
+      const Triple direction = detail::column(ws.direction, k);
+      const Scalar rate = detail::dot(direction, detail::column(v, s.a) - detail::column(v, s.b));
+      const Triple push = direction * (dt * s.damping * rate);
       energy += half * dt * s.damping * rate * rate;
-      ws.gradient.col(s.a) += push;
-      ws.gradient.col(s.b) -= push;
+      detail::add_to_column(ws.gradient, s.a, push);
+      detail::subtract_from_column(ws.gradient, s.b, push);
     }
     const Scalar third = Scalar(1) / Scalar(3);
     for (std::size_t e = 0; e < ws.air.size(); ++e) {
       const std::array<int, 3>& t = network_.triangles[e];
-      const Vector3<Scalar> mean = (v.col(t[0]) + v.col(t[1]) + v.col(t[2])) * third;
-      const Vector3<Scalar> push = ws.air[e] * mean;
-      energy += half * dt * mean.dot(push);
-      for (int vertex : t) ws.gradient.col(vertex) += push * (dt * third);
+      const Triple mean =
+          (detail::column(v, t[0]) + detail::column(v, t[1]) + detail::column(v, t[2])) * third;
+      const Triple push = detail::product(ws.air[e], mean);
+      energy += half * dt * detail::dot(mean, push);
+      for (int vertex : t) detail::add_to_column(ws.gradient, vertex, push * (dt * third));
     }
     return {energy - work, energy + size};
   }
 
-  bool held(const Workspace& ws, Index i) const { return ws.held[static_cast<std::size_t>(i)] != 0; }
-  static Eigen::Map<Points<Scalar>> as_points(Lanes<Scalar, 1>& row) { return {row.data(), 3, row.cols() / 3}; }
-  static Eigen::Map<Vector3<Scalar>> point(Lanes<Scalar, 1>& row, Index i) {
-    return Eigen::Map<Vector3<Scalar>>(row.data() + 3 * i);
+  bool held(const Workspace& ws, Index i) const {
+    return ws.held[static_cast<std::size_t>(i)] != 0;
+  }
+  static Eigen::Map<Points<Scalar>> as_points(Lanes<Scalar, 1>& row) {
+    return {row.data(), 3, row.cols() / 3};
+  }
+  static detail::Triple<Scalar> point(const Lanes<Scalar, 1>& row, Index i) {
+    return {row[3 * i], row[3 * i + 1], row[3 * i + 2]};
+  }
+  static void set_point(Lanes<Scalar, 1>& row, Index i, const detail::Triple<Scalar>& v) {
+    row[3 * i] = v.x;
+    row[3 * i + 1] = v.y;
+    row[3 * i + 2] = v.z;
+  }
+  /// out = a + factor · b, entry by entry; `out` may be `a`.
+  template <class Other>
+  static void add_scaled(const Points<Scalar>& a, const Scalar& factor, const Other& b,
+                         Points<Scalar>& out) {
+    for (Index k = 0; k < out.size(); ++k) out.data()[k] = a.data()[k] + factor * b.data()[k];
+  }
+  /// Returns the largest magnitude of an entry; it ignores NaN.
+  template <class Matrix>
+  static Scalar largest_entry(const Matrix& matrix) {
+    Scalar largest = Scalar(0);
+    for (Index k = 0; k < matrix.size(); ++k) {
+      const Scalar& entry = matrix.data()[k];
+      const Scalar magnitude = entry < Scalar(0) ? -entry : entry;
+      if (largest < magnitude) largest = magnitude;
+    }
+    return largest;
   }
 
   SpringNetwork<Scalar> network_;
   MassSpringSettings<Scalar> settings_;
-  SpringPattern<Scalar> pattern_;
+  detail::SpringPattern<Scalar> pattern_;
   EliminationTree tree_;
   Scalar total_stiffness_ = Scalar(0);
+  std::uint64_t structure_ = 0;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

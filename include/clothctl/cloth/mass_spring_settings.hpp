@@ -1,43 +1,65 @@
 #pragma once
 
-// What a MassSpring model is told once: which equations a step solves (mass_spring.hpp has them), and what acts from outside.
+// Settings of the mass-spring model: which equations a step solves (mass_spring.hpp states them),
+// gravity, drag, air and pinned vertices.
 
 #include <string>
 #include <vector>
 
-#include "clothctl/cloth/air.hpp"
 #include "clothctl/cloth/materials.hpp"
+#include "clothctl/cloth/spring_network.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// How the implicit Euler equations of a step are solved.
 enum class Integration {
-  /// One linear solve about the start of the step: fast, damps more, does not buckle within a step.
-  OneSolve,
-  /// Newton's method with line search until the residual meets the tolerance.
+  /// One linear solve about the start of the step. Fast, but damps more, and cannot buckle within a
+  /// step.
+  LinearlyImplicit,
+  /// Newton's method with a line search, until the residual meets the tolerance.
   Newton
 };
 
-/// Settings of a MassSpring model. Defaults: gravity, no drag, one linear solve.
+/// Factors on the parts of the stiffness matrix, for predictors. With n the unit vector along a
+/// spring of stiffness k, length l and rest length l0, the default factors give the projection of
+/// the true stiffness onto the positive semidefinite matrices.
+template <RealScalar Scalar>
+struct StiffnessScale {
+  /// Factor on the axial part k n nᵀ.
+  Scalar axial = Scalar(1);
+  /// Factor on the tension (geometric) part k max(0, 1 - l0/l) (I - n nᵀ).
+  Scalar geometric = Scalar(1);
+  /// Factor on the bending part.
+  Scalar bending = Scalar(1);
+  /// Factor γ on the compression part k min(0, 1 - l0/l) (I - n nᵀ). 1 is exact, but any value
+  /// other than 0 may make the matrix indefinite.
+  Scalar compression = Scalar(0);
+};
+
+/// Settings of a MassSpring model. The defaults are gravity, no drag and one linear solve.
 template <RealScalar Scalar>
 struct MassSpringSettings {
   /// Which equations a step solves.
-  Integration integration = Integration::OneSolve;
-  /// Gravity, m/s².
+  Integration integration = Integration::LinearlyImplicit;
+  /// Acceleration of gravity g, m/s².
   Vector3<Scalar> gravity = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
   /// Mass-proportional drag α, 1/s.
   Scalar drag = Scalar(0);
-  /// Air on the network's triangles; zero coefficients mean none.
+  /// Air on the triangles of the network. Zero coefficients, the default, mean no air.
   AirSettings<Scalar> air = {};
-  /// Newton stops when the largest momentum residual of a vertex, divided by its mass, is below this, m/s, or when its steps
-  /// are shorter than this and the residual, being rounding, shrinks no more; 0 means 2 ∛ε (1.2e-5 in double).
+  /// Newton stops when the momentum residual of every vertex, divided by its mass, is below this
+  /// tolerance, m/s. It also stops when its steps are shorter than this and the residual no longer
+  /// decreases because it is rounding. 0 means 2 ∛ε, ε the spacing of the scalar at one (1.2e-5 in
+  /// double).
   Scalar velocity_tolerance = Scalar(0);
-  /// Most Newton steps of a step; when they are used up the step advances with the status IterationLimit.
+  /// Largest number of Newton steps in a time step. When it is reached, the time step ends with the
+  /// status IterationLimit.
   int max_iterations = 100;
-  /// Vertices that never move unless they are driven.
+  /// Vertices that never move unless the input drives them.
   std::vector<int> pinned = {};
 
-  /// The defaults with the drag of a material and, where there is `wind`, its air coefficients in air of 1.2 kg/m³.
+  /// Returns the defaults with the drag of a material. With `wind` set, the air has the material's
+  /// coefficients and a density of 1.2 kg/m³.
   static MassSpringSettings of(const Material<Scalar>& material, bool wind = false) {
     MassSpringSettings s;
     s.drag = material.drag;
@@ -45,14 +67,16 @@ struct MassSpringSettings {
     return s;
   }
 
-  /// Returns an empty string, or a line that names the first bad setting.
-  std::string check() const {
+  /// Returns an empty string when all settings are good, else a line that names the first bad one.
+  std::string validate() const {
     if (!all_finite(gravity)) return "gravity is not finite";
     if (!is_finite(drag) || drag < Scalar(0)) return "drag is negative or not finite";
-    if (!is_finite(velocity_tolerance) || velocity_tolerance < Scalar(0)) return "velocity_tolerance is negative or not finite";
-    if (max_iterations < 1) return "max_iterations is " + std::to_string(max_iterations) + ", must be at least 1";
-    return air.check();
+    if (!is_finite(velocity_tolerance) || velocity_tolerance < Scalar(0))
+      return "velocity_tolerance is negative or not finite";
+    if (max_iterations < 1)
+      return "max_iterations is " + std::to_string(max_iterations) + ", must be at least 1";
+    return air.validate();
   }
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

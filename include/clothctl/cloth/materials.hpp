@@ -1,13 +1,16 @@
 #pragma once
 
-// What a sheet is made of, in SI units that do not depend on the mesh. On a grid of square cells
+// The material of a sheet, in SI units and independent of the mesh. On a grid of square cells of
+// size dx the springs and stencils have the stiffnesses
 //
-//   edges      k  = stretch            (half on the border)       C11 = stretch + shear,  C12 = shear   (N/m)
-//   diagonals  k  = shear                                         G t = shear                           (N/m)
-//   bending    kb = bending / dx²                                 U = ½ bending ∫ κ² dA                 (N m)
+//   edges       k  = stretch (half on the border)
+//   diagonals   k  = shear
+//   bending     kb = bending / dx²
 //
-// `sheet.hpp` holds the rule for rectangular cells and for triangles. The presets and where their sizes come from are
-// described in docs/cloth_materials.md.
+// As a membrane of thickness t such a grid has C11 = stretch + shear, C12 = shear and the shear
+// modulus G t = shear (N/m); its bending energy is U = ½ bending ∫ κ² dA with curvature κ.
+// sheet.hpp states the rules for rectangular cells and for triangles. docs/cloth_materials.md
+// describes the presets and the sources of their values.
 
 #include <array>
 #include <span>
@@ -15,19 +18,21 @@
 #include <string_view>
 #include <utility>
 
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/core/quoted_text.hpp"
 #include "clothctl/core/result.hpp"
-#include "clothctl/mesh/grid.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// A sheet's material. The defaults are the preset "handkerchief".
+/// The material of a sheet. The defaults are the preset "handkerchief".
 template <RealScalar Scalar>
 struct Material {
-  /// What reports call it.
+  /// The name in reports and messages. It may hold any text.
   std::string name = "handkerchief";
   /// Mass per area, kg/m².
   Scalar area_density = Scalar(0.2);
-  /// Membrane stiffness along the threads, N/m: the spring constant of an edge between square cells.
+  /// Membrane stiffness along the threads, N/m: the spring constant of an edge between square
+  /// cells.
   Scalar stretch = Scalar(1000.0);
   /// Membrane stiffness against shear, N/m: the spring constant of a diagonal of a square cell.
   Scalar shear = Scalar(200.0);
@@ -35,8 +40,8 @@ struct Material {
   Scalar bending = Scalar(2e-5);
   /// Axial damping time β, s: every spring has a damper d = β k.
   Scalar damping_time = Scalar(0.002);
-  /// Drag α proportional to mass, 1/s: force -α m v. Drag, friction and air are not part of a spring network: see
-  /// MassSpringSettings::of, PositionBasedSettings::of and make_pinch.
+  /// Mass-proportional drag α, 1/s: force -α m v. Drag, friction and air are not part of a spring
+  /// network; MassSpringSettings::of, PositionBasedSettings::of and make_pinch take them.
   Scalar drag = Scalar(0.5);
   /// Coefficient of friction μ between cloth and finger.
   Scalar friction = Scalar(0.5);
@@ -45,22 +50,23 @@ struct Material {
   /// Drag coefficient of a triangle in air flowing along its plane, dimensionless.
   Scalar air_tangent = Scalar(0.1);
 
-  /// Checks ranges: density and stretch positive, the others at least zero. Returns an empty string, or a line that
-  /// names material, quantity and value.
-  std::string check() const {
+  /// Returns an empty string when density and stretch are positive and the others at least zero;
+  /// else a line that names the material, the quantity and its value.
+  std::string validate() const {
     const Scalar zero = Scalar(0);
-    const std::array<std::pair<const char*, const Scalar*>, 9> quantities{{{"area_density", &area_density},
-                                                                           {"stretch", &stretch},
-                                                                           {"shear", &shear},
-                                                                           {"bending", &bending},
-                                                                           {"damping_time", &damping_time},
-                                                                           {"drag", &drag},
-                                                                           {"friction", &friction},
-                                                                           {"air_normal", &air_normal},
-                                                                           {"air_tangent", &air_tangent}}};
+    const std::array<std::pair<const char*, const Scalar*>, 9> quantities{
+        {{"area_density", &area_density},
+         {"stretch", &stretch},
+         {"shear", &shear},
+         {"bending", &bending},
+         {"damping_time", &damping_time},
+         {"drag", &drag},
+         {"friction", &friction},
+         {"air_normal", &air_normal},
+         {"air_tangent", &air_tangent}}};
     for (std::size_t i = 0; i < quantities.size(); ++i) {
       const Scalar& value = *quantities[i].second;
-      const std::string item = "material \"" + name + "\": " + quantities[i].first;
+      const std::string item = "material " + quoted_text(name) + ": " + quantities[i].first;
       if (!is_finite(value)) return item + " is not a finite number";
       if (i < 2 && !(zero < value)) return item + " must be positive, got " + number_text(value);
       if (value < zero) return item + " must not be negative, got " + number_text(value);
@@ -71,13 +77,13 @@ struct Material {
 
 namespace detail {
 
-/// A preset as it stands in the table; air coefficients are those of the default material.
+/// A row of the table of presets. The air coefficients are those of the default material.
 struct MaterialRow {
   double area_density, stretch, shear, bending, damping_time, drag, friction;
 };
 
-inline constexpr std::array<std::string_view, 9> kMaterialNames{"handkerchief", "iri",  "cotton", "silk", "denim",
-                                                                "wool",         "knit", "towel",  "paper"};
+inline constexpr std::array<std::string_view, 9> kMaterialNames{
+    "handkerchief", "iri", "cotton", "silk", "denim", "wool", "knit", "towel", "paper"};
 
 inline constexpr std::array<MaterialRow, 9> kMaterialRows{{
     {0.20, 1000.0, 200.0, 2e-5, 0.002, 0.5, 0.5},    // handkerchief
@@ -93,10 +99,11 @@ inline constexpr std::array<MaterialRow, 9> kMaterialRows{{
 
 }  // namespace detail
 
-/// The names of the presets; the first is the default of the programs.
+/// Returns the names of the presets. The first is the default of the example programs.
 inline std::span<const std::string_view> material_names() { return detail::kMaterialNames; }
 
-/// Looks a preset up by its name. Allocates (the name). Fails when: no preset has this name (the line lists them all).
+/// Returns the preset of a name. Allocates. Fails when: no preset has this name (the message lists
+/// all names).
 template <RealScalar Scalar = double>
 Result<Material<Scalar>> material_preset(std::string_view name) {
   for (std::size_t i = 0; i < detail::kMaterialNames.size(); ++i) {
@@ -113,9 +120,9 @@ Result<Material<Scalar>> material_preset(std::string_view name) {
     material.friction = Scalar(row.friction);
     return material;
   }
-  std::string message = "unknown material \"" + std::string(name) + "\"; known:";
+  std::string message = "unknown material " + quoted_text(name) + "; known:";
   for (std::string_view known : detail::kMaterialNames) message += " " + std::string(known);
   return Error{message};
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,22 +1,24 @@
 #pragma once
 
-// Position-based sheet: positions are predicted, then corrected constraint after constraint. A step dt is cut into equal
-// substeps h; in each, with a = g + f/m constant over the step and w = 1/m,
+// Position-based sheet: positions are predicted, then corrected by one constraint after the other.
+// A step dt is divided into equal substeps h. With a = g + f/m constant over the step and w = 1/m,
+// each substep has four parts:
 //
-//   air      acts on v (air.hpp)
-//
-//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v;  driven vertices (w = 0) go a straight line to where they are told,
-//            pinned ones stay
-//
-//   correct  `iterations` sweeps over the constraints of position_based_constraints.hpp: springs, then bending stencils
-//
+//   air      acts on v (detail/air_forces.hpp)
+//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v.  Driven vertices (w = 0) move on a straight
+//            line to their prescribed position; pinned ones stay
+//   correct  `iterations` sweeps over the constraints of detail/position_based_constraints.hpp:
+//            springs first, then bending stencils
 //   update   v = (p - x)/h,  x = p
 //
-// Verlet (paper 004, eq. 1-4): θ = 1 - d, so p = x + (1 - d)(x - x_old) + a h² with x_old = x - h v; distances are rigid.
-// XPBD: θ = 1; springs have the compliance 1/k and their damper, stencils the compliance 1/kb; drag slows their impulses
-// too, so they meet the inverse mass w/(1 + h α). With many sweeps a substep tends to one of implicit Euler,
-// (1 + h α) M v+ = M v + h f(x+, v+); with few, the sheet is softer than its network says.
-// References: paper 004, ch. 2.3; Macklin, Müller, Chentanez, "XPBD", 2016; Macklin et al., "Small steps", 2019.
+// x positions, v velocities, g gravity, f input forces, m masses, α drag. Two schemes:
+//
+// Verlet ([Toh 2011], eq. 1-4): θ = 1 - d, so p = x + (1 - d)(x - x_old) + a h² with x_old = x - h
+// v; the distances are rigid. XPBD: θ = 1; a spring has the compliance 1/k and its damper, a
+// stencil the compliance 1/kb. Drag also slows the motion that constraints cause, so they use the
+// inverse mass w/(1 + h α). With many sweeps a substep tends to one of implicit Euler, (1 + h α) M
+// v+ = M v + h f(x+, v+). With few, the sheet is softer than its network says. References: [Toh
+// 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD", 2016; Macklin et al., "Small steps", 2019.
 
 #include <algorithm>
 #include <cstddef>
@@ -24,25 +26,27 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/cloth/air.hpp"
-#include "clothctl/cloth/position_based_constraints.hpp"
+#include "clothctl/cloth/detail/air_forces.hpp"
+#include "clothctl/cloth/detail/position_based_constraints.hpp"
+#include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/cloth/spring_network.hpp"
-#include "clothctl/cloth/step_input.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
+#include "clothctl/core/step_input.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// All memory of a step of `PositionBased`; made by `PositionBased::make_workspace`. Carries nothing from step to step.
+/// All memory of a step of `PositionBased`. `PositionBased::make_workspace` makes it; a step
+/// refuses one of another size. It carries nothing from step to step.
 template <RealScalar Scalar>
 struct PositionBasedWorkspace {
   /// 1 for driven vertices.
   std::vector<unsigned char> held;
   /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
-  /// Inverse masses over 1 + h α, which the compliant constraints meet, n, 1/kg.
+  /// Inverse masses over 1 + h α, which the compliant constraints use, n, 1/kg.
   VectorX<Scalar> slowed_inverse_mass;
   /// Acceleration g + f/m, 3×n, m/s².
   Points<Scalar> acceleration;
@@ -52,17 +56,18 @@ struct PositionBasedWorkspace {
   Points<Scalar> start;
   /// Velocities, 3×n, m/s.
   Points<Scalar> velocities;
-  /// Scratch of the rigid springs.
+  /// Data of the rigid springs.
   typename detail::RigidDistances<Scalar>::Scratch rigid;
-  /// Scratch of the compliant springs.
+  /// Data of the compliant springs.
   typename detail::CompliantDistances<Scalar>::Scratch compliant;
-  /// Scratch of the stencils of up to three vertices.
+  /// Data of the stencils of up to three vertices.
   typename detail::BendConstraints<Scalar, 3>::Scratch bends3;
-  /// Scratch of the stencils of four vertices.
+  /// Data of the stencils of four vertices.
   typename detail::BendConstraints<Scalar, 4>::Scratch bends4;
 };
 
-/// A cloth model (concept ClothModel) by position-based dynamics. Const and free of state: one model serves many threads.
+/// A spring network moved by position-based dynamics. Satisfies the concept ClothModel. A step does
+/// not change the model, so one model serves many threads, each with its own state and workspace.
 template <RealScalar S>
 class PositionBased {
  public:
@@ -70,30 +75,41 @@ class PositionBased {
   using Scalar = S;
   /// The state of a step.
   using State = ClothState<Scalar>;
-  /// The scratch memory of a step.
+  /// The memory of a step.
   using Workspace = PositionBasedWorkspace<Scalar>;
 
-  /// Makes a model of a network. Allocates.
-  /// Fails when: the network or the settings do not pass their check.
-  static Result<PositionBased> create(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings = {}) {
-    if (std::string problem = network.check(); !problem.empty()) return Error{std::move(problem)};
-    if (std::string problem = settings.check(network); !problem.empty()) return Error{std::move(problem)};
+  /// Makes a model of a network. Allocates. Fails when: `network.validate()` or
+  /// `settings.validate(network)` finds a fault.
+  static Result<PositionBased> create(SpringNetwork<Scalar> network,
+                                      PositionBasedSettings<Scalar> settings = {}) {
+    if (std::string problem = network.validate(); !problem.empty())
+      return Error{std::move(problem)};
+    if (std::string problem = settings.validate(network); !problem.empty())
+      return Error{std::move(problem)};
     return PositionBased(std::move(network), std::move(settings));
   }
 
-  /// Number of vertices.
+  /// Returns the number of vertices.
   Index vertex_count() const { return network_.vertex_count(); }
 
-  /// The network that the model was made of.
+  /// Returns the network that the model was made of.
   const SpringNetwork<Scalar>& network() const { return network_; }
 
-  /// The settings that the model was made with.
+  /// Returns the settings that the model was made with.
   const PositionBasedSettings<Scalar>& settings() const { return settings_; }
 
-  /// The undeformed sheet at rest. Allocates.
-  State rest_state() const { return {network_.rest_positions, Points<Scalar>(Points<Scalar>::Zero(3, vertex_count()))}; }
+  /// Returns the upward force (3-vector, N) that holds the sheet at rest: minus the acceleration of
+  /// gravity times the sum of the masses. PlannerSettings::gravity_load takes it.
+  Vector3<Scalar> gravity_load() const {
+    return detail::gravity_load(settings_.gravity, network_.mass);
+  }
 
-  /// All scratch memory of a step. Allocates.
+  /// Returns the state of the undeformed sheet at rest. Allocates.
+  State rest_state() const {
+    return {network_.rest_positions, Points<Scalar>(Points<Scalar>::Zero(3, vertex_count()))};
+  }
+
+  /// Makes the memory of a step of this model. Allocates.
   Workspace make_workspace() const {
     const Index n = vertex_count();
     Workspace ws;
@@ -111,25 +127,40 @@ class PositionBased {
     return ws;
   }
 
-  /// Advances `state` by `dt` (s) under `input`. The report's iterations are sweeps; its residual is 0, since no equation
-  /// is solved to a tolerance. Never allocates. Complexity: O(substeps × iterations × constraints).
-  /// Fails when: see StepStatus; the state is then bitwise as it was.
-  StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const {
+  /// Returns why `step` would refuse these arguments: one line that names the item, its index and
+  /// the bad value. Returns an empty string when they are good. Allocates. Complexity: O(vertices).
+  std::string check_input(const State& state, const ClothInput<Scalar>& input, Scalar dt,
+                          const Workspace& ws) const {
+    if (!fits(ws)) return detail::foreign_workspace_line();
+    return check_step_input(state, input, dt, vertex_count());
+  }
+
+  /// Advances `state` by `dt` (s) under `input`. The iterations of the report are sweeps. Its
+  /// residual is 0, since no equation is solved to a tolerance. Never allocates. Fails when: see
+  /// StepStatus; the state is then bitwise unchanged, and `check_input` says why. Complexity:
+  /// O(substeps × iterations × constraints).
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                                        Workspace& ws) const {
     StepReport<Scalar> report;
-    report.status = check_step(state, input, dt, vertex_count(), ws.held);
+    report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.held)
+                             : StepStatus::InvalidWorkspace;
     if (report.status != StepStatus::Converged) return report;
 
     const Scalar h = dt / Scalar(static_cast<double>(settings_.substeps));
     load(state, input, h, ws);
     for (int part = 1; part <= settings_.substeps; ++part) {
-      apply_air_impulses(network_.triangles, ws.positions, ws.inverse_mass, input.wind, h, settings_.air, ws.velocities);
+      detail::apply_air_impulses(network_.triangles, ws.positions, ws.inverse_mass, input.wind, h,
+                                 settings_.air, ws.velocities);
       predict(state, input, part, h, ws);
       correct(ws);
-      ws.velocities = (ws.positions - ws.start) / h;
+      for (Index k = 0; k < ws.velocities.size(); ++k)
+        ws.velocities.data()[k] = (ws.positions.data()[k] - ws.start.data()[k]) / h;
     }
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
       const Index vertex = input.driven_vertices[i];
-      ws.velocities.col(vertex) = (input.driven_positions.col(static_cast<Index>(i)) - state.positions.col(vertex)) / dt;
+      const Triple end = detail::column(input.driven_positions, static_cast<Index>(i));
+      detail::set_column(ws.velocities, vertex,
+                         (end - detail::column(state.positions, vertex)) / dt);
     }
     report.iterations = settings_.substeps * settings_.iterations;
     if (!all_finite(ws.positions) || !all_finite(ws.velocities)) {
@@ -143,8 +174,23 @@ class PositionBased {
   }
 
  private:
+  using Triple = detail::Triple<Scalar>;
+
+  /// Returns true when the workspace has the sizes of this model. A step writes all that it reads
+  /// from a workspace, so nothing else must agree.
+  bool fits(const Workspace& ws) const {
+    const Index n = vertex_count();
+    bool good = ws.inverse_mass.size() == n && ws.slowed_inverse_mass.size() == n;
+    for (const Points<Scalar>* p : {&ws.acceleration, &ws.positions, &ws.start, &ws.velocities})
+      good = good && p->cols() == n;
+    return good && rigid_.fits(ws.rigid) && compliant_.fits(ws.compliant) &&
+           bends3_.fits(ws.bends3) && bends4_.fits(ws.bends4);
+  }
+
   PositionBased(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings)
-      : network_(std::move(network)), settings_(std::move(settings)), inverse_mass_(network_.mass.cwiseInverse()) {
+      : network_(std::move(network)), settings_(std::move(settings)), inverse_mass_(network_.mass) {
+    for (Index i = 0; i < inverse_mass_.size(); ++i)
+      inverse_mass_[i] = Scalar(1) / inverse_mass_[i];
     if (settings_.scheme == PositionScheme::Verlet) {
       rigid_ = detail::RigidDistances<Scalar>(network_, settings_.spring_relaxation);
     } else {
@@ -154,51 +200,60 @@ class PositionBased {
     bends4_ = detail::BendConstraints<Scalar, 4>(network_, 4);
   }
 
-  /// Copies the state and computes all that is constant over the step.
-  void load(const State& state, const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const {
+  /// Copies the state and computes what is constant over the step.
+  void load(const State& state, const ClothInput<Scalar>& input, const Scalar& h,
+            Workspace& ws) const {
     ws.positions = state.positions;
     ws.velocities = state.velocities;
     ws.inverse_mass = inverse_mass_;
     for (int vertex : settings_.pinned) {
       ws.inverse_mass[vertex] = Scalar(0);
-      ws.velocities.col(vertex).setZero();
+      detail::set_column(ws.velocities, vertex, Triple{Scalar(0), Scalar(0), Scalar(0)});
     }
     for (int vertex : input.driven_vertices) ws.inverse_mass[vertex] = Scalar(0);
-    ws.acceleration.colwise() = settings_.gravity;
+    const Triple gravity = detail::triple(settings_.gravity);
+    for (Index i = 0; i < vertex_count(); ++i) detail::set_column(ws.acceleration, i, gravity);
     for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
       const Index vertex = input.force_vertices[i];
-      ws.acceleration.col(vertex) += ws.inverse_mass[vertex] * input.forces.col(static_cast<Index>(i));
+      const Triple force = detail::column(input.forces, static_cast<Index>(i));
+      detail::add_to_column(ws.acceleration, vertex, force * ws.inverse_mass[vertex]);
     }
     if (settings_.scheme == PositionScheme::Verlet) {
       rigid_.prepare(ws.inverse_mass, ws.rigid);
       bends3_.prepare_rigid(ws.inverse_mass, settings_.bend_relaxation, ws.bends3);
       bends4_.prepare_rigid(ws.inverse_mass, settings_.bend_relaxation, ws.bends4);
     } else {
-      ws.slowed_inverse_mass = ws.inverse_mass / (Scalar(1) + h * settings_.drag);
+      const Scalar slowing = Scalar(1) + h * settings_.drag;
+      for (Index i = 0; i < vertex_count(); ++i)
+        ws.slowed_inverse_mass[i] = ws.inverse_mass[i] / slowing;
       compliant_.prepare(ws.slowed_inverse_mass, h, ws.compliant);
       bends3_.prepare_compliant(ws.slowed_inverse_mass, h, ws.bends3);
       bends4_.prepare_compliant(ws.slowed_inverse_mass, h, ws.bends4);
     }
   }
 
-  void predict(const State& state, const ClothInput<Scalar>& input, int part, const Scalar& h, Workspace& ws) const {
+  void predict(const State& state, const ClothInput<Scalar>& input, int part, const Scalar& h,
+               Workspace& ws) const {
     const bool verlet = settings_.scheme == PositionScheme::Verlet;
     const Scalar keep = verlet ? Scalar(1) - settings_.verlet_damping : Scalar(1);
     const Scalar scale = Scalar(1) / (Scalar(1) + h * settings_.drag);
     ws.start = ws.positions;
-    ws.velocities = scale * (keep * ws.velocities + h * ws.acceleration);
-    ws.positions += h * ws.velocities;
-    for (int vertex : settings_.pinned) ws.positions.col(vertex) = ws.start.col(vertex);
-    const Scalar done = Scalar(static_cast<double>(part)) / Scalar(static_cast<double>(settings_.substeps));
+    Scalar* v = ws.velocities.data();
+    for (Index k = 0; k < ws.velocities.size(); ++k) {
+      v[k] = scale * (keep * v[k] + h * ws.acceleration.data()[k]);
+      ws.positions.data()[k] = ws.positions.data()[k] + h * v[k];
+    }
+    for (int vertex : settings_.pinned)
+      detail::set_column(ws.positions, vertex, detail::column(ws.start, vertex));
+    const Scalar done =
+        Scalar(static_cast<double>(part)) / Scalar(static_cast<double>(settings_.substeps));
     for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
       const Index vertex = input.driven_vertices[i];
       const Index column = static_cast<Index>(i);
-      if (part == settings_.substeps) {
-        ws.positions.col(vertex) = input.driven_positions.col(column);
-      } else {
-        ws.positions.col(vertex) =
-            state.positions.col(vertex) + done * (input.driven_positions.col(column) - state.positions.col(vertex));
-      }
+      const Triple end = detail::column(input.driven_positions, column);
+      const Triple begin = detail::column(state.positions, vertex);
+      const bool last = part == settings_.substeps;
+      detail::set_column(ws.positions, vertex, last ? end : begin + (end - begin) * done);
     }
   }
 
@@ -230,4 +285,4 @@ class PositionBased {
   detail::BendConstraints<Scalar, 4> bends4_;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,19 +1,20 @@
 #pragma once
 
-// A sheet comes to rest by its own drag while some of its vertices are held. Planning starts from such a state: a sheet that
-// still falls into its folds is not what the first window predicts.
+// Lets a sheet come to rest by its drag while some of its vertices are held. Start planning from
+// such a state: while a sheet still falls into its folds, the predictions of the first windows are
+// wrong.
 
 #include <cmath>
 #include <vector>
 
 #include "clothctl/concepts/cloth.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// How settling ended.
+/// The outcome of settling.
 template <RealScalar Scalar>
 struct SettleReport {
-  /// How the last step ended; InvalidInput when nothing was done.
+  /// Status of the last step; InvalidInput when an argument was refused and no step was taken.
   StepStatus status = StepStatus::InvalidInput;
   /// True when every step advanced.
   bool advanced = false;
@@ -21,18 +22,20 @@ struct SettleReport {
   Scalar speed = Scalar(0);
 };
 
-/// Holds the vertices `held` of `plant` where they are and lets the others swing out, in frames of `dt` (s), until for ten
-/// frames in a row none was faster than `rest_speed` (m/s; 0: never), or for the whole frames nearest to `seconds`, at least
-/// one. Give the plant firm drag for the time (about 3/s for a sheet of half a metre): its own damping takes much longer.
-/// Afterwards the plant still holds `held`. Allocates.
+/// Holds the vertices `held` of `plant` in place and lets the others move freely, in frames of `dt`
+/// (s). It stops when no vertex was faster than `rest_speed` (m/s) for ten frames in a row, at the
+/// latest after the number of frames nearest to `seconds`/`dt`, but takes at least one. With a
+/// `rest_speed` of 0 it takes all frames. Give the plant strong drag for this time (about 3/s for a
+/// sheet of half a metre); with its usual damping it needs much longer. Afterwards the plant still
+/// holds `held`. Allocates.
 ///
-/// Fails when: `dt` or `seconds` is not positive, `rest_speed` is negative, one is not finite, they make more than 10⁹ frames
-/// or a vertex is off the mesh (the plant is then as it was); the plant's step does; a velocity is not finite
-/// (NumericalFailure).
+/// Fails when: `dt` or `seconds` is not positive, `rest_speed` is negative, one of them is not
+/// finite, there would be more than 10⁹ frames, or a vertex is off the mesh (InvalidInput, and the
+/// plant is unchanged); a step of the plant fails; a velocity is not finite (NumericalFailure).
 template <class Plant, RealScalar Scalar>
 requires ClothPlant<Plant, Scalar>
-[[nodiscard]] SettleReport<Scalar> settle(Plant& plant, const std::vector<int>& held, Scalar dt, Scalar seconds,
-                                          Scalar rest_speed = Scalar(0)) {
+[[nodiscard]] SettleReport<Scalar> settle(Plant& plant, const std::vector<int>& held, Scalar dt,
+                                          Scalar seconds, Scalar rest_speed = Scalar(0)) {
   using std::floor;
   using std::sqrt;
   using Traits = plant_traits<Plant>;
@@ -51,9 +54,10 @@ requires ClothPlant<Plant, Scalar>
   input.driven_vertices = held;
   const auto take = [&](const PointsView<Scalar>& x) {
     input.driven_positions.resize(3, static_cast<Index>(held.size()));
-    for (std::size_t i = 0; i < held.size(); ++i) input.driven_positions.col(static_cast<Index>(i)) = x.col(held[i]);
+    for (std::size_t i = 0; i < held.size(); ++i)
+      input.driven_positions.col(static_cast<Index>(i)) = x.col(held[i]);
   };
-  const auto fastest = [](const PointsView<Scalar>& v) {  // not maxCoeff, which may pass a NaN over
+  const auto fastest = [](const PointsView<Scalar>& v) {  // maxCoeff may miss a NaN
     Scalar most = Scalar(0);
     for (Index i = 0; i < v.cols(); ++i) {
       const Scalar square = v.col(i).squaredNorm();
@@ -81,4 +85,4 @@ requires ClothPlant<Plant, Scalar>
   return report;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

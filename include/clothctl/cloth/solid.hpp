@@ -1,15 +1,18 @@
 #pragma once
 
-// A soft solid as springs on the edges of a tetrahedral mesh, and how networks are put together: append, join, weld.
+// A soft solid as springs on the edges of a tetrahedral mesh; and append, join and weld, which
+// combine networks.
 //
-//   edge of length l   k = E Σ V / l²     sum over the volumes V of the tetrahedra at the edge
+//   edge of length l   k = E Σ V / l², summed over the volumes V of the tetrahedra at the edge
 //   mass               each tetrahedron gives a quarter of ρ V to each of its vertices
 //
-// Where k comes from: under a uniform strain ε a spring of direction n holds ½ k l² (nᵀ ε n)². Let each tetrahedron share
-// Σ k l² = 6 E V equally among its six edges. For directions spread evenly, <n_i n_j n_k n_l> = (δδ + δδ + δδ)/15 makes
-// the energy density that of an isotropic solid with λ = μ = 6E/15, hence Young's modulus μ(3λ+2μ)/(λ+μ) = E.
-// Limits: Poisson's ratio is 1/4 whatever the material (central springs), and meshes whose edges prefer some directions
-// are stiffer along those. Rigid motions cost nothing; a tetrahedron can be turned inside out.
+// Derivation of k: under a uniform strain ε a spring of direction n has the energy ½ k l² (nᵀ ε
+// n)². Let each tetrahedron distribute Σ k l² = 6 E V equally over its six edges. For evenly
+// distributed directions the mean <n_i n_j n_k n_l> = (δ_ij δ_kl + δ_ik δ_jl + δ_il δ_jk)/15. The
+// energy density is then that of an isotropic solid with the Lamé constants λ = μ = 6E/15, whose
+// Young's modulus is μ(3λ+2μ)/(λ+μ) = E. Limits: springs along edges always give Poisson's ratio
+// 1/4. A mesh with more edges in some directions is stiffer along those. No force prevents that a
+// tetrahedron turns inside out.
 
 #include <algorithm>
 #include <array>
@@ -22,9 +25,9 @@
 #include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/mesh/tetrahedra.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// What a solid is made of. The defaults are a light rubber foam.
+/// Material of a solid. The defaults are a light rubber foam.
 template <RealScalar Scalar>
 struct SolidSettings {
   /// Mass per volume, kg/m³.
@@ -34,11 +37,14 @@ struct SolidSettings {
   /// Axial damping time β, s: every spring has a damper d = β k.
   Scalar damping_time = Scalar(0.002);
 
-  /// Checks ranges. Returns an empty string, or a line that names the quantity and its value.
-  std::string check() const {
+  /// Returns an empty string when all values are in range, else a line that names the first
+  /// quantity that is not, and its value.
+  std::string validate() const {
     const Scalar zero = Scalar(0);
     const std::array<std::pair<const char*, const Scalar*>, 3> quantities{
-        {{"density", &density}, {"youngs_modulus", &youngs_modulus}, {"damping_time", &damping_time}}};
+        {{"density", &density},
+         {"youngs_modulus", &youngs_modulus},
+         {"damping_time", &damping_time}}};
     for (std::size_t i = 0; i < quantities.size(); ++i) {
       const Scalar& value = *quantities[i].second;
       const std::string item = std::string("solid ") + quantities[i].first;
@@ -50,12 +56,14 @@ struct SolidSettings {
   }
 };
 
-/// Makes the spring network of a solid; springs in the order of `tetrahedron_edges`, triangles are its surface.
-/// Allocates. Complexity: O(n log n). Fails when: the settings are out of range or `mesh.check()` finds fault.
+/// Makes the spring network of a solid. Its springs have the order of `tetrahedron_edges`; its
+/// triangles are the surface of the mesh. Allocates. Complexity: O(n log n). Fails when:
+/// `settings.validate()` or `mesh.validate()` finds a fault.
 template <RealScalar Scalar>
-Result<SpringNetwork<Scalar>> solid_network(const TetMesh<Scalar>& mesh, const SolidSettings<Scalar>& settings) {
-  if (std::string problem = settings.check(); !problem.empty()) return Error{problem};
-  if (std::string problem = mesh.check(); !problem.empty()) return Error{problem};
+Result<SpringNetwork<Scalar>> solid_network(const TetMesh<Scalar>& mesh,
+                                            const SolidSettings<Scalar>& settings) {
+  if (std::string problem = settings.validate(); !problem.empty()) return Error{problem};
+  if (std::string problem = mesh.validate(); !problem.empty()) return Error{problem};
 
   SpringNetwork<Scalar> network;
   network.rest_positions = mesh.positions;
@@ -69,8 +77,10 @@ Result<SpringNetwork<Scalar>> solid_network(const TetMesh<Scalar>& mesh, const S
     for (std::size_t i = 0; i < 4; ++i) {
       network.mass[corner[i]] += Scalar(0.25) * settings.density * volume;
       for (std::size_t j = i + 1; j < 4; ++j) {
-        const std::array<int, 2> edge{(std::min)(corner[i], corner[j]), (std::max)(corner[i], corner[j])};
-        share[static_cast<std::size_t>(std::lower_bound(edges.begin(), edges.end(), edge) - edges.begin())] += volume;
+        const std::array<int, 2> edge{(std::min)(corner[i], corner[j]),
+                                      (std::max)(corner[i], corner[j])};
+        share[static_cast<std::size_t>(std::lower_bound(edges.begin(), edges.end(), edge) -
+                                       edges.begin())] += volume;
       }
     }
   }
@@ -80,14 +90,16 @@ Result<SpringNetwork<Scalar>> solid_network(const TetMesh<Scalar>& mesh, const S
     const Scalar stiffness = settings.youngs_modulus * share[e] / d.squaredNorm();
     detail::add_spring(network, edges[e][0], edges[e][1], stiffness, settings.damping_time);
   }
-  if (std::string problem = network.check(); !problem.empty()) return Error{problem};
+  if (std::string problem = network.validate(); !problem.empty()) return Error{problem};
   return network;
 }
 
-/// Adds a copy of `other`, moved by `offset` (m), to `network`; the two stay unconnected. Returns the index that vertex 0
-/// of `other` got; its other vertices follow. Allocates. Complexity: O(size of both).
+/// Adds a copy of `other`, moved by `offset` (m), to `network`. No spring connects the two. Returns
+/// the new index of vertex 0 of `other`; the indices of its other vertices follow. Allocates.
+/// Complexity: O(size of both).
 template <RealScalar Scalar>
-int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other, const Vector3<Scalar>& offset) {
+int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other,
+           const Vector3<Scalar>& offset) {
   const Index before = network.vertex_count(), added = other.vertex_count();
   const int first = static_cast<int>(before);
   Points<Scalar> positions(3, before + added);
@@ -100,8 +112,9 @@ int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other, c
     positions.col(before + v) = other.rest_positions.col(v) + offset;
     mass[before + v] = other.mass[v];
   }
-  // Counted first and copied one by one, so a network may be appended to itself.
-  const std::size_t springs = other.springs.size(), bends = other.bends.size(), triangles = other.triangles.size();
+  // The counts are read first, so that a network can be appended to itself.
+  const std::size_t springs = other.springs.size(), bends = other.bends.size(),
+                    triangles = other.triangles.size();
   for (std::size_t e = 0; e < springs; ++e) {
     Spring<Scalar> spring = other.springs[e];
     spring.a += first;
@@ -123,49 +136,61 @@ int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other, c
   return first;
 }
 
-/// Joins two vertices that stand apart with a spring of `stiffness` (N/m) at their present distance. Allocates.
-/// Fails when: an index is off the mesh, the two are one vertex or in one place (use `weld`), or a constant is negative;
-/// the network is then unchanged and the returned line, empty on success, says why.
+/// Connects two vertices at different places with a spring of `stiffness` (N/m). Its rest length is
+/// their distance. Returns an empty string on success. Allocates. Fails when: an index is off the
+/// mesh, both are the same vertex or at the same place (use `weld`), or a constant is negative or
+/// not finite. The network is then unchanged, and the returned line says why.
 template <RealScalar Scalar>
-[[nodiscard]] std::string join(SpringNetwork<Scalar>& network, int a, int b, Scalar stiffness, Scalar damping_time) {
+[[nodiscard]] std::string join(SpringNetwork<Scalar>& network, int a, int b, Scalar stiffness,
+                               Scalar damping_time) {
   const Index n = network.vertex_count();
   for (int v : {a, b}) {
-    if (v < 0 || v >= n) return "join: vertex " + std::to_string(v) + " is off the mesh of " + std::to_string(n) + " vertices";
+    if (v < 0 || v >= n)
+      return "join: vertex " + std::to_string(v) + " is off the mesh of " + std::to_string(n) +
+             " vertices";
   }
   if (a == b) return "join: vertex " + std::to_string(a) + " cannot be joined to itself";
-  if (!is_finite(stiffness) || stiffness < Scalar(0) || !is_finite(damping_time) || damping_time < Scalar(0))
-    return "join: stiffness and damping time must not be negative, got " + number_text(stiffness) + " and " +
-           number_text(damping_time);
+  if (!is_finite(stiffness) || stiffness < Scalar(0) || !is_finite(damping_time) ||
+      damping_time < Scalar(0))
+    return "join: stiffness and damping time must not be negative, got " + number_text(stiffness) +
+           " and " + number_text(damping_time);
   const Vector3<Scalar> d = network.rest_positions.col(b) - network.rest_positions.col(a);
   if (!(Scalar(0) < d.norm()))
-    return "join: vertices " + std::to_string(a) + " and " + std::to_string(b) + " are in one place; weld them";
+    return "join: vertices " + std::to_string(a) + " and " + std::to_string(b) +
+           " are at the same place; use weld";
   detail::add_spring(network, a, b, stiffness, damping_time);
   return {};
 }
 
-/// Makes one vertex of two: `keep` takes over the mass, springs, stencils and triangles of `gone` and stays where it is;
-/// vertices above `gone` move down by one. Rest lengths are kept, so the two should stand in one place. A pin joint: the
-/// parts may swing about it. Allocates. Complexity: O(size).
-/// Fails when: an index is off the mesh, the two are one vertex or share a spring, stencil or triangle; the network is
-/// then unchanged and the returned line, empty on success, says why.
+/// Merges two vertices. `keep` takes over the mass, springs, stencils and triangles of `gone` and
+/// stays at its place; the indices of the vertices above `gone` decrease by one. Rest lengths do
+/// not change, so the two vertices should be at the same place. The result is a pin joint: the
+/// parts can rotate about it. Returns an empty string on success. Allocates. Complexity: O(size).
+/// Fails when: an index is off the mesh, both are the same vertex, or both belong to one spring,
+/// stencil or triangle. The network is then unchanged, and the returned line says why.
 template <RealScalar Scalar>
 [[nodiscard]] std::string weld(SpringNetwork<Scalar>& network, int keep, int gone) {
   const Index n = network.vertex_count();
   for (int v : {keep, gone}) {
-    if (v < 0 || v >= n) return "weld: vertex " + std::to_string(v) + " is off the mesh of " + std::to_string(n) + " vertices";
+    if (v < 0 || v >= n)
+      return "weld: vertex " + std::to_string(v) + " is off the mesh of " + std::to_string(n) +
+             " vertices";
   }
-  const std::string pair = "weld: vertices " + std::to_string(keep) + " and " + std::to_string(gone);
-  if (keep == gone) return pair + " are one";
+  const std::string pair =
+      "weld: vertices " + std::to_string(keep) + " and " + std::to_string(gone);
+  if (keep == gone) return pair + " are the same";
   const auto holds_both = [keep, gone](const int* first, const int* last) {
     return std::find(first, last, keep) != last && std::find(first, last, gone) != last;
   };
   for (std::size_t e = 0; e < network.springs.size(); ++e) {
     const std::array<int, 2> ends{network.springs[e].a, network.springs[e].b};
-    if (holds_both(ends.data(), ends.data() + 2)) return pair + " share spring " + std::to_string(e);
+    if (holds_both(ends.data(), ends.data() + 2))
+      return pair + " share spring " + std::to_string(e);
   }
   for (std::size_t e = 0; e < network.bends.size(); ++e) {
     const int* vertices = network.bends[e].vertex.data();
-    if (holds_both(vertices, vertices + network.bends[e].count)) return pair + " share bending stencil " + std::to_string(e);
+    if (holds_both(vertices, vertices + network.bends[e].count))
+      return pair + " share bending stencil " + std::to_string(e);
   }
   for (std::size_t e = 0; e < network.triangles.size(); ++e) {
     const int* vertices = network.triangles[e].data();
@@ -199,24 +224,25 @@ template <RealScalar Scalar>
 /// A ball that hangs from a rope.
 template <RealScalar Scalar>
 struct RopeBall {
-  /// Rope vertices 0 … segments from the top down, then the ball's.
+  /// The vertices of the rope, 0 to segments from the top down, then those of the ball.
   SpringNetwork<Scalar> network;
-  /// The top of the rope, where the hand is.
+  /// The top of the rope, which a hand holds.
   int grip = 0;
-  /// The lower end of the rope, which is the ball's north pole.
+  /// The lower end of the rope, which is also the north pole of the ball.
   int joint = 0;
   /// The vertex at the ball's centre.
   int centre = 0;
-  /// All vertices of the ball, the joint among them, ascending.
+  /// All vertices of the ball including the joint, ascending.
   std::vector<int> ball;
 };
 
-/// Hangs a ball of `radius` (m) from a rope: the rope's lower end is welded to the ball's north pole.
-/// Allocates. Complexity: O(segments + resolution³ log resolution). Fails when: rope, ball or solid are out of range.
-/// Reference: paper 000, figure 10.
+/// Makes a rope with a ball of `radius` (m) at its lower end, which is welded to the north pole of
+/// the ball. `resolution` is that of `make_ball`. Allocates. Complexity: O(segments + resolution³
+/// log resolution). Fails when: the settings of rope, ball or solid are out of range. Reference:
+/// [Bai 2016], figure 10.
 template <RealScalar Scalar>
-Result<RopeBall<Scalar>> rope_ball_network(const RopeSettings<Scalar>& rope, Scalar radius, int resolution,
-                                           const SolidSettings<Scalar>& solid) {
+Result<RopeBall<Scalar>> rope_ball_network(const RopeSettings<Scalar>& rope, Scalar radius,
+                                           int resolution, const SolidSettings<Scalar>& solid) {
   Result<SpringNetwork<Scalar>> line = rope_network(rope);
   if (!line) return Error{line.error()};
   const Vector3<Scalar> origin = Vector3<Scalar>::Zero();
@@ -229,12 +255,14 @@ Result<RopeBall<Scalar>> rope_ball_network(const RopeSettings<Scalar>& rope, Sca
   out.network = std::move(line).value();
   out.joint = rope.segments;
   const int poles = static_cast<int>(sphere->vertex_count()) - 1;
-  const int first =
-      append(out.network, sphere.value(), Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0) - rope.length - radius));
-  if (std::string problem = weld(out.network, out.joint, first + poles); !problem.empty()) return Error{problem};
+  const int first = append(out.network, sphere.value(),
+                           Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(0) - rope.length - radius));
+  if (std::string problem = weld(out.network, out.joint, first + poles); !problem.empty())
+    return Error{problem};
   out.centre = first + poles / 2;
-  for (int v = out.joint; v < static_cast<int>(out.network.vertex_count()); ++v) out.ball.push_back(v);
+  for (int v = out.joint; v < static_cast<int>(out.network.vertex_count()); ++v)
+    out.ball.push_back(v);
   return out;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

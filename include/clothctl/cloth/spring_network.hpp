@@ -1,19 +1,51 @@
 #pragma once
 
-// The data of a spring model: point masses, axial springs, linear bending stencils and the triangles that air pushes on.
-// Builders make networks (sheet, rope, solid); models (MassSpring, PositionBased) consume them.
+// The data of a spring model: point masses, axial springs, linear bending stencils and the
+// triangles that the air pushes on. sheet_network, rope_network and solid_network make networks;
+// the models MassSpring and PositionBased take them.
 //
-//   spring a-b:   U = ½ k (|x_a - x_b| - l0)²,  axial damper  d n nᵀ (v_a - v_b),  d = β k
-//   stencil:      U = ½ kb |Σ_i w_i x_{s_i}|²   (w = 1,-2,1 on three vertices in a row, or a hinge on four)
+//   spring a-b   U = ½ k (|x_a - x_b| - l0)²,   damper force  d n nᵀ (v_a - v_b)  with  d = β k
+//   stencil      U = ½ kb |Σ_i w_i x_i|²        w = 1,-2,1 on three vertices in a row, or the
+//                                               weights of a hinge on four
+//
+// Symbols: x positions, v velocities, l0 rest length, k stiffness, n unit vector along the spring,
+// β damping time.
 
 #include <array>
+#include <cstddef>
 #include <string>
 #include <vector>
 
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// How the air acts on a sheet. With both coefficients at zero, the default, there is no air.
+template <RealScalar Scalar>
+struct AirSettings {
+  /// Density ρ, kg/m³.
+  Scalar density = Scalar(1.2);
+  /// Drag coefficient Cn of the motion along the normal (a plate facing the flow: between 1 and 2).
+  Scalar normal_coefficient = Scalar(0);
+  /// Drag coefficient Ct of the motion along the surface (smooth cloth: a few hundredths).
+  Scalar tangent_coefficient = Scalar(0);
+
+  /// Returns true when the air exerts any force.
+  bool enabled() const {
+    return Scalar(0) < density &&
+           (Scalar(0) < normal_coefficient || Scalar(0) < tangent_coefficient);
+  }
+
+  /// Returns an empty string when all values are good, else a line that names the first bad one.
+  std::string validate() const {
+    const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
+    if (bad(density)) return "air density is negative or not finite";
+    if (bad(normal_coefficient)) return "normal air coefficient is negative or not finite";
+    if (bad(tangent_coefficient)) return "tangent air coefficient is negative or not finite";
+    return {};
+  }
+};
 
 /// An axial spring with a parallel damper between two vertices.
 template <RealScalar Scalar>
@@ -22,7 +54,7 @@ struct Spring {
   int a = 0;
   /// Second vertex.
   int b = 0;
-  /// Length without force, m.
+  /// Length at which the spring exerts no force, m.
   Scalar rest_length = Scalar(0);
   /// Stiffness k, N/m.
   Scalar stiffness = Scalar(0);
@@ -33,17 +65,17 @@ struct Spring {
 /// A quadratic bending element: ½ kb |Σ w_i x_i|² over three or four vertices.
 template <RealScalar Scalar>
 struct BendStencil {
-  /// The vertices; only the first `count` are used.
+  /// The vertices. Only the first `count` are used.
   std::array<int, 4> vertex{};
-  /// Their weights; they sum to zero.
+  /// The weights w of the vertices. They sum to zero, so that a translation costs no energy.
   std::array<Scalar, 4> weight{Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
   /// Stiffness kb, N/m.
   Scalar stiffness = Scalar(0);
-  /// Vertices in use, 2 to 4.
+  /// Number of vertices in use, 2 to 4.
   int count = 0;
 };
 
-/// Masses, springs, bending stencils and air triangles over one vertex numbering.
+/// Masses, springs, bending stencils and triangles that share one numbering of the vertices.
 template <RealScalar Scalar>
 struct SpringNetwork {
   /// Undeformed vertex positions, 3×n, m.
@@ -54,13 +86,14 @@ struct SpringNetwork {
   std::vector<Spring<Scalar>> springs;
   /// Bending elements.
   std::vector<BendStencil<Scalar>> bends;
-  /// Triangles that feel the air, and that a viewer draws; counter-clockwise seen from their front.
+  /// Triangles that the air pushes on and that a viewer draws, counter-clockwise seen from their
+  /// front.
   std::vector<std::array<int, 3>> triangles;
 
   /// Number of vertices.
   Index vertex_count() const { return rest_positions.cols(); }
 
-  /// The same network in another scalar. Allocates.
+  /// Returns the same network in another scalar. Allocates.
   template <RealScalar Other>
   SpringNetwork<Other> cast() const {
     SpringNetwork<Other> out;
@@ -68,8 +101,8 @@ struct SpringNetwork {
     out.mass = mass.template cast<Other>();
     out.springs.reserve(springs.size());
     for (const Spring<Scalar>& s : springs) {
-      out.springs.push_back(
-          {s.a, s.b, static_cast<Other>(s.rest_length), static_cast<Other>(s.stiffness), static_cast<Other>(s.damping)});
+      out.springs.push_back({s.a, s.b, static_cast<Other>(s.rest_length),
+                             static_cast<Other>(s.stiffness), static_cast<Other>(s.damping)});
     }
     out.bends.reserve(bends.size());
     for (const BendStencil<Scalar>& b : bends) {
@@ -84,29 +117,36 @@ struct SpringNetwork {
     return out;
   }
 
-  /// Checks indices, masses and constants; stencils and triangles hold each vertex once. Returns an empty string, or a line
-  /// that names the first bad item.
-  std::string check() const {
+  /// Returns an empty string when indices, masses and constants are good and no stencil or triangle
+  /// holds a vertex twice; else a line that names the first bad item. Allocates.
+  std::string validate() const {
     const Index n = vertex_count();
     const auto bad = [n](int v) { return v < 0 || v >= n; };
     const Scalar zero = Scalar(0);
     if (n == 0) return "spring network has no vertices";
     if (mass.size() != n)
-      return "spring network has " + std::to_string(mass.size()) + " masses for " + std::to_string(n) + " vertices";
+      return "spring network has " + std::to_string(mass.size()) + " masses for " +
+             std::to_string(n) + " vertices";
     for (Index i = 0; i < n; ++i) {
       for (Index c = 0; c < 3; ++c) {
-        if (!is_finite(rest_positions(c, i))) return "rest position of vertex " + std::to_string(i) + " is not finite";
+        if (!is_finite(rest_positions(c, i)))
+          return "rest position of vertex " + std::to_string(i) + " is not finite";
       }
-      if (!is_finite(mass[i]) || !(zero < mass[i])) return "mass of vertex " + std::to_string(i) + " is not positive";
+      if (!is_finite(mass[i]) || !(zero < mass[i]))
+        return "mass of vertex " + std::to_string(i) + " is not positive";
     }
     for (std::size_t e = 0; e < springs.size(); ++e) {
       const Spring<Scalar>& s = springs[e];
       const std::string name = "spring " + std::to_string(e);
-      if (bad(s.a) || bad(s.b)) return name + " joins vertex " + std::to_string(bad(s.a) ? s.a : s.b) + " off the mesh";
+      if (bad(s.a) || bad(s.b))
+        return name + " joins vertex " + std::to_string(bad(s.a) ? s.a : s.b) + " off the mesh";
       if (s.a == s.b) return name + " joins vertex " + std::to_string(s.a) + " to itself";
-      if (!is_finite(s.rest_length) || !(zero < s.rest_length)) return name + " has no positive rest length";
-      if (!is_finite(s.stiffness) || s.stiffness < zero) return name + " has a negative or non-finite stiffness";
-      if (!is_finite(s.damping) || s.damping < zero) return name + " has a negative or non-finite damping";
+      if (!is_finite(s.rest_length) || !(zero < s.rest_length))
+        return name + " has no positive rest length";
+      if (!is_finite(s.stiffness) || s.stiffness < zero)
+        return name + " has a negative or non-finite stiffness";
+      if (!is_finite(s.damping) || s.damping < zero)
+        return name + " has a negative or non-finite damping";
     }
     for (std::size_t e = 0; e < bends.size(); ++e) {
       const BendStencil<Scalar>& s = bends[e];
@@ -115,15 +155,19 @@ struct SpringNetwork {
       for (int i = 0; i < s.count; ++i) {
         const int v = s.vertex[static_cast<std::size_t>(i)];
         if (bad(v)) return name + " holds vertex " + std::to_string(v) + " off the mesh";
-        if (!is_finite(s.weight[static_cast<std::size_t>(i)])) return name + " has a non-finite weight";
+        if (!is_finite(s.weight[static_cast<std::size_t>(i)]))
+          return name + " has a non-finite weight";
       }
-      if (!is_finite(s.stiffness) || s.stiffness < zero) return name + " has a negative or non-finite stiffness";
+      if (!is_finite(s.stiffness) || s.stiffness < zero)
+        return name + " has a negative or non-finite stiffness";
       if (const int v = repeated(s.vertex, static_cast<std::size_t>(s.count)); v >= 0)
         return name + " holds vertex " + std::to_string(v) + " twice";
     }
     for (std::size_t e = 0; e < triangles.size(); ++e) {
       for (int v : triangles[e]) {
-        if (bad(v)) return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " off the mesh";
+        if (bad(v))
+          return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) +
+                 " off the mesh";
       }
       if (const int v = repeated(triangles[e], 3); v >= 0)
         return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
@@ -132,7 +176,7 @@ struct SpringNetwork {
   }
 
  private:
-  /// The first vertex that stands twice among the first `count` of a list, or -1.
+  /// Returns the first vertex that occurs twice among the first `count` of a list, or -1.
   template <class List>
   static int repeated(const List& list, std::size_t count) {
     for (std::size_t i = 1; i < count; ++i) {
@@ -144,4 +188,4 @@ struct SpringNetwork {
   }
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,20 +1,37 @@
 #pragma once
 
-// ArticulatedModel and ArticulatedDynamics: what inverse kinematics and hand control ask of a robot. Both are checked through a
-// trait, so that a robot of another library joins in by specialising the trait in its user's tree.
+// ArticulatedModel and ArticulatedDynamics: what inverse kinematics and hand control need of a
+// robot. Both are checked through articulated_traits, so that a robot of another library takes part
+// by specialising the trait in its user's code. `concepts/articulated.cpp` in the tests is an
+// example.
 //
-// A model is const; what depends on where it stands is in a workspace, made once. Positions q may have more entries than
-// velocities (quaternions); `advance` and `difference` go between them. Twists are linear first, in world axes.
+// The model is const. Whatever depends on its positions is in a workspace, which is made once.
+// Positions q (nq) may have more entries than velocities (nv), for instance where they hold
+// quaternions; `advance` and `difference` connect the two. A twist has its linear part first, in
+// world axes. Units: m, rad, s, kg, N, N m.
+//
+// A trait may offer three optional hooks. Code works without them:
+//
+//   frames(model) -> integer
+//       Number of frames. With it, a frame index beyond the last one is refused by a status.
+//       Without it, only negative indices are refused, and frame_pose must write values that are
+//       not finite for a frame that does not exist.
+//   position_jacobian(model, work, frame, x, factor, J)
+//       Writes the linear rows of point_jacobian times `factor` to J (3 × nv). It saves inverse
+//       kinematics the angular rows. Without it, point_jacobian is called and its upper half taken.
+//   workspace_fits(model, work) -> bool
+//       False when the workspace was made for another robot; it is then refused by a status.
+//       Without it, every workspace is accepted.
 
 #include <concepts>
 
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// The number and workspace types of a model that names them; empty for every other type.
+/// The scalar and workspace types of a model that names them; empty for every other type.
 template <class Model>
 struct articulated_types_of {};
 template <class Model>
@@ -29,102 +46,163 @@ struct articulated_types_of<Model> {
 
 }  // namespace detail
 
-/// How a type acts as a robot. The primary forwards to members of the same names.
+/// Says how a type acts as a robot. The primary template forwards to members of the same names.
+/// The optional hooks at the top of this file have no forwarders: a specialisation offers them.
 template <class Model>
 struct articulated_traits : detail::articulated_types_of<Model> {
-  /// Makes a workspace. Allocates.
+  /// Returns a new workspace. Allocates.
   static auto make_workspace(const Model& model) requires requires { model.make_workspace(); }
   { return model.make_workspace(); }
-  /// Length of positions.
-  static Index positions(const Model& model) requires requires { model.positions(); }
-  { return model.positions(); }
-  /// Length of velocities, accelerations and torques.
-  static Index velocities(const Model& model) requires requires { model.velocities(); }
-  { return model.velocities(); }
-  /// Least positions; infinite where there is no limit.
+  /// Returns the length of positions.
+  static Index nq(const Model& model) requires requires { model.nq(); }
+  { return model.nq(); }
+  /// Returns the length of velocities, accelerations and torques.
+  static Index nv(const Model& model) requires requires { model.nv(); }
+  { return model.nv(); }
+  /// Returns the lowest positions (nq), infinite where there is no limit.
   static decltype(auto) lower(const Model& model) requires requires { model.lower(); }
   { return model.lower(); }
-  /// Largest positions.
+  /// Returns the highest positions (nq).
   static decltype(auto) upper(const Model& model) requires requires { model.upper(); }
   { return model.upper(); }
-  /// Largest torques.
-  static decltype(auto) effort_limits(const Model& model) requires requires { model.effort_limits(); }
+  /// Returns the largest torques (nv).
+  static decltype(auto) effort_limits(const Model& model) requires requires {
+    model.effort_limits();
+  }
   { return model.effort_limits(); }
-  /// q moved along `step` (velocity times time) to `out`.
+  /// Writes q moved along `step` (nv, velocity times time) to `out` (nq).
   template <class Q, class Step, class Out>
-  requires requires(const Model& m, const Q& q, const Step& step, Out& out) { m.advance(q, step, out); }
-  static void advance(const Model& model, const Q& q, const Step& step, Out&& out) { model.advance(q, step, out); }
-  /// The step that takes `from` to `to`.
+  requires requires(const Model& m, const Q& q, const Step& step, Out& out) {
+    m.advance(q, step, out);
+  }
+  static void advance(const Model& model, const Q& q, const Step& step, Out&& out) {
+    model.advance(q, step, out);
+  }
+  /// Writes the step (nv) that leads from positions `from` to positions `to`.
   template <class From, class To, class Out>
-  requires requires(const Model& m, const From& from, const To& to, Out& out) { m.difference(from, to, out); }
-  static void difference(const Model& model, const From& from, const To& to, Out&& out) { model.difference(from, to, out); }
-  /// Puts the workspace to positions q.
+  requires requires(const Model& m, const From& from, const To& to, Out& out) {
+    m.difference(from, to, out);
+  }
+  static void difference(const Model& model, const From& from, const To& to, Out&& out) {
+    model.difference(from, to, out);
+  }
+  /// Computes the poses of all frames at positions q and keeps them in the workspace.
   template <class Vector, class Workspace>
-  requires requires(const Model& m, const Vector& v, Workspace& w) { m.place(v, w); }
-  static void place(const Model& model, const Vector& q, Workspace& work) { model.place(q, work); }
-  /// Writes rotation and origin of a frame in the world.
+  requires requires(const Model& m, const Vector& v, Workspace& w) { m.forward_kinematics(v, w); }
+  static void forward_kinematics(const Model& model, const Vector& q, Workspace& work) {
+    model.forward_kinematics(q, work);
+  }
+  /// Writes the rotation of a frame to the world and its origin (m, world).
   template <class Scalar, class Workspace>
-  requires requires(const Model& m, const Workspace& w, Matrix3<Scalar>& R, Vector3<Scalar>& p) { m.frame_pose(w, 0, R, p); }
-  static void frame_pose(const Model& model, const Workspace& work, int frame, Matrix3<Scalar>& R, Vector3<Scalar>& p) {
+  requires requires(const Model& m, const Workspace& w, Matrix3<Scalar>& R, Vector3<Scalar>& p) {
+    m.frame_pose(w, 0, R, p);
+  }
+  static void frame_pose(const Model& model, const Workspace& work, int frame, Matrix3<Scalar>& R,
+                         Vector3<Scalar>& p) {
     model.frame_pose(work, frame, R, p);
   }
-  /// Writes the Jacobian (6 × velocities) of the world point x that is fixed on a frame.
+  /// Writes the Jacobian (6 × nv) of the point x (m, world) that is fixed on a frame.
   template <class Scalar, class Workspace, class Out>
-  requires requires(const Model& m, const Workspace& w, const Vector3<Scalar>& x, Out& J) { m.point_jacobian(w, 0, x, J); }
-  static void point_jacobian(const Model& model, const Workspace& work, int frame, const Vector3<Scalar>& x, Out&& J) {
+  requires requires(const Model& m, const Workspace& w, const Vector3<Scalar>& x, Out& J) {
+    m.point_jacobian(w, 0, x, J);
+  }
+  static void point_jacobian(const Model& model, const Workspace& work, int frame,
+                             const Vector3<Scalar>& x, Out&& J) {
     model.point_jacobian(work, frame, x, J);
   }
-  /// Writes the torques that velocities qd and accelerations qdd take, gravity included.
+  /// Writes the torques that velocities qd and accelerations qdd need, gravity included.
   template <class Qd, class Qdd, class Workspace, class Out>
   requires requires(const Model& m, const Qd& qd, const Qdd& qdd, Workspace& w, Out& out) {
     m.inverse_dynamics(qd, qdd, w, out);
   }
-  static void inverse_dynamics(const Model& model, const Qd& qd, const Qdd& qdd, Workspace& work, Out&& torques) {
+  static void inverse_dynamics(const Model& model, const Qd& qd, const Qdd& qdd, Workspace& work,
+                               Out&& torques) {
     model.inverse_dynamics(qd, qdd, work, torques);
   }
-  /// Writes the accelerations that torques cause at velocities qd, with a diagonal added to the mass matrix. Answers -1, or the
-  /// coordinate (or any, where the input is not finite) at which no finite answer exists.
+  /// Writes the accelerations that torques cause at velocities qd, with `diagonal` (nv) added to
+  /// the diagonal of the mass matrix. Returns -1 on success, else a velocity coordinate that has no
+  /// finite acceleration (any coordinate where the input is not finite).
   template <class Qd, class Torques, class Diagonal, class Workspace, class Out>
-  requires requires(const Model& m, const Qd& qd, const Torques& t, const Diagonal& d, Workspace& w, Out& out) {
+  requires requires(const Model& m, const Qd& qd, const Torques& t, const Diagonal& d, Workspace& w,
+                    Out& out) {
     m.forward_dynamics(qd, t, d, w, out);
   }
-  [[nodiscard]] static auto forward_dynamics(const Model& model, const Qd& qd, const Torques& torques, const Diagonal& diagonal,
+  [[nodiscard]] static auto forward_dynamics(const Model& model, const Qd& qd,
+                                             const Torques& torques, const Diagonal& diagonal,
                                              Workspace& work, Out&& qdd) {
     return model.forward_dynamics(qd, torques, diagonal, work, qdd);
   }
 };
 
-/// A robot's kinematics.
+/// A robot with kinematics. InverseKinematics, PrioritisedIk and ConstrainedIk take it.
 ///
-/// Axioms: J q̇ is the derivative of the frame's motion along `advance`; `advance` along `difference` arrives; const model, one
-/// workspace a thread; nothing but make_workspace allocates.
+/// Axioms: J q̇ is the derivative of the frame's motion along `advance`. `advance` by
+/// `difference(from, to)` leads from `from` to `to`. Threads may share a model when each has its
+/// own workspace. Nothing but make_workspace allocates.
+///
+/// Optional hooks: `frames`, `position_jacobian` and `workspace_fits`, described at the top of this
+/// file.
 template <class Model, class Scalar = double>
 concept ArticulatedModel = RealScalar<Scalar> && requires {
   typename articulated_traits<Model>::workspace_type;
-} && requires(const Model& model, typename articulated_traits<Model>::workspace_type& work, const VectorX<Scalar>& v,
-              VectorX<Scalar>& out, MatrixX<Scalar>& J, Matrix3<Scalar>& R, Vector3<Scalar>& p, int frame) {
-  { articulated_traits<Model>::make_workspace(model) } -> std::same_as<typename articulated_traits<Model>::workspace_type>;
-  { articulated_traits<Model>::positions(model) } -> std::convertible_to<Index>;
-  { articulated_traits<Model>::velocities(model) } -> std::convertible_to<Index>;
+} && requires(const Model& model, typename articulated_traits<Model>::workspace_type& work,
+              const VectorX<Scalar>& v, VectorX<Scalar>& out, MatrixX<Scalar>& J,
+              Matrix3<Scalar>& R, Vector3<Scalar>& p, int frame) {
+  {
+    articulated_traits<Model>::make_workspace(model)
+    } -> std::same_as<typename articulated_traits<Model>::workspace_type>;
+  { articulated_traits<Model>::nq(model) } -> std::convertible_to<Index>;
+  { articulated_traits<Model>::nv(model) } -> std::convertible_to<Index>;
   { articulated_traits<Model>::lower(model) } -> std::convertible_to<VectorX<Scalar>>;
   { articulated_traits<Model>::upper(model) } -> std::convertible_to<VectorX<Scalar>>;
   articulated_traits<Model>::advance(model, v, v, out);
   articulated_traits<Model>::difference(model, v, v, out);
-  articulated_traits<Model>::place(model, v, work);
+  articulated_traits<Model>::forward_kinematics(model, v, work);
   articulated_traits<Model>::frame_pose(model, work, frame, R, p);
   articulated_traits<Model>::point_jacobian(model, work, frame, p, J);
 };
 
-/// A robot's dynamics too: τ = M(q) q̈ + C(q, q̇) + g(q).
+/// A robot with kinematics and dynamics, τ = M(q) q̈ + C(q, q̇) + g(q). StablePd takes it.
 ///
-/// Axioms: forward dynamics undoes inverse dynamics; with a diagonal d it answers (M + diag d) q̈ = τ - C - g.
+/// Axioms: forward dynamics inverts inverse dynamics. With a diagonal d it solves
+/// (M + diag d) q̈ = τ - C - g.
+///
+/// Optional hooks: none.
 template <class Model, class Scalar = double>
 concept ArticulatedDynamics = ArticulatedModel<Model, Scalar> &&
-    requires(const Model& model, typename articulated_traits<Model>::workspace_type& work, const VectorX<Scalar>& v,
-             VectorX<Scalar>& out) {
+    requires(const Model& model, typename articulated_traits<Model>::workspace_type& work,
+             const VectorX<Scalar>& v, VectorX<Scalar>& out) {
   { articulated_traits<Model>::effort_limits(model) } -> std::convertible_to<VectorX<Scalar>>;
   articulated_traits<Model>::inverse_dynamics(model, v, v, work, out);
-  { articulated_traits<Model>::forward_dynamics(model, v, v, v, work, out) } -> std::convertible_to<Index>;
+  {
+    articulated_traits<Model>::forward_dynamics(model, v, v, v, work, out)
+    } -> std::convertible_to<Index>;
 };
 
-}  // namespace clothctl
+namespace detail {
+
+/// Returns true when the frame exists, as far as the trait can tell (optional hook `frames`).
+template <class Model>
+bool has_frame(const Model& model, int frame) {
+  if constexpr (requires { articulated_traits<Model>::frames(model); }) {
+    return frame >= 0 &&
+           static_cast<Index>(frame) < Index(articulated_traits<Model>::frames(model));
+  } else {
+    return frame >= 0;
+  }
+}
+
+/// Returns true when the workspace is the model's, as far as the trait can tell (optional hook
+/// `workspace_fits`).
+template <class Model, class Workspace>
+bool workspace_fits(const Model& model, const Workspace& work) {
+  if constexpr (requires { articulated_traits<Model>::workspace_fits(model, work); }) {
+    return articulated_traits<Model>::workspace_fits(model, work);
+  } else {
+    return true;
+  }
+}
+
+}  // namespace detail
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,42 +1,54 @@
 #pragma once
 
-// ClothPlant: all that a controller may ask of a sheet it does not own. ClothModel: a simulator of our own kind, whose
-// model is const, whose state is a value and whose scratch memory is apart. Both are checked through a trait, so a type
-// that has never heard of clothctl joins in by specialising the trait.
+// ClothPlant: what a controller may ask of a sheet that it does not own, simulated or real.
+// ClothModel: a simulator with a const model, a state that is a value, and its scratch memory
+// apart. ClothRollout: a ClothModel whose step can be started from a guess, for predictions.
+//
+// Each is checked through a trait, so that a type of another library takes part unchanged.
 
 #include <concepts>
+#include <span>
 
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// How a type acts as a plant. The primary forwards to members of the same names.
+/// How a type acts as a plant. The primary template forwards to members of the same names.
 template <class Plant>
 struct plant_traits {
-  /// Number of vertices.
+  /// Returns the number of vertices n.
   static Index vertex_count(const Plant& plant) requires requires { plant.vertex_count(); }
   { return plant.vertex_count(); }
-  /// Vertex positions, 3×n, m.
+  /// Returns the vertex positions, 3×n, m, world frame, z up.
   static decltype(auto) positions(const Plant& plant) requires requires { plant.positions(); }
   { return plant.positions(); }
-  /// Vertex velocities, 3×n, m/s.
+  /// Returns the vertex velocities, 3×n, m/s.
   static decltype(auto) velocities(const Plant& plant) requires requires { plant.velocities(); }
   { return plant.velocities(); }
   /// Sets what acts on the sheet from now on.
   template <class Input>
   requires requires(Plant& p, const Input& input) { p.apply(input); }
   static void apply(Plant& plant, const Input& input) { plant.apply(input); }
-  /// Advances by `dt` seconds under the input that was applied last.
+  /// Advances by `dt` (s) under the input that was applied last.
   template <class Scalar>
   requires requires(Plant& p, Scalar dt) { p.advance(dt); }
   static auto advance(Plant& plant, Scalar dt) { return plant.advance(dt); }
+  /// Returns the force that carries the whole sheet at rest, 3, N: (0, 0, weight). Optional.
+  static decltype(auto) gravity_load(const Plant& plant) requires requires { plant.gravity_load(); }
+  { return plant.gravity_load(); }
+  /// Returns the only time step that `advance` takes, s. Optional.
+  static auto time_step(const Plant& plant) requires requires { plant.time_step(); }
+  { return plant.time_step(); }
 };
 
 /// A sheet that can be pushed and watched, simulated or real.
 ///
-/// Axioms: after `advance` reports `advanced`, positions and velocities are those dt later; when it does not, they are
-/// as before; with equal state and input, equal results (simulated plants).
+/// Axioms: after `advance` reports `advanced`, positions and velocities are those `dt` later;
+/// otherwise they are as before; a simulated plant gives equal results for equal state and input.
+///
+/// Optional hooks: `gravity_load(plant)` and `time_step(plant)`; where a plant has them,
+/// `run_frame` compares them with the planner's settings.
 template <class Plant, class Scalar = double>
 concept ClothPlant = RealScalar<Scalar> &&
     requires(Plant& plant, const Plant& watched, const ClothInput<Scalar>& input, Scalar dt) {
@@ -47,39 +59,99 @@ concept ClothPlant = RealScalar<Scalar> &&
   { plant_traits<Plant>::advance(plant, dt) } -> std::same_as<StepReport<Scalar>>;
 };
 
-/// How a type acts as a cloth model. The primary forwards to members of the same names.
+/// How a type acts as a cloth model. The primary template forwards to members of the same names.
 template <class Model>
 struct cloth_traits {
-  /// Number of vertices.
+  /// Returns the number of vertices n.
   static Index vertex_count(const Model& model) requires requires { model.vertex_count(); }
   { return model.vertex_count(); }
-  /// The undeformed sheet at rest. Allocates.
+  /// Returns the undeformed sheet at rest. Allocates.
   static auto rest_state(const Model& model) requires requires { model.rest_state(); }
   { return model.rest_state(); }
-  /// All scratch memory of a step, made once. Allocates.
+  /// Returns the scratch memory of a step. Allocates.
   static auto make_workspace(const Model& model) requires requires { model.make_workspace(); }
   { return model.make_workspace(); }
-  /// Advances `state` by `dt`. Never allocates.
+  /// Advances `state` by `dt` (s). Never allocates.
   template <class State, class Input, class Scalar, class Workspace>
-  requires requires(const Model& m, State& s, const Input& i, Scalar h, Workspace& w) { m.step(s, i, h, w); }
-  static auto step(const Model& model, State& state, const Input& input, Scalar dt, Workspace& workspace) {
+  requires requires(const Model& m, State& s, const Input& i, Scalar h, Workspace& w) {
+    m.step(s, i, h, w);
+  }
+  static auto step(const Model& model, State& state, const Input& input, Scalar dt,
+                   Workspace& workspace) {
     return model.step(state, input, dt, workspace);
   }
+  /// Returns the force that carries the whole sheet at rest, 3, N. Optional.
+  static decltype(auto) gravity_load(const Model& model) requires requires { model.gravity_load(); }
+  { return model.gravity_load(); }
 };
 
-/// A simulator with a const model, a state that is a value and a workspace of its own.
+/// A simulator with a const model, a state that is a value and a workspace for scratch memory.
 ///
-/// Axioms: `step` depends on model, state, input and dt alone (the workspace carries no history that matters); a step
-/// that does not report `advanced` leaves the state bitwise as it was; one model serves many threads, each with its own
-/// state and workspace. `ModelPlant` makes a ClothPlant of any ClothModel.
+/// Axioms: `step` depends on model, state, input and dt alone (nothing in the workspace matters
+/// from step to step); a step that does not report `advanced` leaves the state bitwise as it was;
+/// one model serves many threads, each with a state and a workspace. `ModelPlant` makes a
+/// ClothPlant of any ClothModel.
+///
+/// Optional hooks: `gravity_load(model)`, which `ModelPlant` passes on.
 template <class Model, class Scalar = double>
-concept ClothModel = RealScalar<Scalar> && requires(const Model& model, const ClothInput<Scalar>& input, Scalar dt) {
+concept ClothModel = RealScalar<Scalar> &&
+    requires(const Model& model, const ClothInput<Scalar>& input, Scalar dt) {
   { cloth_traits<Model>::vertex_count(model) } -> std::convertible_to<Index>;
   { cloth_traits<Model>::rest_state(model) } -> std::same_as<ClothState<Scalar>>;
   cloth_traits<Model>::make_workspace(model);
-  requires requires(ClothState<Scalar> & state, decltype(cloth_traits<Model>::make_workspace(model))& workspace) {
-    { cloth_traits<Model>::step(model, state, input, dt, workspace) } -> std::same_as<StepReport<Scalar>>;
+  requires requires(ClothState<Scalar> & state,
+                    decltype(cloth_traits<Model>::make_workspace(model))& workspace) {
+    {
+      cloth_traits<Model>::step(model, state, input, dt, workspace)
+      } -> std::same_as<StepReport<Scalar>>;
   };
 };
 
-}  // namespace clothctl
+/// How a type acts as a model that can be rolled out. The primary template forwards to members of
+/// the same names.
+template <class Model>
+struct cloth_rollout_traits {
+  /// Advances `state` by `dt` with at most `newton_steps` Newton steps from the velocities `guess`
+  /// (3×n, m/s); a Newton step that changes no velocity by more than `tolerance` (m/s) is the last.
+  /// Never allocates.
+  template <class Guess, class State, class Input, class Scalar, class Workspace>
+  requires requires(const Model& m, const Guess& g, State& s, const Input& i, Scalar h,
+                    Workspace& w) {
+    m.step_from(g, 1, s, i, h, w, h);
+  }
+  static auto step_from(const Model& model, const Guess& guess, int newton_steps, State& state,
+                        const Input& input, Scalar dt, Workspace& workspace, Scalar tolerance) {
+    return model.step_from(guess, newton_steps, state, input, dt, workspace, tolerance);
+  }
+  /// Writes the forces (3×vertices, N) that the driven `vertices` needed in the last step of this
+  /// workspace. Never allocates.
+  template <class Workspace, class Out>
+  requires requires(const Model& m, std::span<const int> v, Workspace& w, Out& out) {
+    m.holding_forces(v, w, out);
+  }
+  static void holding_forces(const Model& model, std::span<const int> vertices,
+                             Workspace& workspace, Out& forces) {
+    model.holding_forces(vertices, workspace, forces);
+  }
+};
+
+/// A ClothModel that a RolloutPredictor can roll along a plan: its nonlinear step started from a
+/// guess, and the forces that kept driven vertices on their path.
+///
+/// Axioms: with enough Newton steps `step_from` ends where `step` ends, from any guess nearby; a
+/// step with the holding forces applied instead of the driven positions ends at the same state.
+///
+/// Optional hooks: none.
+template <class Model, class Scalar = double>
+concept ClothRollout = ClothModel<Model, Scalar> &&
+    requires(const Model& model, const Points<Scalar>& guess, ClothState<Scalar>& state,
+             const ClothInput<Scalar>& input, Scalar dt,
+             decltype(cloth_traits<Model>::make_workspace(model))& workspace,
+             std::span<const int> vertices, Points<Scalar>& forces) {
+  {
+    cloth_rollout_traits<Model>::step_from(model, guess, 1, state, input, dt, workspace, dt)
+    } -> std::same_as<StepReport<Scalar>>;
+  cloth_rollout_traits<Model>::holding_forces(model, vertices, workspace, forces);
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

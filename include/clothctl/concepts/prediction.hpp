@@ -1,66 +1,195 @@
 #pragma once
 
-// What the planner asks of a model of the sheet. StepResponse: the linearised step as an operator (implicit models).
-// Predictor: how chosen linear outputs answer to chosen inputs over K frames (exact, rolled out, identified …).
-// FeatureMap: the user's features as a sparse linear map of vertices.
+// What the planner asks of a model of the sheet:
+//
+//   StepResponse   the linearised time step as an operator; implicit models have one
+//   Predictor      how linear outputs respond to inputs over a window of K frames
+//   FeatureMap     the user's features: sparse weighted sums of vertices
+//
+// Each is checked through a trait, so that a type of another library takes part unchanged.
 
 #include <concepts>
 #include <vector>
 
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Right-hand sides that predictors put side by side, by scalar.
+/// Number of right-hand sides that predictors solve for side by side, by scalar type.
 template <class Scalar>
 inline constexpr int kResponseLanes = sizeof(Scalar) <= 4 ? 16 : 8;
 
-/// A linearised step A v⁺ = M v + h (f - K q + u) with A = (1 + h α) M + R.
-///
-/// Axioms: `solve` inverts A on the free vertices; A, K and R are symmetric; A is positive definite; held entries of
-/// right-hand sides are zero and stay zero. A response whose K and dampers annihilate translations may say so by an
-/// optional `bool translation_free() const`: it makes single precision more accurate.
+/// A block of `kResponseLanes` vectors of 3n degrees of freedom: column 3i + c holds coordinate c
+/// of vertex i, one row a vector (lane), so that one vector instruction serves all lanes.
+template <class Scalar>
+using ResponseLanes = Lanes<Scalar, kResponseLanes<Scalar>>;
+
+namespace detail {
+
+/// The scalar type of a type that has a member `Scalar`; empty for every other type.
+template <class T>
+struct scalar_of {};
+template <class T>
+requires requires { typename T::Scalar; }
+struct scalar_of<T> {
+  using scalar_type = typename T::Scalar;
+};
+
+}  // namespace detail
+
+/// How a type acts as a linearised step. The primary template forwards to members of the same
+/// names; `scalar_type` is its member `Scalar`.
 template <class Response>
-concept StepResponse = RealScalar<typename Response::Scalar> &&
-    requires(Response& response, const Response& constant, const Points<typename Response::Scalar>& points,
-             Vector3<typename Response::Scalar> wind, typename Response::Scalar dt, const std::vector<int>& driven,
-             Lanes<typename Response::Scalar, kResponseLanes<typename Response::Scalar>>& lanes,
-             Points<typename Response::Scalar>& out) {
-  { response.linearise(points, points, wind, dt, driven) } -> std::convertible_to<bool>;
-  { constant.vertex_count() } -> std::convertible_to<Index>;
-  { constant.mass() } -> std::convertible_to<const VectorX<typename Response::Scalar>&>;
-  { constant.drag() } -> std::convertible_to<typename Response::Scalar>;
-  { constant.force() } -> std::convertible_to<const Points<typename Response::Scalar>&>;
-  { constant.held() } -> std::convertible_to<const std::vector<unsigned char>&>;
-  constant.multiply(lanes, lanes, lanes);
-  response.solve(lanes);
-  constant.add_wind_force(wind, out);
+struct step_response_traits : detail::scalar_of<Response> {
+  /// Linearises at positions `x` and velocities `v` (3×n) in air of velocity `wind` for a step of
+  /// `dt` (s), with the vertices `driven` prescribed. Returns false when A is not positive
+  /// definite.
+  template <class Positions, class Wind, class Time>
+  requires requires(Response& r, const Positions& x, const Wind& w, const Time& dt,
+                    const std::vector<int>& driven) {
+    { r.linearise(x, x, w, dt, driven) } -> std::convertible_to<bool>;
+  }
+  static bool linearise(Response& response, const Positions& x, const Positions& v,
+                        const Wind& wind, const Time& dt, const std::vector<int>& driven) {
+    return response.linearise(x, v, wind, dt, driven);
+  }
+  /// Returns the number of vertices n.
+  static Index vertex_count(const Response& response) requires requires { response.vertex_count(); }
+  { return response.vertex_count(); }
+  /// Returns the vertex masses, n, kg.
+  static decltype(auto) mass(const Response& response) requires requires { response.mass(); }
+  { return response.mass(); }
+  /// Returns the mass-proportional damping rate α, 1/s.
+  static auto drag(const Response& response) requires requires { response.drag(); }
+  { return response.drag(); }
+  /// Returns the net force f at the linearisation, 3×n, N.
+  static decltype(auto) force(const Response& response) requires requires { response.force(); }
+  { return response.force(); }
+  /// Returns 1 for each prescribed or fixed vertex and 0 for each free one, n.
+  static decltype(auto) held(const Response& response) requires requires { response.held(); }
+  { return response.held(); }
+  /// Writes K w and R w of a block of vectors.
+  template <class Block>
+  requires requires(const Response& r, const Block& w, Block& out) { r.multiply(w, out, out); }
+  static void multiply(const Response& response, const Block& w, Block& stiff, Block& coupled) {
+    response.multiply(w, stiff, coupled);
+  }
+  /// Replaces a block of right-hand sides by A⁻¹ times them.
+  template <class Block>
+  requires requires(Response& r, Block& rhs) { r.solve(rhs); }
+  static void solve(Response& response, Block& rhs) { response.solve(rhs); }
+  /// Adds the force of air that moves at `wind` relative to a sheet at rest to `out` (3×n, N).
+  template <class Wind, class Out>
+  requires requires(const Response& r, const Wind& wind, Out& out) { r.add_wind_force(wind, out); }
+  static void add_wind_force(const Response& response, const Wind& wind, Out& out) {
+    response.add_wind_force(wind, out);
+  }
+  /// Returns true when K and the dampers do not feel a translation of the whole sheet. Optional.
+  static bool translation_free(const Response& response) requires requires {
+    response.translation_free();
+  }
+  { return response.translation_free(); }
 };
 
-/// Predicts how chosen linear outputs of a sheet answer to chosen inputs over a window: `Request` says what is asked,
-/// `Response` is the answer (mpc/window.hpp: WindowRequest and WindowResponse).
+/// A linearised time step A v⁺ = M v + h (f - K q + u), A = (1 + h α) M + R, q the displacement
+/// since the linearisation and u the input forces.
 ///
-/// Axioms: after `reserve` for a request, predictions of that size never allocate; `predict` answers false when it cannot
-/// predict, and then the response holds nothing; what it answers depends on state, request and the predictions since the
-/// last `reserve` or `reset` alone; an input changes no output of an earlier frame.
-template <class P, class Request, class Response>
-concept Predictor = RealScalar<typename P::Scalar> &&
-    requires(P& predictor, const PointsView<typename P::Scalar>& points, const Request& request, Response& response) {
-  predictor.reserve(request, response);
-  { predictor.predict(points, points, request, response) } -> std::convertible_to<bool>;
-  predictor.reset();
+/// Axioms: `solve` inverts A on the free vertices; A, K and R are symmetric; A is positive
+/// definite; right-hand sides are zero at held vertices, and so are the solutions.
+///
+/// Optional hooks: `translation_free(response)`, false where it is missing; true makes single
+/// precision more accurate.
+template <class Response>
+concept StepResponse = requires {
+  typename step_response_traits<Response>::scalar_type;
+}
+&&RealScalar<typename step_response_traits<Response>::scalar_type>&& requires(
+    Response& response, const Response& constant,
+    const Points<typename step_response_traits<Response>::scalar_type>& points,
+    Vector3<typename step_response_traits<Response>::scalar_type> wind,
+    typename step_response_traits<Response>::scalar_type dt, const std::vector<int>& driven,
+    ResponseLanes<typename step_response_traits<Response>::scalar_type>& lanes,
+    Points<typename step_response_traits<Response>::scalar_type>& out) {
+  {
+    step_response_traits<Response>::linearise(response, points, points, wind, dt, driven)
+    } -> std::convertible_to<bool>;
+  { step_response_traits<Response>::vertex_count(constant) } -> std::convertible_to<Index>;
+  { step_response_traits<Response>::mass(constant)[0] } -> std::convertible_to<decltype(dt)>;
+  { step_response_traits<Response>::drag(constant) } -> std::convertible_to<decltype(dt)>;
+  {
+    step_response_traits<Response>::force(constant)
+    } -> std::convertible_to<const Points<decltype(dt)>&>;
+  {
+    step_response_traits<Response>::held(constant)
+    } -> std::convertible_to<const std::vector<unsigned char>&>;
+  step_response_traits<Response>::multiply(constant, lanes, lanes, lanes);
+  step_response_traits<Response>::solve(response, lanes);
+  step_response_traits<Response>::add_wind_force(constant, wind, out);
 };
 
-/// How a type acts as a map from vertices to features. The primary forwards to members of the same names.
+/// How a type acts as a predictor. The primary template forwards to members of the same names;
+/// `scalar_type` is its member `Scalar`.
+template <class P>
+struct predictor_traits : detail::scalar_of<P> {
+  /// Makes room for requests of this size, and sizes the response. Allocates.
+  template <class Request, class Response>
+  requires requires(P& p, const Request& q, Response& r) { p.reserve(q, r); }
+  static void reserve(P& predictor, const Request& request, Response& response) {
+    predictor.reserve(request, response);
+  }
+  /// Predicts from measured positions and velocities (3×n). Returns false when it cannot.
+  template <class Positions, class Request, class Response>
+  requires requires(P& p, const Positions& x, const Request& q, Response& r) {
+    { p.predict(x, x, q, r) } -> std::convertible_to<bool>;
+  }
+  static bool predict(P& predictor, const Positions& x, const Positions& v, const Request& request,
+                      Response& response) {
+    return predictor.predict(x, v, request, response);
+  }
+  /// Forgets everything that earlier predictions left behind.
+  static void reset(P& predictor) requires requires { predictor.reset(); }
+  { predictor.reset(); }
+  /// Returns the number of vertices that it was made for. Optional.
+  static Index vertex_count(const P& predictor) requires requires { predictor.vertex_count(); }
+  { return predictor.vertex_count(); }
+};
+
+/// Predicts how linear outputs of a sheet respond to inputs over a window: `Request` says what is
+/// asked for, `Response` is the answer (WindowRequest and WindowResponse of mpc/window.hpp).
+///
+/// Axioms: after `reserve` for a request, predictions of that size never allocate; after `predict`
+/// returned false the response is not used; the prediction depends on state, request and the
+/// predictions since the last `reserve` or `reset` alone; an input changes no output of an earlier
+/// frame; a response of another size than `reserve` made is refused by the planner.
+///
+/// Optional hooks: `vertex_count(predictor)`, checked against the sheet where it exists.
+template <class P, class Request, class Response>
+concept Predictor = requires {
+  typename predictor_traits<P>::scalar_type;
+}
+&&RealScalar<typename predictor_traits<P>::scalar_type>&& requires(
+    P& predictor, const PointsView<typename predictor_traits<P>::scalar_type>& points,
+    const Request& request, Response& response) {
+  predictor_traits<P>::reserve(predictor, request, response);
+  {
+    predictor_traits<P>::predict(predictor, points, points, request, response)
+    } -> std::convertible_to<bool>;
+  predictor_traits<P>::reset(predictor);
+};
+
+/// How a type acts as a map from vertices to features. The primary template forwards to members of
+/// the same names.
 template <class Map>
 struct feature_traits {
-  /// Number of features; each is a point in space.
+  /// Returns the number of features; each is a point in space.
   static Index count(const Map& map) requires requires { map.count(); }
   { return map.count(); }
   /// Calls `function(vertex, weight)` for each term of feature `feature` = Σ weight · x_vertex.
   template <class Function>
   requires requires(const Map& m, Index i, Function&& f) { m.for_each_term(i, f); }
-  static void for_each_term(const Map& map, Index feature, Function&& function) { map.for_each_term(feature, function); }
+  static void for_each_term(const Map& map, Index feature, Function&& function) {
+    map.for_each_term(feature, function);
+  }
 };
 
 namespace detail {
@@ -70,11 +199,16 @@ struct TermProbe {
 };
 }  // namespace detail
 
-/// A sparse linear map from vertices to points. Axiom: the terms of a feature do not depend on the state.
+/// A sparse linear map from vertices to points.
+///
+/// Axiom: the terms of a feature never change.
+///
+/// Optional hooks: none.
 template <class Map, class Scalar = double>
-concept FeatureMap = RealScalar<Scalar> && requires(const Map& map, Index feature, detail::TermProbe<Scalar> probe) {
+concept FeatureMap = RealScalar<Scalar> &&
+    requires(const Map& map, Index feature, detail::TermProbe<Scalar> probe) {
   { feature_traits<Map>::count(map) } -> std::convertible_to<Index>;
   feature_traits<Map>::for_each_term(map, feature, probe);
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

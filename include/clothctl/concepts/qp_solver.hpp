@@ -1,7 +1,9 @@
 #pragma once
 
-// BoxQpSolver and QpSolver: how the planner talks to a quadratic-program solver. Both are checked through a trait, so that a
-// solver from elsewhere joins in by specialising the trait in its user's tree.
+// BoxQpSolver and QpSolver: what the planner needs from a solver of quadratic programs. Both
+// concepts check a trait, never the type itself. To use a solver of your own, specialise
+// `qp_solver_traits` for it; the solver itself stays as it is. `warm_start`, `shift` and `reset`
+// are optional hooks.
 //
 //   min ½ xᵀHx + gᵀx   subject to   lb ≤ x ≤ ub   and, for QpSolver,   rl ≤ A x ≤ ru
 //   H x + g = Aᵀ y + z,   y, z ≥ 0 at a lower bound, ≤ 0 at an upper one
@@ -11,7 +13,7 @@
 #include "clothctl/core/status.hpp"
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
@@ -26,7 +28,8 @@ struct qp_result_of<Solver> {
 
 }  // namespace detail
 
-/// How a type acts as a QP solver. The primary forwards to members of the same names; `result_type` is what solves fill.
+/// How a type acts as a QP solver. The primary forwards to members of the same names; `result_type`
+/// is what solves fill.
 template <class Solver>
 struct qp_solver_traits : detail::qp_result_of<Solver> {
   /// Makes room for n unknowns. Allocates.
@@ -35,25 +38,29 @@ struct qp_solver_traits : detail::qp_result_of<Solver> {
   /// Makes room for n unknowns and m rows. Allocates.
   static void reserve(Solver& solver, Index n, Index m) requires requires { solver.reserve(n, m); }
   { solver.reserve(n, m); }
-  /// Takes the Hessian, n×n. Answers Solved, InvalidData or NonConvex.
+  /// Takes the Hessian, n×n. Returns Solved, InvalidData or NonConvex.
   template <class Matrix>
   requires requires(Solver& s, const Matrix& H) { s.set_hessian(H); }
-  [[nodiscard]] static auto set_hessian(Solver& solver, const Matrix& H) { return solver.set_hessian(H); }
-  /// Takes the rows, m×n. Answers Solved or InvalidData.
+  [[nodiscard]] static auto set_hessian(Solver& solver, const Matrix& H) {
+    return solver.set_hessian(H);
+  }
+  /// Takes the rows, m×n. Returns Solved or InvalidData.
   template <class Matrix>
   requires requires(Solver& s, const Matrix& A) { s.set_rows(A); }
   [[nodiscard]] static auto set_rows(Solver& solver, const Matrix& A) { return solver.set_rows(A); }
   /// Solves with bounds only.
   template <class Vector, class SolverResult>
   requires requires(Solver& s, const Vector& v, SolverResult& r) { s.solve(v, v, v, r); }
-  [[nodiscard]] static auto solve(Solver& solver, const Vector& g, const Vector& lb, const Vector& ub, SolverResult& result) {
+  [[nodiscard]] static auto solve(Solver& solver, const Vector& g, const Vector& lb,
+                                  const Vector& ub, SolverResult& result) {
     return solver.solve(g, lb, ub, result);
   }
   /// Solves with bounds and rows.
   template <class Vector, class SolverResult>
   requires requires(Solver& s, const Vector& v, SolverResult& r) { s.solve(v, v, v, v, v, r); }
-  [[nodiscard]] static auto solve(Solver& solver, const Vector& g, const Vector& lb, const Vector& ub, const Vector& rl,
-                                  const Vector& ru, SolverResult& result) {
+  [[nodiscard]] static auto solve(Solver& solver, const Vector& g, const Vector& lb,
+                                  const Vector& ub, const Vector& rl, const Vector& ru,
+                                  SolverResult& result) {
     return solver.solve(g, lb, ub, rl, ru, result);
   }
   /// The minimiser in a result, n.
@@ -63,20 +70,27 @@ struct qp_solver_traits : detail::qp_result_of<Solver> {
   /// The bound multipliers z in a result, n.
   template <class SolverResult>
   requires requires(const SolverResult& r) { r.bound_multipliers; }
-  static const auto& bound_multipliers(const SolverResult& result) { return result.bound_multipliers; }
+  static const auto& bound_multipliers(const SolverResult& result) {
+    return result.bound_multipliers;
+  }
   /// The row multipliers y in a result, m.
   template <class SolverResult>
   requires requires(const SolverResult& r) { r.row_multipliers; }
   static const auto& row_multipliers(const SolverResult& result) { return result.row_multipliers; }
-  /// Sets the start of the next solve. Answers false when x was refused (its size, or a value that is not finite).
+  /// Sets the start of the next solve. Returns false when x was refused (its size, or a value that
+  /// is not finite).
   template <class Vector>
   requires requires(Solver& s, const Vector& x) { s.warm_start(x); }
-  [[nodiscard]] static auto warm_start(Solver& solver, const Vector& x) { return solver.warm_start(x); }
+  [[nodiscard]] static auto warm_start(Solver& solver, const Vector& x) {
+    return solver.warm_start(x);
+  }
   /// Moves the remembered active set forward by so many unknowns.
   static void shift(Solver& solver, Index unknowns) requires requires { solver.shift(unknowns); }
   { solver.shift(unknowns); }
   /// Moves the remembered active set forward by so many unknowns and rows.
-  static void shift(Solver& solver, Index unknowns, Index rows) requires requires { solver.shift(unknowns, rows); }
+  static void shift(Solver& solver, Index unknowns, Index rows) requires requires {
+    solver.shift(unknowns, rows);
+  }
   { solver.shift(unknowns, rows); }
   /// Forgets the remembered active set.
   static void reset(Solver& solver) requires requires { solver.reset(); }
@@ -85,35 +99,50 @@ struct qp_solver_traits : detail::qp_result_of<Solver> {
 
 namespace detail {
 
-/// What bound-only and general solvers share: a result that can be read, and a Hessian that can be set.
+/// What bound-only and general solvers share: a result that can be read, and a Hessian that can be
+/// set.
 template <class Solver, class Scalar>
 concept QpSolverBase = RealScalar<Scalar> && requires {
   typename qp_solver_traits<Solver>::result_type;
 } && std::default_initializable<typename qp_solver_traits<Solver>::result_type> &&
-    requires(Solver& solver, const MatrixX<Scalar>& M, const typename qp_solver_traits<Solver>::result_type& result) {
+    requires(Solver& solver, const MatrixX<Scalar>& M,
+             const typename qp_solver_traits<Solver>::result_type& result) {
   { qp_solver_traits<Solver>::set_hessian(solver, M) } -> std::same_as<QpStatus>;
-  { qp_solver_traits<Solver>::solution(result) } -> std::convertible_to<Eigen::Ref<const VectorX<Scalar>>>;
-  { qp_solver_traits<Solver>::bound_multipliers(result) } -> std::convertible_to<Eigen::Ref<const VectorX<Scalar>>>;
+  {
+    qp_solver_traits<Solver>::solution(result)
+    } -> std::convertible_to<Eigen::Ref<const VectorX<Scalar>>>;
+  {
+    qp_solver_traits<Solver>::bound_multipliers(result)
+    } -> std::convertible_to<Eigen::Ref<const VectorX<Scalar>>>;
 };
 
 }  // namespace detail
 
 /// Solves quadratic programs with bounds.
 ///
-/// Axioms: `Solved` means that an independent check of the unscaled optimality conditions passes; refused data (InvalidData
-/// from any call, NonConvex from set_hessian) leave the solver as it was, matrices and active set included; after `reserve`,
-/// repeated solves of one size never allocate; equal data and equal history give equal bits.
+/// Axioms: `Solved` means that an independent check of the unscaled optimality conditions passes;
+/// refused data (InvalidData from any call, NonConvex from set_hessian) leave the solver as it was,
+/// matrices and active set included; after `reserve`, repeated solves of one size never allocate;
+/// equal data and equal history give equal bits.
+///
+/// Optional hooks: `warm_start`, `shift` and `reset` of a solver that remembers its active set, the
+/// members `iterations` and `resize` of its result, and construction from QpSettings.
 template <class Solver, class Scalar = double>
 concept BoxQpSolver = detail::QpSolverBase<Solver, Scalar> &&
-    requires(Solver& solver, const VectorX<Scalar>& v, Index n, typename qp_solver_traits<Solver>::result_type& result) {
+    requires(Solver& solver, const VectorX<Scalar>& v, Index n,
+             typename qp_solver_traits<Solver>::result_type& result) {
   qp_solver_traits<Solver>::reserve(solver, n);
   { qp_solver_traits<Solver>::solve(solver, v, v, v, result) } -> std::same_as<QpStatus>;
 };
 
 /// Solves quadratic programs with bounds and two-sided rows.
 ///
-/// Axioms: those of BoxQpSolver; PrimalInfeasible and DualInfeasible are said only with a certificate that holds for the
-/// caller's data; an infeasible problem leaves the next solve as good as a cold one.
+/// Axioms: those of BoxQpSolver; PrimalInfeasible and DualInfeasible are said only with a
+/// certificate that holds for the caller's data; an infeasible problem leaves the next solve as
+/// good as a cold one.
+///
+/// Optional hooks: `warm_start`, `shift` and `reset` of a solver that remembers its active set, the
+/// members `iterations` and `resize` of its result, and construction from QpSettings.
 template <class Solver, class Scalar = double>
 concept QpSolver = detail::QpSolverBase<Solver, Scalar> &&
     requires(Solver& solver, const MatrixX<Scalar>& M, const VectorX<Scalar>& v, Index n,
@@ -121,18 +150,9 @@ concept QpSolver = detail::QpSolverBase<Solver, Scalar> &&
   qp_solver_traits<Solver>::reserve(solver, n, n);
   { qp_solver_traits<Solver>::set_rows(solver, M) } -> std::same_as<QpStatus>;
   { qp_solver_traits<Solver>::solve(solver, v, v, v, v, v, result) } -> std::same_as<QpStatus>;
-  { qp_solver_traits<Solver>::row_multipliers(result) } -> std::convertible_to<Eigen::Ref<const VectorX<Scalar>>>;
+  {
+    qp_solver_traits<Solver>::row_multipliers(result)
+    } -> std::convertible_to<Eigen::Ref<const VectorX<Scalar>>>;
 };
 
-/// A solver that remembers its active set. Axiom: the same problem twice takes 0 iterations the second time.
-template <class Solver, class Scalar = double>
-concept WarmStartable = (BoxQpSolver<Solver, Scalar> || QpSolver<Solver, Scalar>)&&requires(Solver& solver,
-                                                                                            const VectorX<Scalar>& x) {
-  { qp_solver_traits<Solver>::warm_start(solver, x) } -> std::same_as<bool>;
-  qp_solver_traits<Solver>::reset(solver);
-}
-&&(
-    requires(Solver& solver, Index n) { qp_solver_traits<Solver>::shift(solver, n); } ||
-    requires(Solver & solver, Index n) { qp_solver_traits<Solver>::shift(solver, n, n); });
-
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,65 +1,136 @@
 #pragma once
 
-// Who holds the sheet where. A hand's grip is a few fingers; a finger presses a patch of vertices from one side of the
-// sheet with a friction cone and a limit on its normal force. Two opposed fingers on the same patch make a pinch.
+// Which vertices of the sheet are held, and by whom. The grip of a hand consists of fingers; a
+// finger presses a patch of vertices from one side of the sheet. Its contact model says which
+// forces it can transmit, and its normal force is limited. Two opposed fingers on the same patch
+// make a pinch.
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <string>
+#include <type_traits>
 #include <vector>
 
-#include <Eigen/Geometry>
-
+#include "clothctl/config.hpp"
+#include "clothctl/contact/contact_models.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+#include <Eigen/Geometry>
+
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// One finger on a patch of vertices.
-template <RealScalar Scalar>
+template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
 struct Finger {
-  /// The vertices it holds.
+  /// The vertices that it holds.
   std::vector<int> vertices;
-  /// +1: its contact normal is the sheet's front normal (it pushes from behind); -1: the opposite.
+  /// +1: the contact normal is the sheet's front normal (the finger pushes from behind); -1: the
+  /// opposite.
   Scalar side = Scalar(1);
-  /// Friction coefficient μ.
-  Scalar friction = Scalar(0.5);
+  /// The forces that it can transmit.
+  Contact contact = {};
   /// Largest normal force over the whole patch, N.
-  Scalar limit = Scalar(20);
-  /// Generators of each vertex's friction cone, at least 4.
-  int generators = 4;
+  Scalar max_normal_force = Scalar(20);
+};
+
+/// The force of one finger on one vertex, as planned and sent.
+template <RealScalar Scalar>
+struct FingerForce {
+  /// Index of the grip.
+  int grip = 0;
+  /// Index of the finger within the grip.
+  int finger = 0;
+  /// The vertex.
+  int vertex = 0;
+  /// Contact normal from the finger into the sheet, unit.
+  Vector3<Scalar> normal = Vector3<Scalar>::Zero();
+  /// Force on the sheet, N.
+  Vector3<Scalar> force = Vector3<Scalar>::Zero();
 };
 
 /// The fingers of one hand on the sheet.
-template <RealScalar Scalar>
+template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
 struct Grip {
   /// Its fingers.
-  std::vector<Finger<Scalar>> fingers;
-  /// Contact normal where no triangle of the sheet gives one (a rope), unit.
+  std::vector<Finger<Scalar, Contact>> fingers;
+  /// Contact normal where no triangle of the sheet defines one (a rope), unit.
   Vector3<Scalar> fallback_normal = Vector3<Scalar>(Scalar(0), Scalar(1), Scalar(0));
 
-  /// The vertices held by any finger, ascending. Allocates.
+  /// Returns the vertices that any finger holds, ascending. Allocates.
   std::vector<int> vertices() const {
     std::vector<int> all;
-    for (const Finger<Scalar>& f : fingers) all.insert(all.end(), f.vertices.begin(), f.vertices.end());
+    for (const Finger<Scalar, Contact>& f : fingers)
+      all.insert(all.end(), f.vertices.begin(), f.vertices.end());
     std::sort(all.begin(), all.end());
     all.erase(std::unique(all.begin(), all.end()), all.end());
     return all;
   }
 };
 
-/// A pinch of `vertices` between two opposed fingers. Allocates.
-template <RealScalar Scalar>
-Grip<Scalar> make_pinch(const std::vector<int>& vertices, Scalar friction, Scalar limit, int generators = 4) {
-  Grip<Scalar> grip;
-  for (Scalar side : {Scalar(1), Scalar(-1)}) grip.fingers.push_back({vertices, side, friction, limit, generators});
+/// Makes a pinch of `vertices` between two opposed fingers of the same contact model. Allocates.
+template <RealScalar Scalar, ContactModel<Scalar> Contact>
+Grip<Scalar, Contact> make_pinch(const std::vector<int>& vertices, const Contact& contact,
+                                 std::type_identity_t<Scalar> max_normal_force) {
+  Grip<Scalar, Contact> grip;
+  for (Scalar side : {Scalar(1), Scalar(-1)})
+    grip.fingers.push_back({vertices, side, contact, max_normal_force});
   return grip;
 }
 
-/// Checks grips on a mesh of `vertex_count` vertices. Returns an empty string, or a line that names the first bad item.
+/// Makes a pinch between two hard fingers with a friction coefficient, a limit on the normal force
+/// of each (N) and the number of generators of the friction pyramid. Allocates.
 template <RealScalar Scalar>
-std::string check_grips(const std::vector<Grip<Scalar>>& grips, Index vertex_count) {
+Grip<Scalar> make_pinch(const std::vector<int>& vertices, Scalar friction, Scalar max_normal_force,
+                        int pyramid = 4) {
+  return make_pinch<Scalar>(vertices, HardFinger<Scalar>{friction, pyramid}, max_normal_force);
+}
+
+namespace detail {
+
+/// Returns an empty string, or what is wrong with the vertices of finger `name` of grip `g`.
+/// `owner` holds the grip of each vertex of the mesh, or -1.
+inline std::string validate_held_vertices(const std::string& name, const std::vector<int>& vertices,
+                                          int g, std::vector<int>& owner) {
+  if (vertices.empty()) return name + " holds no vertices";
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const int v = vertices[i];
+    if (v < 0 || v >= static_cast<int>(owner.size()))
+      return name + " holds vertex " + std::to_string(v) + ", off a mesh of " +
+             std::to_string(owner.size()) + " vertices";
+    const auto end = vertices.begin() + static_cast<std::ptrdiff_t>(i);
+    if (std::find(vertices.begin(), end, v) != end)
+      return name + " holds vertex " + std::to_string(v) + " twice";
+    int& other = owner[static_cast<std::size_t>(v)];
+    if (other >= 0 && other != g)
+      return name + " holds vertex " + std::to_string(v) + ", which grip " + std::to_string(other) +
+             " holds already";
+    other = g;
+  }
+  return {};
+}
+
+/// Returns an empty string, or what is wrong with a finger apart from its vertices.
+template <RealScalar Scalar, class Contact>
+std::string validate_finger(const std::string& name, const Finger<Scalar, Contact>& finger) {
+  if (const std::string problem = contact_traits<Contact>::validate(finger.contact);
+      !problem.empty())
+    return name + " has " + problem;
+  if (!is_finite(finger.max_normal_force) || !(Scalar(0) < finger.max_normal_force))
+    return name + " has the largest normal force " + number_text(finger.max_normal_force) +
+           ", must be finite and positive";
+  if (!is_finite(finger.side) || (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))))
+    return name + " has the side " + number_text(finger.side) + ", must be +1 or -1";
+  return {};
+}
+
+}  // namespace detail
+
+/// Returns an empty string, or a line that names the first thing that is wrong with grips on a mesh
+/// of `vertex_count` vertices. Allocates.
+template <RealScalar Scalar, class Contact = HardFinger<Scalar>>
+std::string validate_grips(const std::vector<Grip<Scalar, Contact>>& grips, Index vertex_count) {
   if (grips.empty()) return "there are no grips";
   std::vector<int> owner(static_cast<std::size_t>(vertex_count), -1);
   for (std::size_t g = 0; g < grips.size(); ++g) {
@@ -69,39 +140,22 @@ std::string check_grips(const std::vector<Grip<Scalar>>& grips, Index vertex_cou
     if (!all_finite(grips[g].fallback_normal) || length < Scalar(0.99) || Scalar(1.01) < length)
       return grip + " has a fallback normal that is not a unit vector";
     for (std::size_t f = 0; f < grips[g].fingers.size(); ++f) {
-      const Finger<Scalar>& finger = grips[g].fingers[f];
       const std::string name = grip + " finger " + std::to_string(f);
-      if (finger.vertices.empty()) return name + " holds no vertices";
-      for (std::size_t i = 0; i < finger.vertices.size(); ++i) {
-        const int v = finger.vertices[i];
-        if (v < 0 || v >= vertex_count)
-          return name + " holds vertex " + std::to_string(v) + ", off a mesh of " + std::to_string(vertex_count) + " vertices";
-        if (std::find(finger.vertices.begin(), finger.vertices.begin() + static_cast<std::ptrdiff_t>(i), v) !=
-            finger.vertices.begin() + static_cast<std::ptrdiff_t>(i)) {
-          return name + " holds vertex " + std::to_string(v) + " twice";
-        }
-        int& other = owner[static_cast<std::size_t>(v)];
-        if (other >= 0 && other != static_cast<int>(g))
-          return name + " holds vertex " + std::to_string(v) + ", which grip " + std::to_string(other) + " holds already";
-        other = static_cast<int>(g);
-      }
-      if (!is_finite(finger.friction) || finger.friction < Scalar(0)) {
-        return name + " has the friction coefficient " + number_text(finger.friction) + ", must be finite and not negative";
-      }
-      if (!is_finite(finger.limit) || !(Scalar(0) < finger.limit))
-        return name + " has the grip limit " + number_text(finger.limit) + ", must be finite and positive";
-      if (!is_finite(finger.side) || (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))))
-        return name + " has the side " + number_text(finger.side) + ", must be +1 or -1";
-      if (finger.generators < 4) return name + " has " + std::to_string(finger.generators) + " generators, needs at least 4";
+      std::string problem = detail::validate_held_vertices(name, grips[g].fingers[f].vertices,
+                                                           static_cast<int>(g), owner);
+      if (problem.empty()) problem = detail::validate_finger(name, grips[g].fingers[f]);
+      if (!problem.empty()) return problem;
     }
   }
   return {};
 }
 
-/// Unit normal at a vertex from the triangles around it, weighted by area; `fallback` where they cancel or there are none.
-/// `around` lists the indices of the triangles that hold the vertex. Never allocates.
+/// Returns the unit normal at a vertex of positions `x` (3×n): the mean of the triangles around it,
+/// weighted by area; `fallback` where they cancel or there are none. `around` lists the indices of
+/// the triangles that contain the vertex. Never allocates.
 template <RealScalar Scalar>
-Vector3<Scalar> vertex_normal(const PointsView<Scalar>& x, const std::vector<std::array<int, 3>>& triangles,
+Vector3<Scalar> vertex_normal(const PointsView<Scalar>& x,
+                              const std::vector<std::array<int, 3>>& triangles,
                               const std::vector<int>& around, const Vector3<Scalar>& fallback) {
   using std::sqrt;
   Vector3<Scalar> sum = Vector3<Scalar>::Zero();
@@ -119,4 +173,4 @@ Vector3<Scalar> vertex_normal(const PointsView<Scalar>& x, const std::vector<std
   return sum / length;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

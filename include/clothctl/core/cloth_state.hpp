@@ -1,14 +1,15 @@
 #pragma once
 
-// The state of a sheet and the input of a step: plain values that can be copied, compared and kept.
+// The state of a sheet and the input of a step: plain values that can be copied, compared and
+// stored.
 
 #include <vector>
 
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Where the vertices are and how fast they move. World frame, z up.
+/// Positions and velocities of the vertices. World frame, z up.
 template <RealScalar Scalar>
 struct ClothState {
   /// Vertex positions, 3×n, m.
@@ -16,28 +17,29 @@ struct ClothState {
   /// Vertex velocities, 3×n, m/s.
   Points<Scalar> velocities;
 
-  /// Tells whether all coordinates are equal as numbers (-0 equals 0, NaN equals nothing).
+  /// Returns true when all coordinates are equal as numbers (-0 equals 0, NaN equals nothing).
   bool operator==(const ClothState& other) const {
-    return positions.cols() == other.positions.cols() && velocities.cols() == other.velocities.cols() &&
-           positions == other.positions && velocities == other.velocities;
+    return positions.cols() == other.positions.cols() &&
+           velocities.cols() == other.velocities.cols() && positions == other.positions &&
+           velocities == other.velocities;
   }
 };
 
-/// What acts on a sheet during one step. World frame; a vertex that is driven ignores forces on it.
+/// What acts on a sheet during one step. World frame. Forces on a driven vertex have no effect.
 template <RealScalar Scalar>
 struct ClothInput {
-  /// Vertices that a force acts on; an index may occur more than once.
+  /// Vertices that a force acts on. An index may occur more than once: the forces add up.
   std::vector<int> force_vertices;
   /// Forces, 3×force_vertices.size(), N, constant over the step.
   Points<Scalar> forces;
-  /// Vertices whose motion is prescribed; each index at most once.
+  /// Vertices whose motion is prescribed. An index may occur once only.
   std::vector<int> driven_vertices;
-  /// Where the driven vertices stand at the end of the step, 3×driven_vertices.size(), m.
+  /// Positions of the driven vertices at the end of the step, 3×driven_vertices.size(), m.
   Points<Scalar> driven_positions;
   /// Velocity of the air, m/s.
   Vector3<Scalar> wind = Vector3<Scalar>::Zero();
 
-  /// Removes forces, driven vertices and wind; keeps the memory of the index lists.
+  /// Removes forces, driven vertices and wind. The index lists keep their memory.
   void clear() {
     force_vertices.clear();
     forces.resize(3, 0);
@@ -47,4 +49,4 @@ struct ClothInput {
   }
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

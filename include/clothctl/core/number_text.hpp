@@ -1,6 +1,6 @@
 #pragma once
 
-// Numbers as text, for files and error lines: the same in every locale.
+// Numbers as text, for files and error messages. The text is the same in every locale.
 
 #include <array>
 #include <charconv>
@@ -10,17 +10,19 @@
 
 #include "clothctl/core/scalar.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Writes `value` with the fewest digits that read back as the same number of its type ("nan", "inf" where not finite); a
-/// scalar that has no conversion to double is written as "?". Allocates where the text is long.
+/// Returns `value` with the fewest digits that read back as the same number of its type. Values
+/// that are not finite become "nan", "inf" or "-inf". A foreign scalar is converted to double
+/// first; it becomes "?" when it has no such conversion. Allocates when the text is long.
 template <RealScalar Scalar>
 std::string number_text(const Scalar& value) {
   if constexpr (std::floating_point<Scalar>) {
     std::array<char, 64> text{};
     const std::to_chars_result end = std::to_chars(text.data(), text.data() + text.size(), value);
     const std::string_view written(text.data(), static_cast<std::size_t>(end.ptr - text.data()));
-    return std::string(written.ends_with("nan") ? "nan" : written);  // its sign says nothing
+    return std::string(written.ends_with("nan") ? "nan"
+                                                : written);  // the sign of a NaN has no meaning
   } else if constexpr (requires { static_cast<double>(value); }) {
     return number_text(static_cast<double>(value));
   } else {
@@ -28,4 +30,4 @@ std::string number_text(const Scalar& value) {
   }
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,23 +1,25 @@
 #pragma once
 
-// What a step answers: a code, whether the state moved, and how well the equations were met.
+// What a step returns: its status, whether the state changed, and the remaining error of the
+// equations.
 
 #include "clothctl/core/scalar.hpp"
 #include "clothctl/core/status.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// The outcome of one simulation step.
 template <RealScalar Scalar>
 struct StepReport {
   /// How the step ended.
   StepStatus status = StepStatus::Converged;
-  /// True when the state now stands at the end of the step; false when it was left as it was.
+  /// True when the state is now that at the end of the step; false when it is unchanged.
   bool advanced = false;
-  /// Largest entry of the momentum residual at the end of the step (N s); 0 for methods that have none.
+  /// Largest entry of the momentum residual at the end of the step, N s. Methods that solve no
+  /// equation to a tolerance report 0.
   Scalar residual = Scalar(0);
-  /// Linear solves (implicit models) or constraint sweeps (position-based) that were used.
+  /// Number of linear solves (implicit models) or of constraint sweeps (position-based models).
   int iterations = 0;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,21 +1,25 @@
 #pragma once
 
-// Set-up from outside data answers with a value or with an error that names the offending item. No exceptions.
+// Set-up from outside data returns a value, or an error that names the offending item. Nothing
+// throws.
 
 #include <cassert>
 #include <string>
 #include <utility>
 #include <variant>
 
-namespace clothctl {
+#include "clothctl/config.hpp"
 
-/// Why set-up refused its data: one line that names what, where and which value.
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// Why set-up failed: one line that names the item, its index and the bad value.
 struct Error {
-  /// The line, without a full stop or a newline at its end.
+  /// The line, without a full stop and without a line break.
   std::string message;
 };
 
-/// A value of type T or an Error. Ask `has_value()` (or test it as a bool) before taking the value.
+/// A value of type T or an Error. Test `has_value()` (or the result itself as a bool) before you
+/// use the value.
 template <class T>
 class [[nodiscard]] Result {
  public:
@@ -24,34 +28,34 @@ class [[nodiscard]] Result {
   /// Holds an error.
   Result(Error error) : content_(std::move(error)) {}
 
-  /// Tells whether a value is held.
+  /// Returns true when this holds a value, false when it holds an error.
   bool has_value() const { return content_.index() == 0; }
-  /// Tells whether a value is held.
+  /// Returns true when this holds a value, false when it holds an error.
   explicit operator bool() const { return has_value(); }
-  /// The value. Fails when: an error is held (assert).
+  /// Returns the value. Fails when: this holds an error (assert).
   T& value() & {
     assert(has_value());
     return *std::get_if<0>(&content_);
   }
-  /// The value. Fails when: an error is held (assert).
+  /// Returns the value. Fails when: this holds an error (assert).
   const T& value() const& {
     assert(has_value());
     return *std::get_if<0>(&content_);
   }
-  /// The value, moved out. Fails when: an error is held (assert).
+  /// Moves the value out. Fails when: this holds an error (assert).
   T&& value() && {
     assert(has_value());
     return std::move(*std::get_if<0>(&content_));
   }
-  /// The value. Fails when: an error is held (assert).
+  /// Returns the value. Fails when: this holds an error (assert).
   T& operator*() & { return value(); }
-  /// The value. Fails when: an error is held (assert).
+  /// Returns the value. Fails when: this holds an error (assert).
   const T& operator*() const& { return value(); }
-  /// The value's member. Fails when: an error is held (assert).
+  /// Accesses a member of the value. Fails when: this holds an error (assert).
   T* operator->() { return &value(); }
-  /// The value's member. Fails when: an error is held (assert).
+  /// Accesses a member of the value. Fails when: this holds an error (assert).
   const T* operator->() const { return &value(); }
-  /// The error's line. Fails when: a value is held (assert).
+  /// Returns the message of the error. Fails when: this holds a value (assert).
   const std::string& error() const {
     assert(!has_value());
     return std::get_if<1>(&content_)->message;
@@ -61,4 +65,4 @@ class [[nodiscard]] Result {
   std::variant<T, Error> content_;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,8 +1,9 @@
 #pragma once
 
-// Scalars: what a number type must offer, and tests for finite and unbounded values that hold under -ffast-math, where
-// compilers may assume that infinities and NaN do not exist. Built-in types are tested by their bits; any other type
-// (autodiff, checked arithmetic) takes part by specialising scalar_traits.
+// Scalars: what the library needs of a number type, and tests for finite and unbounded values. The
+// tests also work under -ffast-math, where a compiler may assume that infinities and NaN do not
+// exist: for the built-in types they look at the bits. Any other type (autodiff, checked
+// arithmetic) takes part by a specialisation of scalar_traits.
 
 #include <bit>
 #include <concepts>
@@ -10,14 +11,17 @@
 #include <cstring>
 #include <limits>
 
-namespace clothctl {
+#include "clothctl/config.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-// Values are taken by reference: under -ffast-math newer clang may assume that a floating-point argument is neither NaN nor
-// infinite, but nothing about what a reference refers to.
+// Arguments are references: under -ffast-math newer clang assumes that a floating-point argument
+// passed by value is neither NaN nor infinite, but assumes nothing about a referenced object.
 
-/// True where the exponent bits of `value` are not all ones, i.e. it is neither infinite nor NaN.
+/// Returns true when the exponent bits of `value` are not all ones, i.e. when it is neither
+/// infinite nor NaN.
 inline bool exponent_is_finite(const float& value) {
   return (std::bit_cast<std::uint32_t>(value) & 0x7f800000u) != 0x7f800000u;
 }
@@ -30,7 +34,8 @@ inline bool exponent_is_finite(const long double& value) {
     std::memcpy(&bits, &value, sizeof bits);
     return (bits & 0x7ff0000000000000u) != 0x7ff0000000000000u;
   } else {
-    // x87 extended keeps sign and exponent in bytes 8-9, IEEE quad in bytes 14-15 (little endian).
+    // x87 extended has its sign and exponent in bytes 8-9, IEEE quad in bytes 14-15 (little
+    // endian).
     constexpr int offset = std::numeric_limits<long double>::digits == 64 ? 8 : 14;
     std::uint16_t head = 0;
     std::memcpy(&head, reinterpret_cast<const unsigned char*>(&value) + offset, sizeof head);
@@ -38,16 +43,21 @@ inline bool exponent_is_finite(const long double& value) {
   }
 }
 
-/// True where a bit of the fraction of `value` is set: what tells NaN from infinity.
-inline bool has_fraction(const float& value) { return (std::bit_cast<std::uint32_t>(value) & 0x007fffffu) != 0u; }
-inline bool has_fraction(const double& value) { return (std::bit_cast<std::uint64_t>(value) & 0x000fffffffffffffu) != 0u; }
+/// Returns true when a bit of the fraction of `value` is set. Among values that are not finite,
+/// that is the difference between NaN and infinity.
+inline bool has_fraction(const float& value) {
+  return (std::bit_cast<std::uint32_t>(value) & 0x007fffffu) != 0u;
+}
+inline bool has_fraction(const double& value) {
+  return (std::bit_cast<std::uint64_t>(value) & 0x000fffffffffffffu) != 0u;
+}
 inline bool has_fraction(const long double& value) {
   std::uint64_t low = 0;
   std::memcpy(&low, &value, sizeof low);
   if constexpr (std::numeric_limits<long double>::digits == std::numeric_limits<double>::digits) {
     return (low & 0x000fffffffffffffu) != 0u;
   } else if constexpr (std::numeric_limits<long double>::digits == 64) {
-    return (low & 0x7fffffffffffffffu) != 0u;  // x87 extended writes the leading one
+    return (low & 0x7fffffffffffffffu) != 0u;  // x87 extended stores the leading one
   } else {
     std::uint64_t high = 0;
     std::memcpy(&high, reinterpret_cast<const unsigned char*>(&value) + 8, sizeof high);
@@ -57,32 +67,38 @@ inline bool has_fraction(const long double& value) {
 
 }  // namespace detail
 
-/// Describes a scalar type. The primary template is empty ("not a scalar"); specialise it to let a foreign type in.
+/// Describes a scalar type. The primary template is empty and means "not a scalar". Specialise it
+/// to use a type of your own.
 ///
-/// A specialisation offers: `epsilon()` (spacing of values at one), `infinity()` (the value that means "no bound"),
-/// `is_finite(x)` (neither NaN nor unbounded) and `is_unbounded(x)` (the value that `infinity()` returns, either sign).
+/// A specialisation has four static functions: `epsilon()`, the spacing of values at one;
+/// `infinity()`, the value that means "no bound"; `is_finite(x)`, true when x is neither NaN nor
+/// unbounded; `is_unbounded(x)`, true when x is plus or minus `infinity()`.
 template <class Scalar>
 struct scalar_traits {};
 
-/// The built-in floating-point types. All tests read bits, so they also hold under -ffast-math.
+/// The built-in floating-point types. All tests read bits, so they also work under -ffast-math.
 template <std::floating_point Scalar>
 struct scalar_traits<Scalar> {
   /// Spacing of values at one.
   static constexpr Scalar epsilon() { return std::numeric_limits<Scalar>::epsilon(); }
-  /// The value that stands for "no bound".
+  /// The value that means "no bound".
   static constexpr Scalar infinity() { return std::numeric_limits<Scalar>::infinity(); }
-  /// Tells whether `value` is neither NaN nor infinite.
+  /// Returns true when `value` is neither NaN nor infinite.
   static bool is_finite(const Scalar& value) { return detail::exponent_is_finite(value); }
-  /// Tells whether `value` means "no bound": infinite, or beyond 1e20 (1e30 and the like are common stand-ins).
+  /// Returns true when `value` means "no bound": it is infinite, or its magnitude exceeds 1e20
+  /// (many programs write 1e30 for "no bound").
   static bool is_unbounded(const Scalar& value) {
     if (!is_finite(value)) return !is_nan(value);
     return value > Scalar(1e20) || value < Scalar(-1e20);
   }
-  /// Tells whether `value` is not a number.
-  static bool is_nan(const Scalar& value) { return !is_finite(value) && detail::has_fraction(value); }
+  /// Returns true when `value` is NaN.
+  static bool is_nan(const Scalar& value) {
+    return !is_finite(value) && detail::has_fraction(value);
+  }
 };
 
-/// A real number type: float, double, long double, or any type with `scalar_traits` and ordinary arithmetic.
+/// A real number type: float, double, long double, or any type with `scalar_traits` and ordinary
+/// arithmetic.
 template <class Scalar>
 concept RealScalar = requires(Scalar a, const Scalar b) {
   { scalar_traits<Scalar>::epsilon() } -> std::convertible_to<Scalar>;
@@ -98,16 +114,16 @@ concept RealScalar = requires(Scalar a, const Scalar b) {
 }
 &&std::constructible_from<Scalar, double>;
 
-/// Tells whether `value` is an ordinary number: neither NaN nor infinite. Holds under -ffast-math.
+/// Returns true when `value` is neither NaN nor infinite. Works under -ffast-math.
 template <RealScalar Scalar>
 bool is_finite(const Scalar& value) {
   return scalar_traits<Scalar>::is_finite(value);
 }
 
-/// Tells whether `value` stands for "no bound". Holds under -ffast-math.
+/// Returns true when `value` means "no bound". Works under -ffast-math.
 template <RealScalar Scalar>
 bool is_unbounded(const Scalar& value) {
   return scalar_traits<Scalar>::is_unbounded(value);
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

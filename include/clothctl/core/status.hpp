@@ -1,45 +1,56 @@
 #pragma once
 
-// Outcomes as plain enums: each value says what the caller should do.
+// Outcomes as plain enums. The comment of each value says what the caller should do.
 
 #include <string_view>
 
-namespace clothctl {
+#include "clothctl/config.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// How a simulation step ended.
 enum class StepStatus {
-  /// The step met its tolerance. Go on.
+  /// The step met its tolerance. Continue.
   Converged,
-  /// The iteration limit struck; the state was advanced with the best iterate. Go on, or shorten the step.
+  /// The iteration limit was reached; the state was advanced with the best iterate. Continue, or
+  /// shorten the step.
   IterationLimit,
-  /// The input holds NaN, an infinity, an index off the mesh or a non-positive step; the state was left as it was. Mend the
-  /// input.
+  /// The input holds NaN, an infinity or an index off the mesh, or the step length is not positive;
+  /// the state is unchanged. Correct the input: `check_input` of the model says what is wrong.
   InvalidInput,
-  /// The state holds NaN or an infinity; it was left as it was. Restore an earlier state.
+  /// The state holds NaN or an infinity, or has another number of vertices than the model; it is
+  /// unchanged. Restore an earlier state: `check_input` of the model says what is wrong.
   InvalidState,
-  /// The step matrix could not be factored or the result was not finite; the state was left as it was. Shorten the step.
+  /// The workspace was made by another model, or by none; the state is unchanged. Call
+  /// `make_workspace` of the model that steps.
+  InvalidWorkspace,
+  /// The step matrix was not positive definite or the result was not finite; the state is
+  /// unchanged. Shorten the step.
   NumericalFailure
 };
 
 /// How a quadratic program ended.
 enum class QpStatus {
-  /// Optimal: an independent check of the unscaled optimality conditions passes. Use x.
+  /// Optimal: an independent test of the unscaled optimality conditions passed. Use x.
   Solved,
-  /// Optimality holds only to a loosened tolerance; the residuals say how far. Use x with care.
+  /// Optimal to a loosened tolerance only; the residuals say by how much. Use x with care.
   SolvedInaccurate,
-  /// The budget ran out, or rounding stopped progress; x is the best iterate. It keeps its bounds, but rows may be violated, as
-  /// far as the residuals say. Look at them before using x, or raise the budget.
+  /// The iteration limit was reached, or rounding stopped progress; x is the best iterate. It keeps
+  /// its bounds, but may violate rows: the residuals say by how much. Read them before you use x,
+  /// or raise the limit.
   IterationLimit,
-  /// The caller's clock ran out; x is as with IterationLimit.
+  /// The time limit of the caller's clock was reached; x is as with IterationLimit.
   TimeLimit,
-  /// No x satisfies the constraints; a verified certificate is in the result. Relax the constraints.
+  /// No x satisfies the constraints; the result holds a verified certificate. Relax the
+  /// constraints.
   PrimalInfeasible,
-  /// There are feasible points, and the objective falls without bound along the ray in the result. Add bounds or curvature.
+  /// There are feasible points, and the objective decreases without bound along the ray in the
+  /// result. Add bounds or curvature.
   DualInfeasible,
-  /// The Hessian has a negative direction. Convexify it.
+  /// The Hessian has a direction of negative curvature. Make it positive semidefinite.
   NonConvex,
-  /// Non-finite entries, asymmetric Hessian, a lower bound above its upper one, or bad settings; nothing was changed. Mend the
-  /// data.
+  /// An entry is not finite, the Hessian is not symmetric, a lower bound exceeds its upper bound,
+  /// or a setting is out of range; nothing was changed. Correct the data.
   InvalidData
 };
 
@@ -47,34 +58,39 @@ enum class QpStatus {
 enum class PlanStatus {
   /// The plan is optimal for its model. Apply it.
   Planned,
-  /// The QP stopped early: the plan is not optimal. Bounds, friction cones and grip limits hold; hard patch rows may not quite.
-  /// Apply it.
+  /// The QP stopped early, so the plan is not optimal. It satisfies bounds, friction cones and grip
+  /// limits; it may violate hard patch rows slightly. Apply it.
   Suboptimal,
-  /// The hard patch rows could not be met; the plan minimises their violation, which the result reports. Apply it with care.
+  /// No plan satisfies the hard patch rows; this plan minimises their violation, which the result
+  /// reports. Apply it with care.
   Relaxed,
-  /// Measured state or target hold NaN or an infinity, or state or result are of another size; planner and result were left as
-  /// they were. Mend the input.
+  /// The measured state or the target holds NaN or an infinity, or the state or the result has the
+  /// wrong size; planner and result are unchanged. Correct the input.
   InvalidInput,
-  /// Linearisation or QP failed; the previous plan, shifted by a frame, is in the result. Apply it or stop.
+  /// The linearisation or the QP failed; the result holds the previous plan, shifted by one frame.
+  /// Apply it or stop.
   Failed
 };
 
-/// Whether a plan of this status is one to apply: all but InvalidInput and Failed.
-constexpr bool can_apply(PlanStatus status) { return status != PlanStatus::InvalidInput && status != PlanStatus::Failed; }
+/// Returns true when a plan of this status may be applied: all but InvalidInput and Failed.
+constexpr bool can_apply(PlanStatus status) {
+  return status != PlanStatus::InvalidInput && status != PlanStatus::Failed;
+}
 
-/// Names a step status.
+/// Returns the name of a step status.
 constexpr std::string_view to_string(StepStatus status) {
   switch (status) {
     case StepStatus::Converged: return "converged";
     case StepStatus::IterationLimit: return "iteration_limit";
     case StepStatus::InvalidInput: return "invalid_input";
     case StepStatus::InvalidState: return "invalid_state";
+    case StepStatus::InvalidWorkspace: return "invalid_workspace";
     case StepStatus::NumericalFailure: return "numerical_failure";
   }
   return "unknown";
 }
 
-/// Names a QP status.
+/// Returns the name of a QP status.
 constexpr std::string_view to_string(QpStatus status) {
   switch (status) {
     case QpStatus::Solved: return "solved";
@@ -89,7 +105,7 @@ constexpr std::string_view to_string(QpStatus status) {
   return "unknown";
 }
 
-/// Names a planning status.
+/// Returns the name of a planning status.
 constexpr std::string_view to_string(PlanStatus status) {
   switch (status) {
     case PlanStatus::Planned: return "planned";
@@ -101,4 +117,4 @@ constexpr std::string_view to_string(PlanStatus status) {
   return "unknown";
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

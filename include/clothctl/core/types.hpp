@@ -1,48 +1,55 @@
 #pragma once
 
-// The few matrix shapes that everything shares. Points are stored as columns, so vertex i is `points.col(i)` and its
-// three coordinates are adjacent in memory.
+// The matrix types of the library. Points are stored as columns, so vertex i is `points.col(i)` and
+// its three coordinates are adjacent in memory. All types name their storage order, so that
+// EIGEN_DEFAULT_TO_ROW_MAJOR changes nothing here.
 
-#include <Eigen/Core>
-
+#include "clothctl/config.hpp"
 #include "clothctl/core/scalar.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Signed index and size type, Eigen's own.
 using Index = Eigen::Index;
 
+/// A dense matrix, stored by columns; with one row (and not one column) it is a row vector, which
+/// Eigen stores by rows. Use it in place of Eigen::Matrix, whose default order is a macro.
+template <class Scalar, int kRows, int kCols>
+using DenseMatrix = Eigen::Matrix<Scalar, kRows, kCols,
+                                  (kRows == 1 && kCols != 1) ? Eigen::RowMajor : Eigen::ColMajor>;
+
 /// A point, vector or force in space.
 template <class Scalar>
-using Vector3 = Eigen::Matrix<Scalar, 3, 1>;
+using Vector3 = DenseMatrix<Scalar, 3, 1>;
 
 /// A 3×3 block.
 template <class Scalar>
-using Matrix3 = Eigen::Matrix<Scalar, 3, 3>;
+using Matrix3 = DenseMatrix<Scalar, 3, 3>;
 
 /// A dense column vector.
 template <class Scalar>
-using VectorX = Eigen::Matrix<Scalar, Eigen::Dynamic, 1>;
+using VectorX = DenseMatrix<Scalar, Eigen::Dynamic, 1>;
 
-/// A dense matrix, column major.
+/// A dense matrix of any size, stored by columns.
 template <class Scalar>
-using MatrixX = Eigen::Matrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
+using MatrixX = DenseMatrix<Scalar, Eigen::Dynamic, Eigen::Dynamic>;
 
 /// n points, velocities or forces as the columns of a 3×n matrix.
 template <class Scalar>
-using Points = Eigen::Matrix<Scalar, 3, Eigen::Dynamic>;
+using Points = DenseMatrix<Scalar, 3, Eigen::Dynamic>;
 
-/// A read-only view of n points (3×n). Takes a matrix, block or map of contiguous columns as it is; anything else (rows apart,
-/// an expression, another scalar cast) is evaluated into a copy, which allocates.
+/// A read-only view of n points (3×n). It refers to a matrix, block or map whose columns are
+/// contiguous. Anything else (an expression, a cast, rows with a stride) is evaluated into a copy,
+/// which allocates.
 template <class Scalar>
 using PointsView = Eigen::Ref<const Points<Scalar>>;
 
-/// A block of right-hand sides, one column a degree of freedom and `kLanes` values side by side in it, so that a
-/// row operation on all of them is one vector instruction.
+/// A block of `kLanes` right-hand sides. Each column is one degree of freedom and holds its values
+/// side by side, so that one vector instruction serves all right-hand sides.
 template <class Scalar, int kLanes>
-using Lanes = Eigen::Matrix<Scalar, kLanes, Eigen::Dynamic>;
+using Lanes = DenseMatrix<Scalar, kLanes, Eigen::Dynamic>;
 
-/// Tells whether every coefficient is finite. Complexity: O(size). Holds under -ffast-math.
+/// Returns true when every coefficient is finite. Complexity: O(size). Works under -ffast-math.
 template <class Derived>
 bool all_finite(const Eigen::DenseBase<Derived>& matrix) {
   for (Index j = 0; j < matrix.cols(); ++j) {
@@ -53,4 +60,4 @@ bool all_finite(const Eigen::DenseBase<Derived>& matrix) {
   return true;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

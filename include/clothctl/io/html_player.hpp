@@ -1,13 +1,16 @@
 #pragma once
 
-// A recorded motion as one web page that opens from disk, without network or other files: the mesh in space, target and actual
-// curves, arrows at the grips, an error plot and a table of figures.
+// Writes a recorded motion as one web page that opens from disk without network or other files. It
+// shows the mesh in space, target and actual curves of the features, arrows at the grips, an error
+// plot and a table of figures.
 //
-// Coordinates of vertices are stored as 16-bit steps of the bounding box of the whole motion, per axis c
+// The page stores vertex coordinates x_c on axis c as 16-bit integers q_c, relative to the bounding
+// box (low, size) of the whole motion:
 //
-//   q_c = round(65535 (x_c - low_c) / size_c),    |x_c - decoded_c| ≤ size_c / 131070,
+//   q_c = round(65535 (x_c - low_c) / size_c),    |x_c - decoded_c| ≤ size_c / 131070
 //
-// 0.008 mm for a box of one metre: 6 bytes a vertex and frame, 8 after base64. Features and arrows stay 32-bit floats.
+// The error is 0.008 mm for a box of one metre. A vertex takes 6 bytes in each frame, 8 after
+// base64. Features and arrows are stored as 32-bit floats.
 
 #include <algorithm>
 #include <array>
@@ -21,43 +24,58 @@
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
-#include "clothctl/io/base64.hpp"
 #include "clothctl/io/csv.hpp"
+#include "clothctl/io/detail/base64.hpp"
+#include "clothctl/io/detail/player_control_script.hpp"
+#include "clothctl/io/detail/player_data_script.hpp"
+#include "clothctl/io/detail/player_markup.hpp"
+#include "clothctl/io/detail/player_plot_script.hpp"
+#include "clothctl/io/detail/player_render_script.hpp"
+#include "clothctl/io/detail/player_style.hpp"
+#include "clothctl/io/detail/player_text.hpp"
+#include "clothctl/io/detail/player_view_script.hpp"
 #include "clothctl/io/file.hpp"
-#include "clothctl/io/player_control_script.hpp"
-#include "clothctl/io/player_data_script.hpp"
-#include "clothctl/io/player_markup.hpp"
-#include "clothctl/io/player_plot_script.hpp"
-#include "clothctl/io/player_render_script.hpp"
 #include "clothctl/io/player_scene.hpp"
-#include "clothctl/io/player_style.hpp"
-#include "clothctl/io/player_text.hpp"
-#include "clothctl/io/player_view_script.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Gathers the frames of a motion and writes them as a player page.
-///
-/// Recording allocates; it belongs into a program's loop, not into a step.
+/// Collects the frames of a motion and writes them as a player page. Recording allocates, so call
+/// it in the loop of a program, not in a step. A wrong argument is not lost: `page` and `write`
+/// then fail with a line that names the first one.
 class PlayerRecorder {
  public:
-  /// Starts a recording of `vertex_count` vertices, `feature_count` features and `arrow_count` arrows a frame.
+  /// Starts a recording whose frames have `vertex_count` vertices, `feature_count` features and
+  /// `arrow_count` arrows.
   PlayerRecorder(PlayerScene scene, Index vertex_count, Index feature_count, Index arrow_count)
-      : scene_(std::move(scene)), vertices_(vertex_count), features_(feature_count), arrows_(arrow_count) {}
+      : scene_(std::move(scene)),
+        vertices_(vertex_count),
+        features_(feature_count),
+        arrows_(arrow_count) {}
 
-  /// The scene; figures and texts may be set until the page is written.
+  /// Returns the scene. Its texts and figures may change until the page is written.
   PlayerScene& scene() { return scene_; }
-  /// The scene.
+  /// Returns the scene.
   const PlayerScene& scene() const { return scene_; }
-  /// Number of frames so far.
+  /// Returns the number of frames so far.
   Index frame_count() const { return frames_; }
-  /// Makes room for a number of frames. Allocates: 12 bytes a vertex and frame.
-  void reserve(Index frames) { positions_.reserve(static_cast<std::size_t>(frames * vertices_ * 3)); }
+  /// Allocates the memory of a number of frames: 12 bytes for each vertex and frame. A negative
+  /// number, or one whose memory exceeds 2^40 bytes, is a wrong argument.
+  void reserve(Index frames) {
+    constexpr Index kMost = (Index(1) << 40) / 12;
+    if (frames < 0 || (vertices_ > 0 && frames > kMost / vertices_)) {
+      if (mistake_.empty())
+        mistake_ = "reserve: a number of frames cannot be " + std::to_string(frames);
+      return;
+    }
+    if (vertices_ > 0) positions_.reserve(static_cast<std::size_t>(frames * vertices_ * 3));
+  }
 
-  /// Appends a frame: `positions` of the vertices (3×vertex_count, m), of the features and their targets (3×feature_count, m),
-  /// tails and vectors of the arrows (3×arrow_count; m and the scene's arrow unit). Allocates.
-  /// A vertex with a coordinate that is not finite or beyond ±1e6 m is held where it was last (at first: the origin); features
-  /// and arrows that are not finite are left out of the picture. A wrong number of columns is reported by `page` and `write`.
+  /// Appends a frame: `positions` of the vertices (3×vertex_count, m), positions of the features
+  /// and of their targets (3×feature_count each, m), origins (3×arrow_count, m) and vectors
+  /// (3×arrow_count, in the arrow unit of the scene) of the arrows. If a coordinate of a vertex is
+  /// not finite or beyond ±1e6 m, the vertex stays where it was in the previous frame (in the first
+  /// frame: at the origin). The page does not draw features and arrows that are not finite.
+  /// Allocates.
   void add_frame(const PointsView<double>& positions, const PointsView<double>& actual_features,
                  const PointsView<double>& target_features, const PointsView<double>& arrow_origins,
                  const PointsView<double>& arrow_vectors) {
@@ -70,7 +88,8 @@ class PlayerRecorder {
     const std::size_t row = static_cast<std::size_t>(vertices_) * 3;
     for (Index j = 0; j < vertices_; ++j) {
       bool held = false;
-      for (Index c = 0; c < 3; ++c) held = held || !is_finite(positions(c, j)) || std::abs(positions(c, j)) > 1e6;
+      for (Index c = 0; c < 3; ++c)
+        held = held || !is_finite(positions(c, j)) || std::abs(positions(c, j)) > 1e6;
       for (Index c = 0; c < 3; ++c) {
         const float last = held && frames_ > 0 ? positions_[positions_.size() - row] : 0.0f;
         positions_.push_back(held ? last : static_cast<float>(positions(c, j)));
@@ -83,16 +102,18 @@ class PlayerRecorder {
     ++frames_;
   }
 
-  /// The whole page as text. Allocates. Complexity: O(frames · vertices).
-  /// Fails when: there is no frame, a frame had a wrong number of columns, dt is not positive, or an index is off the mesh.
+  /// Returns the page as text. Allocates. Complexity: O(frames · vertices). Fails when: there is no
+  /// frame, an argument of a call was wrong, dt is not positive, or an index is off the mesh.
   Result<std::string> page() const {
     if (std::string wrong = find_mistake(); !wrong.empty()) return Error{std::move(wrong)};
     std::array<float, 3> low{}, size{};
     bounding_box(low, size);
-    std::string text = io_detail::kPlayerHead;
-    io_detail::append_html(scene_.title, text);
-    text.append("</title>\n<style>").append(io_detail::kPlayerStyle).append(io_detail::kPlayerStyleNarrow);
-    text.append("</style>\n</head>\n<body>").append(io_detail::kPlayerBody);
+    std::string text = detail::kPlayerHead;
+    detail::append_html(scene_.title, text);
+    text.append("</title>\n<style>")
+        .append(detail::kPlayerStyle)
+        .append(detail::kPlayerStyleNarrow);
+    text.append("</style>\n</head>\n<body>").append(detail::kPlayerBody);
     text.append("<script type=\"application/json\" id=\"scene\">");
     append_scene(low, size, text);
     text.append("</script>\n");
@@ -103,15 +124,17 @@ class PlayerRecorder {
     append_data("target", float_bytes(target_), text);
     append_data("origins", float_bytes(origins_), text);
     append_data("vectors", float_bytes(vectors_), text);
-    text.append("<script>\n(() => {\n'use strict';\n").append(io_detail::kPlayerDataScript);
-    text.append(io_detail::kPlayerShaders).append(io_detail::kPlayerGeometryScript).append(io_detail::kPlayerRenderScript);
-    text.append(io_detail::kPlayerPlotScript).append(io_detail::kPlayerControlScript);
+    text.append("<script>\n(() => {\n'use strict';\n").append(detail::kPlayerDataScript);
+    text.append(detail::kPlayerShaders)
+        .append(detail::kPlayerGeometryScript)
+        .append(detail::kPlayerRenderScript);
+    text.append(detail::kPlayerPlotScript).append(detail::kPlayerControlScript);
     text.append("})();\n</script>\n</body>\n</html>\n");
     return text;
   }
 
-  /// Writes the page to a file; answers with its number of bytes. Allocates.
-  /// Fails when: as `page`, or the file cannot be written.
+  /// Writes the page to a file and returns the number of bytes. Allocates. Fails when: `page`
+  /// fails, or the file cannot be written.
   Result<std::size_t> write(const std::string& path) const {
     const Result<std::string> text = page();
     if (!text) return Error{path + ": " + text.error()};
@@ -121,14 +144,15 @@ class PlayerRecorder {
  private:
   void expect(Index found, Index wanted, const char* what) {
     if (found == wanted || !mistake_.empty()) return;
-    mistake_ = "frame " + std::to_string(frames_) + ": expected " + std::to_string(wanted) + " " + what + ", found " +
-               std::to_string(found);
+    mistake_ = "frame " + std::to_string(frames_) + ": expected " + std::to_string(wanted) + " " +
+               what + ", found " + std::to_string(found);
   }
 
   std::string find_mistake() const {
     if (!mistake_.empty()) return mistake_;
     if (frames_ == 0) return "no frame was recorded";
-    if (!is_finite(scene_.dt) || !(scene_.dt > 0)) return "dt is " + number_text(scene_.dt) + ", expected a positive number";
+    if (!is_finite(scene_.dt) || !(scene_.dt > 0))
+      return "dt is " + number_text(scene_.dt) + ", expected a positive number";
     if (std::string wrong = bad_index(scene_.triangles, "triangle"); !wrong.empty()) return wrong;
     return bad_index(scene_.segments, "segment");
   }
@@ -138,8 +162,8 @@ class PlayerRecorder {
     for (std::size_t i = 0; i < cells.size(); ++i) {
       for (const int v : cells[i]) {
         if (v >= 0 && v < vertices_) continue;
-        return std::string(what) + " " + std::to_string(i) + ": vertex " + std::to_string(v) + " is off the mesh of " +
-               std::to_string(vertices_) + " vertices";
+        return std::string(what) + " " + std::to_string(i) + ": vertex " + std::to_string(v) +
+               " is off the mesh of " + std::to_string(vertices_) + " vertices";
       }
     }
     return {};
@@ -163,13 +187,16 @@ class PlayerRecorder {
     }
   }
 
-  std::vector<std::uint8_t> quantised(const std::array<float, 3>& low, const std::array<float, 3>& size) const {
+  std::vector<std::uint8_t> quantised(const std::array<float, 3>& low,
+                                      const std::array<float, 3>& size) const {
     std::vector<std::uint8_t> bytes;
     bytes.reserve(positions_.size() * 2);
     for (std::size_t i = 0; i < positions_.size(); ++i) {
       const std::size_t c = i % 3;
-      const double share = size[c] > 0 ? (double(positions_[i]) - double(low[c])) / double(size[c]) : 0.0;
-      const auto step = static_cast<std::uint16_t>(std::lround(std::clamp(share, 0.0, 1.0) * 65535.0));
+      const double share =
+          size[c] > 0 ? (double(positions_[i]) - double(low[c])) / double(size[c]) : 0.0;
+      const auto step =
+          static_cast<std::uint16_t>(std::lround(std::clamp(share, 0.0, 1.0) * 65535.0));
       bytes.push_back(static_cast<std::uint8_t>(step & 255u));
       bytes.push_back(static_cast<std::uint8_t>(step >> 8));
     }
@@ -177,7 +204,8 @@ class PlayerRecorder {
   }
 
   static void append_word(std::uint32_t word, std::vector<std::uint8_t>& bytes) {
-    for (int shift = 0; shift < 32; shift += 8) bytes.push_back(static_cast<std::uint8_t>((word >> shift) & 255u));
+    for (int shift = 0; shift < 32; shift += 8)
+      bytes.push_back(static_cast<std::uint8_t>((word >> shift) & 255u));
   }
 
   template <class Cells>
@@ -196,26 +224,35 @@ class PlayerRecorder {
     return bytes;
   }
 
-  static void append_data(const char* name, const std::vector<std::uint8_t>& bytes, std::string& text) {
+  static void append_data(const char* name, const std::vector<std::uint8_t>& bytes,
+                          std::string& text) {
     text.append("<script type=\"application/octet-stream\" id=\"data-").append(name).append("\">");
-    append_base64(bytes, text);
+    detail::append_base64(bytes, text);
     text.append("</script>\n");
   }
 
-  void append_scene(const std::array<float, 3>& low, const std::array<float, 3>& size, std::string& text) const {
+  void append_scene(const std::array<float, 3>& low, const std::array<float, 3>& size,
+                    std::string& text) const {
     const auto triple = [&text](const char* key, const std::array<float, 3>& v) {
       text.append(key);
-      for (std::size_t c = 0; c < 3; ++c) text.append(c == 0 ? "[" : ",").append(number_text(double(v[c])));
+      for (std::size_t c = 0; c < 3; ++c)
+        text.append(c == 0 ? "[" : ",").append(number_text(double(v[c])));
       text.append("]");
     };
     const auto words = [&text](const char* key, const std::string& value) {
       text.append(key);
-      io_detail::append_json(value, text);
+      detail::append_json(value, text);
     };
     words("{\"title\":", scene_.title);
     words(",\"subtitle\":", scene_.subtitle);
-    text.append(",\"dt\":").append(number_text(scene_.dt)).append(",\"frames\":").append(std::to_string(frames_));
-    text.append(",\"vertices\":").append(std::to_string(vertices_)).append(",\"arrows\":").append(std::to_string(arrows_));
+    text.append(",\"dt\":")
+        .append(number_text(scene_.dt))
+        .append(",\"frames\":")
+        .append(std::to_string(frames_));
+    text.append(",\"vertices\":")
+        .append(std::to_string(vertices_))
+        .append(",\"arrows\":")
+        .append(std::to_string(arrows_));
     text.append(",\"scored\":").append(std::to_string(scene_.scored_frames));
     triple(",\"low\":", low);
     triple(",\"size\":", size);
@@ -224,7 +261,8 @@ class PlayerRecorder {
     words(",\"arrowUnit\":", scene_.arrow_unit);
     text.append(",\"features\":[");
     for (std::size_t k = 0; k < static_cast<std::size_t>(features_); ++k) {
-      words(k == 0 ? "" : ",", k < scene_.feature_names.size() ? scene_.feature_names[k] : std::string());
+      words(k == 0 ? "" : ",",
+            k < scene_.feature_names.size() ? scene_.feature_names[k] : std::string());
     }
     text.append("],\"figures\":[");
     for (std::size_t i = 0; i < scene_.figures.size(); ++i) {
@@ -248,4 +286,4 @@ class PlayerRecorder {
   std::vector<float> vectors_;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

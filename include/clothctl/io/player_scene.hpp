@@ -1,6 +1,6 @@
 #pragma once
 
-// What a player page shows besides the recorded motion.
+// The content of a player page besides the recorded motion.
 
 #include <array>
 #include <string>
@@ -9,32 +9,33 @@
 
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// The parts of a player page that do not move. Texts are UTF-8 and may hold anything: they are escaped.
+/// The parts of a player page that do not move. Texts are UTF-8. They may hold any characters,
+/// since the page escapes them.
 struct PlayerScene {
   /// Heading of the page.
   std::string title{};
   /// One line under the heading; may be empty.
   std::string subtitle{};
-  /// Time between frames (s, positive).
+  /// Time between frames, s, positive.
   double dt = 0.02;
-  /// Triangles of the mesh as indices of vertices; may be empty.
+  /// Triangles of the mesh as vertex indices; may be empty.
   std::vector<std::array<int, 3>> triangles{};
-  /// Segments of a rope as indices of vertices, drawn as thick lines; may be empty.
+  /// Segments of a rope as vertex indices, drawn as thick lines; may be empty.
   std::vector<std::array<int, 2>> segments{};
-  /// Rows of the table of figures: name and value, shown as they are.
+  /// Rows of the table of figures: a name and a value, shown unchanged.
   std::vector<std::pair<std::string, std::string>> figures{};
-  /// Names of the features; missing ones are numbered.
+  /// Names of the features. Features without a name get a number.
   std::vector<std::string> feature_names{};
-  /// What the mesh is; where it is empty: "Sheet", or "Rope" without triangles.
+  /// Label of the mesh. Empty means "Sheet", or "Rope" if there are no triangles.
   std::string mesh_name{};
-  /// What the arrows stand for.
+  /// Label of the arrows.
   std::string arrow_name = "Forces";
   /// Unit of the arrows' lengths.
   std::string arrow_unit = "N";
-  /// The first so many frames count for the mean line of the error plot; zero means all.
+  /// Number of frames, from the first on, whose mean the error plot shows; zero means all.
   Index scored_frames = 0;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -2,7 +2,8 @@
 
 // A quadratic program as files hold it:
 //
-//   min ½ xᵀHx + gᵀx + r   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub        H x + g = Aᵀ y + z at the optimum
+//   min ½ xᵀHx + gᵀx + r   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub        H x + g = Aᵀ y + z at
+//   the optimum
 //
 // and sequences of them, which share H and A. Readers: qpt.hpp, qps.hpp.
 
@@ -13,22 +14,25 @@
 
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Files with more unknowns or more rows than this are refused.
 inline constexpr Index kLargestQpSide = 20000;
-/// Files whose matrices H and A, or whose frames, would take more numbers than this (8 bytes each) are refused.
+/// Files whose matrices H and A, or whose frames, would take more numbers than this (8 bytes each)
+/// are refused.
 inline constexpr Index kLargestQpEntries = Index(1) << 26;
 
 /// The answer of a program: what a file expects, or what a solver found.
 struct QpReference {
-  /// "optimal", "infeasible", "unbounded", or in solutions the name of another QpStatus; empty where it is not stated.
+  /// "optimal", "infeasible", "unbounded", or in solutions the name of another QpStatus; empty
+  /// where it is not stated.
   std::string status;
   /// The optimal value, r included.
   std::optional<double> objective;
-  /// Whether the minimiser is the only one.
+  /// True when the minimiser is the only one.
   std::optional<bool> unique;
-  /// A minimiser (n); with "unbounded" a feasible point. Zero-sized where absent, like all that follow.
+  /// A minimiser (n); with "unbounded" a feasible point. Zero-sized where absent, like all that
+  /// follow.
   VectorX<double> x;
   /// Multipliers of the rows (m), ≥ 0 at a lower bound.
   VectorX<double> y;
@@ -36,7 +40,8 @@ struct QpReference {
   VectorX<double> z;
   /// With "unbounded": a direction d (n) with H d = 0 and gᵀd < 0 that never meets a bound.
   VectorX<double> ray;
-  /// With "infeasible": the row part (m) of a pair with Aᵀy + z = 0 whose largest yᵀr + zᵀx within the bounds is negative.
+  /// With "infeasible": the row part (m) of a pair with Aᵀy + z = 0 whose largest yᵀr + zᵀx within
+  /// the bounds is negative.
   VectorX<double> farkas_y;
   /// With "infeasible": the bound part (n) of that pair.
   VectorX<double> farkas_z;
@@ -68,8 +73,8 @@ struct QpProblem : QpSequenceFrame {
   MatrixX<double> A;
   /// The constant r of the objective.
   double r = 0;
-  /// Whether the file asks for a maximum: H, g and r are then those of the negated objective, so that it is still the minimum
-  /// of what stands here.
+  /// True when the file asks for a maximum: H, g and r are then those of the negated objective, so
+  /// that it is still the minimum of what stands here.
   bool maximise = false;
   /// Names of the unknowns, n, or none.
   std::vector<std::string> column_names;
@@ -102,8 +107,8 @@ struct QpSolution {
   std::vector<QpReference> frames;
 };
 
-/// The first unknown whose lower bound lies above its upper one, else n plus the first such row, else -1. No point is feasible
-/// then, and no solver has to be asked.
+/// The first unknown whose lower bound lies above its upper one, else n plus the first such row,
+/// else -1. No point is feasible then, and no solver has to be asked.
 inline Index first_crossed_bound(const QpSequenceFrame& frame) {
   for (Index j = 0; j < frame.lb.size(); ++j) {
     if (frame.lb[j] > frame.ub[j]) return j;
@@ -114,13 +119,14 @@ inline Index first_crossed_bound(const QpSequenceFrame& frame) {
   return -1;
 }
 
-namespace io_detail {
+namespace detail {
 
 /// What is wrong with the size of a program, "" where nothing is.
 inline std::string judge_qp_size(Index n, Index m) {
   if (n <= kLargestQpSide && m <= kLargestQpSide && n * (n + m) <= kLargestQpEntries) return {};
   return std::to_string(n) + " unknowns and " + std::to_string(m) + " rows are too many: at most " +
-         std::to_string(kLargestQpSide) + " of each and " + std::to_string(kLargestQpEntries) + " entries in H and A";
+         std::to_string(kLargestQpSide) + " of each and " + std::to_string(kLargestQpEntries) +
+         " entries in H and A";
 }
 
 /// One entry of a sparse matrix and the line it stands in.
@@ -130,6 +136,6 @@ struct QpEntry {
   Index line = 0;
 };
 
-}  // namespace io_detail
+}  // namespace detail
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,25 +1,27 @@
 #pragma once
 
-// QPS, the MPS format of linear programs with a quadratic objective, in free form (fields between blanks) and in fixed form
-// (columns 2-3, 5-12, 15-22, 25-36, 40-47, 50-61, where names may hold blanks). Sections start in column 1, their lines with a
-// blank; lines that start with * are comments.
+// QPS, the MPS format of linear programs with a quadratic objective, in free form (fields between
+// blanks) and in fixed form (columns 2-3, 5-12, 15-22, 25-36, 40-47, 50-61, where names may hold
+// blanks). Sections start in column 1, their lines with a blank; lines that start with * are
+// comments.
 //
 //   NAME name
 //   OBJSENSE          MIN (default) or MAX, on this line or the next
-//   ROWS              N objective, L ≤, G ≥, E =       the first N is the objective, entries of further ones are dropped
-//   COLUMNS           column row value [row value]
-//   RHS               [set] row value [row value]      of the objective row: minus the constant r
-//   RANGES            [set] row R [row R]              L: [rhs - |R|, rhs], G: [rhs, rhs + |R|], E: to rhs + R, below for R < 0
-//   BOUNDS            type [set] column [value]        without bounds 0 ≤ x
-//   QUADOBJ           column column value              objective ½ xᵀQx + …; each off-diagonal pair once, either triangle
+//   ROWS              N objective, L ≤, G ≥, E =       the first N is the objective, entries of
+//   further ones are dropped COLUMNS           column row value [row value] RHS               [set]
+//   row value [row value]      of the objective row: minus the constant r RANGES            [set]
+//   row R [row R]              L: [rhs - |R|, rhs], G: [rhs, rhs + |R|], E: to rhs + R, below for R
+//   < 0 BOUNDS            type [set] column [value]        without bounds 0 ≤ x QUADOBJ column
+//   column value              objective ½ xᵀQx + …; each off-diagonal pair once, either triangle
 //   QMATRIX           the same, but both of each pair; QSECTION is read as QUADOBJ
 //   ENDATA
 //
-// Types of bounds: LO, UP, FX (both), FR (free), MI (no lower), PL (no upper). A negative UP with no lower bound given for
-// the column takes its lower bound 0 away; UP of 0 does not. Of several sets of RHS, RANGES or BOUNDS the first counts; a
-// later bound of a column replaces an earlier one of its side. Integer unknowns (BV, LI, UI, SC, MARKER) are refused. Numbers
-// may have Fortran's exponent D; bounds may be inf, and beyond ±1e20 stand for none.
-// Reference: Maros and Mészáros, A repository of convex quadratic programming problems, Optim. Methods Softw. 11 (1999).
+// Types of bounds: LO, UP, FX (both), FR (free), MI (no lower), PL (no upper). A negative UP with
+// no lower bound given for the column takes its lower bound 0 away; UP of 0 does not. Of several
+// sets of RHS, RANGES or BOUNDS the first counts; a later bound of a column replaces an earlier one
+// of its side. Integer unknowns (BV, LI, UI, SC, MARKER) are refused. Numbers may have Fortran's
+// exponent D; bounds may be inf, and beyond ±1e20 stand for none. Reference: Maros and Mészáros, A
+// repository of convex quadratic programming problems, Optim. Methods Softw. 11 (1999).
 
 #include <algorithm>
 #include <cmath>
@@ -34,11 +36,11 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/io/csv.hpp"
+#include "clothctl/io/detail/qps_fields.hpp"
 #include "clothctl/io/file.hpp"
 #include "clothctl/io/qp_problem.hpp"
-#include "clothctl/io/qps_fields.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// How the fields of a QPS file are told apart.
 enum class QpsForm {
@@ -50,12 +52,13 @@ enum class QpsForm {
   Fixed
 };
 
-namespace io_detail {
+namespace detail {
 
 /// Reads QPS text line by line. Functions answer whether all is well; the first error is kept.
 class QpsParser {
  public:
-  QpsParser(std::string_view text, std::string name, bool fixed) : text_(text), file_(std::move(name)), fixed_(fixed) {}
+  QpsParser(std::string_view text, std::string name, bool fixed)
+      : text_(text), file_(std::move(name)), fixed_(fixed) {}
 
   bool parse() {
     for (line_ = 1;; ++line_) {
@@ -110,12 +113,14 @@ class QpsParser {
       return once();
     }
     bool known = false;
-    for (const std::string_view name :
-         {"OBJSENSE", "ROWS", "COLUMNS", "RHS", "RANGES", "BOUNDS", "QUADOBJ", "QMATRIX", "QSECTION", "ENDATA"})
+    for (const std::string_view name : {"OBJSENSE", "ROWS", "COLUMNS", "RHS", "RANGES", "BOUNDS",
+                                        "QUADOBJ", "QMATRIX", "QSECTION", "ENDATA"})
       known = known || section_ == name;
     if (!known) return fail(in_quotes(words.word[0]) + " is not a section that is read");
     const std::size_t most = section_ == "OBJSENSE" || section_ == "QSECTION" ? 2 : 1;
-    if (words.count > most) return fail(section_ + ": " + in_quotes(words.word[most]) + " stands in the section's first line");
+    if (words.count > most)
+      return fail(section_ + ": " + in_quotes(words.word[most]) +
+                  " stands in the section's first line");
     if (section_ == "OBJSENSE") return once() && (words.count < 2 || sense(words.word[1]));
     if (section_ == "QSECTION" || section_ == "QMATRIX" || section_ == "QUADOBJ") {
       if (!quadratic_.empty()) return fail(section_ + " after " + quadratic_);
@@ -125,7 +130,8 @@ class QpsParser {
     return once();
   }
   bool once() {
-    if (std::find(sections_.begin(), sections_.end(), section_) != sections_.end()) return fail(section_ + " is given twice");
+    if (std::find(sections_.begin(), sections_.end(), section_) != sections_.end())
+      return fail(section_ + " is given twice");
     sections_.push_back(section_);
     return true;
   }
@@ -140,19 +146,23 @@ class QpsParser {
   bool data(std::string_view line) {
     if (section_ == "OBJSENSE") return sense(trimmed(line));
     QpsFields fields;
-    if (section_.empty() || section_ == "NAME") return fail(in_quotes(trimmed(line)) + " stands in no section");
+    if (section_.empty() || section_ == "NAME")
+      return fail(in_quotes(trimmed(line)) + " stands in no section");
     const std::string wrong = (fixed_ ? qps_fixed_fields : qps_free_fields)(section_, line, fields);
     if (!wrong.empty()) return fail(section_ + ": " + wrong);
     if (section_ == "ROWS") return row(fields);
     if (section_ == "BOUNDS") return bound(fields);
-    if (section_ == "COLUMNS" && fields.key[0] == "'MARKER'") return fail("integer unknowns ('MARKER') are not read");
+    if (section_ == "COLUMNS" && fields.key[0] == "'MARKER'")
+      return fail("integer unknowns ('MARKER') are not read");
     if (section_ == "RHS" || section_ == "RANGES") {
       if (!counts(fields.name)) return true;
       return side(fields, 0) && (fields.pairs < 2 || side(fields, 1));
     }
     const bool quadratic = section_ != "COLUMNS";
     int column = 0;
-    if (quadratic ? !find(columns_by_name_, "column", fields.name, column) : !column_of(fields.name, column)) return false;
+    if (quadratic ? !find(columns_by_name_, "column", fields.name, column)
+                  : !column_of(fields.name, column))
+      return false;
     for (std::size_t k = 0; k < fields.pairs; ++k) {
       int target = 0;
       double value = 0;
@@ -169,14 +179,15 @@ class QpsParser {
     return true;
   }
 
-  /// Whether a line's set of values is the first of its section.
+  /// Returns true when a line's set of values is the first of its section.
   bool counts(std::string_view set) {
     if (!set_known_) set_ = std::string(set);
     set_known_ = true;
     return set == set_;
   }
 
-  bool find(const std::unordered_map<std::string, int>& names, const char* what, std::string_view name, int& index) {
+  bool find(const std::unordered_map<std::string, int>& names, const char* what,
+            std::string_view name, int& index) {
     const auto found = names.find(std::string(name));
     if (found == names.end()) return fail(section_ + ": " + in_quotes(name) + " is not a " + what);
     index = found->second;
@@ -185,8 +196,10 @@ class QpsParser {
 
   bool number(std::string_view name, std::string_view text, double& value, bool open) {
     std::string digits(text);
-    for (char& c : digits) c = c == 'D' || c == 'd' ? 'e' : 'A' <= c && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
-    if (open && (parse_infinity(digits, "inf", value) || parse_infinity(digits, "infinity", value))) return true;
+    for (char& c : digits)
+      c = c == 'D' || c == 'd' ? 'e' : 'A' <= c && c <= 'Z' ? static_cast<char>(c - 'A' + 'a') : c;
+    if (open && (parse_infinity(digits, "inf", value) || parse_infinity(digits, "infinity", value)))
+      return true;
     const std::string wrong = parse_number(digits, value, text);
     return wrong.empty() || fail(section_ + ": " + in_quotes(name) + ": " + wrong);
   }
@@ -204,7 +217,8 @@ class QpsParser {
       has_objective_ = true;
       return true;
     }
-    if (index >= kLargestQpSide) return fail("ROWS: more than " + std::to_string(kLargestQpSide) + " rows");
+    if (index >= kLargestQpSide)
+      return fail("ROWS: more than " + std::to_string(kLargestQpSide) + " rows");
     Row row;
     row.type = type;
     row.line = line_;
@@ -215,10 +229,12 @@ class QpsParser {
 
   bool column_of(std::string_view name, int& index) {
     if (name.empty()) return fail("COLUMNS: a column without a name");
-    const auto [place, fresh] = columns_by_name_.emplace(std::string(name), static_cast<int>(columns_.size()));
+    const auto [place, fresh] =
+        columns_by_name_.emplace(std::string(name), static_cast<int>(columns_.size()));
     index = place->second;
     if (!fresh) return true;
-    if (index >= kLargestQpSide) return fail("COLUMNS: more than " + std::to_string(kLargestQpSide) + " columns");
+    if (index >= kLargestQpSide)
+      return fail("COLUMNS: more than " + std::to_string(kLargestQpSide) + " columns");
     columns_.emplace_back();
     columns_.back().line = line_;
     problem.column_names.emplace_back(name);
@@ -229,7 +245,8 @@ class QpsParser {
   bool side(const QpsFields& f, std::size_t k) {
     int index = 0;
     double value = 0;
-    if (!find(rows_by_name_, "row", f.key[k], index) || !number(f.key[k], f.value[k], value, false)) return false;
+    if (!find(rows_by_name_, "row", f.key[k], index) || !number(f.key[k], f.value[k], value, false))
+      return false;
     if (index == kDropped) return true;
     const bool range = section_ == "RANGES";
     if (index == kObjective) {
@@ -251,16 +268,19 @@ class QpsParser {
   bool bound(const QpsFields& f) {
     for (const std::string_view integer : {"BV", "LI", "UI", "SC", "SI"}) {
       if (f.type == integer)
-        return fail("BOUNDS: type " + in_quotes(f.type) + " asks for an integer unknown, which is not read");
+        return fail("BOUNDS: type " + in_quotes(f.type) +
+                    " asks for an integer unknown, which is not read");
     }
     bool known = false;
-    for (const std::string_view type : {"LO", "UP", "FX", "FR", "MI", "PL"}) known = known || f.type == type;
+    for (const std::string_view type : {"LO", "UP", "FX", "FR", "MI", "PL"})
+      known = known || f.type == type;
     if (!known) return fail("BOUNDS: type " + in_quotes(f.type) + " is unknown");
     if (!counts(f.name)) return true;
     int index = 0;
     double value = 0;
     if (!find(columns_by_name_, "column", f.key[0], index)) return false;
-    if (qps_bound_has_value(f.type) && !number(f.key[0], f.value[0], value, f.type != "FX")) return false;
+    if (qps_bound_has_value(f.type) && !number(f.key[0], f.value[0], value, f.type != "FX"))
+      return false;
     Column& column = columns_[static_cast<std::size_t>(index)];
     const double infinity = scalar_traits<double>::infinity();
     if (f.type == "LO" || f.type == "FX") column.lower = value;
@@ -301,8 +321,10 @@ class QpsParser {
       if (row.type == 'G') upper = row.has_range ? row.rhs + width : infinity;
       if (row.type == 'E') (row.range < 0 ? lower : upper) += row.range;
       const std::string name = in_quotes(problem.row_names[static_cast<std::size_t>(i)]);
-      if (is_unbounded(lower) && lower > 0) return fail_at(row.line, "row " + name + ": lower bound " + number_text(lower));
-      if (is_unbounded(upper) && upper < 0) return fail_at(row.line, "row " + name + ": upper bound " + number_text(upper));
+      if (is_unbounded(lower) && lower > 0)
+        return fail_at(row.line, "row " + name + ": lower bound " + number_text(lower));
+      if (is_unbounded(upper) && upper < 0)
+        return fail_at(row.line, "row " + name + ": upper bound " + number_text(upper));
       problem.rl[i] = lower;
       problem.ru[i] = upper;
     }
@@ -311,7 +333,8 @@ class QpsParser {
 
   bool twice(const QpEntry& e, const std::string& row) {
     const std::string column = problem.column_names[static_cast<std::size_t>(e.column)];
-    return fail_at(e.line, "column " + in_quotes(column) + ": the entry of " + in_quotes(row) + " is given twice");
+    return fail_at(e.line, "column " + in_quotes(column) + ": the entry of " + in_quotes(row) +
+                               " is given twice");
   }
 
   bool fill_rows(Index n, Index m) {
@@ -321,7 +344,8 @@ class QpsParser {
     for (const QpEntry& e : entries_) {  // the objective counts as the row after the last
       const Index i = e.row == kObjective ? m : e.row;
       std::vector<bool>::reference mark = known[static_cast<std::size_t>(i * n + e.column)];
-      if (mark) return twice(e, i == m ? "the objective" : problem.row_names[static_cast<std::size_t>(i)]);
+      if (mark)
+        return twice(e, i == m ? "the objective" : problem.row_names[static_cast<std::size_t>(i)]);
       mark = true;
       (i == m ? problem.g[e.column] : problem.A(i, e.column)) = e.value;
     }
@@ -349,7 +373,8 @@ class QpsParser {
       if (!(here < there) && !(there < here)) continue;
       const std::string a = in_quotes(problem.column_names[static_cast<std::size_t>(e.column)]);
       const std::string b = in_quotes(problem.column_names[static_cast<std::size_t>(e.row)]);
-      return fail_at(e.line, "QMATRIX: the entry of " + a + " and " + b + " differs from that of " + b + " and " + a);
+      return fail_at(e.line, "QMATRIX: the entry of " + a + " and " + b + " differs from that of " +
+                                 b + " and " + a);
     }
     return true;
   }
@@ -367,28 +392,31 @@ class QpsParser {
   std::vector<QpEntry> entries_, hessian_;
 };
 
-}  // namespace io_detail
+}  // namespace detail
 
-/// Parses a program from QPS text; `name` stands for the file in messages. With OBJSENSE MAX the negated objective is given and
-/// `maximise` set. Allocates. Complexity: O(length + n² + mn).
-/// Fails when: a section, a type, a row or a column is unknown or given twice, a line has the wrong fields, a number is NaN or
-/// (but for bounds) infinite, an unknown is integer, QMATRIX is not symmetric, ENDATA is missing, or the program is larger than
-/// `kLargestQpSide` or `kLargestQpEntries`. A lower bound above its upper one is not refused.
-inline Result<QpProblem> parse_qps(std::string_view text, const std::string& name, QpsForm form = QpsForm::Detect) {
-  io_detail::QpsParser parser(text, name, form == QpsForm::Fixed);
+/// Parses a program from QPS text; `name` stands for the file in messages. With OBJSENSE MAX the
+/// negated objective is given and `maximise` set. Allocates. Complexity: O(length + n² + mn). Fails
+/// when: a section, a type, a row or a column is unknown or given twice, a line has the wrong
+/// fields, a number is NaN or (except in bounds) infinite, an unknown is integer, QMATRIX is not
+/// symmetric, ENDATA is missing, or the program is larger than `kLargestQpSide` or
+/// `kLargestQpEntries`. A lower bound above its upper one is not refused.
+inline Result<QpProblem> parse_qps(std::string_view text, const std::string& name,
+                                   QpsForm form = QpsForm::Detect) {
+  detail::QpsParser parser(text, name, form == QpsForm::Fixed);
   if (parser.parse()) return std::move(parser.problem);
   if (form == QpsForm::Detect) {
-    io_detail::QpsParser fixed(text, name, true);
+    detail::QpsParser fixed(text, name, true);
     if (fixed.parse()) return std::move(fixed.problem);
   }
   return Error{parser.error};
 }
 
-/// Reads a program from a QPS file; see `parse_qps`. Allocates. Fails when: the file cannot be read, or as `parse_qps` does.
+/// Reads a program from a QPS file; see `parse_qps`. Allocates. Fails when: the file cannot be
+/// read, or as `parse_qps` does.
 inline Result<QpProblem> read_qps(const std::string& path, QpsForm form = QpsForm::Detect) {
   const Result<std::string> text = read_file(path);
   if (!text) return Error{text.error()};
   return parse_qps(*text, path, form);
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

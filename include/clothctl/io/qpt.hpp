@@ -1,21 +1,22 @@
 #pragma once
 
-// QPT, a text format for quadratic programs, single or in sequences, with their reference solutions:
+// QPT, a text format for quadratic programs, single or in sequences, with their reference
+// solutions:
 //
 //   qpt 1                              first: format and version
 //   name S   n N   m M   r R           sizes come before any matrix; m and r may be left out (0)
 //   H K      i j v …                   K entries of the upper triangle; or
-//   Hdense N v …                       lower triangle with its diagonal, row by row, N(N+1)/2 values
-//   g K      i v …                     A K   i j v …            what is not given is 0
-//   rows M   lo hi …                   cols N   lo hi …         rl ru of the rows, lb ub of the unknowns; inf, -inf
-//   status S   objective V   unique 0|1                         S: optimal, infeasible or unbounded
-//   x N …   y M …   z N …   ray N …   farkas_y M …   farkas_z N …
-//   frames K   shift S   frame 0 …   frame 1 …                  a sequence; see below
-//   end
+//   Hdense N v …                       lower triangle with its diagonal, row by row, N(N+1)/2
+//   values g K      i v …                     A K   i j v …            what is not given is 0 rows
+//   M   lo hi …                   cols N   lo hi …         rl ru of the rows, lb ub of the
+//   unknowns; inf, -inf status S   objective V   unique 0|1                         S: optimal,
+//   infeasible or unbounded x N …   y M …   z N …   ray N …   farkas_y M …   farkas_z N … frames K
+//   shift S   frame 0 …   frame 1 …                  a sequence; see below end
 //
-// Tokens stand between white space; indices count from 0. After `frame T`, g, rows, cols, status and objective are those of
-// frame T; what it does not give is the base program's. A solution file holds name, n, m, then status, objective, x, y, z, ray
-// and the farkas pair, of the program or of each frame, and no data.
+// Tokens stand between white space; indices count from 0. After `frame T`, g, rows, cols, status
+// and objective are those of frame T; what it does not give is the base program's. A solution file
+// holds name, n, m, then status, objective, x, y, z, ray and the farkas pair, of the program or of
+// each frame, and no data.
 
 #include <cstddef>
 #include <initializer_list>
@@ -28,13 +29,13 @@
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
+#include "clothctl/io/detail/token_reader.hpp"
 #include "clothctl/io/file.hpp"
 #include "clothctl/io/qp_problem.hpp"
-#include "clothctl/io/token_reader.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-namespace io_detail {
+namespace detail {
 
 /// What a QPT file holds.
 enum class QptContent { Problem, Solution };
@@ -47,10 +48,12 @@ class QptParser : public TokenReader {
 
   bool parse() {
     std::string_view token;
-    if (!next(token, "the head") || token != "qpt") return fail(in_quotes(token) + " found, expected qpt");
+    if (!next(token, "the head") || token != "qpt")
+      return fail(in_quotes(token) + " found, expected qpt");
     Index version = 0;
     if (!count("qpt", 0, 1000000, version)) return false;
-    if (version != 1) return fail("qpt: version " + std::to_string(version) + " is unknown, expected 1");
+    if (version != 1)
+      return fail("qpt: version " + std::to_string(version) + " is unknown, expected 1");
     while (true) {
       if (!next(token, last_)) return false;
       last_ = std::string(token);
@@ -72,7 +75,8 @@ class QptParser : public TokenReader {
   }
 
   bool section(const std::string& key) {
-    const bool answer = one_of(key, {"status", "objective", "unique", "x", "y", "z", "ray", "farkas_y", "farkas_z"});
+    const bool answer = one_of(
+        key, {"status", "objective", "unique", "x", "y", "z", "ray", "farkas_y", "farkas_z"});
     const bool head = one_of(key, {"name", "n", "m", "r", "frames", "shift"});
     const bool data = one_of(key, {"H", "Hdense", "g", "A", "rows", "cols"});
     if (key == "frame") return start_frame();
@@ -81,7 +85,8 @@ class QptParser : public TokenReader {
     if (in_frame_ && !solution_ && !one_of(key, {"g", "rows", "cols", "status", "objective"}))
       return fail(in_quotes(key) + " does not belong into a frame");
     if (in_frame_ && head) return fail(in_quotes(key) + " does not belong into a frame");
-    if (!seen_.insert(key == "Hdense" ? "H" : key).second) return fail(in_quotes(key) + " is given twice");
+    if (!seen_.insert(key == "Hdense" ? "H" : key).second)
+      return fail(in_quotes(key) + " is given twice");
     if (head) return head_section(key);
     if ((data || !one_of(key, {"status", "objective", "unique"})) && !size_once()) return false;
     if (data) return data_section(key);
@@ -118,7 +123,8 @@ class QptParser : public TokenReader {
 
   bool data_section(const std::string& key) {
     Index size = 0;
-    if (key == "H") return count(key, 0, n_ * (n_ + 1) / 2, size) && entries(key, n_, size, true, hessian_);
+    if (key == "H")
+      return count(key, 0, n_ * (n_ + 1) / 2, size) && entries(key, n_, size, true, hessian_);
     if (key == "A") return count(key, 0, m_ * n_, size) && entries(key, m_, size, false, rows_);
     if (key == "g") return gradient();
     if (key == "rows") return count(key, m_, m_, size) && pairs(key, m_, frame().rl, frame().ru);
@@ -132,14 +138,17 @@ class QptParser : public TokenReader {
     return true;
   }
 
-  bool entries(const std::string& key, Index rows, Index size, bool upper, std::vector<QpEntry>& out) {
+  bool entries(const std::string& key, Index rows, Index size, bool upper,
+               std::vector<QpEntry>& out) {
     std::vector<bool> known(static_cast<std::size_t>(size > 0 ? rows * n_ : 0), false);
     for (Index k = 0; k < size; ++k) {
       Index i = 0, j = 0;
       double value = 0;
-      if (!count(key + ": row", 0, rows - 1, i) || !count(key + ": column", 0, n_ - 1, j)) return false;
+      if (!count(key + ": row", 0, rows - 1, i) || !count(key + ": column", 0, n_ - 1, j))
+        return false;
       const std::string place = key + "(" + std::to_string(i) + "," + std::to_string(j) + ")";
-      if (upper && j < i) return fail(place + " lies below the diagonal, expected the upper triangle");
+      if (upper && j < i)
+        return fail(place + " lies below the diagonal, expected the upper triangle");
       std::vector<bool>::reference mark = known[static_cast<std::size_t>(i * n_ + j)];
       if (mark) return fail(place + " is given twice");
       mark = true;
@@ -158,7 +167,8 @@ class QptParser : public TokenReader {
     for (Index k = 0; k < size; ++k) {
       Index i = 0;
       if (!count("g: index", 0, n_ - 1, i)) return false;
-      if (known[static_cast<std::size_t>(i)]) return fail("g(" + std::to_string(i) + ") is given twice");
+      if (known[static_cast<std::size_t>(i)])
+        return fail("g(" + std::to_string(i) + ") is given twice");
       known[static_cast<std::size_t>(i)] = true;
       if (!number("g(" + std::to_string(i) + ")", g[i])) return false;
     }
@@ -171,9 +181,11 @@ class QptParser : public TokenReader {
     for (Index i = 0; i < size; ++i) {
       const std::string place = key + ": " + std::to_string(i);
       if (!number(place, lower[i], true)) return false;
-      if (is_unbounded(lower[i]) && lower[i] > 0) return fail(place + ": lower bound " + number_text(lower[i]));
+      if (is_unbounded(lower[i]) && lower[i] > 0)
+        return fail(place + ": lower bound " + number_text(lower[i]));
       if (!number(place, upper[i], true)) return false;
-      if (is_unbounded(upper[i]) && upper[i] < 0) return fail(place + ": upper bound " + number_text(upper[i]));
+      if (is_unbounded(upper[i]) && upper[i] < 0)
+        return fail(place + ": upper bound " + number_text(upper[i]));
     }
     return true;
   }
@@ -206,7 +218,9 @@ class QptParser : public TokenReader {
     return true;
   }
 
-  Index frames_read() const { return static_cast<Index>(solution_ ? solution.frames.size() : problem.frames.size()); }
+  Index frames_read() const {
+    return static_cast<Index>(solution_ ? solution.frames.size() : problem.frames.size());
+  }
 
   bool start_frame() {
     if (!in_frame_ && !complete()) return false;
@@ -216,7 +230,8 @@ class QptParser : public TokenReader {
     Index number = 0;
     if (!count("frame", known, known, number)) return false;
     if ((known + 1) * (3 * n_ + 2 * m_) > kLargestQpEntries)
-      return fail("frame " + std::to_string(known) + ": more than " + std::to_string(kLargestQpEntries) + " numbers in frames");
+      return fail("frame " + std::to_string(known) + ": more than " +
+                  std::to_string(kLargestQpEntries) + " numbers in frames");
     in_frame_ = true;
     seen_.clear();
     if (solution_) {
@@ -229,18 +244,20 @@ class QptParser : public TokenReader {
     return true;
   }
 
-  /// Whether the base program has what it must have.
+  /// Returns true when the base program has what it must have.
   bool complete() {
     if (!size_once()) return false;
     if (solution_) return true;
-    if (m_ > 0 && seen_.count("rows") == 0) return fail("'rows' is missing before " + in_quotes(last_));
+    if (m_ > 0 && seen_.count("rows") == 0)
+      return fail("'rows' is missing before " + in_quotes(last_));
     return seen_.count("cols") != 0 || fail("'cols' is missing before " + in_quotes(last_));
   }
 
   bool finish() {
     if (!in_frame_ && !complete()) return false;
     if (frames_read() != frames_)
-      return fail("expected " + std::to_string(frames_) + " frames, found " + std::to_string(frames_read()));
+      return fail("expected " + std::to_string(frames_) + " frames, found " +
+                  std::to_string(frames_read()));
     if (!at_end("end")) return false;
     if (solution_) {
       solution.name = problem.name;
@@ -250,7 +267,8 @@ class QptParser : public TokenReader {
     }
     problem.H.setZero(n_, n_);
     problem.A.setZero(m_, n_);
-    for (const QpEntry& e : hessian_) problem.H(e.row, e.column) = problem.H(e.column, e.row) = e.value;
+    for (const QpEntry& e : hessian_)
+      problem.H(e.row, e.column) = problem.H(e.column, e.row) = e.value;
     for (const QpEntry& e : rows_) problem.A(e.row, e.column) = e.value;
     std::size_t k = 0;
     for (Index i = 0; i < n_ && !triangle_.empty(); ++i) {
@@ -268,32 +286,34 @@ class QptParser : public TokenReader {
   std::vector<double> triangle_;
 };
 
-}  // namespace io_detail
+}  // namespace detail
 
-/// Parses a program or a sequence from QPT text; `name` stands for the file in messages. Allocates. Complexity: O(length + n²
-/// + mn).
-/// Fails when: a section is unknown, misplaced, missing, given twice or cut short, a count or an index is out of range, an
-/// entry of a matrix is given twice, a number is NaN or (but for bounds) infinite, the program is larger than
-/// `kLargestQpSide` or `kLargestQpEntries`, or anything follows `end`. A lower bound above its upper one is not refused.
+/// Parses a program or a sequence from QPT text; `name` stands for the file in messages. Allocates.
+/// Complexity: O(length + n² + mn). Fails when: a section is unknown, misplaced, missing, given
+/// twice or cut short, a count or an index is out of range, an entry of a matrix is given twice, a
+/// number is NaN or (except in bounds) infinite, the program is larger than `kLargestQpSide` or
+/// `kLargestQpEntries`, or anything follows `end`. A lower bound above its upper one is not
+/// refused.
 inline Result<QpProblem> parse_qpt(std::string_view text, const std::string& name) {
-  io_detail::QptParser parser(text, name, io_detail::QptContent::Problem);
+  detail::QptParser parser(text, name, detail::QptContent::Problem);
   if (!parser.parse()) return Error{parser.error()};
   return std::move(parser.problem);
 }
 
-/// Reads a program or a sequence from a QPT file; see `parse_qpt`. Allocates.
-/// Fails when: the file cannot be read, or as `parse_qpt` does.
+/// Reads a program or a sequence from a QPT file; see `parse_qpt`. Allocates. Fails when: the file
+/// cannot be read, or as `parse_qpt` does.
 inline Result<QpProblem> read_qpt(const std::string& path) {
   const Result<std::string> text = read_file(path);
   if (!text) return Error{text.error()};
   return parse_qpt(*text, path);
 }
 
-/// Parses a solution from QPT text that holds no data. Allocates. Fails when: as `parse_qpt` does, or it holds data.
+/// Parses a solution from QPT text that holds no data. Allocates. Fails when: as `parse_qpt` does,
+/// or it holds data.
 inline Result<QpSolution> parse_qpt_solution(std::string_view text, const std::string& name) {
-  io_detail::QptParser parser(text, name, io_detail::QptContent::Solution);
+  detail::QptParser parser(text, name, detail::QptContent::Solution);
   if (!parser.parse()) return Error{parser.error()};
   return std::move(parser.solution);
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,10 +1,11 @@
 #pragma once
 
-// Drawn target curves from files. One file for all features has the header
+// Reads target curves of features from files. One file for all features has the header
 //
 //   t,<a>x,<a>y,<a>z,<b>x,<b>y,<b>z,…        e.g. t,Lx,Ly,Lz,Rx,Ry,Rz
 //
-// with t in seconds, strictly increasing, and metres. A pair of files without header has rows x,y,z, one a time step.
+// with strictly increasing times t in seconds, and positions in metres. Alternatively, two files
+// without header hold rows x,y,z, one row for each time step.
 
 #include <cstddef>
 #include <string>
@@ -16,11 +17,11 @@
 #include "clothctl/core/types.hpp"
 #include "clothctl/io/csv.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Target positions of k features at n times.
 struct TargetCurves {
-  /// Name of each feature: the part of its column names before x, y, z.
+  /// Name of each feature: its column names without x, y, z.
   std::vector<std::string> names;
   /// Times of the samples (n, strictly increasing, s).
   VectorX<double> times;
@@ -28,10 +29,11 @@ struct TargetCurves {
   std::vector<Points<double>> features;
 };
 
-namespace io_detail {
+namespace detail {
 
-/// Takes the names of features from a header; answers with what is wrong with it, "" where nothing is.
-inline std::string parse_target_header(const std::vector<std::string>& header, std::vector<std::string>& names) {
+/// Reads the names of the features from a header. Returns what is wrong with the header, or "".
+inline std::string parse_target_header(const std::vector<std::string>& header,
+                                       std::vector<std::string>& names) {
   const std::string expected = ", expected t,Lx,Ly,Lz,Rx,Ry,Rz or the like";
   if (header.empty()) return "no header" + expected;
   if (header[0] != "t") return "header starts with " + in_quotes(header[0]) + expected;
@@ -41,7 +43,8 @@ inline std::string parse_target_header(const std::vector<std::string>& header, s
   for (std::size_t c = 1; c < header.size(); c += 3) {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const std::string& cell = header[c + axis];
-      if (cell.empty() || cell.back() != "xyz"[axis]) return "header has " + in_quotes(cell) + expected;
+      if (cell.empty() || cell.back() != "xyz"[axis])
+        return "header has " + in_quotes(cell) + expected;
       const std::string name = cell.substr(0, cell.size() - 1);
       if (axis == 0) {
         for (const std::string& other : names) {
@@ -56,76 +59,88 @@ inline std::string parse_target_header(const std::vector<std::string>& header, s
   return {};
 }
 
-/// Tells whether the parts of a table fit together, which those of a table that was read do; "" where they do.
+/// Returns why the parts of a table contradict each other, or "". Those of a table from a file
+/// never do.
 inline std::string check_parts(const CsvTable& table) {
   const std::string at_header = at_line(table.name, 1);
   if (table.values.rows() == 0) return at_header + "no row after the header";
   if (static_cast<Index>(table.header.size()) != table.values.cols()) {
-    return at_header + "header has " + std::to_string(table.header.size()) + " columns, but the rows have " +
-           std::to_string(table.values.cols());
+    return at_header + "header has " + std::to_string(table.header.size()) +
+           " columns, but the rows have " + std::to_string(table.values.cols());
   }
   if (static_cast<Index>(table.lines.size()) != table.values.rows()) {
-    return at_header + std::to_string(table.values.rows()) + " rows, but the lines of " + std::to_string(table.lines.size());
+    return at_header + std::to_string(table.values.rows()) + " rows, but the lines of " +
+           std::to_string(table.lines.size());
   }
   return {};
 }
 
-}  // namespace io_detail
+}  // namespace detail
 
-/// Takes target curves from a table with a header. Allocates.
-/// Fails when: the header is missing or not of the form above, rows, header and line numbers differ in their count, a time
-/// does not come after the one before, or there are fewer than two rows.
+/// Makes target curves from a table with a header. Allocates. Fails when: the header is missing or
+/// does not have the form above, the numbers of rows, header cells and line numbers contradict each
+/// other, a time is not after the previous one, or there are fewer than two rows.
 inline Result<TargetCurves> targets_from_table(const CsvTable& table) {
   TargetCurves curves;
-  if (const std::string wrong = io_detail::parse_target_header(table.header, curves.names); !wrong.empty()) {
-    return Error{io_detail::at_line(table.name, 1) + wrong};
+  if (const std::string wrong = detail::parse_target_header(table.header, curves.names);
+      !wrong.empty()) {
+    return Error{detail::at_line(table.name, 1) + wrong};
   }
-  if (std::string wrong = io_detail::check_parts(table); !wrong.empty()) return Error{std::move(wrong)};
+  if (std::string wrong = detail::check_parts(table); !wrong.empty())
+    return Error{std::move(wrong)};
   curves.times = table.values.col(0);
   for (Index i = 1; i < curves.times.size(); ++i) {
     if (curves.times[i] > curves.times[i - 1]) continue;
-    return Error{io_detail::at_line(table.name, table.lines[static_cast<std::size_t>(i)]) + "time " +
-                 number_text(curves.times[i]) + " does not come after " + number_text(curves.times[i - 1])};
+    return Error{detail::at_line(table.name, table.lines[static_cast<std::size_t>(i)]) + "time " +
+                 number_text(curves.times[i]) + " does not come after " +
+                 number_text(curves.times[i - 1])};
   }
   if (curves.times.size() < 2) {
-    return Error{io_detail::at_line(table.name, table.lines.back()) + "expected at least 2 rows, found 1"};
+    return Error{detail::at_line(table.name, table.lines.back()) +
+                 "expected at least 2 rows, found 1"};
   }
   for (std::size_t f = 0; f < curves.names.size(); ++f) {
-    curves.features.push_back(table.values.middleCols(static_cast<Index>(1 + 3 * f), 3).transpose());
+    curves.features.push_back(
+        table.values.middleCols(static_cast<Index>(1 + 3 * f), 3).transpose());
   }
   return curves;
 }
 
-/// Reads target curves of any number of features from one file with a header. Allocates.
-/// Fails when: the file cannot be read, a row is malformed, or as `targets_from_table` does.
+/// Reads target curves of any number of features from one file with a header. Allocates. Fails
+/// when: the file cannot be read, a row is malformed, or `targets_from_table` fails.
 inline Result<TargetCurves> read_targets(const std::string& path) {
   const Result<CsvTable> table = read_csv(path, CsvHeader::Names);
   if (!table) return Error{table.error()};
   return targets_from_table(*table);
 }
 
-/// Reads the target curves "L" and "R" from two files without header; row i belongs to time i·dt (s). Allocates.
-/// Fails when: dt is not positive, a file cannot be read, a row is malformed, or the files differ in their number of rows.
-inline Result<TargetCurves> read_target_pair(const std::string& left, const std::string& right, double dt) {
-  if (!is_finite(dt) || !(dt > 0)) return Error{"dt is " + number_text(dt) + ", expected a positive number of seconds"};
+/// Reads the target curves "L" and "R" from two files without header; row i belongs to time i·dt
+/// (s). Allocates. Fails when: dt is not positive, a file cannot be read, a row is malformed, or
+/// the files differ in their number of rows.
+inline Result<TargetCurves> read_target_pair(const std::string& left, const std::string& right,
+                                             double dt) {
+  if (!is_finite(dt) || !(dt > 0))
+    return Error{"dt is " + number_text(dt) + ", expected a positive number of seconds"};
   TargetCurves curves;
   curves.names = {"L", "R"};
   Index rows = 0;
   for (const std::string& path : {left, right}) {
-    const Result<CsvTable> table = read_csv(path, CsvHeader::None, 3);
+    const Result<CsvTable> table = read_csv(path, CsvHeader::Absent, 3);
     if (!table) return Error{table.error()};
     const Index found = table->values.rows();
-    const std::string at_last = io_detail::at_line(path, table->lines.back());
+    const std::string at_last = detail::at_line(path, table->lines.back());
     if (found < 2) return Error{at_last + "expected at least 2 rows, found 1"};
     if (!curves.features.empty() && found != rows) {
-      return Error{at_last + "expected " + std::to_string(rows) + " rows as in " + left + ", found " + std::to_string(found)};
+      return Error{at_last + "expected " + std::to_string(rows) + " rows as in " + left +
+                   ", found " + std::to_string(found)};
     }
     rows = found;
     curves.features.push_back(table->values.transpose());
   }
   curves.times = VectorX<double>::LinSpaced(rows, 0, static_cast<double>(rows - 1)) * dt;
-  if (!all_finite(curves.times)) return Error{"dt is " + number_text(dt) + ", too large for " + std::to_string(rows) + " rows"};
+  if (!all_finite(curves.times))
+    return Error{"dt is " + number_text(dt) + ", too large for " + std::to_string(rows) + " rows"};
   return curves;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

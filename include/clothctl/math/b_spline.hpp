@@ -2,21 +2,25 @@
 
 // Cubic B-spline curves in space, twice continuously differentiable, with clamped ends.
 //
-//   p(t) = Σ_j N_j(t) c_j,    knots τ_0 ≤ τ_1 ≤ … ≤ τ_{n+3},    τ_0 = … = τ_3 = start,   τ_n = … = τ_{n+3} = end
+//   p(t) = Σ_j N_j(t) c_j,    knots τ_0 ≤ τ_1 ≤ … ≤ τ_{n+3}
+//   τ_0 = … = τ_3 = start,    τ_n = … = τ_{n+3} = end
 //
-// N_j is the cubic basis function on τ_j … τ_{j+4}. Evaluation is de Boor's: on the span τ_k ≤ t < τ_{k+1} only
-// c_{k-3} … c_k count, and for l = 1, 2, 3
+// N_j is the cubic basis function on τ_j … τ_{j+4}. Evaluation is de Boor's: on the span τ_k ≤ t <
+// τ_{k+1} only c_{k-3} … c_k count, and for l = 1, 2, 3
 //
 //   d_j ← (1 - α) d_{j-1} + α d_j,    α = (t - τ_{k-3+j}) / (τ_{k+j-l+1} - τ_{k-3+j}).
 //
-// The derivative is the B-spline of one degree less with points 3 (c_{j+1} - c_j) / (τ_{j+4} - τ_{j+1}).
+// The derivative is the B-spline of one degree less with points 3 (c_{j+1} - c_j) / (τ_{j+4} -
+// τ_{j+1}).
 //
-// Interpolation of samples (t_i, y_i), h_i = t_{i+1} - t_i, is the natural spline: second derivatives M_i, zero at both
-// ends, solve the diagonally dominant tridiagonal system
+// Interpolation of samples (t_i, y_i), h_i = t_{i+1} - t_i, is the natural spline: second
+// derivatives M_i, zero at both ends, solve the diagonally dominant tridiagonal system
 //
-//   h_{i-1} M_{i-1} + 2 (h_{i-1} + h_i) M_i + h_i M_{i+1} = 6 ((y_{i+1} - y_i)/h_i - (y_i - y_{i-1})/h_{i-1}),
+//   h_{i-1} M_{i-1} + 2 (h_{i-1} + h_i) M_i + h_i M_{i+1}
+//     = 6 ((y_{i+1} - y_i)/h_i - (y_i - y_{i-1})/h_{i-1}),
 //
-// and the control points are the polar forms of the pieces at three successive knots (v_i is the velocity at t_i):
+// and the control points are the polar forms of the pieces at three successive knots (v_i is the
+// velocity at t_i):
 //
 //   c_{i+1} = y_i + v_i (h_i - h_{i-1})/3 - M_i h_{i-1} h_i/6,    h_{-1} = h_{last} = 0.
 
@@ -30,18 +34,19 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// The first column of `points` that is not finite as an error that starts with `name` and the index; "" where there is none.
+/// The first column of `points` that is not finite as an error that starts with `name` and the
+/// index; "" where there is none.
 template <class Scalar>
 std::string non_finite_point(const PointsView<Scalar>& points, const char* name) {
   for (Index j = 0; j < points.cols(); ++j) {
     for (Index i = 0; i < 3; ++i) {
       if (is_finite(points(i, j))) continue;
-      return std::string(name) + " " + std::to_string(j) + ": " + "xyz"[i] + " is " + number_text(points(i, j)) +
-             ", expected a finite number";
+      return std::string(name) + " " + std::to_string(j) + ": " + "xyz"[i] + " is " +
+             number_text(points(i, j)) + ", expected a finite number";
     }
   }
   return {};
@@ -55,50 +60,64 @@ std::string non_finite_point(const PointsView<Scalar>& points, const char* name)
 template <RealScalar Scalar>
 class CubicBSpline {
  public:
-  /// Builds the curve of the given control points (3×n, n ≥ 4, m) on uniform clamped knots over [start_time, end_time] (s).
-  /// It starts at the first control point and ends at the last. Allocates. Complexity: O(n).
-  /// Fails when: n < 4, a value is not finite, end_time ≤ start_time, or two knots coincide in Scalar.
-  static Result<CubicBSpline> from_control_points(const PointsView<Scalar>& control, Scalar start_time, Scalar end_time) {
+  /// Builds the curve of the given control points (3×n, n ≥ 4, m) on uniform clamped knots over
+  /// [start_time, end_time] (s). It starts at the first control point and ends at the last.
+  /// Allocates. Complexity: O(n). Fails when: n < 4, a value is not finite, end_time ≤ start_time,
+  /// or two knots coincide in Scalar.
+  static Result<CubicBSpline> from_control_points(const PointsView<Scalar>& control,
+                                                  Scalar start_time, Scalar end_time) {
     const Index n = control.cols();
     if (n < 4) return Error{"control points: expected at least 4, found " + std::to_string(n)};
-    if (std::string bad = detail::non_finite_point<Scalar>(control, "control point"); !bad.empty()) return Error{bad};
-    if (!is_finite(start_time)) return Error{"start time is " + number_text(start_time) + ", expected a finite number"};
-    if (!is_finite(end_time)) return Error{"end time is " + number_text(end_time) + ", expected a finite number"};
+    if (std::string bad = detail::non_finite_point<Scalar>(control, "control point"); !bad.empty())
+      return Error{bad};
+    if (!is_finite(start_time))
+      return Error{"start time is " + number_text(start_time) + ", expected a finite number"};
+    if (!is_finite(end_time))
+      return Error{"end time is " + number_text(end_time) + ", expected a finite number"};
     const Scalar length = end_time - start_time;
     if (!(start_time < end_time) || !is_finite(length)) {
-      return Error{"end time " + number_text(end_time) + " does not come after start time " + number_text(start_time)};
+      return Error{"end time " + number_text(end_time) + " does not come after start time " +
+                   number_text(start_time)};
     }
     CubicBSpline curve;
     curve.control_ = control;
     curve.knots_.assign(static_cast<std::size_t>(n) + 4, start_time);
     const Scalar spans = Scalar(static_cast<double>(n - 3));
-    for (Index k = 4; k < n; ++k) curve.knot(k) = start_time + length * (Scalar(static_cast<double>(k - 3)) / spans);
+    for (Index k = 4; k < n; ++k)
+      curve.knot(k) = start_time + length * (Scalar(static_cast<double>(k - 3)) / spans);
     for (Index k = n; k < n + 4; ++k) curve.knot(k) = end_time;
     for (Index k = 4; k <= n; ++k) {
       if (curve.knot(k - 1) < curve.knot(k)) continue;
-      return Error{"knot " + std::to_string(k) + ": time " + number_text(curve.knot(k)) + " does not come after " +
-                   number_text(curve.knot(k - 1)) + ", too many control points for the interval"};
+      return Error{"knot " + std::to_string(k) + ": time " + number_text(curve.knot(k)) +
+                   " does not come after " + number_text(curve.knot(k - 1)) +
+                   ", too many control points for the interval"};
     }
     return curve;
   }
 
-  /// Builds the curve through all samples: `times` (n ≥ 2, strictly increasing, s) and `points` (3×n, m), with zero
-  /// acceleration at both ends. It has n + 2 control points. Allocates. Complexity: O(n). Fails when: counts differ, n < 2, a
-  /// value is not finite or a time does not come after the one before.
-  static Result<CubicBSpline> interpolate(const Eigen::Ref<const VectorX<Scalar>>& times, const PointsView<Scalar>& points) {
+  /// Builds the curve through all samples: `times` (n ≥ 2, strictly increasing, s) and `points`
+  /// (3×n, m), with zero acceleration at both ends. It has n + 2 control points. Allocates.
+  /// Complexity: O(n). Fails when: counts differ, n < 2, a value is not finite or a time does not
+  /// come after the one before.
+  static Result<CubicBSpline> interpolate(const Eigen::Ref<const VectorX<Scalar>>& times,
+                                          const PointsView<Scalar>& points) {
     const Index n = times.size();
     if (points.cols() != n) {
-      return Error{"samples: " + std::to_string(n) + " times but " + std::to_string(points.cols()) + " points"};
+      return Error{"samples: " + std::to_string(n) + " times but " + std::to_string(points.cols()) +
+                   " points"};
     }
     if (n < 2) return Error{"samples: expected at least 2, found " + std::to_string(n)};
     for (Index i = 0; i < n; ++i) {
       const std::string where = "sample " + std::to_string(i) + ": time ";
-      if (!is_finite(times[i])) return Error{where + "is " + number_text(times[i]) + ", expected a finite number"};
+      if (!is_finite(times[i]))
+        return Error{where + "is " + number_text(times[i]) + ", expected a finite number"};
       if (i > 0 && !(times[i - 1] < times[i])) {
-        return Error{where + number_text(times[i]) + " does not come after " + number_text(times[i - 1])};
+        return Error{where + number_text(times[i]) + " does not come after " +
+                     number_text(times[i - 1])};
       }
     }
-    if (std::string bad = detail::non_finite_point<Scalar>(points, "sample"); !bad.empty()) return Error{bad};
+    if (std::string bad = detail::non_finite_point<Scalar>(points, "sample"); !bad.empty())
+      return Error{bad};
 
     CubicBSpline curve;
     curve.knots_.assign(static_cast<std::size_t>(n) + 6, times[0]);
@@ -119,12 +138,14 @@ class CubicBSpline {
       if (i + 1 < n) {
         velocity = slope.col(i) - (after / Scalar(6)) * (Scalar(2) * bend.col(i) + bend.col(i + 1));
       } else {
-        velocity = slope.col(i - 1) + (before / Scalar(6)) * (Scalar(2) * bend.col(i) + bend.col(i - 1));
+        velocity =
+            slope.col(i - 1) + (before / Scalar(6)) * (Scalar(2) * bend.col(i) + bend.col(i - 1));
       }
-      curve.control_.col(i + 1) =
-          points.col(i) + ((after - before) / Scalar(3)) * velocity - (before * after / Scalar(6)) * bend.col(i);
+      curve.control_.col(i + 1) = points.col(i) + ((after - before) / Scalar(3)) * velocity -
+                                  (before * after / Scalar(6)) * bend.col(i);
     }
-    if (!all_finite(curve.control_)) return Error{"samples: times are too close together for these points"};
+    if (!all_finite(curve.control_))
+      return Error{"samples: times are too close together for these points"};
     return curve;
   }
 
@@ -134,12 +155,14 @@ class CubicBSpline {
     if (end_time() < t) return control_.col(control_.cols() - 1);
     return evaluate<0>(t);
   }
-  /// Velocity at time t (m/s); one-sided at the ends, zero outside. Complexity: O(log n). No allocation.
+  /// Velocity at time t (m/s); one-sided at the ends, zero outside. Complexity: O(log n). No
+  /// allocation.
   Vector3<Scalar> velocity(Scalar t) const {
     if (t < start_time() || end_time() < t) return Vector3<Scalar>::Constant(Scalar(0));
     return evaluate<1>(t);
   }
-  /// Acceleration at time t (m/s²); one-sided at the ends, zero outside. Complexity: O(log n). No allocation.
+  /// Acceleration at time t (m/s²); one-sided at the ends, zero outside. Complexity: O(log n). No
+  /// allocation.
   Vector3<Scalar> acceleration(Scalar t) const {
     if (t < start_time() || end_time() < t) return Vector3<Scalar>::Constant(Scalar(0));
     return evaluate<2>(t);
@@ -160,7 +183,8 @@ class CubicBSpline {
   Scalar& knot(Index k) { return knots_[static_cast<std::size_t>(k)]; }
   const Scalar& knot(Index k) const { return knots_[static_cast<std::size_t>(k)]; }
 
-  /// The span k with τ_k ≤ t < τ_{k+1}, among the n - 3 spans of positive length; the last one takes t = end.
+  /// The span k with τ_k ≤ t < τ_{k+1}, among the n - 3 spans of positive length; the last one
+  /// takes t = end.
   Index span(const Scalar& t) const {
     const auto first = knots_.begin() + 4;
     const auto last = knots_.begin() + control_.cols();
@@ -177,7 +201,8 @@ class CubicBSpline {
     for (int r = 1; r <= kOrder; ++r) {
       for (int j = 0; j <= 3 - r; ++j) {
         const auto at = static_cast<std::size_t>(j);
-        const Scalar factor = Scalar(static_cast<double>(4 - r)) / (knot(k + j + 1) - knot(k - 3 + j + r));
+        const Scalar factor =
+            Scalar(static_cast<double>(4 - r)) / (knot(k + j + 1) - knot(k - 3 + j + r));
         d[at] = (d[at + 1] - d[at]) * factor;
       }
     }
@@ -192,9 +217,10 @@ class CubicBSpline {
     return d[static_cast<std::size_t>(kDegree)];
   }
 
-  /// Second derivatives of the natural spline at the n samples: Thomas elimination without pivots, all three coordinates at
-  /// once.
-  static Points<Scalar> natural_second_derivatives(const VectorX<Scalar>& h, const Points<Scalar>& slope) {
+  /// Second derivatives of the natural spline at the n samples: Thomas elimination without pivots,
+  /// all three coordinates at once.
+  static Points<Scalar> natural_second_derivatives(const VectorX<Scalar>& h,
+                                                   const Points<Scalar>& slope) {
     const Index n = h.size() + 1;
     Points<Scalar> bend = Points<Scalar>::Constant(3, n, Scalar(0));
     VectorX<Scalar> pivot = VectorX<Scalar>::Constant(n, Scalar(1));
@@ -206,7 +232,8 @@ class CubicBSpline {
       pivot[i] -= ratio * h[i - 1];
       bend.col(i) -= ratio * bend.col(i - 1);
     }
-    for (Index i = n - 2; i > 0; --i) bend.col(i) = (bend.col(i) - h[i] * bend.col(i + 1)) / pivot[i];
+    for (Index i = n - 2; i > 0; --i)
+      bend.col(i) = (bend.col(i) - h[i] * bend.col(i + 1)) / pivot[i];
     return bend;
   }
 
@@ -214,4 +241,4 @@ class CubicBSpline {
   Points<Scalar> control_;
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

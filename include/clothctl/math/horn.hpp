@@ -1,29 +1,31 @@
 #pragma once
 
-// Absolute orientation: the rotation R and the translation t that carry points a_j best to points b_j,
+// Absolute orientation (Horn's method): the rotation R and the translation t that map points a_j to
+// points b_j with the least squared error,
 //
 //   min Σ w_j |b_j - R a_j - t|²,   t = c_b - R c_a,   c the weighted centroids.
 //
-// R maximises tr(R S), S = Σ w (a - c_a)(b - c_b)ᵀ. For a unit quaternion q that is qᵀ N q, with Horn's symmetric 4×4 matrix
+// R maximises tr(R S), S = Σ w (a - c_a)(b - c_b)ᵀ. For a unit quaternion q that is qᵀ N q, with
+// Horn's symmetric 4×4 matrix
 //
 //   N = [ tr S   zᵀ                 ]     z = (Syz - Szy, Szx - Sxz, Sxy - Syx),
 //       [ z      S + Sᵀ - (tr S) I  ]
 //
-// so that q is the eigenvector of the largest eigenvalue. Let Sᵀ = U diag(s1, s2, d s3) Vᵀ with proper rotations U and V,
-// s1 ≥ s2 ≥ s3 ≥ 0 and d = ±1. Then N is diagonal in the quaternions q1 of U Vᵀ and q1 v_1, q1 v_2, q1 v_3 (half turns about
-// the v_k first):
+// so that q is the eigenvector of the largest eigenvalue. Let Sᵀ = U diag(s1, s2, d s3) Vᵀ with
+// proper rotations U and V, s1 ≥ s2 ≥ s3 ≥ 0 and d = ±1. Then N is diagonal in the quaternions q1
+// of U Vᵀ and q1 v_1, q1 v_2, q1 v_3 (half turns about the v_k first):
 //
 //   λ1 = s1 + s2 + d s3,   λ2 = s1 - s2 - d s3,   λ3 = -s1 + s2 - d s3,   λ4 = -s1 - s2 + d s3.
 //
-// These pairs come from one-sided Jacobi rotations of the three columns of Sᵀ, which loses nothing to squaring and takes half
-// the rotations that N would. Of all eigenvectors whose eigenvalue ties with λ1, q is the projection of a reference: where the
-// data leave a turn free, R is the answer closest to the reference. (λ1 - λ2)/2 is the curvature of the objective about its
-// weakest axis v_1.
+// These pairs come from one-sided Jacobi rotations of the three columns of Sᵀ
+// (symmetric_eigen.hpp). That squares nothing, so no digits are lost, and takes half the rotations
+// that N would. Where other eigenvalues equal λ1 within a tolerance, the data do not determine R.
+// Then q is the projection of a reference quaternion on all their eigenvectors: R is the solution
+// closest to the reference. (λ1 - λ2)/2 is the curvature of the objective about its weakest axis
+// v_1.
 //
 // Reference: Horn, J. Opt. Soc. Am. A 4, 629 (1987).
 
-#include <Eigen/Core>
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 #include <string_view>
@@ -31,27 +33,37 @@
 
 #include "clothctl/config.hpp"
 #include "clothctl/core/types.hpp"
+#include "clothctl/math/symmetric_eigen.hpp"
 
-namespace clothctl {
+#include <Eigen/Geometry>
+
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// How much of a fitted rotation the data determine.
 enum class HornStatus {
-  /// All of R: use it. `rotation_error` tells how well noisy data determine it.
+  /// All of R. Use it. `rotation_error` estimates its error for noisy data.
   Unique,
-  /// R up to a turn about `free_axis`: points on a line, or two of them. R is the answer closest to the reference; use it if
-  /// that turn does not matter or the reference is a good guess, else give a point off the line.
+  /// R up to a turn about `free_axis`: the points are on a line, or there are two. R is the
+  /// solution
+  /// closest to the reference. Use it if that turn does not matter or the reference is a good
+  /// guess;
+  /// otherwise add a point off the line.
   FreeTurn,
-  /// Nothing of R: one point, none, all at one place, or sets that have nothing to do with each other. R is the reference.
+  /// Nothing of R: there is one point or none, all points coincide, or the two sets are not
+  /// correlated.
+  /// R is the reference.
   Free,
-  /// b is a mirror image of a, up to a rigid motion and noise (points in a plane never are; nearly flat sets that bulge to
-  /// opposite sides are). R is the best rotation, never a reflection; `free_turns` tells how far it is free. Use it if the
-  /// residuals allow, else look for swapped points or axes.
+  /// b is a mirror image of a, up to a rigid motion and noise. Points in a plane are never
+  /// mirrored;
+  /// nearly flat sets that bulge to opposite sides are. R is the best rotation, never a reflection.
+  /// Use it if the residuals are small enough, else look for swapped points or axes.
   Mirrored,
-  /// `message` tells what was refused. R is the reference (identity if that was refused), t is zero. Mend the input.
+  /// `message` says what was refused. R is the reference (identity if that was refused), t is zero.
+  /// Correct the input.
   InvalidInput
 };
 
-/// Names a status.
+/// Returns the name of a status.
 constexpr std::string_view to_string(HornStatus status) {
   switch (status) {
     case HornStatus::Unique: return "unique";
@@ -63,21 +75,24 @@ constexpr std::string_view to_string(HornStatus status) {
   return "unknown";
 }
 
-/// When a turn counts as free.
+/// Settings of `horn`: when a turn counts as free.
 template <RealScalar Scalar>
 struct HornSettings {
-  /// Eigenvalues this close to the largest, relative to the largest in modulus, tie with it. A strip of rms half length l and
-  /// half width w has the gap 2 (w/l)². The default, 64 times the scalar's spacing (1.4e-14 in double, 7.6e-6 in float: strips
-  /// 1e-7 and 0.002 as wide as long), frees only what rounding has lost, so that residuals are the least there are; R of a
-  /// strip near it is as uncertain as `rotation_error` says. For points with noise σ (m, each coordinate) and a turn error φ
-  /// (rad) that is still welcome, give 2 σ² / (φ² n l²); 1e-4 suits simulated cloth.
+  /// Eigenvalues this close to the largest, relative to the largest in modulus, tie with it. A
+  /// strip of rms half length l and half width w has the gap 2 (w/l)². The default, 64 times the
+  /// scalar's spacing (1.4e-14 in double, 7.6e-6 in float: strips 1e-7 and 0.002 as wide as long),
+  /// frees only what rounding has lost, so that residuals are the least there are; R of a strip
+  /// near it is as uncertain as `rotation_error` says. For points with noise σ (m, each coordinate)
+  /// and a turn error φ (rad) that is still welcome, give 2 σ² / (φ² n l²); 1e-4 suits simulated
+  /// cloth.
   Scalar tie_tolerance = default_tolerance();
 
   /// 64 times the scalar's spacing at one.
   static Scalar default_tolerance() { return Scalar(64) * scalar_traits<Scalar>::epsilon(); }
   /// Checks the values. Returns an empty text, or a static one that names the first bad value.
-  std::string_view check() const {
-    if (!is_finite(tie_tolerance) || !(Scalar(0) < tie_tolerance)) return "tie_tolerance is not a positive number";
+  std::string_view validate() const {
+    if (!is_finite(tie_tolerance) || !(Scalar(0) < tie_tolerance))
+      return "tie_tolerance is not a positive number";
     if (!(tie_tolerance < Scalar(1))) return "tie_tolerance is not below one";
     return {};
   }
@@ -88,27 +103,31 @@ template <RealScalar Scalar>
 struct HornResult {
   /// The rotation as a matrix; orthonormal to rounding, with determinant +1, whatever the data.
   Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
-  /// The rotation as a unit quaternion, of non-negative product with the reference (w ≥ 0 if that is identity).
-  Eigen::Quaternion<Scalar> rotation = Eigen::Quaternion<Scalar>(Scalar(1), Scalar(0), Scalar(0), Scalar(0));
+  /// The rotation as a unit quaternion, of non-negative product with the reference (w ≥ 0 if that
+  /// is identity).
+  Eigen::Quaternion<Scalar> rotation =
+      Eigen::Quaternion<Scalar>(Scalar(1), Scalar(0), Scalar(0), Scalar(0));
   /// The translation (m): c_b - R c_a; zero without points of positive weight.
   Vector3<Scalar> t = Vector3<Scalar>::Constant(Scalar(0));
   /// Weighted root mean square of the distances |b_j - R a_j - t| (m).
   Scalar rms_residual = Scalar(0);
   /// Largest distance among the points of positive weight (m).
   Scalar largest_residual = Scalar(0);
-  /// (λ1 - λ2) over the largest eigenvalue in modulus, in [0, 4/3]: no more than the tolerance where a turn is free, 4/3 for a
-  /// ball.
+  /// (λ1 - λ2) over the largest eigenvalue in modulus, in [0, 4/3]: no more than the tolerance
+  /// where a turn is free, 4/3 for a ball.
   Scalar gap = Scalar(0);
-  /// Rms distance of the points from the axis about which R is weakest (m): noise σ (m, each coordinate) of n points turns R by
-  /// σ / (rms_width √n) rad about it.
+  /// Rms distance of the points from the axis about which R is weakest (m): noise σ (m, each
+  /// coordinate) of n points turns R by σ / (rms_width √n) rad about it.
   Scalar rms_width = Scalar(0);
-  /// Standard deviation of R about its weakest axis (rad) that the residuals of these points lead to expect, if they come from
-  /// independent noise; at most π, which also stands for "unknown": a free turn, or fewer than three points.
+  /// Standard deviation of R about its weakest axis (rad) that the residuals of these points lead
+  /// to expect, if they come from independent noise; at most π, which also stands for "unknown": a
+  /// free turn, or fewer than three points.
   Scalar rotation_error = Scalar(3.14159265358979323846);
-  /// Dimension of the set of equally good rotations: 0 one, 1 a turn about `free_axis`, 2 all products of two turns (mirrored
-  /// balls), 3 any rotation.
+  /// Dimension of the set of equally good rotations: 0 one, 1 a turn about `free_axis`, 2 all
+  /// products of two turns (mirrored balls), 3 any rotation.
   int free_turns = 3;
-  /// The unit axis, as it lies among the b_j, about which R may turn when `free_turns` is 1; else zero.
+  /// The unit axis, as it lies among the b_j, about which R may turn when `free_turns` is 1; else
+  /// zero.
   Vector3<Scalar> free_axis = Vector3<Scalar>::Constant(Scalar(0));
   /// What is determined.
   HornStatus status = HornStatus::InvalidInput;
@@ -118,22 +137,24 @@ struct HornResult {
 
 namespace detail {
 
-/// A power of two that brings a positive value between 2⁻⁸ and 2⁸ (if it lies between 2⁻¹⁰⁴ and 2¹⁰⁴).
+/// Returns a power of two that scales a positive value into 2⁻⁸ … 2⁸, if it is within 2⁻¹⁰⁴ … 2¹⁰⁴.
 template <RealScalar Scalar>
-Scalar taming_power_of_two(const Scalar& value) {
-  const Scalar big(256), small = Scalar(1) / big;
+Scalar scaling_power_of_two(const Scalar& value) {
+  const Scalar large(256), inverse = Scalar(1) / large;
   Scalar power(1);
-  for (int k = 0; k < 12 && value * power > big; ++k) power *= small;
-  for (int k = 0; k < 12 && value * power < small; ++k) power *= big;
+  for (int k = 0; k < 12 && value * power > large; ++k) power *= inverse;
+  for (int k = 0; k < 12 && value * power < inverse; ++k) power *= large;
   return power;
 }
 
-/// Whether every coefficient is a number; without a way out in between, which is faster where all are.
+/// Returns true when every coefficient is finite. It never returns early, which is faster where all
+/// are finite.
 template <class Derived>
 bool every_finite(const Eigen::DenseBase<Derived>& matrix) {
   bool all = true;
   for (Index j = 0; j < matrix.cols(); ++j) {
-    for (Index i = 0; i < matrix.rows(); ++i) all = all & is_finite(matrix.derived().coeffRef(i, j));
+    for (Index i = 0; i < matrix.rows(); ++i)
+      all = all & is_finite(matrix.derived().coeffRef(i, j));
   }
   return all;
 }
@@ -144,8 +165,8 @@ struct ProperSvd {
   Matrix3<Scalar> U, V;
   Vector3<Scalar> s;
 
-  /// Decomposes A, whose largest entry is within 2^±30. Singular values below the rounding of the largest have arbitrary
-  /// vectors. Complexity: O(1), at most 12 sweeps of 3 rotations, usually 4.
+  /// Decomposes A, whose largest entry is within 2^±30. Singular values below the rounding of the
+  /// largest have arbitrary vectors. Complexity: O(1), at most 12 sweeps of 3 rotations, usually 4.
   explicit ProperSvd(const Matrix3<Scalar>& A) : U(A), V(Matrix3<Scalar>::Identity()) {
     using std::abs;
     using std::sqrt;
@@ -183,21 +204,20 @@ struct ProperSvd {
   }
 
  private:
-  /// Turns columns i and j of U, and of V, until those of U are orthogonal. Answers whether they were not.
+  /// Rotates columns i and j of U and of V so that those of U are orthogonal. Returns false when
+  /// they already are.
   template <int i, int j>
   bool rotate() {
     using std::abs;
-    using std::sqrt;
     const Scalar eps = scalar_traits<Scalar>::epsilon();
-    const Scalar alpha = U.col(i).squaredNorm(), beta = U.col(j).squaredNorm(), gamma = U.col(i).dot(U.col(j));
-    const Scalar small = eps * eps;
-    if (!(gamma * gamma > small * alpha * beta) || !(abs(gamma) > small * (alpha + beta))) return false;
-    const Scalar delta = beta - alpha, twice = Scalar(2) * gamma;
-    const Scalar size = abs(delta) + sqrt(delta * delta + twice * twice);
-    const Scalar t = delta < Scalar(0) ? -twice / size : twice / size;
-    const Scalar cosine = Scalar(1) / sqrt(Scalar(1) + t * t);
-    turn<i, j>(U, cosine, cosine * t);
-    turn<i, j>(V, cosine, cosine * t);
+    const Scalar alpha = U.col(i).squaredNorm(), beta = U.col(j).squaredNorm(),
+                 gamma = U.col(i).dot(U.col(j));
+    const Scalar negligible = eps * eps;
+    if (!(gamma * gamma > negligible * alpha * beta) || !(abs(gamma) > negligible * (alpha + beta)))
+      return false;
+    const auto [cosine, sine] = jacobi_rotation<Scalar>(alpha, beta, gamma);
+    turn<i, j>(U, cosine, sine);
+    turn<i, j>(V, cosine, sine);
     return true;
   }
   template <int i, int j>
@@ -206,7 +226,7 @@ struct ProperSvd {
     M.col(i) = cosine * before - sine * M.col(j);
     M.col(j) = sine * before + cosine * M.col(j);
   }
-  /// Puts the longer of columns i and j first, by a quarter turn.
+  /// Puts the longer of columns i and j first, by a rotation of 90°.
   void order(Index i, Index j) {
     if (!(s[i] < s[j])) return;
     std::swap(s[i], s[j]);
@@ -217,10 +237,11 @@ struct ProperSvd {
   }
 };
 
-/// The rotation with the largest tr(R Bᵀ) that is closest to the result's own, and what is determined of it. Answers the
-/// curvature about the weakest axis.
+/// Sets the rotation with the largest tr(R Bᵀ) that is closest to the result's own, and its status.
+/// Returns the curvature about the weakest axis.
 template <RealScalar Scalar>
-Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Scalar& rounding, HornResult<Scalar>& result) {
+Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Scalar& rounding,
+                    HornResult<Scalar>& result) {
   using std::sqrt;
   const ProperSvd<Scalar> svd(B);
   const Scalar s1 = svd.s[0], s2 = svd.s[1], s3 = svd.s[2];
@@ -235,7 +256,9 @@ Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Sca
     result.status = HornStatus::Free;
     return Scalar(0);
   }
-  result.status = mirrored ? HornStatus::Mirrored : result.free_turns > 0 ? HornStatus::FreeTurn : HornStatus::Unique;
+  result.status = mirrored                ? HornStatus::Mirrored
+                  : result.free_turns > 0 ? HornStatus::FreeTurn
+                                          : HornStatus::Unique;
   if (result.free_turns == 1) result.free_axis = svd.U.col(0);
 
   const Eigen::Quaternion<Scalar> reference = result.rotation;
@@ -245,10 +268,12 @@ Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Sca
     // q1 and the tied q1 v_k are orthonormal; in the frame of q1 they are 1 and v_k.
     const Eigen::Quaternion<Scalar> seen = best.conjugate() * reference;
     Vector3<Scalar> turn = Vector3<Scalar>::Constant(Scalar(0));
-    for (Index k = 0; k < result.free_turns; ++k) turn += svd.V.col(k) * svd.V.col(k).dot(seen.vec());
+    for (Index k = 0; k < result.free_turns; ++k)
+      turn += svd.V.col(k) * svd.V.col(k).dot(seen.vec());
     const Scalar length = sqrt(seen.w() * seen.w() + turn.squaredNorm());
     if (length > Scalar(4) * sqrt(scalar_traits<Scalar>::epsilon())) {
-      best = best * Eigen::Quaternion<Scalar>(seen.w() / length, turn[0] / length, turn[1] / length, turn[2] / length);
+      best = best * Eigen::Quaternion<Scalar>(seen.w() / length, turn[0] / length, turn[1] / length,
+                                              turn[2] / length);
       best.normalize();
     }
   }
@@ -260,14 +285,14 @@ Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Sca
   return curvature * Scalar(0.5);
 }
 
-/// No or one weight for each pair, tamed by a power of two.
+/// Weights of the pairs, scaled by a power of two. No weights stand for ones.
 template <RealScalar Scalar>
 struct HornWeights {
   const Eigen::Ref<const VectorX<Scalar>>& weights;
   /// The largest weight, and a pair that has it: -1 when no weight is positive.
   Scalar largest = Scalar(0);
   Index heaviest = -1;
-  /// The power of two that tames weights.
+  /// The power of two that scales weights.
   Scalar scale;
 
   /// Looks at `n` finite weights, or at none: ones.
@@ -278,11 +303,11 @@ struct HornWeights {
       largest = w[j];
       heaviest = j;
     }
-    scale = Scalar(0) < largest ? taming_power_of_two(largest) : Scalar(1);
+    scale = Scalar(0) < largest ? scaling_power_of_two(largest) : Scalar(1);
   }
-  /// Whether pair j has a positive weight.
+  /// Returns true when pair j has a positive weight.
   bool counts(Index j) const { return weights.size() == 0 || Scalar(0) < weights[j]; }
-  /// The tamed weight of pair j.
+  /// Returns the scaled weight of pair j.
   Scalar operator[](Index j) const { return weights.size() == 0 ? Scalar(1) : weights[j] * scale; }
 };
 
@@ -290,15 +315,18 @@ struct HornWeights {
 template <RealScalar Scalar>
 struct HornCloud {
   const PointsView<Scalar>& points;
-  /// The centre is origin + shift; the sum itself would round the offsets of points far from the origin.
+  /// The centre is origin + shift; the sum itself would round the offsets of points far from the
+  /// origin.
   Vector3<Scalar> origin, shift = Vector3<Scalar>::Constant(Scalar(0));
   /// Largest coordinate in modulus of the points, and of their offsets from the origin.
   Scalar reach, spread;
-  /// The power of two that tames offsets.
+  /// The power of two that scales offsets.
   Scalar scale;
 
   /// Puts the centre at `centre`, or at the weighted centroid of finite points where it is null.
-  HornCloud(const PointsView<Scalar>& x, const HornWeights<Scalar>& weights, const Vector3<Scalar>* centre) : points(x) {
+  HornCloud(const PointsView<Scalar>& x, const HornWeights<Scalar>& weights,
+            const Vector3<Scalar>* centre)
+      : points(x) {
     origin = shift;
     if (centre != nullptr) {
       origin = *centre;
@@ -318,22 +346,25 @@ struct HornCloud {
     if (centre == nullptr && weights.heaviest >= 0) shift = sum / total;
     reach = most.maxCoeff();
     spread = most_offset.maxCoeff();
-    scale = Scalar(0) < spread ? taming_power_of_two(spread) : Scalar(1);
+    scale = Scalar(0) < spread ? scaling_power_of_two(spread) : Scalar(1);
   }
-  /// What rounding of the coordinates may be of the spread, at most 1.
+  /// Returns the rounding of the coordinates relative to the spread, at most 1.
   Scalar noise() const {
     const Scalar rounding = Scalar(4) * scalar_traits<Scalar>::epsilon() * reach;
     return rounding < spread ? rounding / spread : Scalar(1);
   }
-  /// Point j from the centre.
-  CLOTHCTL_FORCE_INLINE Vector3<Scalar> offset(Index j) const { return (points.col(j) - origin) - shift; }
+  /// Returns point j relative to the centre.
+  CLOTHCTL_FORCE_INLINE Vector3<Scalar> offset(Index j) const {
+    return (points.col(j) - origin) - shift;
+  }
 };
 
-/// Fits R, then t, to a result whose rotation is the reference. `unknowns` made the residuals small: 6, or 3 with given
-/// centres.
+/// Fits R, then t, to a result whose rotation is the reference. `unknowns` made the residuals
+/// small: 6, or 3 with given centres.
 template <RealScalar Scalar>
-void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b, const HornWeights<Scalar>& weights,
-                const Scalar& tie_tolerance, Index unknowns, HornResult<Scalar>& result) {
+void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b,
+                const HornWeights<Scalar>& weights, const Scalar& tie_tolerance, Index unknowns,
+                HornResult<Scalar>& result) {
   using std::sqrt;
   // Sᵀ, and the moments that its rounding is relative to.
   const Index n = a.points.cols();
@@ -350,10 +381,11 @@ void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b, const Ho
     ++count;
   }
 
-  // What coordinates far from the origin were rounded by counts as noise; so does the rounding of the sum.
+  // The rounding of coordinates far from the origin counts as noise, and so does that of the sum.
   const Scalar noise = (std::max)(a.noise(), b.noise());
   const Scalar tolerance = (std::max)(tie_tolerance, Scalar(Scalar(2) * noise * noise));
-  const Scalar rounding = Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(moment_a) * sqrt(moment_b);
+  const Scalar rounding =
+      Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(moment_a) * sqrt(moment_b);
   const Scalar curvature = fit_rotation<Scalar>(B, tolerance, rounding, result);
   const Matrix3<Scalar> R = result.R;
   result.t = (b.origin - R * a.origin) + (b.shift - R * a.shift);
@@ -363,7 +395,8 @@ void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b, const Ho
   for (Index j = 0; j < n; ++j) {
     if (!weights.counts(j)) continue;
     const Vector3<Scalar> p = a.offset(j);
-    const Vector3<Scalar> miss = (b.offset(j) - R.col(0) * p[0] - R.col(1) * p[1] - R.col(2) * p[2]) * scale;
+    const Vector3<Scalar> miss =
+        (b.offset(j) - R.col(0) * p[0] - R.col(1) * p[1] - R.col(2) * p[2]) * scale;
     const Scalar square = miss.squaredNorm();
     sum += weights[j] * square;
     worst = (std::max)(worst, square);
@@ -375,13 +408,16 @@ void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b, const Ho
   const Index spare = Index(3) * count - unknowns;
   if (result.free_turns > 0 || spare <= 0) return;
   const Scalar miss = result.rms_residual / sqrt(Scalar(static_cast<double>(spare)));
-  if (miss < result.rms_width * result.rotation_error) result.rotation_error = miss / result.rms_width;
+  if (miss < result.rms_width * result.rotation_error)
+    result.rotation_error = miss / result.rms_width;
 }
 
-/// Checks the input, then fits: about the given centres, or about the centroids where there are none.
+/// Checks the input, then fits: about the given centres, or about the centroids where there are
+/// none.
 template <RealScalar Scalar>
 HornResult<Scalar> fit_pairs(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
-                             const Eigen::Ref<const VectorX<Scalar>>& weights, const Eigen::Quaternion<Scalar>& reference,
+                             const Eigen::Ref<const VectorX<Scalar>>& weights,
+                             const Eigen::Quaternion<Scalar>& reference,
                              const HornSettings<Scalar>& settings, const Vector3<Scalar>* centre_a,
                              const Vector3<Scalar>* centre_b) {
   HornResult<Scalar> result;
@@ -399,9 +435,10 @@ HornResult<Scalar> fit_pairs(const PointsView<Scalar>& a, const PointsView<Scala
   result.rotation = unit;
   result.R = unit.toRotationMatrix();
 
-  if (const std::string_view fault = settings.check(); !fault.empty()) return refuse(fault);
+  if (const std::string_view fault = settings.validate(); !fault.empty()) return refuse(fault);
   if (a.cols() != b.cols()) return refuse("a and b differ in their number of points");
-  if (weights.size() != 0 && weights.size() != a.cols()) return refuse("weights are neither none nor one for each pair");
+  if (weights.size() != 0 && weights.size() != a.cols())
+    return refuse("weights are neither none nor one for each pair");
   if (no_number(a)) return refuse("a holds NaN or an infinity");
   if (no_number(b)) return refuse("b holds NaN or an infinity");
   if (no_number(weights)) return refuse("weights hold NaN or an infinity");
@@ -422,30 +459,33 @@ HornResult<Scalar> fit_pairs(const PointsView<Scalar>& a, const PointsView<Scala
 
 }  // namespace detail
 
-/// Fits R and t to the pairs a_j → b_j (3×n each, m). `weights` (n, ≥ 0) may be empty: ones; pairs of weight zero are ignored,
-/// and `rotation_error` reads weights as inverse variances. Of equally good rotations it takes the one closest to `reference`
-/// (of any length): hand in the last result's to keep free turns still. What rounding of the coordinates alone could make of
-/// points counts as free too. The scalar is named in the call: `horn<double>(a, b)`. Never allocates. Complexity: O(n).
-/// Fails when (InvalidInput): a value is NaN, infinite or beyond 1e20, a weight is negative, sizes differ, the reference is
-/// zero, or a setting is bad.
+/// Fits R and t to the pairs a_j → b_j (3×n each, m). `weights` (n, ≥ 0) may be empty, which stands
+/// for ones. Pairs of weight zero are ignored. `rotation_error` takes weights as inverse variances.
+/// Of equally good rotations the one closest to `reference` (any length but zero) is returned; pass
+/// the rotation of the last result to keep free turns still. Name the scalar in the call:
+/// `horn<double>(a, b)`. Never allocates. Complexity: O(n). Fails when (InvalidInput): a value is
+/// NaN, infinite or beyond 1e20, a weight is negative, sizes differ, the reference is zero, or a
+/// setting is bad.
 template <RealScalar Scalar>
-[[nodiscard]] HornResult<Scalar> horn(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
-                                      const Eigen::Ref<const VectorX<Scalar>>& weights = VectorX<Scalar>(),
-                                      const Eigen::Quaternion<Scalar>& reference = Eigen::Quaternion<Scalar>::Identity(),
-                                      const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
+[[nodiscard]] HornResult<Scalar> horn(
+    const PointsView<Scalar>& a, const PointsView<Scalar>& b,
+    const Eigen::Ref<const VectorX<Scalar>>& weights = VectorX<Scalar>(),
+    const Eigen::Quaternion<Scalar>& reference = Eigen::Quaternion<Scalar>::Identity(),
+    const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
   return detail::fit_pairs<Scalar>(a, b, weights, reference, settings, nullptr, nullptr);
 }
 
-/// Fits R alone, about given centroids: t = centroid_b - R centroid_a whatever the points' own centroids are. A single point
-/// off its centroid thus counts as a line. All else is as in `horn`. Reference: Bai, Yu, Liu, Dexterous Manipulation of Cloth,
-/// eq. 11, with R u_j about the planned centroid.
+/// Fits R alone, about given centroids: t = centroid_b - R centroid_a, whatever the points' own
+/// centroids are. A single point away from its centroid counts as a line. All else is as in `horn`.
+/// Reference: [Bai 2016], eq. 11, with R u_j about the planned centroid.
 template <RealScalar Scalar>
-[[nodiscard]] HornResult<Scalar> horn_about(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
-                                            const Vector3<Scalar>& centroid_a, const Vector3<Scalar>& centroid_b,
-                                            const Eigen::Ref<const VectorX<Scalar>>& weights = VectorX<Scalar>(),
-                                            const Eigen::Quaternion<Scalar>& reference = Eigen::Quaternion<Scalar>::Identity(),
-                                            const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
+[[nodiscard]] HornResult<Scalar> horn_about(
+    const PointsView<Scalar>& a, const PointsView<Scalar>& b, const Vector3<Scalar>& centroid_a,
+    const Vector3<Scalar>& centroid_b,
+    const Eigen::Ref<const VectorX<Scalar>>& weights = VectorX<Scalar>(),
+    const Eigen::Quaternion<Scalar>& reference = Eigen::Quaternion<Scalar>::Identity(),
+    const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
   return detail::fit_pairs<Scalar>(a, b, weights, reference, settings, &centroid_a, &centroid_b);
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

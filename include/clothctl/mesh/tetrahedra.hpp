@@ -1,13 +1,17 @@
 #pragma once
 
-// Tetrahedral meshes of a ball and a box, their volumes, edges and surface. A tetrahedron (a, b, c, d) is positive when
-// V = det(b-a, c-a, d-a) / 6 > 0; its outward faces are then acb, abd, adc, bcd.
+// Tetrahedral meshes of a ball and a box, their volumes, edges and surface. A tetrahedron
+// (a, b, c, d) is positive when V = det(b-a, c-a, d-a) / 6 > 0. Its outward faces are then acb,
+// abd, adc and bcd.
 //
-// Box: every cell is cut into the six tetrahedra that the orders of the three axes give (Kuhn), so neighbours fit.
-// Ball: the octahedron |x|+|y|+|z| ≤ n on the integer lattice, an octant at a time. With p = x+y+z, q = y+z, r = z the
-// octant is n ≥ p ≥ q ≥ r ≥ 0, which the Kuhn cut of the (p, q, r) lattice fills with n³ tetrahedra of one volume; the
-// seven mirror images fit to it. Then each vertex moves along its ray: x → radius (|x|₁/n) x/|x|₂, so the octahedron's
-// faces land on the sphere.
+// Box: every cell is divided into six tetrahedra, one for each order of the three axes (Kuhn). The
+// faces of neighbouring cells match.
+//
+// Ball: it starts from the octahedron |x|+|y|+|z| ≤ n on the integer lattice. With p = x+y+z,
+// q = y+z, r = z, one octant is n ≥ p ≥ q ≥ r ≥ 0. Kuhn's division of the (p, q, r) lattice fills
+// it with n³ tetrahedra of equal volume; mirror images fill the other seven octants, and their
+// faces match. Then each vertex moves along its ray, x → radius (|x|₁/n) x/|x|₂, which maps the
+// faces of the octahedron onto the sphere.
 
 #include <algorithm>
 #include <array>
@@ -16,51 +20,56 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
-#include "clothctl/mesh/grid.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// A tetrahedral mesh.
 template <RealScalar Scalar>
 struct TetMesh {
   /// Vertex positions, 3×n, m.
   Points<Scalar> positions;
-  /// Four vertices each, in positive order.
+  /// The four vertices of each tetrahedron, in positive order.
   std::vector<std::array<int, 4>> tetrahedra;
 
-  /// Signed volume of one tetrahedron, m³.
+  /// Returns the signed volume of one tetrahedron, m³.
   Scalar volume(std::size_t tetrahedron) const {
     const std::array<int, 4>& t = tetrahedra[tetrahedron];
     const Vector3<Scalar> u = positions.col(t[1]) - positions.col(t[0]);
     const Vector3<Scalar> v = positions.col(t[2]) - positions.col(t[0]);
     const Vector3<Scalar> w = positions.col(t[3]) - positions.col(t[0]);
-    return (u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) + u[2] * (v[0] * w[1] - v[1] * w[0])) /
+    return (u[0] * (v[1] * w[2] - v[2] * w[1]) + u[1] * (v[2] * w[0] - v[0] * w[2]) +
+            u[2] * (v[0] * w[1] - v[1] * w[0])) /
            Scalar(6.0);
   }
 
-  /// Checks positions, indices, volumes and that no vertex is left over. Returns an empty string, or a line that names
-  /// the first bad item.
-  std::string check() const {
+  /// Returns an empty string when positions and indices are good, all volumes are positive and
+  /// every vertex belongs to a tetrahedron; else a line that names the first bad item.
+  std::string validate() const {
     const Index n = positions.cols();
     if (n == 0 || tetrahedra.empty()) return "tetrahedral mesh is empty";
     for (Index v = 0; v < n; ++v) {
-      if (!all_finite(positions.col(v))) return "position of vertex " + std::to_string(v) + " is not finite";
+      if (!all_finite(positions.col(v)))
+        return "position of vertex " + std::to_string(v) + " is not finite";
     }
     std::vector<bool> used(static_cast<std::size_t>(n), false);
     for (std::size_t t = 0; t < tetrahedra.size(); ++t) {
       const std::string name = "tetrahedron " + std::to_string(t);
       for (int v : tetrahedra[t]) {
         if (v < 0 || v >= n)
-          return name + " holds vertex " + std::to_string(v) + " off the mesh of " + std::to_string(n) + " vertices";
+          return name + " holds vertex " + std::to_string(v) + " off the mesh of " +
+                 std::to_string(n) + " vertices";
         used[static_cast<std::size_t>(v)] = true;
       }
       const Scalar v = volume(t);
-      if (!is_finite(v) || !(Scalar(0) < v)) return name + " has no positive volume, got " + number_text(v) + " m^3";
+      if (!is_finite(v) || !(Scalar(0) < v))
+        return name + " has no positive volume, got " + number_text(v) + " m^3";
     }
     for (Index v = 0; v < n; ++v) {
-      if (!used[static_cast<std::size_t>(v)]) return "vertex " + std::to_string(v) + " belongs to no tetrahedron";
+      if (!used[static_cast<std::size_t>(v)])
+        return "vertex " + std::to_string(v) + " belongs to no tetrahedron";
     }
     return {};
   }
@@ -68,25 +77,27 @@ struct TetMesh {
 
 namespace detail {
 
-/// Walks the six Kuhn tetrahedra of a lattice cell: calls `emit` with four corners as bit sets of axes (bit i: one step
-/// along axis i), each in positive order for right-handed axes.
+/// Calls `emit` for each of the six Kuhn tetrahedra of a lattice cell, with its four corners as bit
+/// sets of axes (bit i: one step along axis i). The corners are in positive order for right-handed
+/// axes.
 template <class Function>
-void for_each_kuhn_tetrahedron(Function&& emit) {
-  constexpr std::array<std::array<int, 3>, 6> orders{{{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}};
+void for_each_kuhn_tetrahedron(Function&& visit) {
+  constexpr std::array<std::array<int, 3>, 6> orders{
+      {{0, 1, 2}, {1, 2, 0}, {2, 0, 1}, {0, 2, 1}, {1, 0, 2}, {2, 1, 0}}};
   for (std::size_t i = 0; i < orders.size(); ++i) {
     const int first = 1 << orders[i][0], second = first | 1 << orders[i][1];
     std::array<int, 4> corner{0, first, second, 7};
     if (i >= 3) std::swap(corner[1], corner[2]);
-    emit(corner);
+    visit(corner);
   }
 }
 
 }  // namespace detail
 
-/// Makes a box of nx × ny × nz cells, centred at the origin; `size` are its edges in m. Vertex (i, j, k) has index
-/// i + (nx+1) (j + (ny+1) k). Allocates. Complexity: O(nx ny nz).
-/// Fails when: a count is below 1, the cells exceed 10^7, a size is not positive, or a volume is too small or large for
-/// Scalar.
+/// Makes a box of nx × ny × nz cells, centred at the origin. `size` holds its edge lengths, m.
+/// Vertex (i, j, k) has the index i + (nx+1) (j + (ny+1) k). Allocates. Complexity: O(nx ny nz).
+/// Fails when: a count is below 1, the cells exceed 10^7, a size is not positive, or a volume is
+/// too small or large for Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& size) {
   const std::array<int, 3> count{nx, ny, nz};
@@ -94,7 +105,8 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
   for (std::size_t i = 0; i < 3; ++i) {
     const std::string axis(1, "xyz"[i]);
     const Scalar extent = size[static_cast<Index>(i)];
-    if (count[i] < 1) return Error{"box needs at least 1 cell along " + axis + ", got " + std::to_string(count[i])};
+    if (count[i] < 1)
+      return Error{"box needs at least 1 cell along " + axis + ", got " + std::to_string(count[i])};
     if (!is_finite(extent) || !(Scalar(0) < extent))
       return Error{"box size along " + axis + " must be positive, got " + number_text(extent)};
     cells *= static_cast<double>(count[i]);
@@ -109,8 +121,10 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
       for (int i = 0; i <= nx; ++i) {
         const std::array<int, 3> at{i, j, k};
         for (std::size_t c = 0; c < 3; ++c) {
-          const double share = static_cast<double>(2 * at[c] - count[c]) / static_cast<double>(2 * count[c]);
-          mesh.positions(static_cast<Index>(c), vertex(i, j, k)) = size[static_cast<Index>(c)] * Scalar(share);
+          const double share =
+              static_cast<double>(2 * at[c] - count[c]) / static_cast<double>(2 * count[c]);
+          mesh.positions(static_cast<Index>(c), vertex(i, j, k)) =
+              size[static_cast<Index>(c)] * Scalar(share);
         }
       }
     }
@@ -128,30 +142,35 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
       }
     }
   }
-  if (std::string problem = mesh.check(); !problem.empty()) return Error{"box: " + problem};
+  if (std::string problem = mesh.validate(); !problem.empty()) return Error{"box: " + problem};
   return mesh;
 }
 
-/// Makes a ball; radius and centre in m. `resolution` is the number of layers from centre to surface; there are
-/// 8 resolution³ tetrahedra. The first vertex is the south pole, the last the north pole (0, 0, radius), the middle one
-/// the centre. Allocates. Complexity: O(resolution³).
-/// Fails when: resolution is below 1 or above 100, the radius is not positive, the centre is not finite, or a volume is too
-/// small or large for Scalar.
+/// Makes a ball; `radius` and `centre` are in m. `resolution` is the number of layers from centre
+/// to surface; the ball has 8 resolution³ tetrahedra. The first vertex is the south pole, the last
+/// one the north pole centre + (0, 0, radius), the middle one the centre. Allocates. Complexity:
+/// O(resolution³). Fails when: resolution is below 1 or above 100, the radius is not positive, the
+/// centre is not finite, or a volume is too small or large for Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<Scalar>& centre) {
   using std::sqrt;
-  if (resolution < 1 || resolution > 100) return Error{"ball resolution must be 1 to 100, got " + std::to_string(resolution)};
-  if (!is_finite(radius) || !(Scalar(0) < radius)) return Error{"ball radius must be positive, got " + number_text(radius)};
+  if (resolution < 1 || resolution > 100)
+    return Error{"ball resolution must be 1 to 100, got " + std::to_string(resolution)};
+  if (!is_finite(radius) || !(Scalar(0) < radius))
+    return Error{"ball radius must be positive, got " + number_text(radius)};
   if (!all_finite(centre)) return Error{"ball centre is not finite"};
   const int n = resolution, side = 2 * n + 1;
 
   TetMesh<Scalar> mesh;
-  std::vector<int> number(static_cast<std::size_t>(side) * static_cast<std::size_t>(side) * static_cast<std::size_t>(side), -1);
+  std::vector<int> number(static_cast<std::size_t>(side) * static_cast<std::size_t>(side) *
+                              static_cast<std::size_t>(side),
+                          -1);
   const auto slot = [n, side](const std::array<int, 3>& at) {
     return static_cast<std::size_t>((at[0] + n) + side * ((at[1] + n) + side * (at[2] + n)));
   };
   const auto layer = [](const std::array<int, 3>& at) {
-    return (at[0] < 0 ? -at[0] : at[0]) + (at[1] < 0 ? -at[1] : at[1]) + (at[2] < 0 ? -at[2] : at[2]);
+    return (at[0] < 0 ? -at[0] : at[0]) + (at[1] < 0 ? -at[1] : at[1]) +
+           (at[2] < 0 ? -at[2] : at[2]);
   };
   int vertices = 0;
   const int expected = (2 * n + 1) * (2 * n * n + 2 * n + 3) / 3;
@@ -173,7 +192,8 @@ Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<S
     }
   }
 
-  mesh.tetrahedra.reserve(8 * static_cast<std::size_t>(n) * static_cast<std::size_t>(n) * static_cast<std::size_t>(n));
+  mesh.tetrahedra.reserve(8 * static_cast<std::size_t>(n) * static_cast<std::size_t>(n) *
+                          static_cast<std::size_t>(n));
   for (int octant = 0; octant < 8; ++octant) {
     const std::array<int, 3> sign{octant & 1 ? -1 : 1, octant & 2 ? -1 : 1, octant & 4 ? -1 : 1};
     const bool mirrored = sign[0] * sign[1] * sign[2] < 0;
@@ -183,7 +203,8 @@ Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<S
           detail::for_each_kuhn_tetrahedron([&](const std::array<int, 4>& corner) {
             std::array<int, 4> t{};
             for (std::size_t c = 0; c < 4; ++c) {
-              const int P = p + (corner[c] & 1), Q = q + (corner[c] >> 1 & 1), R = r + (corner[c] >> 2 & 1);
+              const int P = p + (corner[c] & 1), Q = q + (corner[c] >> 1 & 1),
+                        R = r + (corner[c] >> 2 & 1);
               if (P < Q || Q < R) return;
               t[c] = number[slot({sign[0] * (P - Q), sign[1] * (Q - R), sign[2] * R})];
             }
@@ -194,26 +215,29 @@ Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<S
       }
     }
   }
-  if (std::string problem = mesh.check(); !problem.empty()) return Error{"ball: " + problem};
+  if (std::string problem = mesh.validate(); !problem.empty()) return Error{"ball: " + problem};
   return mesh;
 }
 
-/// The volume of every tetrahedron, m³. Allocates.
+/// Returns the volume of every tetrahedron, m³. Allocates.
 template <RealScalar Scalar>
 VectorX<Scalar> tetrahedron_volumes(const TetMesh<Scalar>& mesh) {
   VectorX<Scalar> volumes(static_cast<Index>(mesh.tetrahedra.size()));
-  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t) volumes[static_cast<Index>(t)] = mesh.volume(t);
+  for (std::size_t t = 0; t < mesh.tetrahedra.size(); ++t)
+    volumes[static_cast<Index>(t)] = mesh.volume(t);
   return volumes;
 }
 
-/// Every edge of a tetrahedral mesh once, a < b, ascending. Allocates. Complexity: O(n log n).
+/// Returns every edge (a, b) of a tetrahedral mesh once, with a < b, ascending. Allocates.
+/// Complexity: O(n log n).
 template <RealScalar Scalar>
 std::vector<std::array<int, 2>> tetrahedron_edges(const TetMesh<Scalar>& mesh) {
   std::vector<std::array<int, 2>> edges;
   edges.reserve(6 * mesh.tetrahedra.size());
   for (const std::array<int, 4>& t : mesh.tetrahedra) {
     for (std::size_t i = 0; i < 4; ++i) {
-      for (std::size_t j = i + 1; j < 4; ++j) edges.push_back({(std::min)(t[i], t[j]), (std::max)(t[i], t[j])});
+      for (std::size_t j = i + 1; j < 4; ++j)
+        edges.push_back({(std::min)(t[i], t[j]), (std::max)(t[i], t[j])});
     }
   }
   std::sort(edges.begin(), edges.end());
@@ -221,11 +245,12 @@ std::vector<std::array<int, 2>> tetrahedron_edges(const TetMesh<Scalar>& mesh) {
   return edges;
 }
 
-/// The faces that belong to one tetrahedron only, counter-clockwise seen from outside, in the order of the tetrahedra.
-/// Allocates. Complexity: O(n log n).
+/// Returns the faces that belong to one tetrahedron only, counter-clockwise seen from outside, in
+/// the order of the tetrahedra. Allocates. Complexity: O(n log n).
 template <RealScalar Scalar>
 std::vector<std::array<int, 3>> surface_triangles(const TetMesh<Scalar>& mesh) {
-  constexpr std::array<std::array<std::size_t, 3>, 4> faces{{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
+  constexpr std::array<std::array<std::size_t, 3>, 4> faces{
+      {{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}}};
   std::vector<std::array<int, 3>> outward;
   std::vector<std::pair<std::array<int, 3>, std::size_t>> keys;
   outward.reserve(4 * mesh.tetrahedra.size());
@@ -252,4 +277,4 @@ std::vector<std::array<int, 3>> surface_triangles(const TetMesh<Scalar>& mesh) {
   return surface;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,7 +1,8 @@
 #pragma once
 
-// Who touches whom on a triangle mesh: every edge once, the edges of the border, the neighbours of a vertex, and the
-// hinges (two triangles that share an edge). Sorted, hence the same for the same mesh in every run.
+// The connectivity of a triangle mesh: every edge once, the edges of the border, the neighbours of
+// a vertex, and the hinges (two triangles that share an edge). All lists are sorted, so they are
+// the same for the same mesh in every run.
 
 #include <algorithm>
 #include <array>
@@ -14,32 +15,32 @@
 
 #include "clothctl/core/result.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// An undirected edge a < b with the one or two triangles at it.
+/// An undirected edge a < b and the one or two triangles that have it.
 struct MeshEdge {
   /// The end with the smaller index.
   int a = 0;
   /// The end with the larger index.
   int b = 0;
-  /// The triangles at the edge, ascending; the second is -1 on the border.
+  /// The triangles that have the edge, ascending. The second is -1 on the border.
   std::array<int, 2> triangle{-1, -1};
-  /// The vertex of each triangle that is not on the edge; -1 where there is no triangle.
+  /// The vertex of each triangle that is not on the edge; -1 if there is no triangle.
   std::array<int, 2> opposite{-1, -1};
 
-  /// Tells whether only one triangle touches the edge.
+  /// Returns true when only one triangle has the edge.
   bool is_boundary() const { return triangle[1] < 0; }
 };
 
 /// Two triangles that share an edge.
 struct Hinge {
-  /// The edge's ends a, b, then the opposite vertices of its first and second triangle.
+  /// The ends a, b of the edge, then the opposite vertices of its first and second triangle.
   std::array<int, 4> vertex{};
   /// Index of the edge.
   int edge = 0;
 };
 
-/// The incidences of a triangle mesh. `make_topology` fills it.
+/// The connectivity of a triangle mesh. `make_topology` makes it.
 struct Topology {
   /// Every edge once, ascending in (a, b).
   std::vector<MeshEdge> edges;
@@ -47,42 +48,51 @@ struct Topology {
   std::vector<int> boundary_edges;
   /// One hinge for every edge with two triangles, in edge order.
   std::vector<Hinge> hinges;
-  /// Where the neighbours of vertex v start in `neighbour_list`; one entry more than there are vertices.
+  /// The index in `neighbour_list` of the first neighbour of each vertex. There is one entry more
+  /// than there are vertices.
   std::vector<int> neighbour_start;
   /// The neighbours of all vertices, ascending for each.
   std::vector<int> neighbour_list;
-  /// True when the two triangles at each interior edge run through it in opposite directions, so that all show the same
-  /// side; false where some triangle is turned over.
+  /// True when the two triangles at each interior edge traverse it in opposite directions, so that
+  /// all triangles show the same side. False when some triangle is turned over.
   bool consistently_oriented = true;
 
-  /// The vertices that share an edge with `vertex`, ascending.
+  /// Returns the vertices that share an edge with `vertex`, ascending.
   std::span<const int> neighbours(int vertex) const {
     const std::size_t v = static_cast<std::size_t>(vertex);
     const std::size_t first = static_cast<std::size_t>(neighbour_start[v]);
-    return std::span<const int>(neighbour_list).subspan(first, static_cast<std::size_t>(neighbour_start[v + 1]) - first);
+    return std::span<const int>(neighbour_list)
+        .subspan(first, static_cast<std::size_t>(neighbour_start[v + 1]) - first);
   }
 };
 
 namespace detail {
 
-/// What is wrong with the counts of a mesh, "" where nothing is: vertices, edges and ends of edges are numbered with ints.
+/// Returns why a mesh of these counts is too large (vertices, edges and ends of edges are numbered
+/// with ints), or "".
 inline std::string bad_mesh_counts(std::int64_t vertices, std::size_t triangles) {
   constexpr std::int64_t most = (std::numeric_limits<int>::max)();
   if (vertices < 0) return "vertex count must not be negative, got " + std::to_string(vertices);
-  if (vertices > most) return "vertex count must be at most " + std::to_string(most) + ", got " + std::to_string(vertices);
+  if (vertices > most)
+    return "vertex count must be at most " + std::to_string(most) + ", got " +
+           std::to_string(vertices);
   if (triangles > static_cast<std::size_t>(most / 6))
-    return "triangle count must be at most " + std::to_string(most / 6) + ", got " + std::to_string(triangles);
+    return "triangle count must be at most " + std::to_string(most / 6) + ", got " +
+           std::to_string(triangles);
   return {};
 }
 
 }  // namespace detail
 
-/// Finds edges, border, neighbours and hinges of a mesh. Allocates. Complexity: O(n log n).
-/// Fails when: the vertex count is negative or beyond int, there are more than 357 million triangles, an index is off the
-/// mesh, a triangle names a vertex twice or repeats another one, or three triangles share an edge. Vertices that no triangle
-/// touches are allowed; they have no neighbours.
-inline Result<Topology> make_topology(std::int64_t vertex_count, const std::vector<std::array<int, 3>>& triangles) {
-  if (std::string bad = detail::bad_mesh_counts(vertex_count, triangles.size()); !bad.empty()) return Error{std::move(bad)};
+/// Finds edges, border, neighbours and hinges of a mesh. A vertex may belong to no triangle; it
+/// then has no neighbours. Allocates. Complexity: O(n log n). Fails when: the vertex count is
+/// negative or exceeds the range of int, there are more than 357 million triangles, an index is off
+/// the mesh, a triangle has a vertex twice or repeats another triangle, or three triangles share an
+/// edge.
+inline Result<Topology> make_topology(std::int64_t vertex_count,
+                                      const std::vector<std::array<int, 3>>& triangles) {
+  if (std::string bad = detail::bad_mesh_counts(vertex_count, triangles.size()); !bad.empty())
+    return Error{std::move(bad)};
   struct Side {
     int a, b, triangle, opposite;
     bool forward;
@@ -94,11 +104,13 @@ inline Result<Topology> make_topology(std::int64_t vertex_count, const std::vect
     const std::string name = "triangle " + std::to_string(t);
     for (std::size_t i = 0; i < 3; ++i) {
       if (corner[i] < 0 || corner[i] >= vertex_count)
-        return Error{name + " holds vertex " + std::to_string(corner[i]) + " off the mesh of " + std::to_string(vertex_count) +
-                     " vertices"};
-      if (corner[i] == corner[(i + 1) % 3]) return Error{name + " holds vertex " + std::to_string(corner[i]) + " twice"};
+        return Error{name + " holds vertex " + std::to_string(corner[i]) + " off the mesh of " +
+                     std::to_string(vertex_count) + " vertices"};
+      if (corner[i] == corner[(i + 1) % 3])
+        return Error{name + " holds vertex " + std::to_string(corner[i]) + " twice"};
       const int from = corner[i], to = corner[(i + 1) % 3];
-      sides.push_back({(std::min)(from, to), (std::max)(from, to), static_cast<int>(t), corner[(i + 2) % 3], from < to});
+      sides.push_back({(std::min)(from, to), (std::max)(from, to), static_cast<int>(t),
+                       corner[(i + 2) % 3], from < to});
     }
   }
   std::sort(sides.begin(), sides.end(), [](const Side& p, const Side& q) {
@@ -112,8 +124,9 @@ inline Result<Topology> make_topology(std::int64_t vertex_count, const std::vect
     std::size_t end = i + 1;
     while (end < sides.size() && sides[end].a == sides[i].a && sides[end].b == sides[i].b) ++end;
     if (end - i > 2)
-      return Error{"edge " + std::to_string(sides[i].a) + "-" + std::to_string(sides[i].b) + " is shared by " +
-                   std::to_string(end - i) + " triangles, the third is triangle " + std::to_string(sides[i + 2].triangle)};
+      return Error{"edge " + std::to_string(sides[i].a) + "-" + std::to_string(sides[i].b) +
+                   " is shared by " + std::to_string(end - i) +
+                   " triangles, the third is triangle " + std::to_string(sides[i + 2].triangle)};
     MeshEdge edge;
     edge.a = sides[i].a;
     edge.b = sides[i].b;
@@ -126,7 +139,8 @@ inline Result<Topology> make_topology(std::int64_t vertex_count, const std::vect
       topology.boundary_edges.push_back(index);
     } else {
       if (edge.opposite[0] == edge.opposite[1])
-        return Error{"triangle " + std::to_string(edge.triangle[1]) + " repeats triangle " + std::to_string(edge.triangle[0])};
+        return Error{"triangle " + std::to_string(edge.triangle[1]) + " repeats triangle " +
+                     std::to_string(edge.triangle[0])};
       if (sides[i].forward == sides[i + 1].forward) topology.consistently_oriented = false;
       topology.hinges.push_back({{edge.a, edge.b, edge.opposite[0], edge.opposite[1]}, index});
     }
@@ -143,12 +157,15 @@ inline Result<Topology> make_topology(std::int64_t vertex_count, const std::vect
     topology.neighbour_start[v + 1] += topology.neighbour_start[v];
   topology.neighbour_list.resize(2 * topology.edges.size());
   std::vector<int> next(topology.neighbour_start.begin(), topology.neighbour_start.end() - 1);
-  // Edges ascend in (a, b): first every smaller neighbour of a vertex in ascending order, then every larger one.
+  // Edges ascend in (a, b). The first loop writes the smaller neighbours of each vertex in
+  // ascending order, the second loop the larger ones.
   for (const MeshEdge& edge : topology.edges)
-    topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.b)]++)] = edge.a;
+    topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.b)]++)] =
+        edge.a;
   for (const MeshEdge& edge : topology.edges)
-    topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.a)]++)] = edge.b;
+    topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.a)]++)] =
+        edge.b;
   return topology;
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,6 +1,7 @@
 #pragma once
 
-// Features: points that are fixed weighted sums of vertices, y_i = Σ w_ij x_j. Corners, centroids, any linear function.
+// Features are points that are fixed weighted sums of vertices, y_i = Σ_j w_ij x_j: corners,
+// centroids, any linear function.
 
 #include <string>
 #include <utility>
@@ -10,7 +11,7 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// A list of weighted vertex sums; models FeatureMap.
 template <RealScalar Scalar>
@@ -39,13 +40,26 @@ class PointFeatures {
     begin_.push_back(terms_.size());
   }
 
-  /// Number of features.
+  /// Adds all features of another map. Allocates.
+  template <FeatureMap<Scalar> Map>
+  void add_map(const Map& map) {
+    for (Index i = 0; i < feature_traits<Map>::count(map); ++i) {
+      std::vector<Term> terms;
+      feature_traits<Map>::for_each_term(map, i, [&](int vertex, const Scalar& weight) {
+        terms.push_back({vertex, weight});
+      });
+      add_sum(std::move(terms));
+    }
+  }
+
+  /// Returns the number of features.
   Index count() const { return static_cast<Index>(begin_.size()) - 1; }
   /// Calls `function(vertex, weight)` for each term of a feature.
   template <class Function>
   void for_each_term(Index feature, Function&& function) const {
     const std::size_t i = static_cast<std::size_t>(feature);
-    for (std::size_t t = begin_[i]; t < begin_[i + 1]; ++t) function(terms_[t].vertex, terms_[t].weight);
+    for (std::size_t t = begin_[i]; t < begin_[i + 1]; ++t)
+      function(terms_[t].vertex, terms_[t].weight);
   }
 
  private:
@@ -53,10 +67,10 @@ class PointFeatures {
   std::vector<std::size_t> begin_{0};
 };
 
-/// Checks that every term lies on a mesh of `vertex_count` vertices with a finite weight. Returns an empty string, or a line
-/// that names the first bad feature.
+/// Returns an empty string, or a line that names the first feature with a term off a mesh of
+/// `vertex_count` vertices or with a weight that is not finite. Allocates.
 template <RealScalar Scalar, FeatureMap<Scalar> Map>
-std::string check_features(const Map& map, Index vertex_count) {
+std::string validate_features(const Map& map, Index vertex_count) {
   const Index count = feature_traits<Map>::count(map);
   if (count < 1) return "there are no features";
   std::string problem;
@@ -66,25 +80,28 @@ std::string check_features(const Map& map, Index vertex_count) {
       ++terms;
       if (!problem.empty()) return;
       if (vertex < 0 || vertex >= vertex_count) {
-        problem = "feature " + std::to_string(i) + " uses vertex " + std::to_string(vertex) + ", off a mesh of " +
-                  std::to_string(vertex_count) + " vertices";
+        problem = "feature " + std::to_string(i) + " uses vertex " + std::to_string(vertex) +
+                  ", off a mesh of " + std::to_string(vertex_count) + " vertices";
       } else if (!is_finite(weight)) {
-        problem = "feature " + std::to_string(i) + " has a non-finite weight at vertex " + std::to_string(vertex);
+        problem = "feature " + std::to_string(i) + " has a non-finite weight at vertex " +
+                  std::to_string(vertex);
       }
     });
-    if (problem.empty() && terms == 0) problem = "feature " + std::to_string(i) + " has no vertices";
+    if (problem.empty() && terms == 0)
+      problem = "feature " + std::to_string(i) + " has no vertices";
   }
   return problem;
 }
 
-/// Evaluates the features at vertex positions `x` (3×n, m) into `out` (3×count, m).
+/// Writes the features at vertex positions `x` (3×n, m) to `out` (3×count, m). Never allocates.
 template <RealScalar Scalar, FeatureMap<Scalar> Map>
 void evaluate_features(const Map& map, const PointsView<Scalar>& x, Points<Scalar>& out) {
   for (Index i = 0; i < feature_traits<Map>::count(map); ++i) {
     Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-    feature_traits<Map>::for_each_term(map, i, [&](int vertex, const Scalar& weight) { sum += weight * x.col(vertex); });
+    feature_traits<Map>::for_each_term(
+        map, i, [&](int vertex, const Scalar& weight) { sum += weight * x.col(vertex); });
     out.col(i) = sum;
   }
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

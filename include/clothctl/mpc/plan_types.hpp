@@ -1,6 +1,6 @@
 #pragma once
 
-// What a planner is made for and what a frame of planning answers.
+// What a planner is made for, and what a frame of planning answers.
 
 #include <array>
 #include <string>
@@ -10,17 +10,17 @@
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/status.hpp"
 #include "clothctl/mpc/features.hpp"
-#include "clothctl/mpc/grip_basis.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// What a planning frame answers. Made by `Planner::make_result`; reused from frame to frame.
 template <RealScalar Scalar>
 struct PlanResult {
   /// How the frame ended.
   PlanStatus status = PlanStatus::Failed;
-  /// What to apply to the plant during the next frame: forces, or driven positions. Wind is left to the caller.
+  /// What to apply to the plant during the next frame: forces, or driven positions. Wind is left to
+  /// the caller.
   ClothInput<Scalar> input;
   /// The force of each finger on each of its vertices; empty for poses.
   std::vector<FingerForce<Scalar>> finger_forces;
@@ -28,10 +28,12 @@ struct PlanResult {
   MatrixX<Scalar> plan;
   /// Features over the window as predicted, 3·features × K, m.
   MatrixX<Scalar> predicted;
-  /// Distance between the features measured now and what the last frame predicted for now, root mean square, m.
+  /// Root mean square distance between the features measured now and those that the last frame
+  /// predicted for now, m.
   Scalar prediction_error = Scalar(0);
-  /// 1 - prediction_error / (how far the features moved in the last frame, at least 1 mm), within [0, 1]. 1: the plant does
-  /// what was predicted. 1 in the first frame and after a Failed one.
+  /// 1 - prediction_error / (motion of the features in the last frame, at least 1 mm), limited to
+  /// [0, 1]. 1 means that the plant does what was predicted. 1 also in the first frame and after a
+  /// failure.
   Scalar agreement = Scalar(1);
   /// Largest predicted non-affine displacement of a held vertex over the window, m.
   Scalar patch_residual = Scalar(0);
@@ -43,37 +45,49 @@ struct PlanResult {
   bool used_rows = false;
 };
 
-/// What a planner plans for: fixed when it is made.
-template <RealScalar Scalar>
+/// What a planner plans for: fixed when it is made. `Contact` is what the fingers can transmit,
+/// `Features` the map from vertices to the points that follow a target.
+template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>,
+          FeatureMap<Scalar> Features = PointFeatures<Scalar>>
 struct PlannerSetup {
+  /// The scalar type.
+  using scalar_type = Scalar;
+  /// The contact model of the fingers.
+  using contact_type = Contact;
+
   /// The features that follow a target.
-  PointFeatures<Scalar> features;
-  /// Who holds the sheet where.
-  std::vector<Grip<Scalar>> grips;
+  Features features;
+  /// Which vertices are held, and by whom.
+  std::vector<Grip<Scalar, Contact>> grips;
   /// The sheet's triangles, for contact normals; may be empty.
   std::vector<std::array<int, 3>> triangles;
-  /// One anchor a grip; empty: made from the start positions (grip i follows feature i if there are as many, else the mean).
+  /// One anchor for each grip. Empty: made from the start positions; grip i follows feature i if
+  /// there are as many grips as features, and the mean of all features otherwise.
   std::vector<HandAnchor<Scalar>> anchors = {};
 
-  /// Returns an empty string, or a line that names what does not fit a sheet of `vertices` vertices. Allocates.
-  std::string check(Index vertices) const {
-    std::string problem = check_features<Scalar>(features, vertices);
-    if (problem.empty()) problem = check_grips(grips, vertices);
+  /// Returns an empty string, or a line that names what does not fit a sheet of `vertices`
+  /// vertices. Allocates.
+  std::string validate(Index vertices) const {
+    std::string problem = validate_features<Scalar>(features, vertices);
+    if (problem.empty()) problem = validate_grips(grips, vertices);
     for (std::size_t t = 0; problem.empty() && t < triangles.size(); ++t) {
       for (int v : triangles[t]) {
         if (problem.empty() && (v < 0 || v >= vertices))
-          problem = "triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) + " off the mesh";
+          problem = "triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) +
+                    " off the mesh";
       }
     }
+    const Index count = feature_traits<Features>::count(features);
     if (problem.empty() && !anchors.empty() && anchors.size() != grips.size()) {
-      problem = "there are " + std::to_string(anchors.size()) + " anchors for " + std::to_string(grips.size()) + " grips";
+      problem = "there are " + std::to_string(anchors.size()) + " anchors for " +
+                std::to_string(grips.size()) + " grips";
     }
     for (std::size_t i = 0; problem.empty() && i < anchors.size(); ++i) {
-      problem = anchors[i].check(features.count());
+      problem = anchors[i].validate(count);
       if (!problem.empty()) problem = "anchor " + std::to_string(i) + problem;
     }
     return problem;
   }
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,15 +1,17 @@
 #pragma once
 
-// What a planner is told once: horizon, weights of its cost, kind of input, limits.
+// Settings of a planner: horizon, weights of the cost, kind of input, limits.
 //
-//   J = Σ_k  w_f |y_k - ȳ_k|²                 features follow their target            (paper 000, eq. 7)
-//         +  w_m |u_k - u_ref|² + w_d |d_k|²   effort; d: friction-cone coefficients   (eq. 8)
-//         +  w_s |ċ_k - ċ_{k-1}|² + w_l |L_k - L_{k-1}|²   smooth hands               (eq. 9)
-//         +  w_h |p_k - p̄_k|²                 the hands stay where they belong (hand_anchor.hpp)
-//         +  w_p |non-affine patch motion|²    soft form of eq. 3 (patch.hpp)
-//         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |ċ_k - ċ̄_k|²      for nonlinear rollouts; ċ̄: last plan
+//   J = Σ_k  w_f |y_k - ȳ_k|²                 features follow their target    ([Bai 2016], eq. 7)
+//         +  w_m |u_k - u_ref|² + w_d |d_k|²   effort; d: coefficients of the contacts  (eq. 8)
+//         +  w_s |ċ_k - ċ_{k-1}|² + w_l |L_k - L_{k-1}|²   smooth hands                 (eq. 9)
+//         +  w_h |p_k - p̄_k|²                 hands stay where they belong (hand_anchor.hpp)
+//         +  w_p |non-affine patch motion|²    soft form of eq. 3 (affine_patch.hpp)
+//         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |ċ_k - ċ̄_k|²      damping for rollouts
 //
-// c, p: centroid of a grip; ċ its velocity; all sums over k = 1..K.
+// The sums are over the frames k = 1..K. y: features, ȳ: their targets, u: raw inputs, c and p:
+// centroid of a grip, ċ: its velocity, ċ̄: its velocity in the last plan, L: best linear map of a
+// patch.
 
 #include <array>
 #include <string>
@@ -20,25 +22,19 @@
 #include "clothctl/mpc/window.hpp"
 #include "clothctl/qp/problem.hpp"
 
-namespace clothctl {
-
-/// What the planner decides on.
-enum class GripInput {
-  /// Contact forces inside friction cones, one set of coefficients for each finger and vertex.
-  Force,
-  /// The pose of each grip: its velocity and, where it holds a line or a surface, its angular velocity.
-  Pose
-};
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// What is sent to the plant when forces are planned.
-enum class Command {
+enum class PlantCommand {
   /// The planned forces.
   Force,
-  /// The positions that the held vertices reach under the planned forces, as a robot's position controller wants them.
+  /// The positions that the held vertices reach under the planned forces, for a robot with a
+  /// position controller.
   Position
 };
 
-/// How a patch of held vertices is kept from moving in ways that a finger cannot make (paper 000, eq. 3).
+/// How a patch of held vertices is kept from moving in ways that no finger can make ([Bai 2016],
+/// eq. 3).
 enum class PatchMode {
   /// Non-affine motion is a cost: the QP keeps bounds alone. Fast.
   Soft,
@@ -46,14 +42,15 @@ enum class PatchMode {
   Hard
 };
 
-/// Weights of the cost, in SI units. Defaults follow a 0.5 m sheet well on converged and unconverged implicit plants.
+/// Weights of the cost, SI units. The defaults suit a 0.5 m sheet, on plants that solve their
+/// equations to the end and on those that do not.
 template <RealScalar Scalar>
 struct PlannerWeights {
   /// w_f, 1/m².
   Scalar feature = Scalar(40);
   /// w_m for forces, 1/N².
   Scalar force = Scalar(1e-4);
-  /// w_d, 1/N²: picks one of the many coefficient sets that make a force.
+  /// w_d, 1/N². Picks one of the many sets of coefficients that make a force.
   Scalar cone = Scalar(1e-4);
   /// w_m for velocities, s²/m², on the mean over a grip's vertices.
   Scalar velocity = Scalar(1e-5);
@@ -78,40 +75,44 @@ struct PlannerSettings {
   Index horizon = 20;
   /// Length of a frame h, s.
   Scalar dt = Scalar(0.02);
-  /// What is decided on.
+  /// What is planned: forces or poses.
   GripInput input = GripInput::Force;
   /// What is sent when forces are planned.
-  Command command = Command::Force;
-  /// How patches are kept together (force input; a commanded pose is rigid anyway).
+  PlantCommand command = PlantCommand::Force;
+  /// How patches are kept together when forces are planned. A commanded pose is rigid anyway.
   PatchMode patch = PatchMode::Soft;
   /// Weights of the cost.
   PlannerWeights<Scalar> weights = {};
-  /// Directions in which the hand anchor swings.
-  Swing swing = Swing::Sheet;
+  /// Directions in which the hand anchor averages.
+  HeavyChainAxes heavy_chain_axes = HeavyChainAxes::SheetNormal;
   /// Size of gravity, m/s² (hand anchor).
   Scalar gravity = Scalar(9.81);
-  /// Furthest that a commanded grip moves in a frame along each axis, m (pose input; Command::Position cuts the planned step).
+  /// Longest step of a commanded grip in a frame along each axis, m; also of positions that planned
+  /// forces reach (PlantCommand::Position).
   Scalar max_step = Scalar(0.05);
-  /// Furthest that the planned velocities of the held vertices change between frames, m/s; 0 means any. Plans of poses are
-  /// scaled back to it; plans of forces are made again with up to 4⁴ times the `step` weight (at least 1e-4 s²/m²).
+  /// Largest change of the planned velocity of a held vertex between frames, m/s; 0 means any.
+  /// Plans of poses are scaled back to it. Plans of forces are made again with up to 4⁴ times the
+  /// `step` weight (at least 1e-4 s²/m²).
   Scalar max_change = Scalar(0);
-  /// Tolerances and budget of a frame's QPs, for solvers that are made from QpSettings: 300 rounds each, more than a plan that
-  /// goes well takes. A QP that runs out makes the plan Suboptimal.
+  /// Tolerances and budget of the QPs of a frame, for solvers that are made from QpSettings. The
+  /// default of 300 rounds is more than a plan that goes well takes. A QP that runs out makes the
+  /// plan Suboptimal.
   QpSettings<Scalar> qp = default_qp();
-  /// The upward force that the grips share at rest, N: (0, 0, 9.81·mass). u_ref of each held vertex is its share. Left at zero,
-  /// the effort term pulls the sheet down.
-  Vector3<Scalar> supported = Vector3<Scalar>::Zero();
+  /// The upward force that the grips carry together at rest, N: minus the weight of the sheet,
+  /// `plant.gravity_load()`. Each held vertex has its share of it as u_ref. Left at zero, the
+  /// effort term pulls the sheet down.
+  Vector3<Scalar> gravity_load = Vector3<Scalar>::Zero();
 
-  /// The defaults of `qp`.
+  /// Returns the defaults of `qp`.
   static QpSettings<Scalar> default_qp() {
     QpSettings<Scalar> s;
     s.max_iterations = 300;
     return s;
   }
 
-  /// The paper's own cost: 40 / 0.01 / 10 with displacements per frame, total force as effort, no anchor.
-  /// 10 |Δ(c per frame)|² = 10 h² |Δċ|². Loses the track on sheets that are not the predictor; for comparison.
-  /// `dt` is the length of a frame (s), which the smoothness weight needs.
+  /// Returns the cost of [Bai 2016]: weights 40, 0.01 and 10 on displacements per frame, total
+  /// force as effort, no anchor. Their 10 |Δ(c per frame)|² is 10 h² |Δċ|². It loses the track on
+  /// sheets that are not the predictor; for comparison only. `dt` is the length of a frame, s.
   static PlannerSettings paper(Scalar dt = Scalar(0.02)) {
     PlannerSettings s;
     s.dt = dt;
@@ -124,15 +125,7 @@ struct PlannerSettings {
     return s;
   }
 
-  /// For plants that do not solve their equations to the end (substepped position-based cloth): calmer hands, firmer anchor.
-  static PlannerSettings loose_plant() {
-    PlannerSettings s;
-    s.weights.smooth = Scalar(10);
-    s.weights.anchor = Scalar(10);
-    return s;
-  }
-
-  /// For predictors that roll the plant's own nonlinear step along the plan: small, damped corrections.
+  /// Returns settings for a RolloutPredictor: small, damped corrections.
   static PlannerSettings rollout() {
     PlannerSettings s;
     s.weights.jerk = Scalar(0.01);
@@ -142,34 +135,38 @@ struct PlannerSettings {
   }
 
   /// Returns an empty string, or a line that names the first bad setting and its value.
-  std::string check() const {
+  std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
-    const std::array<std::pair<const char*, const Scalar*>, 11> weighed{{{"feature", &weights.feature},
-                                                                         {"force", &weights.force},
-                                                                         {"cone", &weights.cone},
-                                                                         {"velocity", &weights.velocity},
-                                                                         {"smooth", &weights.smooth},
-                                                                         {"shape", &weights.shape},
-                                                                         {"anchor", &weights.anchor},
-                                                                         {"patch", &weights.patch},
-                                                                         {"jerk", &weights.jerk},
-                                                                         {"step", &weights.step},
-                                                                         {"max_change", &max_change}}};
+    const std::array<std::pair<const char*, const Scalar*>, 11> weighed{
+        {{"feature", &weights.feature},
+         {"force", &weights.force},
+         {"cone", &weights.cone},
+         {"velocity", &weights.velocity},
+         {"smooth", &weights.smooth},
+         {"shape", &weights.shape},
+         {"anchor", &weights.anchor},
+         {"patch", &weights.patch},
+         {"jerk", &weights.jerk},
+         {"step", &weights.step},
+         {"max_change", &max_change}}};
     for (const auto& [name, value] : weighed) {
-      if (bad(*value)) return std::string(name) + " is " + number_text(*value) + ", must be finite and not negative";
+      if (bad(*value))
+        return std::string(name) + " is " + number_text(*value) +
+               ", must be finite and not negative";
     }
     const std::array<std::pair<const char*, const Scalar*>, 3> positive{
         {{"dt", &dt}, {"gravity", &gravity}, {"max_step", &max_step}}};
     for (const auto& [name, value] : positive) {
-      if (bad(*value) || !(Scalar(0) < *value)) return std::string(name) + " is " + number_text(*value) + ", must be positive";
+      if (bad(*value) || !(Scalar(0) < *value))
+        return std::string(name) + " is " + number_text(*value) + ", must be positive";
     }
-    if (!all_finite(supported)) return "the supported force is not finite";
-    if (input == GripInput::Pose && command != Command::Force)
+    if (!all_finite(gravity_load)) return "the supported force is not finite";
+    if (input == GripInput::Pose && command != PlantCommand::Force)
       return "command is Position with pose input; poses are always sent as positions";
-    if (const std::string problem(qp.check()); !problem.empty()) return "qp: " + problem;
+    if (const std::string problem(qp.validate()); !problem.empty()) return "qp: " + problem;
     return {};
   }
 };
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

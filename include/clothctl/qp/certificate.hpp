@@ -1,147 +1,205 @@
 #pragma once
 
-// Proofs that a problem has no solution, checked on the caller's own numbers before anyone is told.
+// Certificates: short proofs that a QP has no solution, checked on the caller's own data.
 //
-//   infeasible:  Aᵀy + z = 0 and  Σ_i max over [rl_i, ru_i] of y_i t  +  Σ_j max over [lb_j, ub_j] of z_j t  <  0
-//   unbounded:   H d = 0,  gᵀd < 0,  A d and d leave no finite bound
+// Infeasible (Farkas' lemma). A pair (y, z) with
+//
+//   Aᵀy + z = 0   and   s = Σ_i max{y_i t : rl_i ≤ t ≤ ru_i} + Σ_j max{z_j t : lb_j ≤ t ≤ ub_j} < 0
+//
+// proves that no point x is feasible: a feasible x would give 0 = yᵀAx + zᵀx ≤ s < 0.
+//
+// Unbounded. A direction d with
+//
+//   H d = 0,   gᵀd < 0,   d_j ≥ 0 where lb_j is finite, d_j ≤ 0 where ub_j is finite, and the same
+//   for A d and the row bounds
+//
+// proves that the objective falls without limit from every feasible point along d (if there is
+// one).
+//
+// Computed certificates hold to rounding only, so the functions below measure by how much each
+// condition fails. Each error is relative to the sum of the sizes of the terms that should cancel;
+// it therefore does not depend on how rows or unknowns are scaled. References: Farkas (1902); Boyd
+// and Vandenberghe, Convex Optimization (2004), §5.8.
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
+#include "clothctl/core/types.hpp"
 #include "clothctl/qp/problem.hpp"
 
-namespace clothctl::detail {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Spacing to the power 3/4 (1.8e-12 in double): what is small enough to be refined away.
+/// By how much a pair (y, z) fails to be a Farkas certificate of infeasibility.
 template <RealScalar Scalar>
-Scalar certificate_tolerance() {
-  using std::sqrt;
-  const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
-  return half * sqrt(half);
-}
+struct FarkasResiduals {
+  /// Largest |Aᵀy + z|_j over the sum of the sizes of its terms. Infinite when an entry is not
+  /// finite or a size does not match.
+  Scalar balance = scalar_traits<Scalar>::infinity();
+  /// The bound s, which must be negative. Infinite when a multiplier pushes against a bound that is
+  /// not there.
+  Scalar value = scalar_traits<Scalar>::infinity();
+  /// s over the sum of the sizes of its terms.
+  Scalar relative_value = scalar_traits<Scalar>::infinity();
+  /// What a certificate with an error still proves: no feasible x has Σ|x_j| below this radius,
+  /// which is -s over the largest |Aᵀy + z|_j. Infinite when the balance is exact.
+  Scalar excluded_radius = Scalar(0);
 
-/// Levels of the threshold below which entries of a proof count as zero.
-inline constexpr int kTraceLevels = 3;
-
-/// The first threshold, relative to the largest entry; its square and the square of that follow.
-template <RealScalar Scalar>
-Scalar coarsest_trace() {
-  using std::sqrt;
-  return sqrt(sqrt(certificate_tolerance<Scalar>()));
-}
-
-/// Adds max over [lower, upper] of v t to `value` and its size to `size`. An infinite side counts through `reach`, a bound
-/// on |t| that any useful solution keeps, so that rounding alone does not spoil a proof.
-template <RealScalar Scalar>
-void add_support(const Scalar& v, const Scalar& lower, const Scalar& upper, const Scalar& reach, Scalar& value, Scalar& size) {
-  using std::abs;
-  const Scalar edge = v > Scalar(0) ? upper : lower;
-  const Scalar term = has_bound(edge) ? Scalar(v * edge) : Scalar(abs(v) * reach);
-  value += term;
-  size += abs(term);
-}
-
-/// How far a candidate is from a proof.
-template <RealScalar Scalar>
-struct ProofCheck {
-  /// Every condition holds to the rounding of its own sums.
-  bool proven = false;
-  /// The deciding value (support, or slope) is negative beyond rounding, and no sign is wrong.
-  bool promising = false;
-  /// No sign is wrong, every number finite.
-  bool admissible = false;
-  /// Largest error over what rounding explains; at most 1 when proven.
-  Scalar error = Scalar(0);
-  /// The part of it that comes from rows (rays only).
-  Scalar row_error = Scalar(0);
+  /// Returns true when the pair is a certificate to the tolerance: the balance is at most
+  /// `tolerance` and s is negative.
+  bool holds(const Scalar& tolerance = QpSettings<Scalar>::default_tolerance()) const {
+    return balance <= tolerance && relative_value < Scalar(0);
+  }
 };
 
-/// Rounding error of a sum of `terms` products, relative to the sum of their sizes.
+/// By how much a direction d fails to be a certificate of unboundedness.
 template <RealScalar Scalar>
-Scalar summation_error(Index terms) {
-  return Scalar(0.5) * static_cast<Scalar>(terms + 2) * scalar_traits<Scalar>::epsilon();
+struct RayResiduals {
+  /// Largest |H d|_i over the sum of the sizes of its terms. Infinite when an entry is not finite
+  /// or a size does not match.
+  Scalar curvature = scalar_traits<Scalar>::infinity();
+  /// Largest amount by which d runs into a finite bound: |d_j| over the largest entry of d, or
+  /// |A d|_i over the sum of the sizes of its terms.
+  Scalar violation = scalar_traits<Scalar>::infinity();
+  /// gᵀd over the sum of the sizes of its terms. It must be negative.
+  Scalar relative_slope = scalar_traits<Scalar>::infinity();
+
+  /// Returns true when d is a certificate to the tolerance: curvature and violation are at most
+  /// `tolerance`, and the objective falls along d.
+  bool holds(const Scalar& tolerance = QpSettings<Scalar>::default_tolerance()) const {
+    return curvature <= tolerance && violation <= tolerance && relative_slope < Scalar(0);
+  }
+};
+
+namespace detail {
+
+/// Sum of products with the sum of their sizes.
+template <RealScalar Scalar>
+struct SizedSum {
+  Scalar value = Scalar(0);
+  Scalar size = Scalar(0);
+
+  void add(const Scalar& term) {
+    using std::abs;
+    value += term;
+    size += abs(term);
+  }
+  /// |value| over size, 0 for an empty sum, infinite when it is not finite.
+  Scalar relative() const {
+    using std::abs;
+    if (!is_finite(value) || !is_finite(size)) return scalar_traits<Scalar>::infinity();
+    return size > Scalar(0) ? Scalar(abs(value) / size) : Scalar(0);
+  }
+};
+
+/// Adds the largest v t over lower ≤ t ≤ upper. Returns false when there is no largest.
+template <RealScalar Scalar>
+bool add_largest(const Scalar& v, const Scalar& lower, const Scalar& upper, SizedSum<Scalar>& sum) {
+  if (!(v < Scalar(0)) && !(v > Scalar(0))) return is_finite(v);
+  const Scalar edge = v > Scalar(0) ? upper : lower;
+  if (is_unbounded(edge) || !is_finite(edge)) return false;
+  sum.add(v * edge);
+  return true;
 }
 
-/// How far below zero a deciding sum of `terms` products has to be, relative to the sum of their sizes.
+/// Returns true when a move by `step` leads to a finite bound.
 template <RealScalar Scalar>
-Scalar deciding_margin(Index terms) {
-  return certificate_tolerance<Scalar>() + Scalar(8) * summation_error<Scalar>(terms);
+bool runs_into_bound(const Scalar& step, const Scalar& lower, const Scalar& upper) {
+  return (step < Scalar(0) && !is_unbounded(lower)) || (step > Scalar(0) && !is_unbounded(upper));
 }
 
-/// Judges (y, z) as a proof that the loaded bounds cannot be met; z must equal -Aᵀy and `z_size` hold |Aᵀ||y|. On an infinite
-/// side z must vanish but for the rounding of its own sum, and is then set to zero. Complexity: O(n + m).
-template <RealScalar Scalar>
-ProofCheck<Scalar> check_farkas(const Eigen::Ref<const VectorX<Scalar>>& y, Eigen::Ref<VectorX<Scalar>> z,
-                                const Eigen::Ref<const VectorX<Scalar>>& z_size, const Eigen::Ref<const VectorX<Scalar>>& rl,
-                                const Eigen::Ref<const VectorX<Scalar>>& ru, const Eigen::Ref<const VectorX<Scalar>>& lo,
-                                const Eigen::Ref<const VectorX<Scalar>>& hi, const Scalar& reach) {
+}  // namespace detail
+
+/// Measures (y, z) as a certificate that A x within [rl, ru] and x within [lb, ub] contradict each
+/// other. A is m×n (0×n or 0×0 without rows); y, rl, ru have m entries, z, lb, ub n. For a result
+/// with status PrimalInfeasible, y and z are `row_multipliers` and `bound_multipliers`. The scalar
+/// is deduced from z. Allocates. Complexity: O(mn).
+template <class Multipliers, RealScalar Scalar = typename Multipliers::Scalar>
+FarkasResiduals<Scalar> farkas_residuals(
+    const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& A,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& rl,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ru,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& lb,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ub,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& y,
+    const Eigen::MatrixBase<Multipliers>& z) {
   using std::abs;
-  ProofCheck<Scalar> check;
-  const Scalar rounding = summation_error<Scalar>(y.size());
-  const Scalar margin = Scalar(15) * certificate_tolerance<Scalar>() + deciding_margin<Scalar>(y.size() + z.size());
-  Scalar value(0);
-  Scalar size(0);
-  Scalar open_value(0);
-  for (Index i = 0; i < y.size(); ++i) {
-    if (!is_finite(y[i])) return check;
-    if (!(y[i] < Scalar(0)) && !(y[i] > Scalar(0))) continue;
-    if (!has_bound(y[i] > Scalar(0) ? ru[i] : rl[i])) return check;
-    add_support(y[i], rl[i], ru[i], reach, value, size);
+  FarkasResiduals<Scalar> r;
+  const Index n = z.size(), m = y.size();
+  if (lb.size() != n || ub.size() != n || rl.size() != m || ru.size() != m || A.rows() != m ||
+      (m > 0 && A.cols() != n))
+    return r;
+  detail::SizedSum<Scalar> bound;
+  Scalar balance(0), largest(0);
+  bool bounded = true;
+  for (Index i = 0; i < m; ++i) bounded = detail::add_largest(y[i], rl[i], ru[i], bound) && bounded;
+  for (Index j = 0; j < n; ++j) {
+    const Scalar own = z.derived().coeff(j);
+    bounded = detail::add_largest(own, lb[j], ub[j], bound) && bounded;
+    detail::SizedSum<Scalar> sum;
+    sum.add(own);
+    for (Index i = 0; i < m; ++i) sum.add(A(i, j) * y[i]);
+    const Scalar error = sum.relative();
+    if (!is_finite(error)) return r;
+    balance = (std::max)(balance, error);
+    largest = (std::max)(largest, Scalar(abs(sum.value)));
   }
-  for (Index j = 0; j < z.size(); ++j) {
-    if (!is_finite(z[j])) return check;
-    if (!(z[j] < Scalar(0)) && !(z[j] > Scalar(0))) continue;
-    if (has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) {
-      add_support(z[j], lo[j], hi[j], reach, value, size);
-    } else {
-      check.error = (std::max)(check.error, Scalar(abs(z[j]) / (rounding * z_size[j])));
-      open_value += abs(z[j]) * reach;
-    }
-  }
-  check.admissible = is_finite(value) && is_finite(size);
-  check.promising = check.admissible && size > Scalar(0) && value < -margin * size;
-  check.proven = check.promising && check.error <= Scalar(1) && value + open_value < -margin * (size + open_value);
-  if (!check.proven) return check;
-  for (Index j = 0; j < z.size(); ++j) {
-    if (!has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) z[j] = Scalar(0);
-  }
-  return check;
+  r.balance = balance;
+  if (!bounded || !is_finite(bound.value) || !is_finite(bound.size)) return r;
+  r.value = bound.value;
+  r.relative_value = bound.size > Scalar(0) ? Scalar(bound.value / bound.size) : Scalar(0);
+  if (r.value < Scalar(0))
+    r.excluded_radius =
+        largest > Scalar(0) ? Scalar(-r.value / largest) : scalar_traits<Scalar>::infinity();
+  return r;
 }
 
-/// Judges d with products Hd and Ad as a proof of unboundedness. The sizes are those of the terms that were summed. Components
-/// of d must not leave a bound at all; Hd, and Ad towards a bound, must vanish but for the rounding of their own sums.
-/// Complexity: O(n + m).
-template <RealScalar Scalar>
-ProofCheck<Scalar> check_ray(const Eigen::Ref<const VectorX<Scalar>>& d, const Eigen::Ref<const VectorX<Scalar>>& Hd,
-                             const Eigen::Ref<const VectorX<Scalar>>& Ad, const Eigen::Ref<const VectorX<Scalar>>& Hd_size,
-                             const Eigen::Ref<const VectorX<Scalar>>& Ad_size, const Eigen::Ref<const VectorX<Scalar>>& g,
-                             const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
-                             const Eigen::Ref<const VectorX<Scalar>>& lo, const Eigen::Ref<const VectorX<Scalar>>& hi) {
+/// Measures d as a certificate that the objective ½ xᵀHx + gᵀx falls without limit within the row
+/// bounds [rl, ru] of A x and the bounds [lb, ub] of x. H is n×n, A m×n (0×n or 0×0 without rows);
+/// g, lb, ub, d have n entries, rl and ru m. For a result with status DualInfeasible, d is `ray`.
+/// The scalar is deduced from d. Allocates. Complexity: O(n² + mn).
+template <class Direction, RealScalar Scalar = typename Direction::Scalar>
+RayResiduals<Scalar> ray_residuals(
+    const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& H,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& g,
+    const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& A,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& rl,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ru,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& lb,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ub,
+    const Eigen::MatrixBase<Direction>& direction) {
   using std::abs;
-  ProofCheck<Scalar> check;
-  const Scalar rounding = Scalar(4) * summation_error<Scalar>(d.size());
-  Scalar slope(0);
-  Scalar size(0);
-  const auto demand = [&](const Scalar& value, const Scalar& terms, Scalar& error) {
-    if (value < Scalar(0) || value > Scalar(0)) error = (std::max)(error, Scalar(abs(value) / (rounding * terms)));
-  };
-  for (Index j = 0; j < d.size(); ++j) {
-    if (!is_finite(d[j]) || !is_finite(Hd[j])) return check;
-    if ((d[j] < Scalar(0) && has_bound(lo[j])) || (d[j] > Scalar(0) && has_bound(hi[j]))) return check;
-    slope += g[j] * d[j];
-    size += abs(g[j] * d[j]);
-    demand(Hd[j], Hd_size[j], check.error);
+  RayResiduals<Scalar> r;
+  const VectorX<Scalar> d = direction;
+  const Index n = d.size(), m = rl.size();
+  if (H.rows() != n || H.cols() != n || g.size() != n || lb.size() != n || ub.size() != n ||
+      ru.size() != m || A.rows() != m || (m > 0 && A.cols() != n) || !all_finite(d))
+    return r;
+  Scalar longest(0), curvature(0), violation(0);
+  detail::SizedSum<Scalar> slope;
+  for (Index j = 0; j < n; ++j) longest = (std::max)(longest, Scalar(abs(d[j])));
+  if (!(longest > Scalar(0))) return r;
+  for (Index j = 0; j < n; ++j) {
+    detail::SizedSum<Scalar> sum;
+    for (Index i = 0; i < n; ++i) sum.add(H(j, i) * d[i]);
+    if (!is_finite(sum.relative())) return r;
+    curvature = (std::max)(curvature, sum.relative());
+    slope.add(g[j] * d[j]);
+    if (detail::runs_into_bound(d[j], lb[j], ub[j]))
+      violation = (std::max)(violation, Scalar(abs(d[j]) / longest));
   }
-  for (Index i = 0; i < Ad.size(); ++i) {
-    if (!is_finite(Ad[i])) return check;
-    if ((Ad[i] < Scalar(0) && has_bound(rl[i])) || (Ad[i] > Scalar(0) && has_bound(ru[i])))
-      demand(Ad[i], Ad_size[i], check.row_error);
+  for (Index i = 0; i < m; ++i) {
+    detail::SizedSum<Scalar> sum;
+    for (Index j = 0; j < n; ++j) sum.add(A(i, j) * d[j]);
+    if (!is_finite(sum.relative())) return r;
+    if (detail::runs_into_bound(sum.value, rl[i], ru[i]))
+      violation = (std::max)(violation, sum.relative());
   }
-  check.error = (std::max)(check.error, check.row_error);
-  check.admissible = is_finite(size);
-  check.promising = check.admissible && slope < -deciding_margin<Scalar>(d.size()) * size;
-  check.proven = check.promising && check.error <= Scalar(1);
-  return check;
+  if (!is_finite(slope.relative())) return r;
+  r.curvature = curvature;
+  r.violation = violation;
+  r.relative_slope = slope.size > Scalar(0) ? Scalar(slope.value / slope.size) : Scalar(0);
+  return r;
 }
 
-}  // namespace clothctl::detail
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,20 +1,24 @@
 #pragma once
 
-// An independent judge of QP solutions, straight from the definition and on the caller's own data.
+// Checks a solution of a QP on the caller's own data, independently of any solver. The residuals of
+// the optimality (Karush-Kuhn-Tucker) conditions are
 //
-//   stationarity      |Hx + g - Aᵀy - z|, and the whole of a multiplier that pushes from an infinite side
+//   stationarity      largest entry of |Hx + g - Aᵀy - z|; a multiplier that pushes against a bound
+//                     that is not there counts fully
 //   feasibility       largest violation of rl ≤ Ax ≤ ru and lb ≤ x ≤ ub
-//   complementarity   Σ |y_i| slack_i + Σ |z_j| slack_j, slack to the side that the multiplier's sign names
+//   complementarity   Σ |y_i| slack_i + Σ |z_j| slack_j, where the slack is the distance to the
+//   bound
+//                     that the sign of the multiplier names
 //
-// all in infinity norms; relative values divide by max(1, |Hx|, |g|, |Aᵀy|), max(1, |Ax|, |x|) and max(1, |objective|). A term
-// that is NaN or overflows makes its residual infinite.
+// Relative values divide by max(1, |Hx|, |g|, |Aᵀy|), by max(1, |Ax|, |x|) and by
+// max(1, |objective|), in infinity norms. A NaN or an overflow makes its residual infinite.
 
 #include <cmath>
 #include <type_traits>
 
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// How far a primal-dual triple is from optimal.
 template <RealScalar Scalar>
@@ -45,7 +49,8 @@ struct KktResiduals {
 
 namespace detail {
 
-/// Raises `worst` to `error`; an error that is not finite counts as infinite. Holds under -ffast-math.
+/// Raises `worst` to `error`; an error that is not finite counts as infinite. Holds under
+/// -ffast-math.
 template <RealScalar Scalar>
 void raise_error(Scalar& worst, const Scalar& error) {
   if (!is_finite(error)) {
@@ -58,13 +63,14 @@ void raise_error(Scalar& worst, const Scalar& error) {
 /// error / scale, infinite when either is not finite.
 template <RealScalar Scalar>
 Scalar relative_error(const Scalar& error, const Scalar& scale) {
-  return is_finite(error) && is_finite(scale) ? Scalar(error / scale) : scalar_traits<Scalar>::infinity();
+  return is_finite(error) && is_finite(scale) ? Scalar(error / scale)
+                                              : scalar_traits<Scalar>::infinity();
 }
 
 /// Adds one bounded quantity `value` in [lower, upper] with its multiplier to the residuals.
 template <RealScalar Scalar>
-void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper, const Scalar& multiplier,
-                 KktResiduals<Scalar>& r) {
+void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper,
+                 const Scalar& multiplier, KktResiduals<Scalar>& r) {
   using std::abs;
   const Scalar zero(0);
   const bool has_lower = !is_unbounded(lower);
@@ -92,17 +98,20 @@ void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper, 
 
 /// Residuals from the products Hx, Ax and Aᵀy. Never allocates.
 template <RealScalar Scalar>
-KktResiduals<Scalar> kkt_from_products(const Eigen::Ref<const VectorX<Scalar>>& Hx, const Eigen::Ref<const VectorX<Scalar>>& Ax,
-                                       const Eigen::Ref<const VectorX<Scalar>>& Aty, const Eigen::Ref<const VectorX<Scalar>>& g,
-                                       const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
-                                       const Eigen::Ref<const VectorX<Scalar>>& lb, const Eigen::Ref<const VectorX<Scalar>>& ub,
-                                       const Eigen::Ref<const VectorX<Scalar>>& x, const Eigen::Ref<const VectorX<Scalar>>& y,
-                                       const Eigen::Ref<const VectorX<Scalar>>& z) {
+KktResiduals<Scalar> kkt_from_products(
+    const Eigen::Ref<const VectorX<Scalar>>& Hx, const Eigen::Ref<const VectorX<Scalar>>& Ax,
+    const Eigen::Ref<const VectorX<Scalar>>& Aty, const Eigen::Ref<const VectorX<Scalar>>& g,
+    const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
+    const Eigen::Ref<const VectorX<Scalar>>& lb, const Eigen::Ref<const VectorX<Scalar>>& ub,
+    const Eigen::Ref<const VectorX<Scalar>>& x, const Eigen::Ref<const VectorX<Scalar>>& y,
+    const Eigen::Ref<const VectorX<Scalar>>& z) {
   using std::abs;
   KktResiduals<Scalar> r;
   Scalar dual_scale(1);
   Scalar primal_scale(1);
-  const auto raise = [](Scalar& scale, const Scalar& value) { raise_error(scale, Scalar(abs(value))); };
+  const auto raise = [](Scalar& scale, const Scalar& value) {
+    raise_error(scale, Scalar(abs(value)));
+  };
   for (Index j = 0; j < x.size(); ++j) {
     raise(dual_scale, Hx[j]);
     raise(dual_scale, g[j]);
@@ -127,19 +136,29 @@ KktResiduals<Scalar> kkt_from_products(const Eigen::Ref<const VectorX<Scalar>>& 
 
 }  // namespace detail
 
-/// Judges the triple (x, y, z) on the problem (H, g, A, rl, ru, lb, ub). H is n×n, A m×n (0×n or 0×0 without rows). The
-/// scalar is deduced from g. Allocates. Complexity: O(n² + mn).
+/// Measures how far the triple (x, y, z) is from optimal for the problem (H, g, A, rl, ru, lb, ub).
+/// H is n×n, A m×n (0×n or 0×0 without rows); g, lb, ub, x, z have n entries, rl, ru, y have m.
+/// When a size does not match, every residual and the objective are infinite. The scalar is deduced
+/// from g. Allocates. Complexity: O(n² + mn).
 template <class Gradient, RealScalar Scalar = typename Gradient::Scalar>
-KktResiduals<Scalar> kkt_residuals(const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& H,
-                                   const Eigen::MatrixBase<Gradient>& g,
-                                   const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& A,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& rl,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ru,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& lb,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ub,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& x,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& y,
-                                   const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& z) {
+KktResiduals<Scalar> kkt_residuals(
+    const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& H,
+    const Eigen::MatrixBase<Gradient>& g,
+    const std::type_identity_t<Eigen::Ref<const MatrixX<Scalar>>>& A,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& rl,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ru,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& lb,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& ub,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& x,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& y,
+    const std::type_identity_t<Eigen::Ref<const VectorX<Scalar>>>& z) {
+  const Index n = x.size(), m = y.size();
+  if (H.rows() != n || H.cols() != n || g.size() != n || A.rows() != m ||
+      (m > 0 && A.cols() != n) || rl.size() != m || ru.size() != m || lb.size() != n ||
+      ub.size() != n || z.size() != n) {
+    const Scalar none = scalar_traits<Scalar>::infinity();
+    return {none, none, none, none, none, none, none};
+  }
   VectorX<Scalar> Hx = VectorX<Scalar>::Constant(x.size(), Scalar(0));
   VectorX<Scalar> Ax = VectorX<Scalar>::Constant(y.size(), Scalar(0));
   VectorX<Scalar> Aty = VectorX<Scalar>::Constant(x.size(), Scalar(0));
@@ -154,4 +173,4 @@ KktResiduals<Scalar> kkt_residuals(const std::type_identity_t<Eigen::Ref<const M
   return detail::kkt_from_products<Scalar>(Hx, Ax, Aty, gradient, rl, ru, lb, ub, x, y, z);
 }
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,12 +1,16 @@
 #pragma once
 
-// The quadratic program that every solver here answers, its settings and its result.
+// The quadratic program that all solvers of this folder solve, their settings and their result:
 //
 //   min ½ xᵀHx + gᵀx   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub
 //
-// H symmetric positive semidefinite (n×n), A m×n, bounds infinite where there are none. Multipliers obey
+// H is symmetric positive semidefinite (n×n), A is m×n. A bound that is not wanted is infinite. The
+// multipliers y of the rows and z of the bounds satisfy
 //
-//   H x + g = Aᵀ y + z,   y, z ≥ 0 at a lower bound, ≤ 0 at an upper one, any sign where the two are equal.
+//   H x + g = Aᵀ y + z
+//
+// They are ≥ 0 at a lower bound, ≤ 0 at an upper one, and 0 between the bounds. Where the two
+// bounds are equal they may have either sign.
 
 #include <algorithm>
 #include <cmath>
@@ -17,9 +21,10 @@
 #include "clothctl/core/status.hpp"
 #include "clothctl/core/types.hpp"
 
-namespace clothctl {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Where an unknown or a row stands between its bounds. An active set is one of these for each.
+/// The position of an unknown or a row between its bounds. An active set holds one for each
+/// unknown and each row.
 enum class QpSide : signed char {
   /// At its lower bound, or fixed.
   Lower = -1,
@@ -29,8 +34,8 @@ enum class QpSide : signed char {
   Upper = 1
 };
 
-/// Tolerances and budget of a QP solve. Tolerances hold for the caller's own (unscaled) data, relative to problem
-/// magnitude as in `kkt_residuals`.
+/// Tolerances and budget of a QP solve. Tolerances hold for the caller's own (unscaled) data,
+/// relative to problem magnitude as in `kkt_residuals`.
 template <RealScalar Scalar>
 struct QpSettings {
   /// Spacing of the scalar to the power 9/16: 1.6e-9 in double, 1.3e-4 in float.
@@ -45,22 +50,22 @@ struct QpSettings {
   Scalar feasibility_tolerance = default_tolerance();
   /// Σ |multiplier| · slack over max(1, |objective|).
   Scalar complementarity_tolerance = default_tolerance();
-  /// Rounds in which the active set may change; 0 means 10 (n + m).
+  /// Limit on the rounds of a solve, each of which changes the active set; 0 means 10 (n + m).
   int max_iterations = 0;
-  /// Seconds that a solve may take by `clock`, read once a round; 0 means any.
+  /// Time limit of a solve, s, by `clock`, which is read once a round; 0 means no limit.
   double time_limit = 0;
   /// The caller's clock: seconds since any fixed moment. Needed when there is a time limit.
   double (*clock)(void* context) = nullptr;
-  /// What `clock` is given.
+  /// The argument that `clock` gets.
   void* clock_context = nullptr;
 
-  /// Whether a solve that ends as PrimalInfeasible goes on to the closest feasible point: x then minimises the objective
-  /// among the points of the least Σ s² with rl ≤ A x + s ≤ ru, lb ≤ x ≤ ub, and the shifts s are in the result. Only for
-  /// ActiveSet; the scale of rows weighs them.
+  /// True when a solve that ends as PrimalInfeasible goes on to the closest feasible point: x then
+  /// minimises the objective among the points of the least Σ s² with rl ≤ A x + s ≤ ru, lb ≤ x ≤
+  /// ub, and the shifts s are in the result. Only for ActiveSet; the scale of rows weighs them.
   bool closest_point = false;
 
   /// Checks the values. Returns an empty text, or a static one that names the first bad value.
-  std::string_view check() const {
+  std::string_view validate() const {
     const auto bad = [](const Scalar& t) { return !is_finite(t) || !(Scalar(0) < t); };
     if (bad(stationarity_tolerance)) return "stationarity_tolerance is not a positive number";
     if (bad(feasibility_tolerance)) return "feasibility_tolerance is not a positive number";
@@ -72,23 +77,28 @@ struct QpSettings {
   }
 };
 
-/// What a QP solve answers. Its vectors allocate when the problem's size changes, never between solves of one size.
+/// The result of a QP solve. Its vectors allocate when the problem's size changes, never between
+/// solves of one size.
 template <RealScalar Scalar>
 struct QpResult {
-  /// The minimiser, n; InvalidData sets it to zero; with IterationLimit and TimeLimit the best iterate: within its bounds, rows
-  /// may be violated as far as `feasibility` says; zero-sized before the first solve.
+  /// The minimiser, n entries. With IterationLimit and TimeLimit it is the best iterate, which is
+  /// within its bounds but may violate rows by as much as `feasibility` says. With InvalidData it
+  /// is zero. Before the first solve it is empty.
   VectorX<Scalar> x;
-  /// Multipliers z of the bounds, n. With PrimalInfeasible: the bound part of the Farkas pair (see row_multipliers).
+  /// Multipliers z of the bounds, n. With PrimalInfeasible: the bound part of the Farkas pair (see
+  /// row_multipliers).
   VectorX<Scalar> bound_multipliers;
-  /// Multipliers y of the rows, m. With PrimalInfeasible: Aᵀy + z = 0 while the largest value of yᵀr + zᵀx over all r in
-  /// [rl, ru], x in [lb, ub] is negative, which no feasible point allows.
+  /// Multipliers y of the rows, m. With PrimalInfeasible: Aᵀy + z = 0 while the largest value of
+  /// yᵀr + zᵀx over all r in [rl, ru], x in [lb, ub] is negative, which no feasible point allows.
   VectorX<Scalar> row_multipliers;
-  /// With DualInfeasible: a direction d, n, in which the objective falls and no bound is ever met; else zero.
+  /// With DualInfeasible: a direction d, n, in which the objective falls and no bound is ever met;
+  /// else zero.
   VectorX<Scalar> ray;
-  /// With PrimalInfeasible and QpSettings::closest_point: the least shifts s (m) that let Ax + s keep the row bounds; else
-  /// zero.
+  /// With PrimalInfeasible and QpSettings::closest_point: the least shifts s (m) that let Ax + s
+  /// keep the row bounds; else zero.
   VectorX<Scalar> row_shifts;
-  /// The active set of the bounds, n: what may be given to warm_start. All Between with an infeasible or unbounded problem.
+  /// The active set of the bounds, n: what may be given to warm_start. All Between with an
+  /// infeasible or unbounded problem.
   std::vector<QpSide> bound_sides;
   /// The active set of the rows, m: those with a multiplier, and equalities.
   std::vector<QpSide> row_sides;
@@ -104,8 +114,8 @@ struct QpResult {
   Scalar complementarity = Scalar(0);
   /// ½ xᵀHx + gᵀx.
   Scalar objective = Scalar(0);
-  /// With InvalidData: what was refused; with QpSettings::closest_point: what kept x or the shifts from being the least (static
-  /// text); else empty.
+  /// With InvalidData: what was refused; with QpSettings::closest_point: what kept x or the shifts
+  /// from being the least (static text); else empty.
   const char* message = "";
   /// With InvalidData: index of the first refused entry (column-major in a matrix), or -1.
   Index invalid_index = -1;
@@ -122,7 +132,7 @@ struct QpResult {
   }
 };
 
-/// What a setter of a QP solver refused, and where.
+/// What a QP solver refused when it was given a size or a matrix, and where.
 struct QpRefusal {
   /// Solved when nothing was refused, else InvalidData or NonConvex.
   QpStatus status = QpStatus::Solved;
@@ -134,8 +144,8 @@ struct QpRefusal {
 
 namespace detail {
 
-/// Stands for "no bound" inside solvers: finite, so that comparisons hold under -ffast-math, and beyond what a real bound (at
-/// most 1e20) becomes under scaling by 2^±60.
+/// Stands for "no bound" inside solvers: finite, so that comparisons hold under -ffast-math, and
+/// beyond what a real bound (at most 1e20) becomes under scaling by 2^±60.
 template <RealScalar Scalar>
 Scalar no_bound() {
   return Scalar(2e38);
@@ -157,10 +167,11 @@ struct BoundRefusal {
   const char* row = "";
 };
 
-/// Copies bounds, replacing unbounded values by ±no_bound. Answers the first pair that it refuses: a NaN, lower above upper,
-/// or an infinity on the wrong side.
+/// Copies bounds, replacing unbounded values by ±no_bound. Returns the first pair that it refuses:
+/// a NaN, lower above upper, or an infinity on the wrong side.
 template <RealScalar Scalar>
-BoundRefusal load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const Eigen::Ref<const VectorX<Scalar>>& upper,
+BoundRefusal load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower,
+                         const Eigen::Ref<const VectorX<Scalar>>& upper,
                          Eigen::Ref<VectorX<Scalar>> lo, Eigen::Ref<VectorX<Scalar>> hi) {
   const Scalar big = no_bound<Scalar>();
   for (Index i = 0; i < lower.size(); ++i) {
@@ -170,22 +181,26 @@ BoundRefusal load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower, const E
     const bool u_open = is_unbounded(u);
     if (!l_open && !is_finite(l)) return {i, "lower bound is NaN", "lower row bound is NaN"};
     if (!u_open && !is_finite(u)) return {i, "upper bound is NaN", "upper row bound is NaN"};
-    if (l_open && l > Scalar(0)) return {i, "lower bound is +infinite", "lower row bound is +infinite"};
-    if (u_open && u < Scalar(0)) return {i, "upper bound is -infinite", "upper row bound is -infinite"};
+    if (l_open && l > Scalar(0))
+      return {i, "lower bound is +infinite", "lower row bound is +infinite"};
+    if (u_open && u < Scalar(0))
+      return {i, "upper bound is -infinite", "upper row bound is -infinite"};
     lo[i] = l_open ? -big : l;
     hi[i] = u_open ? big : u;
-    if (lo[i] > hi[i]) return {i, "lower bound is above the upper one", "lower row bound is above the upper one"};
+    if (lo[i] > hi[i])
+      return {i, "lower bound is above the upper one", "lower row bound is above the upper one"};
   }
   return {};
 }
 
-/// Tells whether a loaded bound, scaled or not, is a real one.
+/// Returns true when a loaded bound, scaled or not, is finite for the caller.
 template <RealScalar Scalar>
 bool has_bound(const Scalar& bound) {
   return bound < Scalar(1.5e38) && bound > Scalar(-1.5e38);
 }
 
-/// The part of the gradient entry q that the loaded bounds of an unknown at x may carry as its multiplier.
+/// The part of the gradient entry q that the loaded bounds of an unknown at x may carry as its
+/// multiplier.
 template <RealScalar Scalar>
 Scalar bound_multiplier(const Scalar& q, const Scalar& x, const Scalar& lo, const Scalar& hi) {
   if (!(lo < hi)) return q;
@@ -201,14 +216,16 @@ Scalar snap(const Scalar& x, const Scalar& lo, const Scalar& hi, const Scalar& s
   return x > hi && x - hi <= slack ? hi : x;
 }
 
-/// Whether every value is a side.
+/// Returns true when every value is a side.
 inline bool are_sides(std::span<const QpSide> sides) {
-  return std::all_of(sides.begin(), sides.end(),
-                     [](QpSide s) { return s == QpSide::Lower || s == QpSide::Between || s == QpSide::Upper; });
+  return std::all_of(sides.begin(), sides.end(), [](QpSide s) {
+    return s == QpSide::Lower || s == QpSide::Between || s == QpSide::Upper;
+  });
 }
 
-/// Looks for the first entry of H that makes it no Hessian of a convex program: not finite, not symmetric (beyond the rounding
-/// of a product JᵀJ), a negative diagonal entry, or h_ij² > h_ii h_jj. Never allocates. Complexity: O(n²).
+/// Looks for the first entry of H that makes it no Hessian of a convex program: not finite, not
+/// symmetric (beyond the rounding of a product JᵀJ), a negative diagonal entry, or h_ij² > h_ii
+/// h_jj. Never allocates. Complexity: O(n²).
 template <RealScalar Scalar>
 QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   using std::abs;
@@ -225,7 +242,8 @@ QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
     largest = (std::max)(largest, H(j, j));
   }
   const Scalar rounding = scalar_traits<Scalar>::epsilon() * static_cast<Scalar>(n);
-  const Scalar asymmetry = Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(static_cast<Scalar>(n));
+  const Scalar asymmetry =
+      Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(static_cast<Scalar>(n));
   for (Index j = 0; j < n; ++j) {
     for (Index i = j + 1; i < n; ++i) {
       const Scalar gap = abs(H(i, j) - H(j, i));
@@ -236,15 +254,18 @@ QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   }
   for (Index j = 0; j < n; ++j) {
     const Scalar own = H(j, j);
-    if (own < Scalar(0)) return {QpStatus::NonConvex, "Hessian has a negative diagonal entry", j + j * n};
+    if (own < Scalar(0))
+      return {QpStatus::NonConvex, "Hessian has a negative diagonal entry", j + j * n};
     for (Index i = j + 1; i < n; ++i) {
       const Scalar h = abs(H(i, j));
       if (!(h > Scalar(0)) || H(i, i) < Scalar(0)) continue;
-      const Scalar product = own * H(i, i);  // spares the roots where it neither overflows nor underflows
+      const Scalar product =
+          own * H(i, i);  // spares the roots where it neither overflows nor underflows
       if (product > Scalar(1e-30) && product < Scalar(1e30) && !(h * h > product)) continue;
       const Scalar most = sqrt(own) * sqrt(H(i, i));
       if (h > (Scalar(1) + Scalar(16) * rounding) * most && h > Scalar(4) * rounding * largest) {
-        return {QpStatus::NonConvex, "Hessian entry is larger than its diagonal entries allow", i + j * n};
+        return {QpStatus::NonConvex, "Hessian entry is larger than its diagonal entries allow",
+                i + j * n};
       }
     }
   }
@@ -253,4 +274,4 @@ QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
 
 }  // namespace detail
 
-}  // namespace clothctl
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,48 +1,52 @@
 #pragma once
 
-// What inverse kinematics is to reach, as residuals e and their Jacobian J: -Jᵀe is the gradient of ½ |e|², and a step dq
-// changes e by -J dq to first order (of a turn: near its end).
+// Tasks, settings and reports of inverse kinematics.
 //
-//   Position      e = target - x                    J = J_v      x a point that is fixed on a frame
-//   Orientation   e = log(R_target Rᵀ)              J = J_ω      world axes, the shorter turn
-//   Pointing      e = the turn from a to d          J = (1 - a aᵀ) J_ω      a an axis of the frame, d a direction of the world
+// Each task has a residual e (3 rows) and a Jacobian J. A step dq changes e by -J dq to first
+// order, for rotations near their target. -Jᵀ e is the gradient of ½ |e|².
+//
+//   Position      e = target - x             J = J_v               x: a point fixed on a frame
+//   Orientation   e = log(R_target Rᵀ)       J = J_ω               world axes, the shorter turn
+//   Pointing      e = rotation vector of     J = (1 - a aᵀ) J_ω    a: an axis of the frame
+//                     the turn from a to d                         d: a direction of the world
 
 #include <cmath>
+#include <string_view>
 #include <vector>
 
-#include <Eigen/Geometry>
-
 #include "clothctl/concepts/articulated.hpp"
+#include "clothctl/core/types.hpp"
+#include "clothctl/math/rotation.hpp"
 
-namespace clothctl::robot {
+namespace clothctl::inline CLOTHCTL_ABI {
 
 /// What a task asks of a frame.
 enum class IkKind {
-  /// A point of it is to be at a place.
+  /// A point fixed on the frame shall be at the target point.
   Position,
-  /// It is to have a rotation.
+  /// The frame shall have the target rotation.
   Orientation,
-  /// An axis of it is to point along a direction.
+  /// An axis of the frame shall point along the target direction.
   Pointing
 };
 
-/// One task, of three rows.
+/// One task of inverse kinematics, with a residual of three rows.
 template <RealScalar Scalar>
 struct IkTask {
-  /// What is asked.
+  /// Kind of the task.
   IkKind kind = IkKind::Position;
-  /// The frame: a link number of a tree.
+  /// Index of the frame. For a KinematicTree it is a link number.
   int frame = 0;
   /// Position: the point, in the frame (m). Pointing: the unit axis, in the frame.
   Vector3<Scalar> local = Vector3<Scalar>::Constant(Scalar(0));
-  /// Position: where the point is to be (m, world). Pointing: the unit direction (world).
+  /// Position: the target point (m, world). Pointing: the unit target direction (world).
   Vector3<Scalar> target = Vector3<Scalar>::Constant(Scalar(0));
-  /// Orientation: the rotation, frame to world.
+  /// Orientation: the target rotation, from the frame to the world.
   Matrix3<Scalar> rotation = Matrix3<Scalar>::Identity();
-  /// Weight of the residual; for rotations the length (m) that a radian counts as.
+  /// Weight of the residual. For rotations it is the length (m) that one radian counts as.
   Scalar weight = Scalar(1);
 
-  /// A point of a frame is to be at `target` (m, world).
+  /// Returns the task: `point` of the frame (m) shall be at `target` (m, world).
   static IkTask position(int frame, const Vector3<Scalar>& point, const Vector3<Scalar>& target) {
     IkTask task;
     task.frame = frame;
@@ -50,8 +54,10 @@ struct IkTask {
     task.target = target;
     return task;
   }
-  /// A frame is to have a rotation; a radian counts as `length` (m).
-  static IkTask orientation(int frame, const Matrix3<Scalar>& rotation, const Scalar& length = Scalar(0.1)) {
+  /// Returns the task: the frame shall have `rotation` (frame to world). One radian of error counts
+  /// as `length` (m).
+  static IkTask orientation(int frame, const Matrix3<Scalar>& rotation,
+                            const Scalar& length = Scalar(0.1)) {
     IkTask task;
     task.kind = IkKind::Orientation;
     task.frame = frame;
@@ -59,7 +65,8 @@ struct IkTask {
     task.weight = length;
     return task;
   }
-  /// A unit axis of a frame is to point along a unit direction of the world; a radian counts as `length` (m).
+  /// Returns the task: the unit `axis` of the frame shall point along the unit `direction` of the
+  /// world. One radian of error counts as `length` (m).
   static IkTask pointing(int frame, const Vector3<Scalar>& axis, const Vector3<Scalar>& direction,
                          const Scalar& length = Scalar(0.1)) {
     IkTask task;
@@ -72,90 +79,40 @@ struct IkTask {
   }
 };
 
-namespace detail {
-
-/// The vector of a rotation's turn, of length at most π. Near π, where the axis is ill defined, it is one of the two.
-template <RealScalar Scalar>
-Vector3<Scalar> rotation_vector(const Matrix3<Scalar>& R) {
-  using std::atan2;
-  using std::sqrt;
-  const Scalar one(1), half(0.5);
-  // The quaternion by its largest entry: (w, x, y, z)² = (1 + trace, 1 + R00 - R11 - R22, …)/4.
-  const Scalar squares[4] = {one + R(0, 0) + R(1, 1) + R(2, 2), one + R(0, 0) - R(1, 1) - R(2, 2),
-                             one - R(0, 0) + R(1, 1) - R(2, 2), one - R(0, 0) - R(1, 1) + R(2, 2)};
-  int k = 0;
-  for (int i = 1; i < 4; ++i) {
-    if (squares[i] > squares[k]) k = i;
-  }
-  const Scalar root = sqrt((std::max)(Scalar(0), squares[k])), own = half * root, share = half / root;
-  const Vector3<Scalar> odd(R(2, 1) - R(1, 2), R(0, 2) - R(2, 0), R(1, 0) - R(0, 1));
-  Scalar w;
-  Vector3<Scalar> v;
-  if (k == 0) {
-    w = own;
-    v = share * odd;
-  } else {
-    const int i = k - 1, j = (i + 1) % 3, l = (i + 2) % 3;
-    w = share * odd[i];
-    v[i] = own;
-    v[j] = share * (R(i, j) + R(j, i));
-    v[l] = share * (R(i, l) + R(l, i));
-  }
-  if (w < Scalar(0)) {
-    w = -w;
-    v = -v;
-  }
-  const Scalar sine = sqrt(v.squaredNorm());
-  return sine > Scalar(0) ? Vector3<Scalar>((Scalar(2) * atan2(sine, w) / sine) * v) : v;
-}
-
-/// The vector of the shorter turn from a unit vector to another. For opposite ones an axis across them is taken.
-template <RealScalar Scalar>
-Vector3<Scalar> turn_from_to(const Vector3<Scalar>& from, const Vector3<Scalar>& to) {
-  using std::abs;
-  using std::atan2;
-  using std::sqrt;
-  Vector3<Scalar> axis = from.cross(to);
-  const Scalar sine = sqrt(axis.squaredNorm()), cosine = from.dot(to);
-  if (sine > Scalar(8) * scalar_traits<Scalar>::epsilon()) return (atan2(sine, cosine) / sine) * axis;
-  if (cosine > Scalar(0)) return axis;
-  int least = 0;
-  for (int k = 1; k < 3; ++k) {
-    if (abs(from[k]) < abs(from[least])) least = k;
-  }
-  Vector3<Scalar> side = Vector3<Scalar>::Constant(Scalar(0));
-  side[least] = Scalar(1);
-  axis = from.cross(side);
-  return (atan2(Scalar(0), Scalar(-1)) / sqrt(axis.squaredNorm())) * axis;
-}
-
-}  // namespace detail
-
-/// Writes the weighted residual of a task, where the workspace stands, to e (3 rows).
+/// Writes the weighted residual of a task to e (3; m), at the positions of the last
+/// `forward_kinematics` of the workspace. The task's frame must exist. Never allocates.
 template <class Model, RealScalar Scalar>
-void task_residual(const Model& model, const typename articulated_traits<Model>::workspace_type& work,
+void task_residual(const Model& model,
+                   const typename articulated_traits<Model>::workspace_type& work,
                    const IkTask<Scalar>& task, Eigen::Ref<Vector3<Scalar>> e) {
   Matrix3<Scalar> R;
   Vector3<Scalar> p;
   articulated_traits<Model>::frame_pose(model, work, task.frame, R, p);
   switch (task.kind) {
     case IkKind::Position: e = task.target - (p + R * task.local); break;
-    case IkKind::Orientation: e = detail::rotation_vector<Scalar>(task.rotation * R.transpose()); break;
-    case IkKind::Pointing: e = detail::turn_from_to<Scalar>(R * task.local, task.target); break;
+    case IkKind::Orientation: e = rotation_log<Scalar>(task.rotation * R.transpose()); break;
+    case IkKind::Pointing: e = shortest_rotation<Scalar>(R * task.local, task.target); break;
   }
   e *= task.weight;
 }
 
-/// Writes the weighted Jacobian of a task to J (3 × velocities); `twist` (6 × velocities) is memory.
+/// Writes the weighted Jacobian of a task to J (3 × nv), at the positions of the last
+/// `forward_kinematics` of the workspace. The task's frame must exist. `twist` (6 × nv) is scratch
+/// memory. Never allocates.
 template <class Model, RealScalar Scalar>
-void task_jacobian(const Model& model, const typename articulated_traits<Model>::workspace_type& work,
-                   const IkTask<Scalar>& task, MatrixX<Scalar>& twist, Eigen::Ref<MatrixX<Scalar>> J) {
+void task_jacobian(const Model& model,
+                   const typename articulated_traits<Model>::workspace_type& work,
+                   const IkTask<Scalar>& task, MatrixX<Scalar>& twist,
+                   Eigen::Ref<MatrixX<Scalar>> J) {
   Matrix3<Scalar> R;
   Vector3<Scalar> p;
   articulated_traits<Model>::frame_pose(model, work, task.frame, R, p);
   if (task.kind == IkKind::Position) {
     const Vector3<Scalar> x = p + R * task.local;
-    if constexpr (requires { articulated_traits<Model>::position_jacobian(model, work, task.frame, x, task.weight, J); }) {
+    if constexpr (requires {
+                    articulated_traits<Model>::position_jacobian(model, work, task.frame, x,
+                                                                 task.weight, J);
+                  }) {
       articulated_traits<Model>::position_jacobian(model, work, task.frame, x, task.weight, J);
     } else {
       articulated_traits<Model>::point_jacobian(model, work, task.frame, x, twist);
@@ -173,4 +130,124 @@ void task_jacobian(const Model& model, const typename articulated_traits<Model>:
   }
 }
 
-}  // namespace clothctl::robot
+/// Tolerances and iteration limit of inverse kinematics.
+template <RealScalar Scalar>
+struct IkSettings {
+  /// A task counts as reached when its weighted residual is at most this (m).
+  Scalar tolerance = Scalar(1e-4);
+  /// A point counts as a minimum when the largest entry of the projected gradient, relative to its
+  /// terms, is at most this.
+  Scalar gradient_tolerance = default_gradient_tolerance();
+  /// Weight w of the distance to the reference posture (m²/rad², beside residuals in m). With 0 the
+  /// damping alone decides joints that the tasks leave free.
+  Scalar posture_weight = Scalar(0);
+  /// Initial damping μ of the damped least squares steps.
+  Scalar damping = Scalar(1e-3);
+  /// Largest number of steps in each attempt.
+  int max_iterations = 100;
+  /// True to try again in other ways from the same start when targets were not reached. Targets out
+  /// of reach then take several times as long.
+  bool fallbacks = true;
+
+  /// Returns 1e-6, or 4 √ε where that is larger (float).
+  static Scalar default_gradient_tolerance() {
+    using std::sqrt;
+    const Scalar rounding = Scalar(4) * sqrt(scalar_traits<Scalar>::epsilon());
+    const Scalar wished = Scalar(1e-6);
+    return wished < rounding ? rounding : wished;
+  }
+  /// Returns an empty text when the settings are good, else what is wrong.
+  std::string_view validate() const {
+    const auto positive = [](const Scalar& v) { return is_finite(v) && v > Scalar(0); };
+    if (!positive(tolerance)) return "tolerance is not a positive length";
+    if (!positive(gradient_tolerance)) return "gradient_tolerance is not a positive number";
+    if (!is_finite(posture_weight) || posture_weight < Scalar(0))
+      return "posture_weight is negative or not finite";
+    if (!positive(damping)) return "damping is not a positive number";
+    if (max_iterations < 1) return "max_iterations is less than 1";
+    return {};
+  }
+};
+
+/// Which singular values of a task's Jacobian the damped pseudo-inverse damps. A singular value σ
+/// counts as σ / (σ² + λ²).
+enum class PriorityDamping {
+  /// λ² is damping² - σ² below σ = damping, and 0 above: well-conditioned tasks are met exactly.
+  NearSingular,
+  /// λ² is damping² for every σ: each task falls short by λ² / (σ² + λ²).
+  Constant
+};
+
+/// Settings of prioritised inverse kinematics beside IkSettings: damping and rank of its levels.
+template <RealScalar Scalar>
+struct PrioritySettings {
+  /// Damping of the pseudo-inverse, in the units of the Jacobians' entries (m for positions); 0
+  /// switches it off.
+  Scalar damping = Scalar(0.01);
+  /// Which singular values are damped.
+  PriorityDamping form = PriorityDamping::NearSingular;
+  /// Rank threshold. A singular value below this share of the level's largest row length counts as
+  /// zero: that direction neither moves the robot nor constrains later levels.
+  Scalar rank_threshold = Scalar(1e-6);
+
+  /// Returns an empty text when the settings are good, else what is wrong.
+  std::string_view validate() const {
+    if (!is_finite(damping) || damping < Scalar(0)) return "damping is negative or not finite";
+    if (!is_finite(rank_threshold) || !(rank_threshold > Scalar(0)) ||
+        !(rank_threshold < Scalar(1))) {
+      return "rank_threshold is not between 0 and 1";
+    }
+    return {};
+  }
+};
+
+/// Why inverse kinematics stopped.
+enum class IkStatus {
+  /// Every task is within the tolerance. Use q.
+  Reached,
+  /// q is a local minimum: the projected gradient is zero. The targets are out of reach, or another
+  /// start may reach them.
+  LocalMinimum,
+  /// No step improves q although the gradient is not zero, because of rounding or of levels that
+  /// contradict each other. Use q if `error` is small enough, else start elsewhere.
+  Stalled,
+  /// The iteration limit was reached; q is the best found. Allow more iterations, or start
+  /// elsewhere.
+  IterationLimit,
+  /// A start, task, reference or setting was refused; `message` says which and why. q is unchanged.
+  /// Correct the input.
+  InvalidInput
+};
+
+/// Returns the name of a status.
+constexpr std::string_view to_string(IkStatus status) {
+  switch (status) {
+    case IkStatus::Reached: return "reached";
+    case IkStatus::LocalMinimum: return "local_minimum";
+    case IkStatus::Stalled: return "stalled";
+    case IkStatus::IterationLimit: return "iteration_limit";
+    case IkStatus::InvalidInput: return "invalid_input";
+  }
+  return "unknown";
+}
+
+/// Result of inverse kinematics.
+template <RealScalar Scalar>
+struct IkReport {
+  /// Why it stopped.
+  IkStatus status = IkStatus::IterationLimit;
+  /// Largest weighted residual of a task (m).
+  Scalar error = scalar_traits<Scalar>::infinity();
+  /// The minimised cost: half the sum of squared residuals, plus the posture's term (m²).
+  Scalar cost = scalar_traits<Scalar>::infinity();
+  /// Largest entry of the projected gradient, relative to its terms.
+  Scalar gradient = scalar_traits<Scalar>::infinity();
+  /// Number of steps tried, over all attempts and starts.
+  int iterations = 0;
+  /// Number of starts used.
+  int starts = 1;
+  /// With InvalidInput what was refused (a static text), else empty.
+  std::string_view message;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

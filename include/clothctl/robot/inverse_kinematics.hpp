@@ -1,24 +1,30 @@
 #pragma once
 
-// Inverse kinematics by Levenberg-Marquardt with joint limits:
+// Inverse kinematics for several tasks with joint limits, by damped least squares (Levenberg-
+// Marquardt; its step is the damped pseudo-inverse of the Jacobian):
 //
 //   min ½ |e(q)|² + ½ w |q - q_ref|²,   lower ≤ q ≤ upper
-//   (JᵀJ + D) dq = Jᵀ e + w (q_ref - q),   D = w + μ (diag(JᵀJ) + 1e-3 s),   s the largest of diag(JᵀJ)
+//   (JᵀJ + D) dq = Jᵀ e + w (q_ref - q),   D = w + μ (diag(JᵀJ) + 1e-3 s),   s = max diag(JᵀJ)
 //
-// A step that does not lower the cost is taken shorter, with a larger μ. Where that ends short of the targets it is tried again
-// from the start: first with a weight that keeps it near there, then with targets that are led from where the frames are to
-// where they are to be. What is out of reach is followed to its minimum by quasi-Newton steps (limited_bfgs.hpp). Reference:
-// Levenberg (1944), Marquardt (1963).
+// When a step does not lower the cost, μ grows and the step is computed again. When the targets are
+// not reached, two fallbacks try again from the start: one adds a posture weight that keeps q near
+// the start, the other moves the targets in 16 stages from the frames' poses to the real targets.
+// Targets out of reach are approached to their local minimum by projected BFGS steps.
+//
+// Reference: Levenberg (1944); Marquardt (1963); Wampler (1986) and Nakamura, Hanafusa (1986) for
+// robots.
 
+#include <algorithm>
 #include <cmath>
 
-#include "clothctl/robot/ik_problem.hpp"
-#include "clothctl/robot/limited_bfgs.hpp"
-#include "clothctl/robot/limited_step.hpp"
+#include "clothctl/robot/detail/damped_least_squares.hpp"
+#include "clothctl/robot/detail/ik_problem.hpp"
+#include "clothctl/robot/detail/projected_bfgs.hpp"
 
-namespace clothctl::robot {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Inverse kinematics of one robot for up to so many tasks at once. All memory is made here.
+/// Inverse kinematics of one robot for several tasks at once, by damped least squares. The
+/// constructor makes all memory.
 template <class Model, RealScalar Scalar = typename articulated_traits<Model>::scalar_type>
 requires ArticulatedModel<Model, Scalar>
 class InverseKinematics {
@@ -28,67 +34,75 @@ class InverseKinematics {
   /// Several tasks.
   using Tasks = std::span<const IkTask<Scalar>>;
 
-  /// Makes room. Allocates.
+  /// Makes room for `most_tasks` tasks; a negative number counts as 0. Allocates.
   InverseKinematics(const Model& model, int most_tasks, IkSettings<Scalar> settings = {})
       : settings_(settings),
         problem_(model, most_tasks),
-        limited_(3 * Index(most_tasks), Traits::velocities(model)),
-        bfgs_(Traits::velocities(model)) {
-    damping_.setZero(Traits::velocities(model));
+        least_squares_(3 * Index((std::max)(most_tasks, 0)), Traits::nv(model)),
+        bfgs_(Traits::nv(model)) {
+    damping_.setZero(Traits::nv(model));
     step_ = direction_ = gone_ = damping_;
-    lead_.setZero(3 * Index(most_tasks));
-    trial_.setZero(Traits::positions(model));
-    start_ = begin_ = attempt_ = reference_ = posture_ = found_ = trial_;
+    lead_.setZero(3 * Index((std::max)(most_tasks, 0)));
+    trial_.setZero(Traits::nq(model));
+    start_ = begin_ = attempt_ = found_ = trial_;
   }
 
-  /// The settings.
+  /// Returns the settings.
   const IkSettings<Scalar>& settings() const { return settings_; }
 
-  /// Moves q to a minimum of the tasks' residuals within the limits, from q (moved into its limits first). `reference` (may be
-  /// empty: q) is what the posture weight draws to. Never allocates. Complexity: O(rows² n + rows³) an iteration.
-  IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference, Eigen::Ref<VectorX<Scalar>> q) {
+  /// Moves q (nq) from its value, clamped to the limits, to a minimum of the tasks' residuals
+  /// within the limits. `reference` (nq, or empty for the start) is the posture that the posture
+  /// weight prefers. Never allocates. Complexity: O(rows² nv + rows³) for each iteration. Fails
+  /// when: see IkStatus.
+  IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference,
+                         Eigen::Ref<VectorX<Scalar>> q) {
     IkReport<Scalar> report = solve_from(model, tasks, reference, {true, true}, q);
-    settle(model, tasks, q, report);
+    minimise(model, tasks, q, report);
     return report;
   }
 
-  /// The same from q, and while that does not reach from up to `restarts` other starts, drawn evenly within the limits
-  /// (unlimited coordinates keep q's); q becomes the best found. `uniform()` draws from [0, 1). Never allocates.
+  /// Solves from q, and until the targets are reached from up to `restarts` random starts, drawn
+  /// uniformly within the limits (coordinates without limits keep their value of q). q becomes the
+  /// best result. `uniform()` returns random numbers from [0, 1). Never allocates.
   template <class Uniform>
-  IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference, Eigen::Ref<VectorX<Scalar>> q, int restarts,
-                         Uniform&& uniform) {
-    const Ways quick{true, false}, slow{false, true};
+  IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference,
+                         Eigen::Ref<VectorX<Scalar>> q, int restarts, Uniform&& uniform) {
+    const Fallbacks quick{true, false}, slow{false, true};
     start_ = q;
-    IkReport<Scalar> best = solve_from(model, tasks, reference, restarts > 0 ? quick : Ways{true, true}, q);
+    IkReport<Scalar> best =
+        solve_from(model, tasks, reference, restarts > 0 ? quick : Fallbacks{true, true}, q);
     if (best.status == IkStatus::InvalidInput) return best;
-    posture_ = reference_;  // other starts have the first one's, or costs could not be compared
+    problem_.clamp(start_);
+    // All starts have the same reference, else their costs could not be compared.
+    const View drawn = reference.size() > 0 ? reference : View(start_);
     found_ = q;
     for (int k = 1; k <= restarts && best.status != IkStatus::Reached; ++k) {
       q = start_;
       for (Index i = 0; i < q.size(); ++i) {
-        if (problem_.limited(i)) q[i] = problem_.between(i, static_cast<Scalar>(uniform()));
+        if (problem_.has_limits(i)) q[i] = problem_.between(i, static_cast<Scalar>(uniform()));
       }
-      if (keep_better(best, solve_from(model, tasks, posture_, quick, q))) found_ = q;
+      if (keep_better(best, solve_from(model, tasks, drawn, quick, q))) found_ = q;
       best.starts = k + 1;
     }
     if (best.status != IkStatus::Reached && restarts > 0) {
       q = start_;
-      if (keep_better(best, solve_from(model, tasks, posture_, slow, q))) found_ = q;
+      if (keep_better(best, solve_from(model, tasks, drawn, slow, q))) found_ = q;
     }
     q = found_;
-    settle(model, tasks, q, best);
+    minimise(model, tasks, q, best);
     return best;
   }
 
  private:
   using Traits = articulated_traits<Model>;
 
-  /// What to try where the first attempt does not reach.
-  struct Ways {
-    bool near, led;
+  /// What to try when the first attempt does not reach the targets.
+  struct Fallbacks {
+    bool posture, stages;
   };
 
-  /// Takes the better of two reports, with the iterations of both. Answers whether it is the second.
+  /// Keeps the better of two reports in `best`, with the iterations of both. Returns true when it
+  /// is the second.
   static bool keep_better(IkReport<Scalar>& best, IkReport<Scalar> next) {
     next.iterations += best.iterations;
     next.starts = best.starts;
@@ -101,27 +115,23 @@ class InverseKinematics {
     return better;
   }
 
-  IkReport<Scalar> solve_from(const Model& model, Tasks tasks, const View& reference, Ways ways,
-                              Eigen::Ref<VectorX<Scalar>> q) {
+  IkReport<Scalar> solve_from(const Model& model, Tasks tasks, const View& reference,
+                              Fallbacks fallbacks, Eigen::Ref<VectorX<Scalar>> q) {
     IkReport<Scalar> best;
-    best.message = settings_.check();
-    if (best.message.empty()) best.message = problem_.check(model, tasks, reference, q);
+    best.message = settings_.validate();
+    if (best.message.empty()) best.message = problem_.validate(model, tasks, reference, q);
     if (!best.message.empty()) {
       best.status = IkStatus::InvalidInput;
       return best;
     }
-    problem_.limit(q);
+    problem_.clamp(q);
     begin_ = q;
-    if (reference.size() > 0) {
-      reference_ = reference;
-    } else {
-      reference_ = q;
-    }
-    problem_.start(tasks, reference_, settings_.posture_weight);
+    const View drawn = reference.size() > 0 ? reference : View(begin_);
+    problem_.start(tasks, drawn, settings_.posture_weight);
     descend(model, tasks, q, best);
     if (!is_finite(best.cost)) {
       best.status = IkStatus::InvalidInput;
-      best.message = "q has no finite pose: a quaternion of zero, or numbers that overflow";
+      best.message = problem_.kNoPose;
     }
     if (!settings_.fallbacks || best.status == IkStatus::InvalidInput) return best;
     const auto again = [&](auto&& approach) {
@@ -129,27 +139,32 @@ class InverseKinematics {
       IkReport<Scalar> next;
       attempt_ = begin_;
       approach(next);
-      problem_.start(tasks, reference_, settings_.posture_weight);
+      problem_.start(tasks, drawn, settings_.posture_weight);
       descend(model, tasks, attempt_, next);
       if (keep_better(best, next)) q = attempt_;
     };
-    if (best.iterations == 0) again([&](IkReport<Scalar>&) { nudge(model); });
-    if (ways.near) again([&](IkReport<Scalar>& next) { stay_near(model, tasks, next); });
-    if (ways.led) again([&](IkReport<Scalar>& next) { follow(model, tasks, next); });
+    if (best.iterations == 0) again([&](IkReport<Scalar>&) { leave_stationary_point(model); });
+    if (fallbacks.posture)
+      again([&](IkReport<Scalar>& next) { solve_with_posture(model, tasks, next); });
+    if (fallbacks.stages)
+      again([&](IkReport<Scalar>& next) { solve_in_stages(model, tasks, drawn, next); });
     return best;
   }
 
-  /// With less than this, joints are thrown to their limits and back; it falls once the residual is a hundredth of the first.
+  /// Returns the least damping. Less of it makes joints jump between their limits. It falls once
+  /// the residual is below a hundredth of the first one.
   Scalar least_damping_at(const Scalar& error, const Scalar& first) const {
     const Scalar share = first > Scalar(0) ? Scalar(Scalar(100) * error / first) : Scalar(1);
-    return (std::max)(scalar_traits<Scalar>::epsilon(), Scalar(Scalar(3e-4) * (std::min)(Scalar(1), share)));
+    return (std::max)(scalar_traits<Scalar>::epsilon(),
+                      Scalar(Scalar(3e-4) * (std::min)(Scalar(1), share)));
   }
 
-  /// Steps from q to a minimum of the problem as it was started.
-  void descend(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
+  /// Iterates damped least squares from q to a minimum of the problem as it was started.
+  void descend(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q,
+               IkReport<Scalar>& report) {
     Scalar mu = settings_.damping;
     const int last = report.iterations + settings_.max_iterations;
-    report.cost = problem_.place(model, tasks, q);
+    report.cost = problem_.evaluate(model, tasks, q);
     if (!is_finite(report.cost)) return;
     const Scalar first = problem_.largest_residual();
     for (;;) {
@@ -169,8 +184,8 @@ class InverseKinematics {
         ++report.iterations;
         find_step(mu);
         Traits::advance(model, q, step_, trial_);
-        problem_.limit(trial_);
-        const Scalar cost = problem_.place(model, tasks, trial_);
+        problem_.clamp(trial_);
+        const Scalar cost = problem_.evaluate(model, tasks, trial_);
         lower = cost < report.cost;
         if (lower) {
           q = trial_;
@@ -178,33 +193,37 @@ class InverseKinematics {
           mu = (std::max)(least_damping_at(report.error, first), Scalar(mu / Scalar(5)));
         } else {
           mu *= Scalar(4);
-          if (!(mu < Scalar(1e12))) return;  // no step is short enough: rounding
+          if (!(mu < Scalar(1e12))) return;  // rounding: no step lowers the cost
         }
       }
     }
   }
 
-  /// The damped step within the limits.
+  /// Computes the damped step within the limits.
   void find_step(const Scalar& mu) {
     const VectorX<Scalar>& squares = problem_.squares();
     const Scalar steepest = squares.maxCoeff();
     const Scalar floor = steepest > Scalar(0) ? Scalar(0) : Scalar(1);
-    damping_ = (problem_.weight() + floor + mu * (squares.array() + Scalar(1e-3) * steepest)).matrix();
-    limited_.solve(problem_.jacobian(), problem_.residuals(), problem_.pull(), damping_, problem_.below(), problem_.above(),
-                   step_);
+    damping_ =
+        (problem_.weight() + floor + mu * (squares.array() + Scalar(1e-3) * steepest)).matrix();
+    least_squares_.solve(problem_.jacobian(), problem_.residuals(), problem_.pull(), damping_,
+                         problem_.below(), problem_.above(), step_);
   }
 
-  /// Follows what was not reached to its minimum.
-  void settle(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
+  /// Moves q to the local minimum by projected BFGS when the targets were not reached.
+  void minimise(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q,
+                IkReport<Scalar>& report) {
     using std::sqrt;
-    const bool ended = report.status == IkStatus::Reached || report.status == IkStatus::InvalidInput;
+    const bool ended =
+        report.status == IkStatus::Reached || report.status == IkStatus::InvalidInput;
     if (!settings_.fallbacks || ended || step_.size() == 0) return;
     if (report.gradient <= settings_.gradient_tolerance) return;
     const int last = report.iterations + 30 * settings_.max_iterations;
-    report.cost = problem_.place(model, tasks, q);
+    report.cost = problem_.evaluate(model, tasks, q);
     problem_.linearise(model, tasks, q);
     const auto start = [&] {
-      const Scalar lever = sqrt(problem_.squares().mean()), length = sqrt(problem_.residuals().squaredNorm());
+      const Scalar lever = sqrt(problem_.squares().mean()),
+                   length = sqrt(problem_.residuals().squaredNorm());
       bfgs_.start(problem_.jacobian(), lever * (lever + length) + scalar_traits<Scalar>::epsilon());
     };
     start();
@@ -226,23 +245,24 @@ class InverseKinematics {
         bfgs_.update(step_, direction_);
         fresh = false;
       } else {
-        problem_.place(model, tasks, q);
-        if (fresh) return;  // no step is short enough: rounding
+        problem_.evaluate(model, tasks, q);
+        if (fresh) return;  // rounding: no step lowers the cost
         start();
         fresh = true;
       }
     }
   }
 
-  /// Goes along the step, or a part of it, moved into the limits; the step becomes what was gone. Answers whether that lowered
-  /// the cost.
-  bool search(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
+  /// Line search along the step, clamped to the limits. The step becomes the motion that was made.
+  /// Returns true when it lowered the cost.
+  bool search(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q,
+              IkReport<Scalar>& report) {
     for (int halving = 0; halving < 40; ++halving) {
       ++report.iterations;
       Traits::advance(model, q, step_, trial_);
-      problem_.limit(trial_);
+      problem_.clamp(trial_);
       Traits::difference(model, q, trial_, gone_);
-      const Scalar cost = problem_.place(model, tasks, trial_);
+      const Scalar cost = problem_.evaluate(model, tasks, trial_);
       if (cost < report.cost - Scalar(1e-4) * direction_.dot(gone_)) {
         q = trial_;
         report.cost = cost;
@@ -255,39 +275,42 @@ class InverseKinematics {
     return false;
   }
 
-  /// Leaves a place where the gradient is zero for want of a side to go to: a stretched arm whose target lies in its own line.
-  void nudge(const Model& model) {
+  /// Moves the start of the next attempt away from a stationary point: the gradient of a stretched
+  /// arm is zero when its target lies on the arm's own line.
+  void leave_stationary_point(const Model& model) {
     for (Index i = 0; i < step_.size(); ++i) step_[i] = i % 2 == 0 ? Scalar(0.01) : Scalar(-0.02);
     Traits::advance(model, begin_, step_, attempt_);
-    problem_.limit(attempt_);
+    problem_.clamp(attempt_);
   }
 
-  /// Steps with a posture weight that draws to the start.
-  void stay_near(const Model& model, Tasks tasks, IkReport<Scalar>& report) {
+  /// Fallback: iterates with a posture weight that keeps q near the start.
+  void solve_with_posture(const Model& model, Tasks tasks, IkReport<Scalar>& report) {
     problem_.start(tasks, begin_, (std::max)(settings_.posture_weight, Scalar(1e-3)));
     descend(model, tasks, attempt_, report);
   }
 
-  /// Steps with targets that go from where the frames are to where they are to be.
-  void follow(const Model& model, Tasks tasks, IkReport<Scalar>& report) {
+  /// Fallback: iterates while the targets move in stages from the frames' poses to the real
+  /// targets.
+  void solve_in_stages(const Model& model, Tasks tasks, const View& drawn,
+                       IkReport<Scalar>& report) {
     constexpr int kStages = 16;
-    problem_.start(tasks, reference_, settings_.posture_weight);
-    problem_.place(model, tasks, begin_);
+    problem_.start(tasks, drawn, settings_.posture_weight);
+    problem_.evaluate(model, tasks, begin_);
     const Index rows = problem_.rows();
-    lead_.head(rows) = problem_.placed_residuals();
+    lead_.head(rows) = problem_.current_residuals();
     for (int stage = 1; stage < kStages; ++stage) {
       problem_.lead(lead_.head(rows), Scalar(float(kStages - stage)) / Scalar(float(kStages)));
       descend(model, tasks, attempt_, report);
-      if (report.error > Scalar(100) * settings_.tolerance) return;  // off the way
+      if (report.error > Scalar(100) * settings_.tolerance) return;  // a stage was not reached
     }
   }
 
   IkSettings<Scalar> settings_;
-  IkProblem<Model, Scalar> problem_;
-  LimitedStep<Scalar> limited_;
-  LimitedBfgs<Scalar> bfgs_;
+  detail::IkProblem<Model, Scalar> problem_;
+  detail::DampedLeastSquares<Scalar> least_squares_;
+  detail::ProjectedBfgs<Scalar> bfgs_;
   VectorX<Scalar> damping_, step_, direction_, gone_, lead_;
-  VectorX<Scalar> trial_, start_, begin_, attempt_, reference_, posture_, found_;
+  VectorX<Scalar> trial_, start_, begin_, attempt_, found_;
 };
 
-}  // namespace clothctl::robot
+}  // namespace clothctl::inline CLOTHCTL_ABI

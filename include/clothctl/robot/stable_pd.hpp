@@ -1,17 +1,25 @@
 #pragma once
 
-// Stable proportional-derivative control: the torque of a spring and a damper at the end of the step, found together with the
-// acceleration that it causes.
+// Stable proportional-derivative (PD) control: the torque of a spring and a damper evaluated at the
+// end of the coming step of length h, found together with the acceleration that it causes. With
+// target position q̄ and target velocity v̄ at the end of the step:
 //
-//   τ = -Kp (q + h q̇ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)
-//   (M + h Kd) q̈ = -C - Kp (q + h q̇ - q̄) - Kd (q̇ - v̄) + τ_ext                                                  Stable
-//   (M + h Kd + h² Kp) q̈ = the same,   τ = -Kp (q + h q̇ + h² q̈ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)               Implicit
+//   Stable      (M + h Kd) q̈ = -C - Kp (q + h q̇ - q̄) - Kd (q̇ - v̄) + τ_ext
+//               τ = -Kp (q + h q̇ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)
+//   Implicit    (M + h Kd + h² Kp) q̈ = the same right-hand side
+//               τ = -Kp (q + h q̇ + h² q̈ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)
 //
-// q̄, v̄ are the target at the end of the step. Without v̄ a target moving at v is followed kd/kp v behind; without
-// g(q) joint i sags by g_i/kp_i. One joint of mass m under symplectic Euler is stable for kd > 1.5 kp h - 2 m/h; Implicit for
-// all gains. A torque beyond its limit is held there, and the others are solved again with it: clipping afterwards would take
-// the implicit damping away, and can diverge. Reference: Bai, Yu, Liu (2016) eq. 12, 13, corrected (docs/robot.md); Tan, Liu,
-// Turk (2011).
+// Without v̄ a target that moves at velocity v is followed with a lag of kd/kp v. Without g(q)
+// joint
+// i sags by g_i/kp_i. For one joint of mass m under symplectic Euler, Stable is stable for
+// kd > 1.5 kp h - 2 m/h, and Implicit for all gains.
+//
+// A joint whose torque would exceed its limit is held at the limit, and the other joints are solved
+// again with that torque. Clipping the torques after the solve would remove the implicit damping of
+// those joints and can diverge.
+//
+// Reference: [Bai 2016], eq. 12 and 13, corrected (docs/robot.md); Tan, Liu, Turk, Stable
+// Proportional-Derivative Controllers, IEEE CG&A 31 (2011).
 
 #include <algorithm>
 #include <string>
@@ -23,56 +31,62 @@
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 
-namespace clothctl::robot {
+namespace clothctl::inline CLOTHCTL_ABI {
 
-/// How the spring is taken.
+/// Where the spring is evaluated.
 enum class PdForm {
-  /// Spring at q + h q̇, damper at q̇ + h q̈: the paper's.
+  /// Spring at q + h q̇, damper at q̇ + h q̈, as in [Bai 2016].
   Stable,
-  /// Both at the end of the step: no limit on gains and step, a little more damping.
+  /// Both at the end of the step, q + h q̇ + h² q̈: stable for all gains and steps, with a little
+  /// more
+  /// damping.
   Implicit
 };
 
-/// Gains and choices of a controller.
+/// Gains and options of a controller.
 template <RealScalar Scalar>
 struct StablePdSettings {
-  /// Stiffness of each coordinate (N/m or N m/rad), ≥ 0.
+  /// Stiffness of each coordinate (nv; N/m or N m/rad), ≥ 0.
   VectorX<Scalar> kp;
-  /// Damping of each coordinate (N s/m or N m s/rad), ≥ 0.
+  /// Damping of each coordinate (nv; N s/m or N m s/rad), ≥ 0.
   VectorX<Scalar> kd;
-  /// Time step of the simulator (s), > 0.
-  Scalar step = Scalar(0.02);
-  /// How the spring is taken.
+  /// Time step h of the simulator (s), > 0.
+  Scalar dt = Scalar(0.02);
+  /// Where the spring is evaluated.
   PdForm form = PdForm::Stable;
-  /// Whether gravity is fed forward.
+  /// True to add g(q) to the torques.
   bool feed_gravity = true;
-  /// Whether the target's velocity is fed forward.
+  /// True to use the target's velocity v̄.
   bool feed_velocity = true;
-  /// Whether torques keep the model's limits.
+  /// True to keep torques within the model's effort limits.
   bool limit_torques = true;
 
-  /// The paper's gains, Kp = 800 and Kd = 100 on every of n coordinates. Allocates.
-  static StablePdSettings uniform(Index n, const Scalar& kp = Scalar(800), const Scalar& kd = Scalar(100)) {
+  /// Returns settings with the same gains on all n coordinates; the defaults are those of [Bai
+  /// 2016]. Allocates.
+  static StablePdSettings uniform(Index n, const Scalar& kp = Scalar(800),
+                                  const Scalar& kd = Scalar(100)) {
     StablePdSettings settings;
     settings.kp = VectorX<Scalar>::Constant(n, kp);
     settings.kd = VectorX<Scalar>::Constant(n, kd);
     return settings;
   }
-  /// The paper's equation 13 as printed, without feed-forward: it sags and lags. Allocates.
+  /// Returns settings for [Bai 2016], eq. 13 as printed: no feed-forward, so joints sag and lag.
+  /// Allocates.
   static StablePdSettings paper(Index n) {
     StablePdSettings settings = uniform(n);
     settings.feed_gravity = settings.feed_velocity = false;
     return settings;
   }
 
-  /// Names what is wrong for n coordinates, or "". Allocates.
-  std::string check(Index n) const {
-    if (!is_finite(step) || !(step > Scalar(0))) return "step is not a positive time: " + number_text(step);
+  /// Returns an empty string when the settings are good for n coordinates, else a line that names
+  /// the first bad value. Allocates.
+  std::string validate(Index n) const {
+    if (!is_finite(dt) || !(dt > Scalar(0))) return "dt is not a positive time: " + number_text(dt);
     const std::pair<const VectorX<Scalar>*, const char*> gains[] = {{&kp, "kp"}, {&kd, "kd"}};
     for (const auto& [gain, name] : gains) {
       if (gain->size() != n) {
-        return std::string(name) + " has " + std::to_string(gain->size()) + " entries for " + std::to_string(n) +
-               " coordinates";
+        return std::string(name) + " has " + std::to_string(gain->size()) + " entries for " +
+               std::to_string(n) + " coordinates";
       }
       for (Index i = 0; i < n; ++i) {
         if (is_finite((*gain)[i]) && !((*gain)[i] < Scalar(0))) continue;
@@ -84,100 +98,126 @@ struct StablePdSettings {
   }
 };
 
-/// The least damping that keeps one joint stable: 1.5 kp h - 2 m/h, at least 0. `mass` is the inertia that the joint feels.
+/// Returns the least damping that keeps one joint stable with PdForm::Stable: max(0, 1.5 kp h - 2
+/// m/h), where h is `dt` (s) and m is `mass`, the inertia that the joint moves (kg or kg m²).
 template <RealScalar Scalar>
-Scalar least_damping(const Scalar& kp, const Scalar& step, const Scalar& mass) {
-  return (std::max)(Scalar(0), Scalar(Scalar(1.5) * kp * step - Scalar(2) * mass / step));
+Scalar least_damping(const Scalar& kp, const Scalar& dt, const Scalar& mass) {
+  return (std::max)(Scalar(0), Scalar(Scalar(1.5) * kp * dt - Scalar(2) * mass / dt));
 }
 
 /// How a control step ended.
 enum class PdStatus {
-  /// Torques and accelerations are finite and keep the limits. Apply them.
+  /// Torques and accelerations are finite and torques are within the limits. Apply them.
   Solved,
-  /// Joints still went beyond their limits after all rounds and were clipped. Apply the torques; look at gains and step.
+  /// After the last round some joints still exceeded their limits, and their torques were clipped.
+  /// Apply the torques; check gains and time step.
   Clipped,
-  /// Positions, velocities, target or external torques hold NaN or an infinity; nothing was written. Mend the input.
+  /// Positions, velocities, target or external torques hold NaN or an infinity; nothing was
+  /// written.
+  /// Correct the input.
   InvalidInput,
-  /// A vector is not as long as the robot's positions or velocities; nothing was written. Mend the call.
+  /// A vector is not as long as the robot's positions or velocities, or the robot is not the one
+  /// that
+  /// the controller was made for; nothing was written. Correct the call.
   WrongSize,
-  /// No finite acceleration exists: the state has grown beyond numbers (look at gains and step), or the coordinate in the
-  /// report has neither inertia nor damping. Torques are not to be used.
+  /// The workspace was made for another robot; nothing was written. Make one for this robot.
+  /// Reported
+  /// where the model's trait offers `workspace_fits`.
+  OtherWorkspace,
+  /// No finite acceleration exists: the state has diverged (check gains and time step), or the
+  /// coordinate in the report has neither inertia nor damping. Do not use the torques.
   NoInertia
 };
 
-/// Names a status.
+/// Returns the name of a status.
 constexpr std::string_view to_string(PdStatus status) {
   switch (status) {
     case PdStatus::Solved: return "solved";
     case PdStatus::Clipped: return "clipped";
     case PdStatus::InvalidInput: return "invalid_input";
     case PdStatus::WrongSize: return "wrong_size";
+    case PdStatus::OtherWorkspace: return "other_workspace";
     case PdStatus::NoInertia: return "no_inertia";
   }
   return "unknown";
 }
 
-/// What a control step answers.
+/// Result of a control step.
 struct PdReport {
   /// How it ended.
   PdStatus status = PdStatus::Solved;
-  /// Coordinates whose torque is at its limit.
+  /// Number of coordinates whose torque is at its limit.
   int saturated = 0;
-  /// Solves for accelerations.
+  /// Number of solves for accelerations.
   int solves = 0;
-  /// With NoInertia the coordinate, else -1.
+  /// With NoInertia the velocity coordinate, else -1.
   Index coordinate = -1;
 };
 
-/// A controller of one robot: gains, and memory.
+/// A stable PD controller of one robot: settings, and memory for a step.
 template <class Model, RealScalar Scalar = typename articulated_traits<Model>::scalar_type>
 requires ArticulatedDynamics<Model, Scalar>
 class StablePd {
  public:
-  /// What is known of the robot at a position.
+  /// The robot's workspace.
   using Workspace = typename articulated_traits<Model>::workspace_type;
   /// A read-only view of a vector.
   using View = Eigen::Ref<const VectorX<Scalar>>;
 
-  /// Makes a controller. Allocates. Fails when: `settings.check` does.
-  static Result<StablePd> make(const Model& model, StablePdSettings<Scalar> settings) {
-    if (std::string fault = settings.check(articulated_traits<Model>::velocities(model)); !fault.empty()) {
+  /// Creates a controller. Allocates. Fails when: `settings.validate` names a fault.
+  static Result<StablePd> create(const Model& model, StablePdSettings<Scalar> settings) {
+    if (std::string fault = settings.validate(articulated_traits<Model>::nv(model));
+        !fault.empty()) {
       return Error{std::move(fault)};
     }
     return StablePd(model, std::move(settings));
   }
 
-  /// The same, and looks whether the gains hold at positions q. Allocates. Fails when: `settings.check` does, q is not finite
-  /// or of a wrong size, or `unstable_at` names a coordinate.
-  static Result<StablePd> make(const Model& model, StablePdSettings<Scalar> settings, const View& q) {
-    if (q.size() != articulated_traits<Model>::positions(model)) return Error{"q is not of the robot's size"};
+  /// Creates a controller and checks that its gains are stable at positions q (nq). Allocates.
+  /// Fails when: `settings.validate` names a fault, q is not finite or of a wrong size, or
+  /// `unstable_at` names a coordinate.
+  static Result<StablePd> create(const Model& model, StablePdSettings<Scalar> settings,
+                                 const View& q) {
+    if (q.size() != articulated_traits<Model>::nq(model))
+      return Error{"q has " + std::to_string(q.size()) + " entries, the robot has " +
+                   std::to_string(articulated_traits<Model>::nq(model)) + " positions"};
     if (!all_finite(q)) return Error{"q holds NaN or an infinity"};
-    Result<StablePd> made = make(model, std::move(settings));
+    Result<StablePd> made = create(model, std::move(settings));
     if (!made) return made;
     Workspace work = articulated_traits<Model>::make_workspace(model);
-    const std::vector<Index> weak = made->unstable_at(model, q, work);
-    if (weak.empty()) return made;
-    return Error{"kd of coordinate " + std::to_string(weak.front()) + " is too low for its kp and the step: " +
-                 number_text(made->settings().kd[weak.front()]) + " (" + std::to_string(weak.size()) + " in all)"};
+    const Result<std::vector<Index>> unstable = made->unstable_at(model, q, work);
+    if (!unstable) return Error{unstable.error()};
+    if (unstable->empty()) return made;
+    const Index first = unstable->front();
+    return Error{
+        "kd of coordinate " + std::to_string(first) +
+        " is too low for its kp and the time step: " + number_text(made->settings().kd[first]) +
+        " (coordinates with that fault: " + std::to_string(unstable->size()) + ")"};
   }
 
-  /// The settings.
+  /// Returns the settings.
   const StablePdSettings<Scalar>& settings() const { return settings_; }
 
-  /// The coordinates whose damping is too low at q: where 2 M/h + diag(kd - 1.5 kp h), which holds `least_damping` for every
-  /// way in which joints can move together, is not positive definite. There the control oscillates and grows. Empty when the
-  /// gains hold. Allocates. Complexity: O(n³).
-  std::vector<Index> unstable_at(const Model& model, const View& q, Workspace& work) const {
+  /// Returns the velocity coordinates whose damping is too low at positions q (nq), empty when the
+  /// gains are stable. With too little damping the motion oscillates and grows. The condition is
+  /// that 2 M/h + diag(kd - 1.5 kp h) is positive definite: `least_damping` for every combined
+  /// motion of the joints. Allocates. Complexity: O(nv³). Fails when: q or the workspace are not
+  /// the robot's.
+  Result<std::vector<Index>> unstable_at(const Model& model, const View& q, Workspace& work) const {
     std::vector<Index> found;
     if (settings_.form == PdForm::Implicit) return found;
     using Traits = articulated_traits<Model>;
-    const Index n = Traits::velocities(model);
+    const Index n = Traits::nv(model);
+    if (n != n_ || q.size() != Traits::nq(model))
+      return Error{"q or the robot is not of the size that the controller was made for"};
+    if (!detail::workspace_fits(model, work))
+      return Error{"the workspace was made for another robot"};
     const VectorX<Scalar> rest = VectorX<Scalar>::Constant(n, Scalar(0));
     VectorX<Scalar> held = rest, push = rest, one = rest;
     MatrixX<Scalar> S(n, n);
-    Traits::place(model, q, work);
+    Traits::forward_kinematics(model, q, work);
     Traits::inverse_dynamics(model, rest, rest, work, held);
-    const Scalar h = settings_.step;
+    const Scalar h = settings_.dt;
     for (Index i = 0; i < n; ++i) {
       one[i] = Scalar(1);
       Traits::inverse_dynamics(model, rest, one, work, push);
@@ -185,7 +225,8 @@ class StablePd {
       S.col(i) = (Scalar(2) / h) * (push - held);
     }
     S.diagonal() += settings_.kd - Scalar(1.5) * h * settings_.kp;
-    for (Index j = 0; j < n; ++j) {  // elimination; what has no positive pivot is named and left out
+    // Elimination. A coordinate without a positive pivot is reported and left out.
+    for (Index j = 0; j < n; ++j) {
       if (!(S(j, j) > Scalar(0))) {
         found.push_back(j);
         continue;
@@ -198,39 +239,28 @@ class StablePd {
     return found;
   }
 
-  /// Finds torques and accelerations of the coming step at positions q and velocities qd. `target`, `target_velocity` (may be
-  /// empty: at rest): where to be at its end. `external` (may be empty): torques of known contact that act too, Jᵀ f. The
-  /// model's simulator, given the torques, finds the accelerations again but for rounding. Never allocates. Complexity: a
-  /// solve, and one more each time that joints meet their limits, at most 8.
-  [[nodiscard]] PdReport solve(const Model& model, const View& q, const View& qd, const View& target,
-                               const View& target_velocity, const View& external, Workspace& work,
-                               Eigen::Ref<VectorX<Scalar>> torques, Eigen::Ref<VectorX<Scalar>> qdd) {
+  /// Computes torques and accelerations (nv each) of the coming step.
+  ///
+  /// * `q` (nq), `qd` (nv): positions and velocities now
+  /// * `target` (nq), `target_velocity` (nv, or empty for zero): where to be at the end of the step
+  /// * `external` (nv, or empty for zero): torques Jᵀ f of known contact forces (N or N m)
+  ///
+  /// A simulation step of the same model with these torques finds the same accelerations, up to
+  /// rounding. Never allocates. Complexity: one forward dynamics, and one more for each round in
+  /// which joints reach their limits, at most 9 in all. Fails when: see PdStatus.
+  [[nodiscard]] PdReport solve(const Model& model, const View& q, const View& qd,
+                               const View& target, const View& target_velocity,
+                               const View& external, Workspace& work,
+                               Eigen::Ref<VectorX<Scalar>> torques,
+                               Eigen::Ref<VectorX<Scalar>> qdd) {
     using Traits = articulated_traits<Model>;
     PdReport report;
-    const Index positions = Traits::positions(model);
-    const bool fits = q.size() == positions && target.size() == positions && qd.size() == n_ && torques.size() == n_ &&
-                      qdd.size() == n_ && (target_velocity.size() == 0 || target_velocity.size() == n_) &&
-                      (external.size() == 0 || external.size() == n_);
-    if (!fits) {
-      report.status = PdStatus::WrongSize;
-      return report;
-    }
-    if (!all_finite(q) || !all_finite(qd) || !all_finite(target) || !all_finite(target_velocity) || !all_finite(external)) {
-      report.status = PdStatus::InvalidInput;
-      return report;
-    }
-    Traits::place(model, q, work);
-    spring_.setConstant(Scalar(0));
-    if (settings_.feed_gravity) Traits::inverse_dynamics(model, spring_, spring_, work, gravity_);
-    Traits::difference(model, q, target, spring_);
-    spring_ = settings_.kp.cwiseProduct(spring_ - settings_.step * qd) - settings_.kd.cwiseProduct(qd) + gravity_;
-    if (settings_.feed_velocity && target_velocity.size() > 0) spring_ += settings_.kd.cwiseProduct(target_velocity);
-    const Scalar h = settings_.step;
-    stiff_ = h * settings_.kd;
-    if (settings_.form == PdForm::Implicit) stiff_ += (h * h) * settings_.kp;
+    const bool fits = Traits::nv(model) == n_ && torques.size() == n_ && qdd.size() == n_;
+    report.status = fits ? check_input(model, q, qd, target, target_velocity, external, work)
+                         : PdStatus::WrongSize;
+    if (report.status != PdStatus::Solved) return report;
+    prepare(model, q, qd, target, target_velocity, work);
     push_ = spring_;
-    diagonal_ = stiff_;
-    std::fill(held_.begin(), held_.end(), char(0));
     if (external.size() > 0) push_ += external;
     for (;;) {
       const Index missing = Traits::forward_dynamics(model, qd, push_, diagonal_, work, qdd);
@@ -260,7 +290,8 @@ class StablePd {
         return report;
       }
     }
-    // The same torques from the other side of the equation: light joints would lose their digits in the difference above.
+    // Inverse dynamics gives the same torques, and more digits for light joints: the difference of
+    // spring and damper above cancels there.
     Traits::inverse_dynamics(model, qd, qdd, work, push_);
     for (Index i = 0; i < n_; ++i) {
       if (held_[static_cast<std::size_t>(i)] != 0) continue;
@@ -272,8 +303,41 @@ class StablePd {
  private:
   static constexpr int kRounds = 8;
 
+  PdStatus check_input(const Model& model, const View& q, const View& qd, const View& target,
+                       const View& target_velocity, const View& external,
+                       const Workspace& work) const {
+    const Index positions = articulated_traits<Model>::nq(model);
+    const bool fits = q.size() == positions && target.size() == positions && qd.size() == n_ &&
+                      (target_velocity.size() == 0 || target_velocity.size() == n_) &&
+                      (external.size() == 0 || external.size() == n_);
+    if (!fits) return PdStatus::WrongSize;
+    if (!detail::workspace_fits(model, work)) return PdStatus::OtherWorkspace;
+    const bool finite = all_finite(q) && all_finite(qd) && all_finite(target) &&
+                        all_finite(target_velocity) && all_finite(external);
+    return finite ? PdStatus::Solved : PdStatus::InvalidInput;
+  }
+
+  /// Sets the torques at q̈ = 0 (spring_) and the diagonal that multiplies q̈ (stiff_).
+  void prepare(const Model& model, const View& q, const View& qd, const View& target,
+               const View& target_velocity, Workspace& work) {
+    using Traits = articulated_traits<Model>;
+    Traits::forward_kinematics(model, q, work);
+    spring_.setConstant(Scalar(0));
+    if (settings_.feed_gravity) Traits::inverse_dynamics(model, spring_, spring_, work, gravity_);
+    Traits::difference(model, q, target, spring_);
+    const Scalar h = settings_.dt;
+    spring_ =
+        settings_.kp.cwiseProduct(spring_ - h * qd) - settings_.kd.cwiseProduct(qd) + gravity_;
+    if (settings_.feed_velocity && target_velocity.size() > 0)
+      spring_ += settings_.kd.cwiseProduct(target_velocity);
+    stiff_ = h * settings_.kd;
+    if (settings_.form == PdForm::Implicit) stiff_ += (h * h) * settings_.kp;
+    diagonal_ = stiff_;
+    std::fill(held_.begin(), held_.end(), char(0));
+  }
+
   StablePd(const Model& model, StablePdSettings<Scalar> settings)
-      : settings_(std::move(settings)), n_(articulated_traits<Model>::velocities(model)) {
+      : settings_(std::move(settings)), n_(articulated_traits<Model>::nv(model)) {
     for (VectorX<Scalar>* v : {&spring_, &stiff_, &push_, &diagonal_, &gravity_}) v->setZero(n_);
     limits_ = VectorX<Scalar>::Constant(n_, scalar_traits<Scalar>::infinity());
     if (settings_.limit_torques) limits_ = articulated_traits<Model>::effort_limits(model);
@@ -282,8 +346,8 @@ class StablePd {
 
   StablePdSettings<Scalar> settings_;
   VectorX<Scalar> limits_, spring_, stiff_, push_, diagonal_, gravity_;
-  std::vector<char> held_;  // torques at their limits
+  std::vector<char> held_;  // 1 for joints held at their torque limit
   Index n_;
 };
 
-}  // namespace clothctl::robot
+}  // namespace clothctl::inline CLOTHCTL_ABI

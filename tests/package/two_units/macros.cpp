@@ -1,8 +1,7 @@
-// Headers of some systems define min and max as macros. Ours do not mind.
+// Headers of some systems define common words as macros. Ours do not mind, whatever was included
+// before them.
 
-#include <Eigen/Cholesky>
-#include <Eigen/Core>
-#include <Eigen/Geometry>
+#include <Eigen/Dense>
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -32,8 +31,70 @@
 #include <variant>
 #include <vector>
 
+// Function-like, of windows.h.
 #define min(a, b) (((a) < (b)) ? (a) : (b))
 #define max(a, b) (((a) > (b)) ? (a) : (b))
+
+// Words that stand for nothing or for a number there: here, whatever uses one does not compile.
+#define CLOTHCTL_TAKEN static_assert(false, "a word that others define")
+// windows.h
+#define near CLOTHCTL_TAKEN
+#define far CLOTHCTL_TAKEN
+#define small CLOTHCTL_TAKEN
+#define hyper CLOTHCTL_TAKEN
+#define interface CLOTHCTL_TAKEN
+#define cdecl CLOTHCTL_TAKEN
+#define pascal CLOTHCTL_TAKEN
+#define IN CLOTHCTL_TAKEN
+#define OUT CLOTHCTL_TAKEN
+#define OPTIONAL CLOTHCTL_TAKEN
+#define ERROR CLOTHCTL_TAKEN
+#define DELETE CLOTHCTL_TAKEN
+#define CONST CLOTHCTL_TAKEN
+#define VOID CLOTHCTL_TAKEN
+#define TRUE CLOTHCTL_TAKEN
+#define FALSE CLOTHCTL_TAKEN
+#define ABSOLUTE CLOTHCTL_TAKEN
+#define RELATIVE CLOTHCTL_TAKEN
+#define DIFFERENCE CLOTHCTL_TAKEN
+#define STRICT CLOTHCTL_TAKEN
+#define IGNORE CLOTHCTL_TAKEN
+#define INFINITE CLOTHCTL_TAKEN
+// AssertMacros.h, Unreal Engine
+#define check CLOTHCTL_TAKEN
+#define verify CLOTHCTL_TAKEN
+#define require CLOTHCTL_TAKEN
+#define ensure CLOTHCTL_TAKEN
+#define PI CLOTHCTL_TAKEN
+// X11
+#define None CLOTHCTL_TAKEN
+#define Bool CLOTHCTL_TAKEN
+#define Status CLOTHCTL_TAKEN
+#define Always CLOTHCTL_TAKEN
+#define True CLOTHCTL_TAKEN
+#define False CLOTHCTL_TAKEN
+#define Unsorted CLOTHCTL_TAKEN
+#define Convex CLOTHCTL_TAKEN
+#define Complex CLOTHCTL_TAKEN
+#define Above CLOTHCTL_TAKEN
+#define Below CLOTHCTL_TAKEN
+// Qt
+#define slots CLOTHCTL_TAKEN
+#define signals CLOTHCTL_TAKEN
+#define emit CLOTHCTL_TAKEN
+#define foreach CLOTHCTL_TAKEN
+#define forever CLOTHCTL_TAKEN
+// complex.h, math.h, sys/param.h, Arduino
+#define I CLOTHCTL_TAKEN
+#define DOMAIN CLOTHCTL_TAKEN
+#define OVERFLOW CLOTHCTL_TAKEN
+#define UNDERFLOW CLOTHCTL_TAKEN
+#define MIN CLOTHCTL_TAKEN
+#define MAX CLOTHCTL_TAKEN
+#define HIGH CLOTHCTL_TAKEN
+#define LOW CLOTHCTL_TAKEN
+#define unix CLOTHCTL_TAKEN
+#define linux CLOTHCTL_TAKEN
 
 #include <clothctl/clothctl.hpp>
 #include <clothctl/io.hpp>

@@ -1,0 +1,50 @@
+#pragma once
+
+// The figures of a run: collected frame by frame, summed up at its end, printed and written.
+
+#include <string>
+#include <vector>
+
+#include "clothctl/mpc/plan_types.hpp"
+#include "support/scene.hpp"
+
+namespace program {
+
+/// The figures of a run, in the order of summary.json.
+struct Summary {
+  std::string status = "finished";
+  Index frames = 0, scored_frames = 0, suboptimal_frames = 0, relaxed_frames = 0;
+  double patch_residual_max_m = 0;
+  double mean_error_m = 0, p95_error_m = 0, max_error_m = 0;
+  double frame_ms_median = 0, frame_ms_p99 = 0, plant_ms_median = 0;
+  double agreement = 0, prediction_error_m = 0, qp_iterations_median = 0, cone_violation_max = 0,
+         hand_speed_max = 0;
+};
+
+/// What is known of each frame so far.
+class Figures {
+ public:
+  /// Status, frames and hand_speed_max are set by the loop and the recorder.
+  Summary summary;
+  /// Distances of the features from their targets in scored frames, m.
+  std::vector<double> errors;
+
+  /// Takes the times of a frame, ms.
+  void add_times(double planning, double plant);
+  /// Takes a plan that is applied.
+  void add_plan(const std::vector<clothctl::Grip<double>>& grips,
+                const clothctl::PlanResult<double>& result);
+  /// Sums up. A run of all `frames` whose mean error is over half of `size` (m) lost the track.
+  Summary sum_up(Index features, Index frames, double size);
+
+ private:
+  std::vector<double> frame_ms_, plant_ms_, agreement_, prediction_, iterations_;
+};
+
+/// Returns the summary as the JSON text of one object, on one line where `indent` is -1.
+std::string to_json(const Summary& summary, const Scene& scene, const Options& o, int indent);
+
+/// Prints the summary for people.
+void print(const Summary& summary, const Options& o);
+
+}  // namespace program

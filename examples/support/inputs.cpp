@@ -1,0 +1,60 @@
+#include "support/inputs.hpp"
+
+#include <algorithm>
+#include <cstdlib>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "clothctl/io/file.hpp"
+#include "support/options.hpp"
+
+namespace program {
+
+clothctl::Material<double> read_material(const std::string& name) {
+  if (name.find('.') == std::string::npos && name.find('/') == std::string::npos)
+    return must(clothctl::material_preset<double>(name));
+  const std::string text = must(clothctl::read_file(name));
+  nlohmann::json json = nlohmann::json::parse(text, nullptr, false);
+  if (json.is_discarded() || !json.is_object()) refuse(name + ": not a JSON object");
+  clothctl::Material<double> material;
+  material.name = name;
+  for (const auto& [key, value] : json.items()) {
+    if (key == "name" && value.is_string()) {
+      material.name = value.get<std::string>();
+      continue;
+    }
+    double* quantity = key == "area_density"   ? &material.area_density
+                       : key == "stretch"      ? &material.stretch
+                       : key == "shear"        ? &material.shear
+                       : key == "bending"      ? &material.bending
+                       : key == "damping_time" ? &material.damping_time
+                       : key == "drag"         ? &material.drag
+                       : key == "friction"     ? &material.friction
+                       : key == "air_normal"   ? &material.air_normal
+                       : key == "air_tangent"  ? &material.air_tangent
+                                               : nullptr;
+    if (quantity == nullptr) refuse(name + ": unknown quantity \"" + key + "\"");
+    if (!value.is_number())
+      refuse(name + ": " + key + " is " + value.dump() + ", expected a number");
+    *quantity = value.get<double>();
+  }
+  if (std::string problem = material.validate(); !problem.empty()) refuse(problem);
+  return material;
+}
+
+std::vector<int> read_vertices(const std::string& list) {
+  std::vector<int> out;
+  std::stringstream stream(list);
+  for (std::string cell; std::getline(stream, cell, ',');) {
+    char* end = nullptr;
+    const long value = std::strtol(cell.c_str(), &end, 10);
+    if (cell.empty() || *end != '\0' || value < -1000000000 || value > 1000000000)
+      refuse("--features: \"" + cell + "\" is not a vertex index");
+    if (std::find(out.begin(), out.end(), value) != out.end())
+      refuse("--features: vertex " + std::to_string(value) + " occurs twice");
+    out.push_back(static_cast<int>(value));
+  }
+  return out;
+}
+
+}  // namespace program

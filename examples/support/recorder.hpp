@@ -1,0 +1,39 @@
+#pragma once
+
+// Records a run frame by frame, for the player's page and the table of its trajectory.
+
+#include <vector>
+
+#include "clothctl/io/csv.hpp"
+#include "clothctl/io/html_player.hpp"
+#include "support/figures.hpp"
+
+namespace program {
+
+/// The page and the table of one run.
+class RunRecorder {
+ public:
+  /// Frames 1 … `scored` - 1 count for the errors.
+  RunRecorder(const Scene& scene, const Options& o, Index scored);
+
+  /// Records a frame with positions `x` (3×n, m) and what a result planned for the hands; adds its
+  /// errors and the hands' speed to `figures`.
+  void add_frame(Index frame, const Points& x, const Points& arrows, Figures& figures);
+
+  /// Returns what the page draws at the hands: their planned velocities (m/s) or the forces (N).
+  Points arrows(const clothctl::PlanResult<double>& result) const;
+
+  /// Writes player.html, trajectory.csv and summary.json into the folder that was asked for.
+  void write(const Summary& summary);
+
+ private:
+  const Scene& scene_;
+  const Options& options_;
+  Index scored_;
+  std::vector<std::vector<int>> hands_;  // the vertices that each holds
+  clothctl::PlayerRecorder page_;
+  clothctl::CsvWriter table_;
+  Points last_hands_;
+};
+
+}  // namespace program

@@ -1,0 +1,48 @@
+#include "support/scene.hpp"
+
+#include "clothctl/cloth/settle.hpp"
+
+namespace program {
+
+void check_scene(const Scene& scene) {
+  const Index vertices = scene.body.network.vertex_count();
+  if (const std::string problem =
+          clothctl::validate_features<double>(scene.setup.features, vertices);
+      !problem.empty())
+    refuse("--features: " + problem);
+  for (const std::string& problem :
+       {clothctl::validate_grips(scene.setup.grips, vertices), scene.settings.validate()}) {
+    if (!problem.empty()) refuse(problem);
+  }
+}
+
+clothctl::PlannerSettings<double> planner_settings(const Options& o, double weight) {
+  clothctl::PlannerSettings<double> s = o.profile == "paper"
+                                            ? clothctl::PlannerSettings<double>::paper()
+                                            : clothctl::PlannerSettings<double>();
+  s.horizon = o.horizon;
+  s.input = o.grip == "position" ? clothctl::GripInput::Pose : clothctl::GripInput::Force;
+  s.command = o.grip == "planned-position" ? clothctl::PlantCommand::Position
+                                           : clothctl::PlantCommand::Force;
+  s.patch = o.patch == "hard" ? clothctl::PatchMode::Hard : clothctl::PatchMode::Soft;
+  s.max_step = o.max_step_mm / 1000;
+  if (o.profile != "paper") s.gravity_load = Vec(0, 0, weight);
+  return s;
+}
+
+clothctl::ClothState<double> settle(const Options& o, const Body& body,
+                                    clothctl::ClothState<double> state,
+                                    const std::vector<int>& held, double seconds) {
+  // Linearly implicit and Newton steps have the same equilibria; the converged step finds them from
+  // any start.
+  AnyPlant plant = make_plant(is_implicit(o.plant) ? "newton" : o.plant, body, 3.0);
+  plant.set_state(state);
+  const clothctl::SettleReport<double> report = clothctl::settle(plant, held, 0.02, seconds);
+  if (!report.advanced)
+    refuse("the sheet does not settle: " + std::string(to_string(report.status)));
+  state.positions = plant.positions();
+  state.velocities.setZero();
+  return state;
+}
+
+}  // namespace program

@@ -1,0 +1,40 @@
+#pragma once
+
+// What a program makes before its run starts: a body, its grips and features, settings and a task.
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "clothctl/mpc/plan_types.hpp"
+#include "clothctl/mpc/planner_settings.hpp"
+#include "support/options.hpp"
+#include "support/plants.hpp"
+#include "support/tasks.hpp"
+
+namespace program {
+
+/// Everything that a run needs.
+struct Scene {
+  std::string title;
+  std::string material;
+  Body body;
+  clothctl::PlannerSetup<double> setup;
+  clothctl::PlannerSettings<double> settings;
+  Task task;
+  std::vector<std::array<int, 2>> segments;
+};
+
+/// Ends the program where grips, features or settings do not fit the body.
+void check_scene(const Scene& scene);
+
+/// Planner settings from the options that every program has.
+clothctl::PlannerSettings<double> planner_settings(const Options& o, double weight);
+
+/// Lets a body hang from `held` (fixed where they are) for `seconds` with firm drag; returns it at
+/// rest.
+clothctl::ClothState<double> settle(const Options& o, const Body& body,
+                                    clothctl::ClothState<double> state,
+                                    const std::vector<int>& held, double seconds);
+
+}  // namespace program

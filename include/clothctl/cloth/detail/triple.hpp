@@ -1,0 +1,106 @@
+#pragma once
+
+// Three numbers with the few operations that hot loops over springs and triangles need. Eigen's
+// expression templates compute the same, but each new expression costs compile time, and these
+// loops hold dozens of them. Sums of three products are added in the order of Eigen's reductions,
+// so both give the same bits.
+
+#include <type_traits>
+
+#include "clothctl/config.hpp"
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// A vector in space.
+template <class Scalar>
+struct Triple {
+  Scalar x, y, z;
+};
+
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> operator+(const Triple<Scalar>& a, const Triple<Scalar>& b) {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> operator-(const Triple<Scalar>& a, const Triple<Scalar>& b) {
+  return {a.x - b.x, a.y - b.y, a.z - b.z};
+}
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> operator*(const Triple<Scalar>& a,
+                                               const std::type_identity_t<Scalar>& factor) {
+  return {a.x * factor, a.y * factor, a.z * factor};
+}
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> operator/(const Triple<Scalar>& a,
+                                               const std::type_identity_t<Scalar>& divisor) {
+  return {a.x / divisor, a.y / divisor, a.z / divisor};
+}
+
+/// a·b.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Scalar dot(const Triple<Scalar>& a, const Triple<Scalar>& b) {
+  if constexpr (std::is_same_v<Scalar, double>) {
+    return a.x * b.x + a.y * b.y + a.z * b.z;
+  } else {
+    return a.x * b.x + (a.y * b.y + a.z * b.z);
+  }
+}
+
+/// |a|².
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Scalar squared_norm(const Triple<Scalar>& a) {
+  return dot(a, a);
+}
+
+/// a × b.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> cross(const Triple<Scalar>& a, const Triple<Scalar>& b) {
+  return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
+}
+
+/// M a for a 3×3 matrix.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> product(const Matrix3<Scalar>& m, const Triple<Scalar>& a) {
+  const Vector3<Scalar> out = m * Vector3<Scalar>(a.x, a.y, a.z);
+  return {out[0], out[1], out[2]};
+}
+
+/// Reads column i of a 3×n matrix.
+template <class Matrix>
+CLOTHCTL_FORCE_INLINE Triple<typename Matrix::Scalar> column(const Matrix& matrix, Index i) {
+  return {matrix(0, i), matrix(1, i), matrix(2, i)};
+}
+
+/// Reads a vector of three.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> triple(const Vector3<Scalar>& v) {
+  return {v[0], v[1], v[2]};
+}
+
+/// Writes column i of a 3×n matrix.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE void set_column(Points<Scalar>& matrix, Index i, const Triple<Scalar>& v) {
+  matrix(0, i) = v.x;
+  matrix(1, i) = v.y;
+  matrix(2, i) = v.z;
+}
+
+/// Adds to column i of a 3×n matrix.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE void add_to_column(Points<Scalar>& matrix, Index i, const Triple<Scalar>& v) {
+  matrix(0, i) = matrix(0, i) + v.x;
+  matrix(1, i) = matrix(1, i) + v.y;
+  matrix(2, i) = matrix(2, i) + v.z;
+}
+
+/// Subtracts from column i of a 3×n matrix.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE void subtract_from_column(Points<Scalar>& matrix, Index i,
+                                                const Triple<Scalar>& v) {
+  matrix(0, i) = matrix(0, i) - v.x;
+  matrix(1, i) = matrix(1, i) - v.y;
+  matrix(2, i) = matrix(2, i) - v.z;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

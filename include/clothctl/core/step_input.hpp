@@ -1,0 +1,114 @@
+#pragma once
+
+// Why a step refuses its state, its input or its step length, in words. A step itself only returns
+// a status, since it must not allocate.
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/number_text.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+namespace detail {
+
+/// Names the first coordinate of `points` that is not finite, or returns "".
+template <RealScalar Scalar>
+std::string find_not_finite(const Points<Scalar>& points, std::string_view item) {
+  for (Index i = 0; i < points.cols(); ++i) {
+    for (Index c = 0; c < 3; ++c) {
+      if (is_finite(points(c, i))) continue;
+      return std::string(item) + " " + std::to_string(i) + ": " + "xyz"[c] + " is " +
+             number_text(points(c, i));
+    }
+  }
+  return {};
+}
+
+/// Names the first index that is off the mesh or, where `once` is set, occurs twice, or returns "".
+inline std::string find_bad_vertex(const std::vector<int>& vertices, Index vertex_count, bool once,
+                                   std::string_view item) {
+  std::vector<int> first(once ? static_cast<std::size_t>(vertex_count) : 0, -1);
+  for (std::size_t i = 0; i < vertices.size(); ++i) {
+    const std::string name = std::string(item) + " " + std::to_string(i);
+    const int v = vertices[i];
+    if (v < 0 || v >= vertex_count)
+      return name + ": vertex " + std::to_string(v) + " is off the mesh of " +
+             std::to_string(vertex_count) + " vertices";
+    if (!once) continue;
+    int& seen = first[static_cast<std::size_t>(v)];
+    if (seen >= 0)
+      return name + ": vertex " + std::to_string(v) + " is driven already by driven vertex " +
+             std::to_string(seen);
+    seen = static_cast<int>(i);
+  }
+  return {};
+}
+
+/// Names two counts that differ, or returns "".
+inline std::string find_other_count(Index found, std::string_view what, Index expected,
+                                    std::string_view of) {
+  if (found == expected) return {};
+  return std::to_string(found) + " " + std::string(what) + " for " + std::to_string(expected) +
+         " " + std::string(of);
+}
+
+}  // namespace detail
+
+/// Returns why a model of `vertex_count` vertices refuses to step `state` by `dt` (s) under
+/// `input`: one line that names the item, its index and the bad value, e.g. `force 2: vertex 81 is
+/// off the mesh of 81 vertices`. Returns an empty string when all is good. The models of this
+/// library ask for the same conditions in their steps. Allocates. Complexity: O(vertices).
+template <RealScalar Scalar>
+std::string check_step_input(const ClothState<Scalar>& state, const ClothInput<Scalar>& input,
+                             const Scalar& dt, Index vertex_count) {
+  const auto first_of = [](auto... finders) {
+    std::string line;
+    ((line.empty() ? void(line = finders()) : void()), ...);
+    return line;
+  };
+  return first_of(
+      [&] {
+        return detail::find_other_count(state.positions.cols(), "positions in the state",
+                                        vertex_count, "vertices of the model");
+      },
+      [&] {
+        return detail::find_other_count(state.velocities.cols(), "velocities in the state",
+                                        vertex_count, "vertices of the model");
+      },
+      [&] {
+        const bool good = is_finite(dt) && Scalar(0) < dt;
+        return good ? std::string()
+                    : "step length dt must be positive and finite, got " + number_text(dt) + " s";
+      },
+      [&] {
+        return detail::find_other_count(input.forces.cols(), "forces",
+                                        static_cast<Index>(input.force_vertices.size()),
+                                        "force vertices");
+      },
+      [&] {
+        return detail::find_other_count(input.driven_positions.cols(), "driven positions",
+                                        static_cast<Index>(input.driven_vertices.size()),
+                                        "driven vertices");
+      },
+      [&] { return detail::find_bad_vertex(input.force_vertices, vertex_count, false, "force"); },
+      [&] { return detail::find_not_finite(input.forces, "force"); },
+      [&] { return detail::find_not_finite(input.driven_positions, "driven position"); },
+      [&] {
+        std::string line;
+        for (Index c = 2; c >= 0; --c) {
+          if (!is_finite(input.wind[c]))
+            line = std::string("wind: ") + "xyz"[c] + " is " + number_text(input.wind[c]);
+        }
+        return line;
+      },
+      [&] {
+        return detail::find_bad_vertex(input.driven_vertices, vertex_count, true, "driven vertex");
+      },
+      [&] { return detail::find_not_finite(state.positions, "position of vertex"); },
+      [&] { return detail::find_not_finite(state.velocities, "velocity of vertex"); });
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

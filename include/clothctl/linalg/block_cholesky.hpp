@@ -1,0 +1,274 @@
+#pragma once
+
+// Sparse Cholesky factorisation A = L Lᵀ of a symmetric positive definite matrix of 3×3 blocks,
+// multifrontal.
+//
+// An elimination tree groups the vertices into nodes; a node's pivots couple only to its subtree
+// and its ancestors. Bottom up, each node gathers a dense front: its rows of A and what its
+// children left (their Schur complements), eliminates its pivots and passes the rest on
+// (dense_kernels.hpp). Which entry goes where is worked out once (front_layout.hpp), with all
+// memory; a numeric factorisation then only adds and multiplies. Reference: J. W. H. Liu, The
+// multifrontal method for sparse matrix solution: theory and practice, SIAM Review 34 (1992).
+
+#include <algorithm>
+#include <cassert>
+#include <span>
+
+#include "clothctl/linalg/detail/front_layout.hpp"
+#include "clothctl/linalg/detail/solve_kernels.hpp"
+#include "clothctl/linalg/elimination_tree.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// Factor of a BlockSymmetric with all memory taken at construction. One object a thread.
+template <RealScalar Scalar>
+class BlockCholesky {
+ public:
+  /// Factor of a matrix of no rows.
+  BlockCholesky() = default;
+
+  /// Analyses a pattern for an order of elimination (linalg/nested_dissection.hpp makes one).
+  /// Allocates. Complexity: as many steps as the factor has rows and the pattern pairs, with
+  /// logarithms. Fails when: the tree is not valid for the pattern (assert).
+  BlockCholesky(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree)
+      : layout_(pattern, tree, kAlign) {
+    factor_.setZero(layout_.factor_size);
+    front_.setZero(layout_.largest_front + kAlign);
+    updates_.setZero(layout_.update_size + kAlign);
+    scratch_.setZero(layout_.most_pivots * kMaxGroup);
+  }
+
+  /// Factorises a matrix of the analysed pattern. Vertices with held[i] ≠ 0 get the rows and
+  /// columns of the identity; `held` is empty or has an entry a vertex and may change from call to
+  /// call. Returns false when a number of the free part is not finite or a pivot not positive; the
+  /// factor must not be used then. No allocation.
+  [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
+                               std::span<const unsigned char> held = {}) {
+    assert(matrix.rows() == layout_.rows && matrix.lower_count() == layout_.lower_count);
+    assert(held.empty() || static_cast<Index>(held.size()) == layout_.rows);
+    for (const detail::Front& front : layout_.fronts) {
+      Scalar* f = front_.data();
+      Scalar* u = updates_.data() + front.update;
+      const bool leaf = front.child_begin == front.child_end;
+      std::fill_n(f, front.ld * front.pivots, Scalar(0));
+      if (!assemble(front, matrix, held)) return false;
+      if (!leaf) {
+        for (Index j = 0; j < front.border; ++j)
+          std::fill(u + j * front.ldu + j, u + (j + 1) * front.ldu, Scalar(0));
+      }
+      for (int c = front.child_begin; c < front.child_end; ++c)
+        add_child(layout_.children[static_cast<std::size_t>(c)], front);
+      if (!detail::eliminate_front(f, front.ld, front.pivots, front.border, u, front.ldu, leaf))
+        return false;
+      detail::pack_front(f, front.ld, front.pivots, front.border, factor_.data() + front.factor);
+    }
+    return true;
+  }
+
+  /// Solves A X = B in place for kLanes right-hand sides: kLanes×3n, column 3i+c is coordinate c of
+  /// vertex i. Held entries come back as they went in. No allocation. Complexity: two multiply-adds
+  /// a factor entry and right-hand side.
+  template <int kLanes>
+  void solve(Lanes<Scalar, kLanes>& x) {
+    assert(x.cols() == 3 * layout_.rows);
+    constexpr int kGroup = lane_group(kLanes);
+    for (auto front = layout_.fronts.begin(); front != layout_.fronts.end(); ++front) {
+      for (int lane = 0; lane < kLanes; lane += kGroup)
+        forward<kLanes, kGroup>(*front, x.data(), lane);
+    }
+    for (auto front = layout_.fronts.rbegin(); front != layout_.fronts.rend(); ++front) {
+      for (int lane = 0; lane < kLanes; lane += kGroup)
+        backward<kLanes, kGroup>(*front, x.data(), lane);
+    }
+  }
+
+  /// Number of scalars in the factor.
+  Index factor_entries() const {
+    Index count = 0;
+    for (const detail::Front& front : layout_.fronts) {
+      count += front.pivots * (front.pivots + 1) / 2 + front.pivots * front.border;
+    }
+    return count;
+  }
+
+ private:
+  static constexpr int kAlign = detail::padded_lanes<Scalar>();
+  static constexpr int kMaxGroup = 16;
+
+  /// Right-hand sides that go through a front together: as many as leave room for a dozen rows in
+  /// registers.
+  static constexpr int lane_group(int lanes) {
+    const int most =
+        (std::min)(kMaxGroup, detail::native_lanes<Scalar>() * (detail::kManyRegisters ? 2 : 1));
+    int group = 1;
+    while (group < lanes && group < most) group *= 2;
+    return group;
+  }
+
+  /// Copies a front's blocks. Fails when: a number above the diagonal is not finite, for
+  /// elimination never looks there (any other reaches a pivot).
+  bool assemble(const detail::Front& front, const BlockSymmetric<Scalar>& matrix,
+                std::span<const unsigned char> held) {
+    const Index ld = front.ld;
+    for (int e = front.entry_begin; e < front.entry_end; ++e) {
+      const detail::FrontEntry& entry = layout_.entries[static_cast<std::size_t>(e)];
+      Scalar* f = front_.data() + entry.target;
+      const auto is_held = [&](int vertex) { return held[static_cast<std::size_t>(vertex)] != 0; };
+      if (!held.empty() && (is_held(entry.row) || is_held(entry.column))) {
+        if (entry.slot < 0) f[0] = f[ld + 1] = f[2 * ld + 2] = Scalar(1);
+        continue;
+      }
+      const Matrix3<Scalar>& block =
+          entry.slot < 0 ? matrix.diagonal(entry.row) : matrix.lower(entry.slot);
+      if (entry.slot < 0 &&
+          !(is_finite(block(0, 1)) && is_finite(block(0, 2)) && is_finite(block(1, 2))))
+        return false;
+      for (Index c = 0; c < 3; ++c) {
+        for (Index r = 0; r < 3; ++r) f[c * ld + r] = entry.transposed ? block(c, r) : block(r, c);
+      }
+    }
+    return true;
+  }
+
+  /// Adds a child's update matrix to the front, lower triangle by columns.
+  void add_child(const detail::FrontChild& child, const detail::Front& front) {
+    const detail::Front& from = layout_.fronts[static_cast<std::size_t>(child.front)];
+    const detail::FrontRun* runs = layout_.runs.data();
+    for (int q = child.run_begin; q < child.run_end; ++q) {
+      const bool pivot = runs[q].target < front.pivots;
+      const Index ld = pivot ? front.ld : front.ldu;
+      const Index shift = pivot ? 0 : front.pivots;
+      Scalar* columns = pivot ? front_.data() : updates_.data() + front.update;
+      for (Index t = 0; t < runs[q].length; ++t) {
+        const Scalar* source = updates_.data() + from.update + (runs[q].source + t) * from.ldu;
+        Scalar* target = columns + (runs[q].target + t - shift) * ld;
+        detail::add_run(target + (runs[q].target + t - shift), source + runs[q].source + t,
+                        runs[q].length - t);
+        for (int p = q + 1; p < child.run_end; ++p) {
+          detail::add_run(target + (runs[p].target - shift), source + runs[p].source,
+                          runs[p].length);
+        }
+      }
+    }
+  }
+
+  /// Reads a group of lanes; those past the last right-hand side become zero.
+  template <int kLanes, int kGroup>
+  static CLOTHCTL_KERNEL void load_lanes(const Scalar* from, int lane,
+                                         detail::Pack<Scalar, kGroup>& row) {
+    if constexpr (kLanes % kGroup == 0) {
+      row.load(from);
+    } else {
+      Scalar values[kGroup];
+      for (int l = 0; l < kGroup; ++l) values[l] = lane + l < kLanes ? from[l] : Scalar(0);
+      row.load(values);
+    }
+  }
+
+  /// Writes the lanes of a group that exist.
+  template <int kLanes, int kGroup>
+  static CLOTHCTL_KERNEL void store_lanes(Scalar* to, int lane,
+                                          const detail::Pack<Scalar, kGroup>& row) {
+    if constexpr (kLanes % kGroup == 0) {
+      row.store(to);
+    } else {
+      Scalar values[kGroup];
+      row.store(values);
+      for (int l = 0; l < kGroup && lane + l < kLanes; ++l) to[l] = values[l];
+    }
+  }
+
+  /// Copies the pivot rows of a front from the right-hand sides to the scratch rows.
+  template <int kLanes, int kGroup>
+  CLOTHCTL_KERNEL void gather(const detail::Front& front, const int* vertices, const Scalar* x,
+                              int lane) {
+    Scalar* to = scratch_.data();
+    for (Index v = 0; v < front.pivots / 3; ++v) {
+      const Scalar* from = x + 3 * kLanes * static_cast<Index>(vertices[v]) + lane;
+      for (Index c = 0; c < 3; ++c, from += kLanes, to += kGroup) {
+        detail::Pack<Scalar, kGroup> values;
+        load_lanes<kLanes, kGroup>(from, lane, values);
+        values.store(to);
+      }
+    }
+  }
+
+  /// And back.
+  template <int kLanes, int kGroup>
+  CLOTHCTL_KERNEL void scatter(const detail::Front& front, const int* vertices, Scalar* x,
+                               int lane) const {
+    const Scalar* from = scratch_.data();
+    for (Index v = 0; v < front.pivots / 3; ++v) {
+      Scalar* to = x + 3 * kLanes * static_cast<Index>(vertices[v]) + lane;
+      for (Index c = 0; c < 3; ++c, to += kLanes, from += kGroup) {
+        detail::Pack<Scalar, kGroup> values;
+        values.load(from);
+        store_lanes<kLanes, kGroup>(to, lane, values);
+      }
+    }
+  }
+
+  template <int kLanes, int kGroup>
+  void forward(const detail::Front& front, Scalar* x, int lane) {
+    const int* vertices = layout_.vertices.data() + front.vertex_begin;
+    const int* border = vertices + front.pivots / 3;
+    gather<kLanes, kGroup>(front, vertices, x, lane);
+    detail::solve_front_forward<kGroup>(
+        factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
+        [&]<int kRows>(Index first, const detail::RowBlock<Scalar, kRows, kGroup>& products)
+            CLOTHCTL_KERNEL_LAMBDA {
+              const int* vertex = border + first / 3;
+              if constexpr (kGroup == 1) {
+                Scalar values[kRows];
+                products.store(values);
+                for (int i = 0; i < kRows; ++i) {
+                  Scalar& to = x[(3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane];
+                  to = to - values[i];
+                }
+              } else {
+                detail::unroll<kRows>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
+                  Scalar* to = x + (3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane;
+                  detail::Pack<Scalar, kGroup> row;
+                  load_lanes<kLanes, kGroup>(to, lane, row);
+                  row.subtract(products.row[i]);
+                  store_lanes<kLanes, kGroup>(to, lane, row);
+                });
+              }
+            });
+    scatter<kLanes, kGroup>(front, vertices, x, lane);
+  }
+
+  template <int kLanes, int kGroup>
+  void backward(const detail::Front& front, Scalar* x, int lane) {
+    const int* vertices = layout_.vertices.data() + front.vertex_begin;
+    const int* border = vertices + front.pivots / 3;
+    gather<kLanes, kGroup>(front, vertices, x, lane);
+    detail::solve_front_backward<kGroup>(
+        factor_.data() + front.factor, front.pivots, front.border, scratch_.data(),
+        [&]<int kRows>(Index first, detail::RowBlock<Scalar, kRows, kGroup>& rows)
+            CLOTHCTL_KERNEL_LAMBDA {
+              const int* vertex = border + first / 3;
+              if constexpr (kGroup == 1) {
+                Scalar values[kRows];
+                for (int i = 0; i < kRows; ++i)
+                  values[i] = x[(3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane];
+                rows.load(values);
+              } else {
+                detail::unroll<kRows>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
+                  const Scalar* from =
+                      x + (3 * static_cast<Index>(vertex[i / 3]) + i % 3) * kLanes + lane;
+                  load_lanes<kLanes, kGroup>(from, lane, rows.row[i]);
+                });
+              }
+            });
+    scatter<kLanes, kGroup>(front, vertices, x, lane);
+  }
+
+  detail::FrontLayout layout_;
+  VectorX<Scalar> factor_;   // packed columns of all fronts
+  VectorX<Scalar> front_;    // pivot columns of the front at hand
+  VectorX<Scalar> updates_;  // update matrices that wait for their parents
+  VectorX<Scalar> scratch_;  // right-hand sides of the pivots at hand
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,0 +1,118 @@
+#pragma once
+
+// A symmetric sparse matrix of 3×3 blocks, one block row a vertex. The pattern is fixed once;
+// values are rewritten in place. Kept: the diagonal blocks and, for each unordered pair i > j, the
+// block (i, j); block (j, i) is its transpose.
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <utility>
+#include <vector>
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// Symmetric n×n matrix of 3×3 blocks with a fixed pattern.
+template <RealScalar Scalar>
+class BlockSymmetric {
+ public:
+  /// A matrix of no rows.
+  BlockSymmetric() = default;
+
+  /// Fixes the pattern: `pairs` lists coupled vertices in any order, with repeats. Allocates.
+  /// Complexity: O(p log p). Fails when: rows is negative or a pair is off the rows (assert).
+  BlockSymmetric(Index rows, std::vector<std::pair<int, int>> pairs) {
+    assert(rows >= 0);
+    for (auto& [i, j] : pairs) {
+      assert(i >= 0 && i < rows && j >= 0 && j < rows);
+      if (i < j) std::swap(i, j);
+    }
+    pairs.erase(std::remove_if(pairs.begin(), pairs.end(),
+                               [](const auto& p) { return p.first == p.second; }),
+                pairs.end());
+    std::sort(pairs.begin(), pairs.end());
+    pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+    row_begin_.assign(static_cast<std::size_t>(rows) + 1, 0);
+    column_.reserve(pairs.size());
+    for (const auto& [i, j] : pairs) {
+      ++row_begin_[static_cast<std::size_t>(i) + 1];
+      column_.push_back(j);
+    }
+    for (std::size_t i = 1; i < row_begin_.size(); ++i) row_begin_[i] += row_begin_[i - 1];
+    diagonal_.assign(static_cast<std::size_t>(rows), Matrix3<Scalar>::Zero().eval());
+    lower_.assign(column_.size(), Matrix3<Scalar>::Zero().eval());
+  }
+
+  /// Number of block rows.
+  Index rows() const { return static_cast<Index>(diagonal_.size()); }
+  /// Number of stored off-diagonal blocks.
+  Index lower_count() const { return static_cast<Index>(lower_.size()); }
+  /// First slot of block row i; the row's slots end where those of row i+1 begin.
+  int row_begin(Index i) const { return row_begin_[static_cast<std::size_t>(i)]; }
+  /// Block column of a slot; always less than the slot's block row.
+  int column(Index slot) const { return column_[static_cast<std::size_t>(slot)]; }
+  /// The slot of the pair (i, j) in either order, or -1 where the pattern has none, as for i = j.
+  /// Complexity: O(log row). Fails when: i or j is off the rows (assert).
+  int find(int i, int j) const {
+    assert(i >= 0 && i < rows() && j >= 0 && j < rows());
+    if (i < j) std::swap(i, j);
+    const auto first = column_.begin() + row_begin_[static_cast<std::size_t>(i)];
+    const auto last = column_.begin() + row_begin_[static_cast<std::size_t>(i) + 1];
+    const auto it = std::lower_bound(first, last, j);
+    return it != last && *it == j ? static_cast<int>(it - column_.begin()) : -1;
+  }
+  /// Diagonal block of row i.
+  Matrix3<Scalar>& diagonal(Index i) { return diagonal_[static_cast<std::size_t>(i)]; }
+  /// Diagonal block of row i.
+  const Matrix3<Scalar>& diagonal(Index i) const { return diagonal_[static_cast<std::size_t>(i)]; }
+  /// Block (row, column(slot)) of a slot.
+  Matrix3<Scalar>& lower(Index slot) { return lower_[static_cast<std::size_t>(slot)]; }
+  /// Block (row, column(slot)) of a slot.
+  const Matrix3<Scalar>& lower(Index slot) const { return lower_[static_cast<std::size_t>(slot)]; }
+
+  /// Sets every block to zero; the pattern stays.
+  void set_zero() {
+    for (auto& block : diagonal_) block.setZero();
+    for (auto& block : lower_) block.setZero();
+  }
+
+  /// Adds `factor` times `other`, a matrix of the same pattern. Never allocates. Fails when: the
+  /// sizes differ (assert).
+  void add_scaled(const BlockSymmetric& other, Scalar factor) {
+    assert(other.lower_.size() == lower_.size() && other.diagonal_.size() == diagonal_.size());
+    for (std::size_t i = 0; i < diagonal_.size(); ++i) diagonal_[i] += factor * other.diagonal_[i];
+    for (std::size_t i = 0; i < lower_.size(); ++i) lower_[i] += factor * other.lower_[i];
+  }
+
+  /// y = A x for kLanes vectors at once: x and y are kLanes×3n, column 3i+c is coordinate c of
+  /// vertex i. No allocation. Fails when: x or y is of another size, or both are the same object
+  /// (assert).
+  template <int kLanes>
+  void multiply(const Lanes<Scalar, kLanes>& x, Lanes<Scalar, kLanes>& y) const {
+    assert(x.cols() == 3 * rows() && y.cols() == 3 * rows() && &x != &y);
+    for (Index i = 0; i < rows(); ++i) {
+      const Matrix3<Scalar>& d = diagonal_[static_cast<std::size_t>(i)];
+      Eigen::Matrix<Scalar, kLanes, 3> sum = x.template middleCols<3>(3 * i) * d;
+      const Eigen::Matrix<Scalar, kLanes, 3> xi = x.template middleCols<3>(3 * i);
+      for (int s = row_begin(i); s < row_begin(i + 1); ++s) {
+        const Index j = column(s);
+        const Matrix3<Scalar>& b = lower(s);
+        sum += x.template middleCols<3>(3 * j).lazyProduct(b.transpose());
+        y.template middleCols<3>(3 * j) += xi.lazyProduct(b);
+      }
+      // Rows are visited in ascending order and every (i, j) has j < i, so y_j is complete only
+      // after the loop, while y_i starts here: set it before any later row adds to it.
+      y.template middleCols<3>(3 * i) = sum;
+    }
+  }
+
+ private:
+  std::vector<int> row_begin_{0};
+  std::vector<int> column_;
+  std::vector<Matrix3<Scalar>> diagonal_;
+  std::vector<Matrix3<Scalar>> lower_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

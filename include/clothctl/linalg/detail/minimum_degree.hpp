@@ -1,0 +1,205 @@
+#pragma once
+
+// An order in which to eliminate the nodes of a symmetric sparse matrix so that its factor stays
+// sparse: always the node with the fewest neighbours left, counted from above.
+//
+// Eliminating p joins its neighbours into a clique, kept as one element L_p = (A_p ∪ ⋃ L_e over its
+// elements e) \ {p}, which replaces those elements: the graph never grows. L_p is column p of the
+// factor, so the fill is known when the order is. Degree bound of i after p:  |A_i| + |L_p \ i| +
+// Σ_e |L_e \ L_p|. Reference: Amestoy, Davis, Duff, SIAM J. Matrix Anal. 17 (1996).
+
+#include <algorithm>
+#include <vector>
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Orders nodes by approximate minimum degree. All memory comes from `reserve`; ties go to the node
+/// that changed last.
+class MinimumDegree {
+ public:
+  /// Makes room for graphs of so many nodes and neighbours (each edge counts twice) and so much
+  /// fill. Allocates.
+  void reserve(Index nodes, Index neighbours, Index fill) {
+    const std::size_t n = static_cast<std::size_t>(nodes);
+    for (std::vector<int>* v : {&first_, &elements_, &variables_, &size_, &outside_, &mark_,
+                                &degree_, &next_, &previous_, &head_, &order_, &scratch_}) {
+      v->assign(n + 1, 0);
+    }
+    list_.assign(static_cast<std::size_t>(neighbours), 0);
+    cliques_.assign(static_cast<std::size_t>(fill), 0);
+    clique_first_.assign(n + 1, 0);
+    start(0);
+  }
+
+  /// Begins a graph of so many nodes: call `neighbour` for all neighbours of node 0, then `close`,
+  /// then for node 1, …
+  void start(Index nodes) {
+    nodes_ = static_cast<int>(nodes);
+    node_ = 0;
+    used_ = 0;
+    first_[0] = 0;
+  }
+  /// Adds a neighbour of the present node.
+  void neighbour(Index other) {
+    list_[static_cast<std::size_t>(used_++)] = static_cast<int>(other);
+  }
+  /// Ends the present node.
+  void close() { first_[static_cast<std::size_t>(++node_)] = used_; }
+
+  /// Finds the order. Returns false when the factor would hold more than `fill` entries, of which
+  /// there must be room for, or take more than `work` operations Σ |L_p|². Never allocates.
+  bool order(double work, Index fill) {
+    most_ = (std::min)(static_cast<int>(fill), static_cast<int>(cliques_.size()));
+    for (int i = 0; i <= nodes_; ++i) {
+      at(head_, i) = -1;
+      at(mark_, i) = -1;
+      at(outside_, i) = -1;
+      at(size_, i) = 0;
+    }
+    for (int i = 0; i < nodes_; ++i) {
+      at(elements_, i) = 0;
+      at(variables_, i) = at(first_, i + 1) - at(first_, i);
+      insert(i, at(variables_, i));
+    }
+    fill_ = 0;
+    work_ = 0;
+    int lowest = 0;
+    for (int k = 0; k < nodes_; ++k) {
+      while (at(head_, lowest) < 0) ++lowest;
+      const int p = at(head_, lowest);
+      remove(p);
+      at(order_, k) = p;
+      if (!join(p)) return false;
+      const double length = at(size_, p);
+      work_ += length * length;
+      if (work_ > work) return false;
+      lowest = (std::min)(lowest, renew_degrees(p, k));
+    }
+    return true;
+  }
+
+  /// The node at place k of the order.
+  int node(int k) const { return order_[static_cast<std::size_t>(k)]; }
+  /// The number of entries below the diagonal in the column of the node p.
+  int column(int p) const { return size_[static_cast<std::size_t>(p)]; }
+  /// All entries below the diagonal of the factor.
+  int fill() const { return fill_; }
+  /// Σ |L_p|²: twice that many operations make the factor.
+  double work() const { return work_; }
+
+ private:
+  static int& at(std::vector<int>& v, int i) { return v[static_cast<std::size_t>(i)]; }
+
+  void insert(int i, int degree) {
+    at(degree_, i) = degree;
+    at(next_, i) = at(head_, degree);
+    at(previous_, i) = -1;
+    if (at(head_, degree) >= 0) at(previous_, at(head_, degree)) = i;
+    at(head_, degree) = i;
+  }
+
+  void remove(int i) {
+    if (at(next_, i) >= 0) at(previous_, at(next_, i)) = at(previous_, i);
+    if (at(previous_, i) >= 0) {
+      at(next_, at(previous_, i)) = at(next_, i);
+    } else {
+      at(head_, at(degree_, i)) = at(next_, i);
+    }
+  }
+
+  /// Makes the element of p: its neighbours, through variables and through elements, which it
+  /// absorbs.
+  bool join(int p) {
+    const int begin = fill_;
+    at(clique_first_, p) = begin;
+    at(mark_, p) = p;
+    const auto take = [&](int i) {
+      if (at(mark_, i) == p) return true;
+      if (fill_ == most_) return false;
+      at(mark_, i) = p;
+      at(cliques_, fill_++) = i;
+      return true;
+    };
+    const int list = at(first_, p);
+    for (int k = list; k < list + at(elements_, p); ++k) {
+      const int e = at(list_, k);
+      if (absorbed(e)) continue;
+      for (int c = at(clique_first_, e); c < at(clique_first_, e) + at(size_, e); ++c) {
+        if (!take(at(cliques_, c))) return false;
+      }
+      absorb(e);
+    }
+    for (int k = list + at(elements_, p); k < list + at(elements_, p) + at(variables_, p); ++k) {
+      if (!take(at(list_, k))) return false;
+    }
+    at(size_, p) = fill_ - begin;
+    return true;
+  }
+
+  /// The element is covered by another; its column of the factor keeps its length.
+  void absorb(int e) { at(outside_, e) = kAbsorbed; }
+  bool absorbed(int e) { return at(outside_, e) == kAbsorbed; }
+
+  /// Prunes the lists of the members of p and bounds their degrees; returns the least.
+  int renew_degrees(int p, int k) {
+    const int begin = at(clique_first_, p);
+    const int end = begin + at(size_, p);
+    for (int c = begin; c < end; ++c) {
+      const int i = at(cliques_, c);
+      const int list = at(first_, i);
+      for (int q = list; q < list + at(elements_, i); ++q) {
+        const int e = at(list_, q);
+        if (absorbed(e)) continue;
+        if (at(mark_, e) != p) {  // an element is no member: its mark is free
+          at(mark_, e) = p;
+          at(outside_, e) =
+              at(size_, e);  // all of its members are left: eliminating one absorbs it
+        }
+        --at(outside_, e);
+      }
+    }
+    int least = nodes_;
+    for (int c = begin; c < end; ++c) {
+      const int i = at(cliques_, c);
+      const int list = at(first_, i);
+      const int elements = at(elements_, i), variables = at(variables_, i);
+      int degree = end - begin - 1;
+      int kept = 0;
+      for (int q = list; q < list + elements; ++q) {
+        const int e = at(list_, q);
+        if (absorbed(e) || at(outside_, e) == 0) continue;
+        degree += at(outside_, e);
+        at(scratch_, kept++) = e;
+      }
+      at(scratch_, kept++) = p;
+      at(elements_, i) = kept;
+      for (int q = list + elements; q < list + elements + variables; ++q) {
+        const int j = at(list_, q);
+        if (at(mark_, j) == p) continue;
+        ++degree;
+        at(scratch_, kept++) = j;
+      }
+      at(variables_, i) = kept - at(elements_, i);
+      std::copy(scratch_.begin(), scratch_.begin() + kept, list_.begin() + list);
+      degree = (std::min)((std::min)(degree, at(degree_, i) + end - begin - 1), nodes_ - k - 1);
+      remove(i);
+      insert(i, degree);
+      least = (std::min)(least, degree);
+    }
+    return least;
+  }
+
+  static constexpr int kAbsorbed = -2;
+
+  std::vector<int> first_, elements_, variables_,
+      list_;  // node i: its elements, then its variables, from first_[i]
+  std::vector<int> cliques_, clique_first_, size_,
+      outside_;  // element e: its members; those outside the present one
+  std::vector<int> mark_, degree_, next_, previous_, head_, order_, scratch_;
+  int nodes_ = 0, node_ = 0, used_ = 0, fill_ = 0, most_ = 0;
+  double work_ = 0;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

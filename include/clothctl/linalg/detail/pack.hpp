@@ -1,0 +1,184 @@
+#pragma once
+
+// A pack: a few numbers side by side, held in as many vector registers as they need. It uses the
+// vector types of g++ and clang, so that one source becomes SSE, AVX, AVX-512, NEON or WebAssembly
+// code. Other scalars and compilers use plain arrays. A chunk is one register: the widest whose
+// length divides the pack.
+
+#include <cstring>
+#include <type_traits>
+#include <utility>
+
+#include "clothctl/config.hpp"
+#include "clothctl/core/types.hpp"
+
+// CLOTHCTL_KERNEL       stands before a function: the compiler must inline it.
+// CLOTHCTL_KERNEL_LAMBDA  stands after the parameters of a lambda, for the same purpose.
+//
+// Kernels consist of many small functions, which are fast only when they are inlined. The
+// undefined-behaviour sanitizer is switched off in them: its checks multiply their code, and
+// kernels compute no indices from data.
+#if defined(__GNUC__)
+#define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE __attribute__((no_sanitize("undefined")))
+#define CLOTHCTL_KERNEL_LAMBDA __attribute__((always_inline, no_sanitize("undefined")))
+#else
+#define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE
+#define CLOTHCTL_KERNEL_LAMBDA
+#endif
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Leading dimensions of memory that packs walk over are multiples of this: the widest register of
+/// any machine, so that the memory looks the same whatever unit of a program laid it out.
+template <class Scalar>
+constexpr int padded_lanes() {
+  return std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double> ? 64 / int(sizeof(Scalar))
+                                                                         : 1;
+}
+
+/// Bytes of the widest register.
+#if defined(__AVX512F__)
+inline constexpr int kVectorBytes = 64;
+#elif defined(__AVX__)
+inline constexpr int kVectorBytes = 32;
+#else
+inline constexpr int kVectorBytes = 16;
+#endif
+
+/// True where the machine has 32 vector registers, else 16 are assumed.
+#if defined(__AVX512F__) || defined(__aarch64__)
+inline constexpr bool kManyRegisters = true;
+#else
+inline constexpr bool kManyRegisters = false;
+#endif
+
+/// Numbers in one vector register; 1 for scalars and compilers without vector types.
+template <class Scalar>
+constexpr int native_lanes() {
+#if defined(__GNUC__)
+  if constexpr (std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double>)
+    return kVectorBytes / int(sizeof(Scalar));
+#endif
+  return 1;
+}
+
+/// Largest power of two that divides `lanes` and fits a register.
+template <class Scalar>
+constexpr int chunk_lanes(int lanes) {
+  int chunk = 1;
+  while (2 * chunk <= native_lanes<Scalar>() && lanes % (2 * chunk) == 0) chunk *= 2;
+  return chunk;
+}
+
+/// The type of one register of `kCount` numbers.
+template <class Scalar, int kCount>
+struct Register {
+#if defined(__GNUC__)
+  typedef Scalar type __attribute__((vector_size(kCount * sizeof(Scalar))));
+#else
+  typedef Scalar type;
+#endif
+};
+template <class Scalar>
+struct Register<Scalar, 1> {
+  typedef Scalar type;
+};
+
+/// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, written out by the compiler.
+template <int kCount, class Function>
+CLOTHCTL_KERNEL void unroll(Function&& function) {
+  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_KERNEL_LAMBDA {
+    (function(std::integral_constant<int, i>{}), ...);
+  }
+  (std::make_integer_sequence<int, kCount>{});
+}
+
+/// kLanes numbers side by side.
+template <class Scalar, int kLanes>
+struct Pack {
+  static constexpr int kChunk = chunk_lanes<Scalar>(kLanes);
+  static constexpr int kChunks = kLanes / kChunk;
+  using Chunk = typename Register<Scalar, kChunk>::type;
+
+  Chunk chunk[kChunks];
+
+  /// Reads kLanes numbers from any address.
+  CLOTHCTL_KERNEL void load(const Scalar* from) {
+    if constexpr (kChunk > 1) {
+      unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
+        std::memcpy(&chunk[i], from + i * kChunk, sizeof(Chunk));
+      });
+    } else {
+      for (int i = 0; i < kLanes; ++i) chunk[i] = from[i];
+    }
+  }
+  /// Writes kLanes numbers to any address.
+  CLOTHCTL_KERNEL void store(Scalar* to) const {
+    if constexpr (kChunk > 1) {
+      unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
+        std::memcpy(to + i * kChunk, &chunk[i], sizeof(Chunk));
+      });
+    } else {
+      for (int i = 0; i < kLanes; ++i) to[i] = chunk[i];
+    }
+  }
+  /// Sets every lane to zero.
+  CLOTHCTL_KERNEL void set_zero() {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA {
+      if constexpr (kChunk > 1) {
+        chunk[i] = Chunk{};
+      } else {
+        chunk[i] = Scalar(0);
+      }
+    });
+  }
+  /// this += other.
+  CLOTHCTL_KERNEL void add(const Pack& other) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + other.chunk[i]; });
+  }
+  /// this -= other.
+  CLOTHCTL_KERNEL void subtract(const Pack& other) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] - other.chunk[i]; });
+  }
+  /// this *= factor.
+  CLOTHCTL_KERNEL void scale(const Scalar& factor) {
+    unroll<kChunks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] * factor; });
+  }
+  /// this += a · factor.
+  CLOTHCTL_KERNEL void add_product(const Pack& a, const Scalar& factor) {
+    unroll<kChunks>([&](auto i)
+                        CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * factor; });
+  }
+  /// this -= a · factor.
+  CLOTHCTL_KERNEL void subtract_product(const Pack& a, const Scalar& factor) {
+    unroll<kChunks>([&](auto i)
+                        CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] - a.chunk[i] * factor; });
+  }
+  /// this += a · b, lane by lane.
+  CLOTHCTL_KERNEL void add_product(const Pack& a, const Pack& b) {
+    unroll<kChunks>([&](auto i)
+                        CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
+  }
+  /// Sum of the lanes: of the chunks first, then pairwise within one.
+  CLOTHCTL_KERNEL Scalar sum() const {
+    Chunk total = chunk[0];
+    unroll<kChunks - 1>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { total = total + chunk[i + 1]; });
+    if constexpr (kChunk > 1) {
+      return sum_of<0, kChunk>(total);
+    } else {
+      return total;
+    }
+  }
+
+ private:
+  template <int kFirst, int kCount>
+  static CLOTHCTL_KERNEL Scalar sum_of(const Chunk& values) {
+    if constexpr (kCount == 1) {
+      return values[kFirst];
+    } else {
+      return sum_of<kFirst, kCount / 2>(values) + sum_of<kFirst + kCount / 2, kCount / 2>(values);
+    }
+  }
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,49 @@
+#pragma once
+
+// Condenses the cost of a window into Hessian and gradient. Weighted outputs e_k = e⁰_k + Σ_{j<=k}
+// Z_{k-j} δ_j give ½ Σ_k |e_k|² = ½ δᵀH δ + gᵀδ + const. Because Z is Toeplitz in time, H follows
+// from a recurrence instead of products of big matrices:
+//
+//   H_{j,l} = H_{j+1,l+1} + Z_{K-1-j}ᵀ Z_{K-1-l},   H_{K,.} = H_{.,K} = 0
+//   g_j = Σ_{k>=j} Z_{k-j}ᵀ e⁰_k                    j, l, k = 0 .. K-1
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Writes `hessian` (inputs·K square, symmetric) and `gradient` (inputs·K) of `blocks` (Z_0 ..
+/// Z_{K-1} side by side, rows × inputs·K; rows scaled by the square root of their weight) and
+/// `residual` (e⁰, rows × K). Never allocates. Complexity: O(K² rows inputs²).
+template <RealScalar Scalar>
+void condense(const Eigen::Ref<const MatrixX<Scalar>>& blocks,
+              const Eigen::Ref<const MatrixX<Scalar>>& residual,
+              Eigen::Ref<MatrixX<Scalar>> hessian, Eigen::Ref<VectorX<Scalar>> gradient) {
+  const Index horizon = residual.cols();
+  if (horizon == 0) return;
+  const Index inputs = blocks.cols() / horizon;
+  for (Index lag = 0; lag < horizon; ++lag) {
+    for (Index l = horizon - 1; l >= lag; --l) {
+      const Index j = l - lag;
+      hessian.block(l * inputs, j * inputs, inputs, inputs) =
+          blocks.middleCols((horizon - 1 - l) * inputs, inputs)
+              .transpose()
+              .lazyProduct(blocks.middleCols((horizon - 1 - j) * inputs, inputs));
+      if (l + 1 < horizon) {
+        hessian.block(l * inputs, j * inputs, inputs, inputs) +=
+            hessian.block((l + 1) * inputs, (j + 1) * inputs, inputs, inputs);
+      }
+    }
+  }
+  for (Index j = 0; j < hessian.cols(); ++j) {
+    for (Index i = 0; i < j; ++i) hessian(i, j) = hessian(j, i);
+  }
+  gradient.setZero();
+  for (Index k = 0; k < horizon; ++k) {
+    for (Index j = 0; j <= k; ++j) {
+      gradient.segment(j * inputs, inputs).noalias() +=
+          blocks.middleCols((k - j) * inputs, inputs).transpose() * residual.col(k);
+    }
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,119 @@
+#pragma once
+
+// How the unknowns u of the QP act on the held vertices: raw inputs r = B u + r0, with the same B
+// and r0 in every frame of the window. The columns of B are those of contact forces
+// (force_basis.hpp) or of grip poses (pose_basis.hpp, r0 = 0).
+
+#include <array>
+#include <utility>
+#include <vector>
+
+#include "clothctl/mpc/detail/force_basis.hpp"
+#include "clothctl/mpc/detail/pose_basis.hpp"
+#include "clothctl/mpc/window.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// The map from unknowns to raw inputs, rebuilt in each frame without allocation.
+template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
+class GripBasis {
+ public:
+  using Grips = std::vector<Grip<Scalar, Contact>>;
+  using FingerColumns = typename ForceBasis<Scalar, Contact>::FingerColumns;
+
+  /// Lays out the unknowns for `grips` on a mesh with `triangles`. Allocates.
+  GripBasis(Grips grips, std::vector<std::array<int, 3>> triangles, GripInput input)
+      : grips_(std::move(grips)), triangles_(std::move(triangles)), input_(input) {
+    for (const Grip<Scalar, Contact>& grip : grips_) held_.add_grip(grip.vertices());
+    if (input_ == GripInput::Pose) {
+      PoseBasis<Scalar>::reserve(held_, columns_);
+    } else {
+      forces_.reserve(grips_, held_, triangles_, columns_);
+    }
+    matrix_.setZero(3 * static_cast<Index>(held_.vertices().size()),
+                    static_cast<Index>(columns_.size()));
+    offset_.setZero(matrix_.rows());
+  }
+
+  /// What the unknowns are.
+  GripInput input() const { return input_; }
+  /// The grips.
+  const Grips& grips() const { return grips_; }
+  /// The held vertices.
+  const HeldVertices<Scalar>& held() const { return held_; }
+  /// The fingers and their columns; empty for poses.
+  const std::vector<FingerColumns>& fingers() const { return forces_.fingers(); }
+  /// The finger that columns belong to.
+  const Finger<Scalar, Contact>& finger(const FingerColumns& columns) const {
+    return forces_.finger(grips_, columns);
+  }
+  /// Number of finger forces, one a finger and vertex; 0 for poses.
+  Index force_count() const { return forces_.force_count(); }
+  /// Number of unknowns of a frame.
+  Index unknowns() const { return matrix_.cols(); }
+  /// Number of raw inputs of a frame, three a held vertex.
+  Index inputs() const { return matrix_.rows(); }
+  /// B, inputs × unknowns.
+  const MatrixX<Scalar>& matrix() const { return matrix_; }
+  /// r0, inputs.
+  const VectorX<Scalar>& offset() const { return offset_; }
+  /// First row and number of rows that column `c` of B may have entries in.
+  const RowRange& rows(Index c) const { return columns_[static_cast<std::size_t>(c)]; }
+
+  /// Rebuilds B and r0 at positions `x` (3×n). Never allocates.
+  void update(const PointsView<Scalar>& x) {
+    if (input_ == GripInput::Pose) {
+      PoseBasis<Scalar>::update(held_, x, matrix_);
+    } else {
+      forces_.update(grips_, held_, triangles_, x, matrix_, offset_);
+    }
+  }
+
+  /// Writes the bounds of one frame's unknowns at positions `x`; `max_step` (m) and `dt` (s) bound
+  /// poses. Never allocates.
+  void bounds(const PointsView<Scalar>& x, Scalar max_step, Scalar dt,
+              Eigen::Ref<VectorX<Scalar>> lower, Eigen::Ref<VectorX<Scalar>> upper) const {
+    if (input_ == GripInput::Pose) {
+      PoseBasis<Scalar>::upper_bounds(held_, x, max_step, dt, upper);
+      lower = -upper;
+    } else {
+      forces_.upper_bounds(grips_, upper);
+      lower.setZero();
+    }
+  }
+
+  /// Writes the finger forces of one frame's coefficients `d`. Never allocates.
+  void finger_forces(const Eigen::Ref<const VectorX<Scalar>>& d,
+                     std::vector<FingerForce<Scalar>>& out) const {
+    forces_.finger_forces(grips_, held_, matrix_, d, out);
+  }
+
+  /// Returns the normal force of a finger with one frame's coefficients `d`, N.
+  Scalar normal_force(const FingerColumns& columns,
+                      const Eigen::Ref<const VectorX<Scalar>>& d) const {
+    return forces_.normal_force(grips_, columns, d);
+  }
+  /// Returns the normal force that a unit of coefficient `i` of a finger adds.
+  Scalar normal_share(const FingerColumns& columns, Index i) const {
+    return contact_traits<Contact>::normal_share(finger(columns).contact,
+                                                 static_cast<Index>(columns.held_slots.size()), i);
+  }
+  /// Returns the adhesion of a finger, N.
+  Scalar adhesion(const FingerColumns& columns) const {
+    const Index m = static_cast<Index>(columns.held_slots.size());
+    return Scalar(static_cast<double>(m)) *
+           ForceBasis<Scalar, Contact>::adhesion(finger(columns).contact, m);
+  }
+
+ private:
+  Grips grips_;
+  std::vector<std::array<int, 3>> triangles_;
+  GripInput input_;
+  HeldVertices<Scalar> held_;
+  ForceBasis<Scalar, Contact> forces_;
+  std::vector<RowRange> columns_;
+  MatrixX<Scalar> matrix_;
+  VectorX<Scalar> offset_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,171 @@
+#pragma once
+
+// The planner's cost over one window, written as weighted rows of the predicted outputs (the sum is
+// in planner_settings.hpp). Features and anchors are pulled to samples of the target at the end of
+// each frame; the centroids of the grips and the affine shapes of the patches are differenced in
+// time, from the frames before the window on:
+//
+//   z_0 = measured,   z_-1 = z_0 - h ż_0,   z_-2 = z_-1 - h ż_-1
+
+#include <array>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "clothctl/mpc/detail/term_stack.hpp"
+#include "clothctl/mpc/detail/window_problem.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Largest coordinate of a target that a planner takes, m: a target further away is an error of the
+/// caller, and the QP could not resolve the sheet beside it.
+template <RealScalar Scalar>
+Scalar largest_target() {
+  return Scalar(1e6);
+}
+
+/// Returns true when every coordinate is finite and at most `largest_target` in size.
+template <class Derived>
+bool within_reach(const Eigen::DenseBase<Derived>& points) {
+  using Scalar = typename Derived::Scalar;
+  for (Index j = 0; j < points.cols(); ++j) {
+    for (Index i = 0; i < points.rows(); ++i) {
+      const Scalar& value = points.derived().coeff(i, j);
+      if (!is_finite(value)) return false;
+      if (value < -largest_target<Scalar>() || largest_target<Scalar>() < value) return false;
+    }
+  }
+  return true;
+}
+
+/// Samples the target of a window and stacks the window's cost.
+template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
+class WindowCost {
+ public:
+  using Problem = WindowProblem<Scalar, Contact>;
+
+  /// Makes room for a problem with one anchor a grip. Allocates.
+  void reserve(const Problem& problem, std::vector<HandAnchor<Scalar>> anchors) {
+    anchors_ = std::move(anchors);
+    const Index grips = static_cast<Index>(problem.basis.grips().size());
+    const Index features = problem.feature_count, horizon = problem.settings.horizon;
+    Index rows = 3 * features + 12 * grips;
+    for (const HeldPatch<Scalar>& p : problem.patches) rows += 9 + 3 * p.affine.count();
+    stack_.reserve(rows, problem.basis.inputs(), horizon);
+    point_.reserve(problem.request.held.size());
+    targets_.setZero(3 * features, horizon);
+    anchor_targets_.setZero(3 * grips, horizon);
+  }
+
+  /// Samples the wanted positions of features and hands at the ends of the frames that follow `t`
+  /// (s); `target(feature, time)` in m. Returns false when one is not finite or is unbounded; the
+  /// samples are then of no use. Never allocates.
+  template <class Target>
+  [[nodiscard]] bool sample(const Problem& problem, Scalar t, const Target& target) {
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    for (Index k = 0; k < settings.horizon; ++k) {
+      const Scalar end = t + Scalar(static_cast<double>(k + 1)) * settings.dt;
+      for (Index i = 0; i < problem.feature_count; ++i) {
+        const Vector3<Scalar> wanted = target(i, end);
+        targets_.template block<3, 1>(3 * i, k) = wanted;
+      }
+      if (!(Scalar(0) < settings.weights.anchor)) continue;
+      for (std::size_t g = 0; g < anchors_.size(); ++g)
+        anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k) =
+            hand(settings, g, end, target);
+    }
+    return within_reach(targets_) && within_reach(anchor_targets_);
+  }
+
+  /// Returns where the hand of grip `g` belongs at time `t` (s), m. Never allocates.
+  template <class Target>
+  Vector3<Scalar> hand(const PlannerSettings<Scalar>& settings, std::size_t g, Scalar t,
+                       const Target& target) const {
+    return anchor_position(anchors_[g], settings.heavy_chain_axes, settings.gravity, target, t);
+  }
+
+  /// Returns the rows of the cost about the plan of `problem.response`. `step_weight`: w_r, s²/m².
+  /// Valid until the next call. Never allocates.
+  const TermStack<Scalar>& stack(const Problem& problem, Scalar step_weight) {
+    stack_.clear();
+    add_features(problem);
+    for (std::size_t g = 0; g < problem.basis.grips().size(); ++g)
+      add_grip(problem, g, step_weight);
+    for (const HeldPatch<Scalar>& patch : problem.patches) add_patch(problem, patch);
+    return stack_;
+  }
+
+ private:
+  static Vector3<Scalar> none(Index) { return Vector3<Scalar>::Zero(); }
+
+  void add_features(const Problem& problem) {
+    using std::sqrt;
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    for (Index i = 0; i < problem.feature_count; ++i) {
+      point_.assign(1, OutputTerm<Scalar>{i, Scalar(1)});
+      stack_.add(problem.response, point_, past_, 0, sqrt(settings.weights.feature),
+                 [&](Index k) { return Vector3<Scalar>(targets_.template block<3, 1>(3 * i, k)); });
+    }
+  }
+
+  /// Anchor and smoothness of the centroid of grip `g`.
+  void add_grip(const Problem& problem, std::size_t g, Scalar step_weight) {
+    using std::sqrt;
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const HeldMotion<Scalar>& motion = problem.motion;
+    const HeldVertices<Scalar>& held = problem.basis.held();
+    const PlannerWeights<Scalar>& w = settings.weights;
+    const Index begin = static_cast<Index>(held.grip_begin(g)),
+                end = static_cast<Index>(held.grip_begin(g + 1));
+    const Scalar share = held.vertex_share(begin);
+    point_.clear();
+    Vector3<Scalar> now = Vector3<Scalar>::Zero(), velocity = Vector3<Scalar>::Zero(),
+                    before = Vector3<Scalar>::Zero();
+    for (Index j = begin; j < end; ++j) {
+      point_.push_back({problem.feature_count + j, share});
+      now += share * motion.position.col(j);
+      velocity += share * motion.velocity.col(j);
+      before += share * motion.last_velocity.col(j);
+    }
+    past_[0] = now;
+    past_[1] = past_[0] - settings.dt * velocity;
+    past_[2] = past_[1] - settings.dt * before;
+    stack_.add(problem.response, point_, past_, 0, sqrt(w.anchor), [&](Index k) {
+      return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k));
+    });
+    stack_.add(problem.response, point_, past_, 2, sqrt(w.smooth) / settings.dt, none);
+    stack_.add_change(problem.response, point_, 1, sqrt(step_weight) / settings.dt);
+    stack_.add(problem.response, point_, past_, 3, sqrt(w.jerk) / settings.dt, none);
+  }
+
+  /// Change of the affine shape of a patch and, where the patch is soft, its non-affine motion.
+  void add_patch(const Problem& problem, const HeldPatch<Scalar>& patch) {
+    using std::sqrt;
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const HeldMotion<Scalar>& motion = problem.motion;
+    for (Index a = 0; a < 3 && patch.affine.rank() > 0; ++a) {
+      point_.clear();
+      past_[0].setZero();
+      for (Index j = 0; j < patch.affine.count(); ++j) {
+        const Index slot = patch.held_slots[static_cast<std::size_t>(j)];
+        point_.push_back({problem.feature_count + slot, patch.affine.map()(a, j)});
+        past_[0] += patch.affine.map()(a, j) * motion.position.col(slot);
+      }
+      stack_.add(problem.response, point_, past_, 1, sqrt(settings.weights.shape), none);
+    }
+    if (settings.input != GripInput::Force || settings.patch != PatchMode::Soft) return;
+    for (Index i = 0; i < patch.affine.non_affine_count(); ++i) {
+      take_non_affine(patch, i, problem.feature_count, point_);
+      stack_.add(problem.response, point_, past_, 0, sqrt(settings.weights.patch), none);
+    }
+  }
+
+  TermStack<Scalar> stack_;
+  std::vector<HandAnchor<Scalar>> anchors_;
+  std::vector<OutputTerm<Scalar>> point_;
+  std::array<Vector3<Scalar>, 3> past_{Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero(),
+                                       Vector3<Scalar>::Zero()};
+  MatrixX<Scalar> targets_, anchor_targets_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

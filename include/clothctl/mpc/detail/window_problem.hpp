@@ -1,0 +1,73 @@
+#pragma once
+
+// Everything that the parts of the planner work on in a frame: what was asked for, the basis of the
+// grips, the request to the predictor and its answer, and what was measured of the held vertices.
+
+#include <utility>
+#include <vector>
+
+#include "clothctl/mpc/detail/held_patches.hpp"
+#include "clothctl/mpc/planner_settings.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// What the held vertices did up to now, by slot: 3×held each.
+template <RealScalar Scalar>
+struct HeldMotion {
+  /// Measured positions, m.
+  Points<Scalar> position;
+  /// Measured velocities, m/s.
+  Points<Scalar> velocity;
+  /// Measured velocities one frame ago, m/s.
+  Points<Scalar> last_velocity;
+};
+
+/// One planning problem: the fixed setup and the data of the current frame. The first outputs of
+/// the window are the features, those after them the held vertices.
+template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
+struct WindowProblem {
+  /// Makes room for everything whose size the grips and settings fix. Allocates.
+  WindowProblem(PlannerSettings<Scalar> planner_settings, GripBasis<Scalar, Contact> grip_basis,
+                const PointFeatures<Scalar>& features)
+      : settings(std::move(planner_settings)),
+        basis(std::move(grip_basis)),
+        patches(find_patches(basis)),
+        feature_count(features.count()) {
+    const std::vector<int>& held = basis.held().vertices();
+    const Index held_count = static_cast<Index>(held.size());
+    request.horizon = settings.horizon;
+    request.dt = settings.dt;
+    request.kind = settings.input;
+    request.held = held;
+    request.outputs = features;
+    request.held_outputs = feature_count;
+    for (int vertex : held) request.outputs.add_point(vertex);
+    request.plan.setZero(request.inputs(), request.horizon);
+    request.path.setZero(request.inputs(), request.horizon);
+    request.applied.setZero(request.inputs());
+    request.wind.setZero(3, request.horizon);
+    for (Points<Scalar>* p : {&motion.position, &motion.velocity, &motion.last_velocity})
+      p->setZero(3, held_count);
+    if (settings.input == GripInput::Force)
+      force_share = settings.gravity_load / Scalar(static_cast<double>(held_count));
+  }
+
+  /// The planner's settings.
+  PlannerSettings<Scalar> settings;
+  /// The map from unknowns to raw inputs.
+  GripBasis<Scalar, Contact> basis;
+  /// The patches that the grips hold.
+  std::vector<HeldPatch<Scalar>> patches;
+  /// Number of features.
+  Index feature_count;
+  /// What is asked of the predictor.
+  WindowRequest<Scalar> request;
+  /// What it answered.
+  WindowResponse<Scalar> response;
+  /// What was measured of the held vertices.
+  HeldMotion<Scalar> motion;
+  /// Share of the gravity load that each held vertex carries, N; zero for poses.
+  Vector3<Scalar> force_share = Vector3<Scalar>::Zero();
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

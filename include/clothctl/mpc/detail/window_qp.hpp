@@ -1,0 +1,343 @@
+#pragma once
+
+// The QP of a window in the unknowns u of grip_basis.hpp: raw inputs r_k = B u_k + r0, δ = r - ū:
+//
+//   ½ δᵀH δ + gᵀδ + effort(r)   ->   ½ uᵀ(BᵀH B + ridge) u + (Bᵀ(g - H (ū - r0)))ᵀ u,   lb <= u <=
+//   ub grip limits:   Σ s_i d_i - a <= limit         for each finger and frame (s: normal shares)
+//   hard patches:  N y_k = 0  ([Bai 2016], eq. 3)  3 · non-affine modes for each frame
+//
+// The QP with bounds alone is tried first. Grip limits go to the row solver only in frames where
+// its solution breaks one; hard patch rows always do. Rows that cannot be met (a grip limit stands
+// against them) are relaxed by an exact L1 penalty.
+
+#include <algorithm>
+#include <cmath>
+#include <concepts>
+#include <utility>
+#include <vector>
+
+#include "clothctl/mpc/detail/condense.hpp"
+#include "clothctl/mpc/detail/relaxed_qp.hpp"
+#include "clothctl/mpc/detail/term_stack.hpp"
+#include "clothctl/mpc/detail/window_problem.hpp"
+#include "clothctl/mpc/plan_types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Assembles and solves the QP of one window. All memory is made by `reserve`.
+template <RealScalar Scalar, ContactModel<Scalar> Contact, BoxQpSolver<Scalar> BoxSolver,
+          QpSolver<Scalar> RowSolver>
+requires std::constructible_from<BoxSolver> && std::movable<BoxSolver> &&
+    std::constructible_from<RowSolver> && std::movable<RowSolver>
+class WindowQp {
+ public:
+  using Problem = WindowProblem<Scalar, Contact>;
+  using Basis = GripBasis<Scalar, Contact>;
+  using FingerColumns = typename Basis::FingerColumns;
+
+  /// Makes room for a problem. Allocates.
+  void reserve(const Problem& problem) {
+    const QpSettings<Scalar>& settings = problem.settings.qp;
+    const Index horizon = problem.settings.horizon, raw = problem.basis.inputs() * horizon;
+    unknowns_ = problem.basis.unknowns() * horizon;
+    if constexpr (std::constructible_from<BoxSolver, QpSettings<Scalar>>)
+      box_ = BoxSolver(settings);
+    if constexpr (std::constructible_from<RowSolver, QpSettings<Scalar>>) {
+      rows_ = RowSolver(settings);
+      relaxed_.solver = RowSolver(settings);
+    }
+    raw_hessian_.setZero(raw, raw);
+    raw_gradient_.setZero(raw);
+    hessian_.setZero(unknowns_, unknowns_);
+    for (VectorX<Scalar>* p : {&gradient_, &lower_, &upper_, &solution_}) p->setZero(unknowns_);
+    column_.setZero(problem.basis.inputs());
+    input_ = column_;
+    qp_solver_traits<BoxSolver>::reserve(box_, unknowns_);
+    resize_result(box_result_, unknowns_, 0);
+    if (problem.settings.input == GripInput::Force) reserve_rows(problem);
+  }
+
+  /// The unknowns of frame `k` of the last solution.
+  auto frame(Index k, Index unknowns) const { return solution_.segment(k * unknowns, unknowns); }
+
+  /// Moves the warm start one frame on.
+  void shift(Index unknowns) {
+    if constexpr (requires { qp_solver_traits<BoxSolver>::shift(box_, unknowns); }) {
+      qp_solver_traits<BoxSolver>::shift(box_, unknowns);
+    }
+    if constexpr (requires { qp_solver_traits<RowSolver>::shift(rows_, unknowns, unknowns); }) {
+      qp_solver_traits<RowSolver>::shift(rows_, unknowns, limits_a_frame_ + patch_rows_a_frame_);
+    }
+  }
+  /// Forgets warm starts.
+  void reset() {
+    if constexpr (requires { qp_solver_traits<BoxSolver>::reset(box_); })
+      qp_solver_traits<BoxSolver>::reset(box_);
+    if constexpr (requires { qp_solver_traits<RowSolver>::reset(rows_); })
+      qp_solver_traits<RowSolver>::reset(rows_);
+  }
+
+  /// Builds H, g and bounds at positions `x` (3×n) from the stacked cost about the plan of the
+  /// predicted window. Never allocates.
+  void assemble(const Problem& problem, const TermStack<Scalar>& stack,
+                const PointsView<Scalar>& x) {
+    condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
+    add_effort(problem);
+    map_gradient(problem);
+    map_hessian(problem.basis);
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const Index p = problem.basis.unknowns();
+    const bool force = settings.input == GripInput::Force;
+    // A rotation about a line of vertices moves nothing, so poses need a ridge too.
+    const Scalar ridge = force ? settings.weights.cone : Scalar(1e-3) * settings.weights.velocity;
+    for (Index i = 0; i < unknowns_; ++i) hessian_(i, i) += ridge;
+    problem.basis.bounds(x, settings.max_step, settings.dt, lower_.head(p), upper_.head(p));
+    for (Index k = 1; k < settings.horizon; ++k) {
+      lower_.segment(k * p, p) = lower_.head(p);
+      upper_.segment(k * p, p) = upper_.head(p);
+    }
+  }
+
+  /// Solves and returns Planned, Suboptimal, Relaxed or Failed. Fills the QP part of `result`; adds
+  /// to the iterations in it. Never allocates.
+  PlanStatus solve(const Problem& problem, PlanResult<Scalar>& result) {
+    const bool force = problem.settings.input == GripInput::Force;
+    bool hard = false;
+    if (force && patch_rows_a_frame_ > 0) {
+      for (const HeldPatch<Scalar>& p : problem.patches)
+        hard = hard || p.affine.non_affine_count() > 0;
+    }
+    result.used_rows = false;
+    if (!hard) {
+      const PlanStatus status = solve_box(result);
+      if (status == PlanStatus::Failed || !force || limits_hold(problem)) return status;
+    }
+    result.used_rows = true;
+    const PlanStatus status = solve_rows(problem, hard, result);
+    if (status != PlanStatus::Failed) keep_limits(problem);
+    return status;
+  }
+
+ private:
+  using BoxResult = typename qp_solver_traits<BoxSolver>::result_type;
+  using RowResult = typename qp_solver_traits<RowSolver>::result_type;
+  using View = Eigen::Ref<const VectorX<Scalar>>;
+
+  void reserve_rows(const Problem& problem) {
+    Index hard = 0;
+    std::size_t longest = 0;
+    for (const HeldPatch<Scalar>& p : problem.patches) {
+      if (problem.settings.patch == PatchMode::Hard) hard += 3 * (p.affine.count() - 1);
+      longest = (std::max)(longest, p.held_slots.size());
+    }
+    limits_a_frame_ = static_cast<Index>(problem.basis.fingers().size());
+    patch_rows_a_frame_ = hard;
+    const Index horizon = problem.settings.horizon, rows = (limits_a_frame_ + hard) * horizon;
+    point_.reserve(longest);
+    row_matrix_.setZero(rows, unknowns_);
+    row_lower_.setZero(rows);
+    row_upper_.setZero(rows);
+    qp_solver_traits<RowSolver>::reserve(rows_, unknowns_, rows);
+    resize_result(row_result_, unknowns_, rows);
+    if (hard > 0) relaxed_.reserve(unknowns_, rows, hard * horizon);
+  }
+
+  void add_effort(const Problem& problem) {
+    const PlannerWeights<Scalar>& w = problem.settings.weights;
+    const bool force = problem.settings.input == GripInput::Force;
+    const Index m = problem.basis.inputs();
+    for (Index k = 0; k < problem.settings.horizon; ++k) {
+      for (Index i = 0; i < m; ++i) {
+        const Index row = k * m + i;
+        const Scalar effort =
+            force ? w.force : w.velocity * problem.basis.held().vertex_share(i / 3);
+        raw_hessian_(row, row) += effort;
+        raw_gradient_[row] += effort * (problem.response.plan(i, k) - problem.force_share[i % 3]);
+      }
+    }
+  }
+
+  /// Bᵀ (g - H (ū - r0)).
+  void map_gradient(const Problem& problem) {
+    const Basis& basis = problem.basis;
+    const Index m = basis.inputs(), p = basis.unknowns(), horizon = problem.settings.horizon;
+    for (Index k = 0; k < horizon; ++k) {
+      column_ = raw_gradient_.segment(k * m, m);
+      for (Index j = 0; j < horizon; ++j) {
+        input_ = problem.response.plan.col(j) - basis.offset();
+        column_.noalias() -= raw_hessian_.block(k * m, j * m, m, m) * input_;
+      }
+      for (Index c = 0; c < p; ++c) gradient_[k * p + c] = dot(basis, c, column_);
+    }
+  }
+
+  /// Bᵀ H B.
+  void map_hessian(const Basis& basis) {
+    const Index m = basis.inputs(), p = basis.unknowns(), horizon = raw_hessian_.rows() / m;
+    for (Index l = 0; l < horizon; ++l) {
+      for (Index d = 0; d < p; ++d) {
+        const RowRange wide = basis.rows(d);
+        for (Index j = l; j < horizon; ++j) {
+          column_.noalias() = raw_hessian_.block(j * m, l * m + wide.first, m, wide.second) *
+                              basis.matrix().col(d).segment(wide.first, wide.second);
+          for (Index c = 0; c < p; ++c) {
+            const Scalar value = dot(basis, c, column_);
+            hessian_(j * p + c, l * p + d) = value;
+            hessian_(l * p + d, j * p + c) = value;
+          }
+        }
+      }
+    }
+  }
+
+  /// The QP with bounds alone.
+  PlanStatus solve_box(PlanResult<Scalar>& result) {
+    using Traits = qp_solver_traits<BoxSolver>;
+    result.qp_status = Traits::set_hessian(box_, hessian_);
+    if (result.qp_status != QpStatus::Solved) return PlanStatus::Failed;
+    result.qp_status =
+        Traits::solve(box_, View(gradient_), View(lower_), View(upper_), box_result_);
+    result.qp_iterations += iterations_of(box_result_);
+    return take<BoxSolver>(box_result_, result.qp_status);
+  }
+
+  /// The QP with rows; relaxed where hard patch rows cannot be met.
+  PlanStatus solve_rows(const Problem& problem, bool hard, PlanResult<Scalar>& result) {
+    fill_rows(problem);
+    result.qp_status = solve_with_rows(rows_, hessian_, row_matrix_, gradient_, lower_, upper_,
+                                       row_lower_, row_upper_, row_result_);
+    result.qp_iterations += iterations_of(row_result_);
+    if (!hard || result.qp_status != QpStatus::PrimalInfeasible)
+      return take<RowSolver>(row_result_, result.qp_status);
+    relaxed_.fill(hessian_, row_matrix_, gradient_, lower_, upper_, row_lower_, row_upper_,
+                  limits_a_frame_, patch_rows_a_frame_);
+    result.qp_status =
+        solve_with_rows(relaxed_.solver, relaxed_.hessian, relaxed_.rows, relaxed_.gradient,
+                        relaxed_.lower, relaxed_.upper, row_lower_, row_upper_, relaxed_.result);
+    result.qp_iterations += iterations_of(relaxed_.result);
+    const bool failed = take<RowSolver>(relaxed_.result, result.qp_status) == PlanStatus::Failed;
+    return failed ? PlanStatus::Failed : PlanStatus::Relaxed;
+  }
+
+  static PlanStatus plan_status(QpStatus status) {
+    if (status == QpStatus::Solved) return PlanStatus::Planned;
+    if (status == QpStatus::SolvedInaccurate || status == QpStatus::IterationLimit ||
+        status == QpStatus::TimeLimit)
+      return PlanStatus::Suboptimal;
+    return PlanStatus::Failed;
+  }
+
+  /// Column c of B times a vector of raw inputs.
+  static Scalar dot(const Basis& basis, Index c, const VectorX<Scalar>& raw) {
+    const RowRange rows = basis.rows(c);
+    return basis.matrix()
+        .col(c)
+        .segment(rows.first, rows.second)
+        .dot(raw.segment(rows.first, rows.second));
+  }
+
+  /// Keeps the unknowns of a result; Failed when its status is no solution or it is not finite.
+  template <class Solver>
+  PlanStatus take(const typename qp_solver_traits<Solver>::result_type& result,
+                  QpStatus qp_status) {
+    const PlanStatus status = plan_status(qp_status);
+    if (status == PlanStatus::Failed) return status;
+    const View x(qp_solver_traits<Solver>::solution(result));
+    if (x.size() < unknowns_ || !all_finite(x)) return PlanStatus::Failed;
+    solution_ = x.head(unknowns_);
+    return status;
+  }
+
+  /// Returns true when every finger of every frame keeps its limit.
+  bool limits_hold(const Problem& problem) const {
+    const Basis& basis = problem.basis;
+    for (Index k = 0; k < problem.settings.horizon; ++k) {
+      for (const FingerColumns& columns : basis.fingers()) {
+        const Scalar normal = basis.normal_force(columns, frame(k, basis.unknowns()));
+        if (basis.finger(columns).max_normal_force < normal) return false;
+      }
+    }
+    return true;
+  }
+
+  /// Removes what a row solver leaves above the limits, or below zero: the contact law still holds.
+  void keep_limits(const Problem& problem) {
+    const Basis& basis = problem.basis;
+    for (Index i = 0; i < unknowns_; ++i) {
+      if (solution_[i] < Scalar(0)) solution_[i] = Scalar(0);
+    }
+    for (Index k = 0; k < problem.settings.horizon; ++k) {
+      for (const FingerColumns& columns : basis.fingers()) {
+        const Scalar adhesion = basis.adhesion(columns);
+        const Scalar pressed = basis.normal_force(columns, frame(k, basis.unknowns())) + adhesion;
+        const Scalar limit = basis.finger(columns).max_normal_force + adhesion;
+        if (limit < pressed)
+          solution_.segment(k * basis.unknowns() + columns.column, columns.count) *=
+              limit / pressed;
+      }
+    }
+  }
+
+  /// The rows of all frames, frame by frame: a grip limit for each finger, then the non-affine
+  /// modes of the patches. A patch whose vertices span more dimensions has fewer modes; it leaves
+  /// rows without entries and bounds.
+  void fill_rows(const Problem& problem) {
+    const Basis& basis = problem.basis;
+    const Index a_frame = limits_a_frame_ + patch_rows_a_frame_;
+    row_matrix_.setZero();
+    row_lower_.setConstant(-scalar_traits<Scalar>::infinity());
+    row_upper_.setConstant(scalar_traits<Scalar>::infinity());
+    for (Index k = 0; k < problem.settings.horizon; ++k) {
+      Index row = k * a_frame;
+      for (const FingerColumns& columns : basis.fingers()) {
+        const Index first = k * basis.unknowns() + columns.column;
+        for (Index i = 0; i < columns.count; ++i)
+          row_matrix_(row, first + i) = basis.normal_share(columns, i);
+        row_upper_[row] = basis.finger(columns).max_normal_force + basis.adhesion(columns);
+        ++row;
+      }
+      if (patch_rows_a_frame_ == 0) continue;
+      for (const HeldPatch<Scalar>& patch : problem.patches) {
+        for (Index i = 0; i < patch.affine.non_affine_count(); ++i) {
+          take_non_affine(patch, i, problem.request.held_outputs, point_);
+          for (Index c = 0; c < 3; ++c, ++row) fill_patch_row(row, k, c, problem);
+        }
+      }
+    }
+  }
+
+  /// Coordinate c of the mode in point_ stays zero in frame k.
+  void fill_patch_row(Index row, Index k, Index c, const Problem& problem) {
+    const Basis& basis = problem.basis;
+    const WindowResponse<Scalar>& window = problem.response;
+    const Index m = basis.inputs(), p = basis.unknowns();
+    Scalar offset = Scalar(0);
+    for (const OutputTerm<Scalar>& t : point_)
+      offset -= t.weight * window.free_response(3 * t.output + c, k);
+    for (Index j = 0; j <= k; ++j) {
+      column_.setZero();
+      for (const OutputTerm<Scalar>& t : point_) {
+        column_ +=
+            t.weight *
+            window.impulse_response.row(3 * t.output + c).segment((k - j) * m, m).transpose();
+      }
+      offset += column_.dot(window.plan.col(j) - basis.offset());
+      for (Index d = 0; d < p; ++d) row_matrix_(row, j * p + d) = dot(basis, d, column_);
+    }
+    row_lower_[row] = offset;
+    row_upper_[row] = offset;
+  }
+
+  BoxSolver box_;
+  RowSolver rows_;
+  BoxResult box_result_;
+  RowResult row_result_;
+  RelaxedQp<Scalar, RowSolver> relaxed_;
+  MatrixX<Scalar> raw_hessian_, hessian_, row_matrix_;
+  VectorX<Scalar> raw_gradient_, gradient_, lower_, upper_, solution_, column_, input_, row_lower_,
+      row_upper_;
+  std::vector<OutputTerm<Scalar>> point_;
+  Index unknowns_ = 0, limits_a_frame_ = 0, patch_rows_a_frame_ = 0;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,51 @@
+#pragma once
+
+// Settings that belong together for a plant that is not the predictor: a cloth of another engine, a
+// position-based cloth, a real one. Feedback through a model that is slightly wrong can pump energy
+// into a lightly damped sheet; a strong hand anchor takes it out. It keeps an explicit 9×9 cloth
+// within 6 mm for 12 s and within 22 mm for 2 minutes, where an anchor of 10 loses the track after
+// 5 s. Larger sheets of another engine are not tracked reliably (docs/planner.md).
+
+#include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/mpc/linearised_predictor.hpp"
+#include "clothctl/mpc/planner_settings.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// What carries the weight of the plant's cloth.
+enum class WeightBearing {
+  /// Tension, as in springs and in fabric.
+  Tension,
+  /// Elongation that the solver leaves, as in substepped position-based cloth: far more stretch
+  /// than
+  /// its tension explains.
+  Elongation
+};
+
+/// Settings of planner, predictor and response for a plant that is not the predictor.
+template <RealScalar Scalar>
+struct LoosePlantProfile {
+  /// For the Planner: calm hands, strong anchor. Plan poses (GripInput::Pose): planned forces
+  /// follow about ten times worse.
+  PlannerSettings<Scalar> planner = {};
+  /// For the LinearisedPredictor.
+  LinearisedPredictorSettings<Scalar> predictor = {};
+  /// For its MassSpringResponse.
+  ResponseSettings<float> response = {};
+};
+
+/// Returns the profile for a kind of plant.
+template <RealScalar Scalar>
+LoosePlantProfile<Scalar> loose_plant(WeightBearing weight = WeightBearing::Tension) {
+  LoosePlantProfile<Scalar> profile;
+  profile.planner.weights.smooth = Scalar(10);
+  profile.planner.weights.anchor = Scalar(100);
+  if (weight == WeightBearing::Elongation) {
+    profile.predictor.measured_force = Scalar(1);
+    profile.response.scale.axial = 0.2f;
+    profile.response.scale.geometric = 0.04f;
+  }
+  return profile;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

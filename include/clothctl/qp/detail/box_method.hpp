@@ -1,0 +1,539 @@
+#pragma once
+
+// A primal active-set method for bound-constrained QP that factors only the free unknowns F:
+//
+//   min ½ xᵀHx + gᵀx,  lb ≤ x ≤ ub        q = Hx + g,   z_i = q_i at an active bound
+//
+//   1. Newton step on the free set:  p_F = -H_FF⁻¹ q_F.
+//   2. Line search along x + t p. An unknown that meets its bound stops there and the others go on,
+//      up to the first minimum along the bent path. Unknowns that met a bound leave F. Back to 1.
+//   3. When no bound was met, x minimises over F. Free every unknown whose multiplier has the wrong
+//      sign: all at once, or one at a time when the objective no longer falls. When there is none,
+//      x is optimal.
+//
+// The method is finite. Step 2 only shrinks F. Between two visits of step 3 the objective falls
+// strictly: q_F = 0 there, and dropping an unknown that points outward only makes the descent
+// steeper. A freed unknown that depends on F (zero pivot) gives a direction d with H d = 0 and
+// qᵀd < 0 (zero_curvature_direction.hpp). The method walks along d to the first bound; when there
+// is none, the problem is unbounded. The curvature class keeps, multiplies and factors H
+// (dense_curvature.hpp, special/low_rank_curvature.hpp).
+//
+// When a minimiser on a given active set is cheap, a primal-dual active-set method
+// (special/primal_dual_active_set.hpp) runs first and provides the start, which is mostly optimal
+// already. It is always cheap with a low-rank Hessian. With a dense Hessian it is cheap when few
+// bounds are active and the Hessian has been used before (special/active_bounds.hpp).
+// Reference: primal active sets, Nocedal and Wright (2006) §16.5; projected Newton, Bertsekas, SIAM
+// J. Control Optim. 20 (1982).
+
+#include <algorithm>
+#include <vector>
+
+#include "clothctl/linalg/vector_kernels.hpp"
+#include "clothctl/qp/detail/box_warm_start.hpp"
+#include "clothctl/qp/detail/budget.hpp"
+#include "clothctl/qp/detail/cached_product.hpp"
+#include "clothctl/qp/detail/factor_update.hpp"
+#include "clothctl/qp/detail/zero_curvature_direction.hpp"
+#include "clothctl/qp/problem.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// The method on loaded data: open bounds are no_bound, every entry finite. Keeps iterate and
+/// active set between solves.
+template <RealScalar Scalar, class Curvature>
+class BoxMethod {
+ public:
+  using Vector = VectorX<Scalar>;
+
+  /// Gradient g and bounds of a solve, n entries each; they must outlive it.
+  struct Data {
+    const Vector& g;
+    const Vector& lo;
+    const Vector& hi;
+  };
+
+  /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
+  void reserve(Index n) {
+    set_zero<Scalar>({&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_}, n);
+    product_.reserve(n);
+    flat_.reserve(n);
+    guess_.reserve(n);
+    state_.assign(static_cast<std::size_t>(n), kLower);
+    list_.assign(static_cast<std::size_t>(n), 0);
+    moving_.assign(static_cast<std::size_t>(n), 0);
+    n_ = 0;
+    reset();
+  }
+
+  /// The Hessian. After a change call `renew`.
+  Curvature& curvature() { return curvature_; }
+  const Curvature& curvature() const { return curvature_; }
+
+  /// Prepares for a new Hessian in `curvature()`. The active set stays when n is unchanged.
+  void renew() {
+    using std::sqrt;
+    if (curvature_.unknowns() != n_) reset();
+    n_ = curvature_.unknowns();
+    curvature_.clear();
+    guess_.forget(curvature_);
+    product_.forget();
+    steepest_ = Scalar(0);
+    for (Index j = 0; j < n_; ++j) {
+      const Scalar own = curvature_.diagonal(j);
+      scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
+      root_[j] = own > Scalar(0) ? sqrt(own) : Scalar(0);
+      steepest_ = (std::max)(steepest_, root_[j]);
+    }
+  }
+
+  /// The iterate, n entries in use.
+  const Vector& x() const { return x_; }
+  /// H x + g of the last refresh, n entries in use.
+  const Vector& gradient() const { return q_; }
+  /// A bound on |H_jk x_k| summed over k, for every j of the last refresh.
+  const Scalar& largest_terms() const { return terms_; }
+  /// The direction of the last DualInfeasible, n entries in use.
+  const Vector& ray() const { return flat_.ray(); }
+
+  /// Who checks a start from the primal-dual method that has converged.
+  enum class Check { Method, Caller };
+
+  /// Solves; returns Solved (as far as the method can tell), what ran out, NonConvex or
+  /// DualInfeasible, and adds rounds with a change of the active set to `iterations`. Where the
+  /// caller judges x anyway, a finished guess is Solved without a gradient, and `gradient()` is of
+  /// no use. Never allocates.
+  QpStatus solve(const Data& data, const Scalar& stationarity_tolerance, const Budget& budget,
+                 int& iterations, Check criterion = Check::Method) {
+    data_ = &data;
+    stationarity_tolerance_ = stationarity_tolerance;
+    const bool warm = start_ != Start::Cold;
+    take_start();
+    const QpStatus status =
+        warm && is_solved_already() ? QpStatus::Solved : run(warm, criterion, budget, iterations);
+    guess_.end_solve(curvature_, warm, status == QpStatus::Solved, n_ - free_count());
+    data_ = nullptr;
+    return status;
+  }
+
+  /// Number of unknowns that are free.
+  Index free_count() const {
+    return static_cast<Index>(std::count(state_.begin(), state_.begin() + n_, kFree));
+  }
+
+  /// H x + g from scratch into `gradient()`.
+  void refresh(const Data& data) {
+    data_ = &data;
+    refresh_gradient();
+    data_ = nullptr;
+  }
+
+  /// One Newton step on the free unknowns from a gradient that the caller knows better.
+  /// `gradient()` is of no use afterwards.
+  void correct(const Data& data, const Vector& gradient) {
+    sync_factor();
+    curvature_.newton(gradient, p_);
+    for (Index k = 0; k < curvature_.size(); ++k) {
+      const Index i = curvature_.order(k);
+      x_[i] = (std::min)((std::max)(Scalar(x_[i] + p_[i]), data.lo[i]), data.hi[i]);
+    }
+  }
+
+  /// Replaces an iterate that is not finite: x goes to the point of the box nearest to zero, and
+  /// the next solve is cold. Returns true when it replaced x.
+  bool give_up_broken(const Data& data) {
+    if (all_finite(x_.head(n_))) return false;
+    for (Index i = 0; i < n_; ++i)
+      x_[i] = (std::min)((std::max)(Scalar(0), data.lo[i]), data.hi[i]);
+    curvature_.clear();
+    product_.forget();
+    reset();
+    return true;
+  }
+
+  /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside
+  /// are free.
+  void warm_start(const Eigen::Ref<const Vector>& x) {
+    std::copy_n(x.data(), n_, x_.data());
+    start_ = Start::FromX;
+  }
+
+  /// Makes the next solve start from an active set: side_of(i) of unknown i. x stays where it is
+  /// between its bounds.
+  template <class SideOf>
+  void warm_start_sides(SideOf side_of) {
+    if (start_ == Start::Cold) std::fill_n(x_.data(), n_, Scalar(0));
+    for (Index i = 0; i < n_; ++i) state(i) = static_cast<State>(side_of(i));
+    start_ = Start::Warm;
+  }
+
+  /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the
+  /// tail repeats the last block.
+  void shift(Index unknowns) {
+    if (unknowns <= 0) return;
+    for (Index i = 0; i + unknowns < n_; ++i) {
+      x_[i] = x_[i + unknowns];
+      state(i) = state(i + unknowns);
+    }
+  }
+
+  /// Forgets the active set: the next solve is cold.
+  void reset() { start_ = Start::Cold; }
+
+ private:
+  using State = signed char;
+  static constexpr State kLower = -1, kFree = 0, kUpper = 1,
+                         kParked = 2;  // parked: inside, but dependent on the free set
+  enum class Start { Cold, FromX, Warm };
+  enum class Walk { Full, Clipped, Unbounded, Concave, Ray };
+
+  State& state(Index i) { return state_[static_cast<std::size_t>(i)]; }
+  Index list(Index k) const { return list_[static_cast<std::size_t>(k)]; }
+  Index moving(Index k) const { return moving_[static_cast<std::size_t>(k)]; }
+  const Vector& g() const { return data_->g; }
+  const Vector& lo() const { return data_->lo; }
+  const Vector& hi() const { return data_->hi; }
+
+  /// Sets x within its bounds and the first guess of the active set.
+  void take_start() {
+    for (Index i = 0; i < n_; ++i) {
+      if (start_ == Start::Cold) x_[i] = Scalar(0);
+      const bool fixed = !(lo()[i] < hi()[i]);
+      if (start_ == Start::Warm && !fixed) {
+        if (state(i) == kLower && has_bound(lo()[i])) x_[i] = lo()[i];
+        if (state(i) == kUpper && has_bound(hi()[i])) x_[i] = hi()[i];
+      }
+      if (x_[i] < lo()[i]) x_[i] = lo()[i];
+      if (x_[i] > hi()[i]) x_[i] = hi()[i];
+      if (start_ == Start::Warm && !fixed && state(i) == kFree) continue;
+      place_by_x(i);
+      if (state(i) == kParked) state(i) = kFree;
+    }
+    start_ = Start::Warm;
+  }
+
+  /// Returns true when the iterate already solves the problem, as it does when nothing has changed.
+  bool is_solved_already() {
+    if (!product_.is_of(x_, n_)) return false;
+    refresh_gradient();
+    return good_guess();
+  }
+
+  /// Guess, then the free-set method. A guess may take half of the budget; one that is cut short is
+  /// taken if it is lower.
+  QpStatus run(bool warm, Check criterion, const Budget& budget, int& iterations) {
+    const auto side_of = [this](Index i) {
+      return static_cast<QpSide>(state(i) == kParked ? kFree : state(i));
+    };
+    const Budget share = budget.half(iterations);
+    bool guessed = guess_.find(curvature_, warm, n_ - free_count(), g(), lo(), hi(), side_of,
+                               relative_zero(), share, iterations);
+    if (!guessed) return iterate(false, budget, iterations);
+    const PrimalDualActiveSet<Scalar>& found = guess_.rounds();
+    const bool cut_short = !found.ended() && share.after(iterations) != QpStatus::Solved;
+    if (cut_short) guessed = objective(found.x()) < objective(x_);
+    if (guessed) {
+      std::copy_n(found.x().data(), n_, x_.data());
+      for (Index i = 0; i < n_; ++i) {
+        state(i) = found.side(i) == QpSide::Between || lo()[i] < hi()[i]
+                       ? static_cast<State>(found.side(i))
+                       : kLower;
+      }
+    }
+    const QpStatus spent = cut_short ? budget.after(iterations) : QpStatus::Solved;
+    if (spent != QpStatus::Solved && !guessed) guess_.skip_next();
+    if (spent != QpStatus::Solved || (found.ended() && criterion == Check::Caller)) return spent;
+    return iterate(guessed, budget, iterations);
+  }
+
+  Scalar objective(const Vector& x) {
+    std::fill_n(last_q_.data(), n_, Scalar(0));
+    curvature_.add_product(x, last_q_);
+    Scalar sum(0);
+    for (Index i = 0; i < n_; ++i) sum += (Scalar(0.5) * last_q_[i] + g()[i]) * x[i];
+    return sum;
+  }
+
+  void refine_guess() {
+    if (!guess_.refine(curvature_, q_, p_)) return;
+    for (Index i = 0; i < n_; ++i)
+      x_[i] = (std::min)((std::max)(Scalar(x_[i] + p_[i]), lo()[i]), hi()[i]);
+    refresh_gradient();
+  }
+
+  /// Status of an unknown that is not in the factor, from where it stands.
+  void place_by_x(Index i) {
+    state(i) = !(x_[i] > lo()[i]) ? kLower : !(x_[i] < hi()[i]) ? kUpper : kParked;
+  }
+
+  /// q = g + H x; the product comes from scratch, or was made so for this very x.
+  void refresh_gradient() { take_gradient(product_.refresh(curvature_, x_)); }
+
+  Scalar relative_zero() const {
+    return (std::max)(Scalar(32) * scalar_traits<Scalar>::epsilon(),
+                      Scalar(stationarity_tolerance_ / Scalar(64)));
+  }
+
+  void take_gradient(const Vector& product) {
+    using std::abs;
+    for (Index i = 0; i < n_; ++i) q_[i] = g()[i] + product[i];
+    // What counts as zero in q_j: relative to the largest term of any, and to what its own terms
+    // can be, |H_jk x_k| ≤ √H_jj √H_kk |x_k|, so that scaling an unknown changes nothing.
+    Scalar largest(1), length(0);
+    for (Index i = 0; i < n_; ++i) {
+      largest = (std::max)(largest, (std::max)(Scalar(abs(g()[i])), Scalar(abs(product[i]))));
+      length += root_[i] * abs(x_[i]);
+    }
+    terms_ = steepest_ * length;
+    const Scalar least =
+        Scalar(1e-30);  // smaller slopes count as zero: without one in g the others fall with x
+    const Scalar relative = relative_zero();
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar size = (std::min)(Scalar(abs(g()[i]) + length * root_[i]), largest);
+      zero_[i] = (std::max)(Scalar(relative * size), least);
+    }
+  }
+
+  /// Updates the factor to the free unknowns. Returns how many unknowns it took in; the
+  /// dependent ones stay out.
+  Index sync_factor() {
+    const Index fresh = update_factor_to(
+        curvature_, n_, [this](Index i) { return state(i) == kFree; }, list_, moving_);
+    if (fresh == 0) return 0;
+    if constexpr (Curvature::kDefinite) return fresh;
+    Index taken = 0;
+    for (Index k = 0; k < fresh; ++k) {
+      if (curvature_.place(list(k)) >= 0) ++taken;
+    }
+    for (Index i = 0; i < n_; ++i) {
+      if (state(i) == kFree && curvature_.place(i) < 0) place_by_x(i);
+    }
+    return taken;
+  }
+
+  /// One Newton step over the free set along the bent path.
+  Walk newton_step() {
+    const Index f = curvature_.size();
+    bool still = true;
+    for (Index k = 0; k < f; ++k) {
+      const Index i = curvature_.order(k);
+      moving_[static_cast<std::size_t>(k)] = i;
+      still = still && !(q_[i] < Scalar(0)) && !(q_[i] > Scalar(0));
+    }
+    if (still) return Walk::Full;
+    curvature_.newton(q_, p_);
+    return walk(f, true);
+  }
+
+  /// Walks along p over the `count` unknowns in moving_, whose bounds bend the path.
+  Walk walk(Index count, bool newton) {
+    using std::sqrt;
+    const Scalar rounding = Scalar(4) * static_cast<Scalar>(n_) * scalar_traits<Scalar>::epsilon();
+    Index hits = 0;
+    bool clipped = false;
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving(k);
+      const Scalar edge = p_[i] < Scalar(0) ? lo()[i] : hi()[i];
+      if (!has_bound(edge) || (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0)))) continue;
+      limit_[i] = (std::max)(Scalar(0), Scalar((edge - x_[i]) / p_[i]));
+      if (newton && limit_[i] < Scalar(1)) clipped = true;
+      list_[static_cast<std::size_t>(hits++)] = i;
+    }
+    curvature_.start_walk(moving_, count, p_, q_);
+    if (newton && !clipped) {
+      curvature_.advance(Scalar(1), q_);
+      curvature_.end_walk(moving_, count, p_, q_);
+      go_on(Scalar(1), count);
+      stay_inside(count);
+      return Walk::Full;
+    }
+    std::sort(list_.begin(), list_.begin() + hits, [this](Index a, Index b) {
+      return limit_[a] < limit_[b] || (!(limit_[b] < limit_[a]) && a < b);
+    });
+    Scalar t(0);
+    Index hit = 0;
+    for (;;) {
+      Scalar slope, curvature, size;
+      curvature_.line(moving_, count, p_, q_, slope, curvature, size);
+      if (!(slope < Scalar(0))) break;
+      if (!newton && curvature < -sqrt(scalar_traits<Scalar>::epsilon()) * size)
+        return Walk::Concave;
+      const bool curved = curvature > (newton ? Scalar(0) : rounding * size);
+      const Scalar rest = curved ? -slope / curvature : Scalar(0);
+      const bool stops_first = hit < hits && !(curved && t + rest < limit_[list(hit)]);
+      if (!stops_first && !curved) return Walk::Unbounded;
+      const Scalar step = stops_first ? limit_[list(hit)] - t : rest;
+      go_on(step, count);
+      curvature_.advance(step, q_);
+      t += step;
+      if (!stops_first) break;
+      const Index i = list(hit++);
+      const bool down = p_[i] < Scalar(0);
+      x_[i] = down ? lo()[i] : hi()[i];
+      state(i) = down ? kLower : kUpper;
+      curvature_.stop(i, p_, q_);
+      p_[i] = Scalar(0);
+    }
+    curvature_.end_walk(moving_, count, p_, q_);
+    stay_inside(count);
+    return Walk::Clipped;
+  }
+
+  void go_on(const Scalar& step, Index count) {
+    for (Index k = 0; k < count; ++k) x_[moving(k)] += step * p_[moving(k)];
+  }
+
+  /// Puts x back within its bounds after rounding errors.
+  void stay_inside(Index count) {
+    for (Index k = 0; k < count; ++k) {
+      const Index i = moving(k);
+      x_[i] = (std::min)((std::max)(x_[i], lo()[i]), hi()[i]);
+    }
+  }
+
+  /// Violation of the sign condition on q_i, scaled by curvature; 0 where it holds.
+  Scalar violation(Index i) {
+    using std::abs;
+    if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);
+    const Scalar q = state(i) == kLower ? -q_[i] : state(i) == kUpper ? q_[i] : Scalar(abs(q_[i]));
+    return q > zero_[i] ? q * scale_[i] : Scalar(0);
+  }
+
+  /// Frees unknowns whose multiplier has the wrong sign: all, or only the worst. Returns the worst
+  /// one, or -1.
+  Index release(bool one) {
+    Index worst = -1;
+    Scalar most(0);
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar v = violation(i);
+      if (v > most) {
+        most = v;
+        worst = i;
+      }
+    }
+    if (worst < 0) return worst;
+    for (Index i = 0; i < n_; ++i) {
+      if (one ? i == worst : violation(i) > Scalar(0)) state(i) = kFree;
+    }
+    return worst;
+  }
+
+  /// Follows the flat direction that unknown i opens when it depends on the free set.
+  Walk flat_step(Index i) {
+    const Index count = flat_.open(curvature_, i, Scalar(q_[i] > Scalar(0) ? -1 : 1), moving_, p_);
+    if (flat_.is_ray(curvature_, moving_, count, p_, g(), lo(), hi())) return Walk::Ray;
+    const Walk outcome = walk(count, false);
+    if (x_[i] > lo()[i] && x_[i] < hi()[i]) state(i) = kFree;
+    return outcome;
+  }
+
+  /// Returns true when an unknown of the factor has met its bound.
+  bool met_bound() {
+    for (Index k = 0; k < curvature_.size(); ++k) {
+      if (state(curvature_.order(k)) != kFree) return true;
+    }
+    return false;
+  }
+
+  /// Returns true when the objective is lower than ever since the start. Its changes ½ (q + q')ᵀ(x
+  /// - x') are summed, so that a large constant hides nothing.
+  bool progressed() {
+    using std::abs;
+    Scalar change(0);
+    Scalar size(0);
+    for (Index i = 0; i < n_; ++i) {
+      const Scalar step = x_[i] - last_x_[i];
+      change += Scalar(0.5) * (q_[i] + last_q_[i]) * step;
+      size += (abs(g()[i]) + abs(q_[i] - g()[i])) * abs(step);
+    }
+    std::copy_n(x_.data(), n_, last_x_.data());
+    std::copy_n(q_.data(), n_, last_q_.data());
+    total_ += change;
+    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size)) return false;
+    least_ = total_;
+    return true;
+  }
+
+  /// Returns true when the gradient vanishes on the free unknowns, to so many times what counts as
+  /// zero, and has the right sign on the others.
+  bool optimal(const Scalar& times = Scalar(1)) {
+    using std::abs;
+    for (Index i = 0; i < n_; ++i) {
+      if (state(i) == kFree && !(abs(q_[i]) <= times * zero_[i])) return false;
+      if (violation(i) > Scalar(0)) return false;
+    }
+    return true;
+  }
+
+  /// Returns true when a guess needs no more work: its stationarity may take an eighth of the
+  /// tolerance.
+  bool good_guess() {
+    return optimal(
+        (std::max)(Scalar(1), Scalar(stationarity_tolerance_ / (Scalar(8) * relative_zero()))));
+  }
+
+  QpStatus iterate(bool guessed, const Budget& budget, int& iterations) {
+    take_gradient(product_.update(curvature_, x_));
+    if (guessed && good_guess()) return QpStatus::Solved;
+    if (guessed && guess_.rounds().ended()) refine_guess();
+    if (optimal()) {  // the product of a few moves may be rounded by how far they went
+      refresh_gradient();
+      if (optimal()) return QpStatus::Solved;
+    }
+    int stalls = 0;
+    int polishes = 0;
+    bool first = true;
+    bool stuck = false;
+    for (;;) {
+      sync_factor();
+      if (newton_step() == Walk::Clipped) {
+        if (const QpStatus spent = budget.after(++iterations); spent != QpStatus::Solved)
+          return spent;
+        continue;
+      }
+      if (first) {
+        std::copy_n(x_.data(), n_, last_x_.data());
+        std::copy_n(q_.data(), n_, last_q_.data());
+        total_ = least_ = Scalar(0);
+        first = false;
+      } else {
+        stalls = progressed() ? 0 : stalls + 1;
+      }
+      const Index worst = stuck || stalls > 2 * kStalls ? Index(-1) : release(stalls > kStalls);
+      if (worst < 0) {
+        refresh_gradient();
+        if (optimal() || ++polishes > kPolishes) return QpStatus::Solved;
+        if (polishes > 1) curvature_.clear();
+        continue;
+      }
+      if (const QpStatus spent = budget.after(++iterations); spent != QpStatus::Solved)
+        return spent;
+      if (sync_factor() > 0) continue;
+      if constexpr (!Curvature::kDefinite) {
+        const Walk outcome = flat_step(worst);
+        if (outcome == Walk::Concave) return QpStatus::NonConvex;
+        if (outcome == Walk::Ray) return QpStatus::DualInfeasible;
+        if (outcome != Walk::Unbounded) continue;
+        if (met_bound()) continue;  // on from there, with what is still free
+      }
+      stuck = first =
+          true;  // no further way down that rounding does not hide: the residuals will tell
+    }
+  }
+
+  static constexpr int kStalls = 3, kPolishes = 4;
+
+  Curvature curvature_;
+  ZeroCurvatureDirection<Scalar> flat_;
+  BoxWarmStart<Scalar, Curvature> guess_;
+  Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_;
+  CachedProduct<Scalar> product_;
+  std::vector<State> state_;
+  std::vector<Index> list_, moving_;
+  const Data* data_ = nullptr;
+  Scalar steepest_ = Scalar(0), terms_ = Scalar(0);
+  Scalar stationarity_tolerance_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
+  Index n_ = 0;
+  Start start_ = Start::Cold;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

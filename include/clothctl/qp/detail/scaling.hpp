@@ -1,0 +1,78 @@
+#pragma once
+
+// Equilibration by powers of two, so that scaling and unscaling are exact:
+//
+//   x = D x̂,  Ĥ = D H D,  Â = E A D,  y = E ŷ,  z = D⁻¹ ẑ
+//
+// A few sweeps bring the largest entry of each column of (Ĥ; Â) and of each row of Â close to one.
+// Reference: Ruiz, RAL-TR-2001-034 (2001).
+
+#include <algorithm>
+#include <cmath>
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// product_i = a_i b_i for the first n entries.
+template <RealScalar Scalar>
+void multiply_entries(Index n, const VectorX<Scalar>& a, const VectorX<Scalar>& b,
+                      VectorX<Scalar>& product) {
+  for (Index i = 0; i < n; ++i) product[i] = a[i] * b[i];
+}
+
+/// quotient_i = a_i / b_i for the first n entries.
+template <RealScalar Scalar>
+void divide_entries(Index n, const VectorX<Scalar>& a, const VectorX<Scalar>& b,
+                    VectorX<Scalar>& quotient) {
+  for (Index i = 0; i < n; ++i) quotient[i] = a[i] / b[i];
+}
+
+/// The power of two nearest to a positive value (in the logarithm), within 2^±60.
+template <RealScalar Scalar>
+Scalar nearest_power_of_two(const Scalar& value) {
+  Scalar power(1);
+  const Scalar up(1.4375);
+  const Scalar down(0.71875);
+  for (int k = 0; k < 60 && value > power * up; ++k) power *= Scalar(2);
+  for (int k = 0; k < 60 && value < power * down; ++k) power *= Scalar(0.5);
+  return power;
+}
+
+/// Scales H (n×n) and A (m×n) in place; D and E receive the factors. Never allocates. Complexity:
+/// O(n² + mn).
+template <RealScalar Scalar>
+void equilibrate(Eigen::Ref<MatrixX<Scalar>> H, Eigen::Ref<MatrixX<Scalar>> A,
+                 Eigen::Ref<VectorX<Scalar>> D, Eigen::Ref<VectorX<Scalar>> E) {
+  using std::abs;
+  using std::sqrt;
+  const Index n = H.rows();
+  const Index m = A.rows();
+  D.setConstant(Scalar(1));
+  const auto scale_rows = [&] {
+    E.setConstant(Scalar(0));
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < m; ++i) E[i] = (std::max)(E[i], Scalar(abs(A(i, j)) * D[j]));
+    }
+    for (Index i = 0; i < m; ++i) E[i] = E[i] > Scalar(0) ? Scalar(1) / E[i] : Scalar(1);
+  };
+  constexpr int kSweeps = 4;
+  for (int sweep = 0; sweep < kSweeps; ++sweep) {
+    scale_rows();
+    for (Index j = 0; j < n; ++j) {
+      Scalar largest(0);
+      for (Index i = 0; i < n; ++i) largest = (std::max)(largest, Scalar(abs(H(i, j)) * D[i]));
+      for (Index i = 0; i < m; ++i) largest = (std::max)(largest, Scalar(abs(A(i, j)) * E[i]));
+      if (largest > Scalar(0)) D[j] = sqrt(D[j] / largest);
+    }
+  }
+  for (Index j = 0; j < n; ++j) D[j] = nearest_power_of_two(D[j]);
+  scale_rows();
+  for (Index i = 0; i < m; ++i) E[i] = nearest_power_of_two(E[i]);
+  for (Index j = 0; j < n; ++j) {
+    for (Index i = 0; i < n; ++i) H(i, j) *= D[i] * D[j];
+    for (Index i = 0; i < m; ++i) A(i, j) *= E[i] * D[j];
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,142 @@
+#pragma once
+
+// Compares an iterate with the tolerances: the ratio of residuals to tolerances, the status that
+// follows from it, and the best iterate of a solve that runs out of budget.
+
+#include <algorithm>
+
+#include "clothctl/qp/kkt.hpp"
+#include "clothctl/qp/problem.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Tolerances that an inaccurate solution may be away.
+inline constexpr int kLooseTolerances = 1000;
+
+/// How many tolerances the worst residual is away: at most one means solved. Infinite when a
+/// residual is not finite.
+template <RealScalar Scalar>
+Scalar residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
+  return (std::max)(
+      Scalar(r.relative_stationarity / settings.stationarity_tolerance),
+      (std::max)(Scalar(r.relative_feasibility / settings.feasibility_tolerance),
+                 Scalar(r.relative_complementarity / settings.complementarity_tolerance)));
+}
+
+/// The same of what rows have a part in: violation and complementarity.
+template <RealScalar Scalar>
+Scalar row_residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
+  return (std::max)(Scalar(r.relative_feasibility / settings.feasibility_tolerance),
+                    Scalar(r.relative_complementarity / settings.complementarity_tolerance));
+}
+
+/// Writes the residuals of the caller's data into the result, and the status that they allow:
+/// Solved, IterationLimit and TimeLimit follow the residual_ratio, other statuses stay.
+template <RealScalar Scalar>
+void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
+              QpResult<Scalar>& result) {
+  result.stationarity = r.relative_stationarity;
+  result.feasibility = r.relative_feasibility;
+  result.complementarity = r.relative_complementarity;
+  result.objective = r.objective;
+  const bool unfinished =
+      result.status == QpStatus::IterationLimit || result.status == QpStatus::TimeLimit;
+  if (result.status != QpStatus::Solved && !unfinished) return;
+  using std::abs;
+  bool too_far = false;
+  for (Index j = 0; j < result.x.size(); ++j)
+    too_far = too_far || !(Scalar(abs(result.x[j])) < largest_bound<Scalar>());
+  const Scalar away = too_far ? scalar_traits<Scalar>::infinity() : residual_ratio(r, settings);
+  if (away <= Scalar(1)) {
+    result.status = QpStatus::Solved;
+  } else if (away <= Scalar(kLooseTolerances)) {
+    result.status = QpStatus::SolvedInaccurate;
+  } else if (!unfinished) {
+    result.status = QpStatus::IterationLimit;
+  }
+}
+
+/// Writes the active set that x and the multipliers in the result show, for loaded bounds lo, hi of
+/// the unknowns and rl, ru of the rows.
+template <RealScalar Scalar>
+void note_sides(const VectorX<Scalar>& lo, const VectorX<Scalar>& hi, const VectorX<Scalar>& rl,
+                const VectorX<Scalar>& ru, QpResult<Scalar>& result) {
+  const Scalar zero(0);
+  for (Index j = 0; j < result.x.size(); ++j) {
+    QpSide& side = result.bound_sides[static_cast<std::size_t>(j)];
+    const Scalar z = result.bound_multipliers[j];
+    if (!(lo[j] < hi[j])) {
+      side = z < zero ? QpSide::Upper : QpSide::Lower;
+    } else {
+      side = !(result.x[j] > lo[j])   ? QpSide::Lower
+             : !(result.x[j] < hi[j]) ? QpSide::Upper
+                                      : QpSide::Between;
+    }
+  }
+  for (Index i = 0; i < result.row_multipliers.size(); ++i) {
+    const Scalar y = result.row_multipliers[i];
+    const bool fixed = !(rl[i] < ru[i]);
+    result.row_sides[static_cast<std::size_t>(i)] = y < zero            ? QpSide::Upper
+                                                    : y > zero || fixed ? QpSide::Lower
+                                                                        : QpSide::Between;
+  }
+}
+
+/// The best iterate of a solve. Order when none is optimal: first those that pass for inaccurate
+/// solutions, by their residual_ratio; then by violation, and by residual_ratio where that is
+/// within its tolerance.
+template <RealScalar Scalar>
+class BestIterate {
+ public:
+  /// Makes room for n unknowns and m rows. Allocates.
+  void reserve(Index n, Index m) {
+    x_.setZero(n);
+    y_.setZero(m);
+    forget();
+  }
+
+  /// Forgets it, for a new solve.
+  void forget() { rank_ = {}; }
+  /// Returns true when there is one.
+  bool known() const { return is_finite(rank_.residual_ratio); }
+  /// How many tolerances it is away.
+  const Scalar& away() const { return rank_.residual_ratio; }
+  /// Its unknowns; as many as were offered are in use.
+  const VectorX<Scalar>& x() const { return x_; }
+  /// Its row multipliers.
+  const VectorX<Scalar>& y() const { return y_; }
+
+  /// Keeps (x, y) with residuals r when it is the best so far. Never allocates.
+  void offer(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
+             const Eigen::Ref<const VectorX<Scalar>>& x,
+             const Eigen::Ref<const VectorX<Scalar>>& y) {
+    Rank rank;
+    rank.residual_ratio = residual_ratio(r, settings);
+    if (!is_finite(rank.residual_ratio)) return;
+    if (rank.residual_ratio <= Scalar(kLooseTolerances)) rank.close = rank.residual_ratio;
+    rank.violation =
+        (std::max)(Scalar(1), Scalar(r.relative_feasibility / settings.feasibility_tolerance));
+    if (!rank.before(rank_)) return;
+    rank_ = rank;
+    std::copy_n(x.data(), x.size(), x_.data());
+    std::copy_n(y.data(), y.size(), y_.data());
+  }
+
+ private:
+  struct Rank {
+    Scalar close = scalar_traits<Scalar>::infinity();
+    Scalar violation = scalar_traits<Scalar>::infinity();
+    Scalar residual_ratio = scalar_traits<Scalar>::infinity();
+    bool before(const Rank& other) const {
+      if (close < other.close || other.close < close) return close < other.close;
+      if (violation < other.violation || other.violation < violation)
+        return violation < other.violation;
+      return residual_ratio < other.residual_ratio;
+    }
+  };
+
+  VectorX<Scalar> x_, y_;
+  Rank rank_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

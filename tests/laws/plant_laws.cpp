@@ -1,0 +1,28 @@
+// Our models as plants obey the laws of plants.
+
+#include "laws/plant_laws.hpp"
+
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/model_plant.hpp"
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/cloth/sheet.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+template <class Model>
+ModelPlant<Model> sheet_plant() {
+  using Scalar = typename Model::Scalar;
+  const GridMesh<Scalar> grid = make_grid<Scalar>(4, 4, Scalar(0.3), Scalar(0.3)).value();
+  const SpringNetwork<Scalar> network = sheet_network(grid, Material<Scalar>{}).value();
+  return ModelPlant<Model>(Model::create(network).value());
+}
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("a model as a plant obeys the laws of plants", "[laws]", MassSpring<double>,
+                   MassSpring<float>, PositionBased<double>) {
+  using Scalar = typename TestType::Scalar;
+  clothctl_test::check_plant_laws<Scalar>([] { return sheet_plant<TestType>(); }, Scalar(0.02));
+}

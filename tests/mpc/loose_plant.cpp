@@ -1,0 +1,31 @@
+// The profile of plants that are not the predictor.
+
+#include "clothctl/mpc/loose_plant.hpp"
+
+#include "support/catch.hpp"
+
+using namespace clothctl;
+
+TEMPLATE_TEST_CASE("the profile passes every check and holds the hands firmly", "[mpc]", float,
+                   double) {
+  using S = TestType;
+  for (const WeightBearing weight : {WeightBearing::Tension, WeightBearing::Elongation}) {
+    const LoosePlantProfile<S> profile = loose_plant<S>(weight);
+    CHECK(profile.planner.validate() == "");
+    CHECK(profile.predictor.validate() == "");
+    CHECK(profile.planner.weights.anchor == S(100));
+    CHECK(profile.planner.weights.smooth == S(10));
+    CHECK(profile.planner.weights.feature == PlannerSettings<S>().weights.feature);
+  }
+}
+
+TEST_CASE("a sheet that its elongation carries is predicted with less tension", "[mpc]") {
+  const auto tension = loose_plant<double>(),
+             elongation = loose_plant<double>(WeightBearing::Elongation);
+  CHECK(tension.response.scale.geometric == 1.0f);
+  CHECK(tension.response.scale.axial == 1.0f);
+  CHECK(tension.predictor.measured_force == 0.0);
+  CHECK(elongation.response.scale.geometric < 0.1f);
+  CHECK(elongation.response.scale.axial < 1.0f);
+  CHECK(elongation.predictor.measured_force == 1.0);
+}

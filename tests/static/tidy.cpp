@@ -1,0 +1,7 @@
+// The whole library in double, for clang-tidy; see instantiations.inc.
+
+#include <clothctl/clothctl.hpp>
+#include <clothctl/io.hpp>
+
+#define CLOTHCTL_SCALAR double
+#include "instantiations.inc"

@@ -1,0 +1,91 @@
+#pragma once
+
+// Hashes of the bits of simulated states, and the values that they have wherever the library
+// promises equal bits: x86-64 at baseline flags, i.e. without -march or -m options that allow AVX
+// or fused multiply-add, and without -ffast-math.
+
+#include <array>
+#include <cstdint>
+
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/cloth/sheet.hpp"
+
+namespace clothctl_test {
+
+/// True when this unit is compiled for the flags that fix the bits.
+#if defined(__x86_64__) && !defined(__AVX__) && !defined(__FMA__) && !defined(__FAST_MATH__)
+inline constexpr bool kBaselineFlags = true;
+#else
+inline constexpr bool kBaselineFlags = false;
+#endif
+
+/// FNV-1a of the bits of positions and velocities.
+template <class Scalar>
+std::uint64_t state_hash(const clothctl::ClothState<Scalar>& state) {
+  std::uint64_t hash = 14695981039346656037u;
+  for (const clothctl::Points<Scalar>* points : {&state.positions, &state.velocities}) {
+    const auto* byte = reinterpret_cast<const unsigned char*>(points->data());
+    const auto count = static_cast<std::size_t>(points->size()) * sizeof(Scalar);
+    for (std::size_t i = 0; i < count; ++i) hash = (hash ^ byte[i]) * 1099511628211u;
+  }
+  return hash;
+}
+
+/// Hash of a sheet's state after 100 steps of 0.02 s: two upper corners are driven, two forces act,
+/// and a wind blows. 0 when a step fails.
+template <class Model>
+std::uint64_t hash_after_steps(const Model& model, int size) {
+  using Scalar = typename Model::Scalar;
+  auto workspace = model.make_workspace();
+  clothctl::ClothState<Scalar> state = model.rest_state();
+  clothctl::ClothInput<Scalar> input;
+  input.driven_vertices = {size * size - size, size * size - 1};
+  input.driven_positions.resize(3, 2);
+  input.force_vertices = {0, size - 1};
+  input.forces.resize(3, 2);
+  input.forces << Scalar(0.01), Scalar(-0.01), Scalar(0.02), Scalar(0.02), Scalar(0), Scalar(0.01);
+  input.wind = {Scalar(0.5), Scalar(1.5), Scalar(-0.25)};
+  const clothctl::Points<Scalar> rest = state.positions;
+  for (int k = 0; k < 100; ++k) {
+    const Scalar t = Scalar(0.02) * Scalar(k);
+    for (int c = 0; c < 2; ++c) {
+      const int vertex = input.driven_vertices[static_cast<std::size_t>(c)];
+      input.driven_positions(0, c) = rest(0, vertex) + (c == 0 ? Scalar(0.05) : Scalar(-0.05)) * t;
+      input.driven_positions(1, c) = rest(1, vertex) + Scalar(0.25) * t * (Scalar(2) - t);
+      input.driven_positions(2, c) = rest(2, vertex);
+    }
+    if (!model.step(state, input, Scalar(0.02), workspace).advanced) return 0;
+  }
+  return state_hash(state);
+}
+
+/// Hashes of one linear solve, Newton, XPBD and Verlet on a grid of 13×13 vertices in air.
+template <class Scalar>
+std::array<std::uint64_t, 4> sheet_hashes() {
+  using namespace clothctl;
+  const int size = 13;
+  const GridMesh<Scalar> grid = make_grid<Scalar>(size, size, Scalar(0.5), Scalar(0.5)).value();
+  const Material<Scalar> material;
+  const SpringNetwork<Scalar> network = sheet_network<Scalar>(grid, material).value();
+  auto implicit = MassSpringSettings<Scalar>::of(material, true);
+  const auto once = MassSpring<Scalar>::create(network, implicit).value();
+  implicit.integration = Integration::Newton;
+  const auto newton = MassSpring<Scalar>::create(network, implicit).value();
+  auto positions = PositionBasedSettings<Scalar>::of(material, true);
+  const auto xpbd = PositionBased<Scalar>::create(network, positions).value();
+  positions.scheme = PositionScheme::Verlet;
+  positions.substeps = 1;
+  positions.iterations = 15;
+  const auto verlet = PositionBased<Scalar>::create(network, positions).value();
+  return {hash_after_steps(once, size), hash_after_steps(newton, size),
+          hash_after_steps(xpbd, size), hash_after_steps(verlet, size)};
+}
+
+/// The hashes at baseline flags, equal with g++ and clang.
+inline constexpr std::array<std::uint64_t, 4> kDoubleHashes{
+    0x34ff970a7bb1be00u, 0xe8af5ab7a32d8e4fu, 0x7d166b3cbd26c813u, 0xdd5aedde978e9404u};
+inline constexpr std::array<std::uint64_t, 4> kFloatHashes{
+    0x5f97577b4e2d6cafu, 0x6424c7f02e0f9efbu, 0x458dd72a18a1e21du, 0x5e788f41144d77d9u};
+
+}  // namespace clothctl_test
