@@ -1,5 +1,6 @@
-// A step of the mass-spring sheet that swings from two pinned corners: by one solve and by Newton,
-// in double and single precision; the linearisation of the response that predictors use.
+// A step of a mass-spring sheet that swings from two pinned corners, with one solve and with
+// Newton, in double and single precision; and the linearisation of the response that predictors
+// use.
 
 #include "clothctl/cloth/mass_spring.hpp"
 
@@ -28,7 +29,7 @@ Result<MassSpring<Scalar>> sheet(int n, Integration integration) {
   return MassSpring<Scalar>::create(network.value(), settings);
 }
 
-// Hands move to and fro, so that every step has work to do.
+// The hands move back and forth, so that no step is trivial.
 template <class Scalar>
 void step(benchmark::State& bench, Integration integration) {
   const int n = static_cast<int>(bench.range(0));

@@ -1,8 +1,9 @@
-// One frame of planning at 17×17 and 33×33 vertices (predictor in single precision), beside the
-// paper's own procedure at 17×17: every pair of frames (j, k) and every cone generator integrated
-// by itself, one right-hand side at a time (no Toeplitz structure, no lanes, one factorisation),
-// the whole map from coefficients to positions kept, the dense normal matrix formed by a product,
-// the QP solved cold. Both must plan the same first force to 1e-6; the baseline says so or fails.
+// One frame of planning at 17×17 and 33×33 vertices (predictor in single precision), and the
+// paper's own procedure at 17×17 as a baseline. The baseline integrates every pair of frames (j, k)
+// and every generator separately, with one right-hand side at a time: no Toeplitz structure, no
+// lanes, one factorisation. It stores the whole map from coefficients to positions, forms the dense
+// normal matrix by a product and solves the QP cold. Both must plan the same first force to 1e-6;
+// otherwise the baseline fails.
 
 #include "clothctl/mpc/planner.hpp"
 
@@ -26,7 +27,7 @@ using V = Vector3<double>;
 
 constexpr double kDt = 0.02;
 
-// A sheet that hangs from its upper corners, and where its lower ones shall go.
+// A sheet that hangs from its upper corners, and targets of its lower corners.
 struct Scene {
   GridMesh<double> grid;
   MassSpring<double> model;
@@ -130,8 +131,8 @@ class PaperBaseline {
     for (Index j = 0; j < horizon; ++j) {
       for (Index c = 0; c < p; ++c) {
         push.setZero();
-        for (std::size_t s = 0; s < basis_.held().size(); ++s) {
-          push.segment<3>(3 * basis_.held()[s]) =
+        for (std::size_t s = 0; s < basis_.held().vertices().size(); ++s) {
+          push.segment<3>(3 * basis_.held().vertices()[s]) =
               basis_.matrix().block<3, 1>(3 * static_cast<Index>(s), c);
         }
         integrate(
@@ -146,7 +147,7 @@ class PaperBaseline {
   }
 
  private:
-  // Eq. 5-6: one right-hand side, forces in frame `first` alone or in all frames.
+  // Eq. 5-6: one right-hand side, with forces in frame `first` only or in all frames.
   template <class Take>
   void integrate(const VectorX<double>& v0, const VectorX<double>& force, Index first,
                  const Take& take, bool always) {
@@ -187,7 +188,7 @@ class PaperBaseline {
       const double t = static_cast<double>(k + 1) * kDt;
       for (Index i = 0; i < 2; ++i) {
         const int feature = scene_.grid.vertex(0, i == 0 ? 0 : scene_.grid.cols - 1),
-                  hand = basis_.held()[static_cast<std::size_t>(i)];
+                  hand = basis_.held().vertices()[static_cast<std::size_t>(i)];
         position(k, feature, z0, c0);
         add(rows, rest, row, std::sqrt(w.feature), z0, c0 - scene_.target(i, t));
         position(k, hand, z0, c0);

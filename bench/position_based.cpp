@@ -1,4 +1,4 @@
-// A step of the position-based sheet: XPBD 20 × 2 with and without air, and Verlet with 15 sweeps.
+// A step of a position-based sheet: XPBD 20 × 2 with and without air, and Verlet with 15 sweeps.
 
 #include "clothctl/cloth/position_based.hpp"
 

@@ -1,5 +1,5 @@
-// The QP solvers alone: cold and warm solves of seeded random problems, the cost of a new Hessian,
-// updates of the factor.
+// The QP solvers: cold and warm solves of random problems with fixed seeds, the cost of a new
+// Hessian, and updates of the factor.
 
 #include <benchmark/benchmark.h>
 
@@ -15,7 +15,7 @@ namespace {
 
 using namespace clothctl;
 
-/// Normally distributed entries from a seed.
+/// Returns normally distributed entries for a seed.
 class Random {
  public:
   explicit Random(unsigned seed) : engine_(seed) {}
@@ -49,7 +49,7 @@ MatrixX<Scalar> hessian(Random& random, Index n) {
   return mirrored;
 }
 
-/// Bounds [0, 1] in every unknown; about half of them are active at the optimum.
+/// Bounds [0, 1] on every unknown; about half of them are active at the optimum.
 template <class Scalar>
 struct BoxProblem {
   MatrixX<Scalar> H;
@@ -64,7 +64,7 @@ struct BoxProblem {
   }
 };
 
-/// m rows |a_iᵀx - b_i| ≤ 1/2 around a point within the box, a fifth of them equalities.
+/// m rows |a_iᵀx - b_i| ≤ 1/2 around a point within the box; a fifth of them are equalities.
 template <class Scalar>
 struct RowProblem : BoxProblem<Scalar> {
   MatrixX<Scalar> A;
@@ -84,9 +84,9 @@ struct RowProblem : BoxProblem<Scalar> {
   }
 };
 
-/// A receding horizon: min Σ_t |Σ_{s≤t} B_{t-s} d_s - r_t|² + 0.01 |d|², d ≥ 0, with 8 unknowns a
-/// frame and a moving reference, so that the solution of a frame is nearly that of the frame
-/// before, moved by 8 unknowns.
+/// A receding horizon: min Σ_t |Σ_{s≤t} B_{t-s} d_s - r_t|² + 0.01 |d|², d ≥ 0, with 8 unknowns per
+/// frame and a moving reference. The solution of a frame is nearly that of the previous frame,
+/// shifted by 8 unknowns.
 struct Sequence {
   static constexpr Index kUnknowns = 8, kOutputs = 6;
   MatrixX<double> H;
@@ -125,7 +125,7 @@ struct Sequence {
   }
 };
 
-/// Ends a benchmark whose solver did not answer `Solved`, with the status as the reason.
+/// Ends a benchmark whose solver did not return `Solved`, and shows the status.
 void expect_solved(benchmark::State& state, QpStatus status) {
   if (status != QpStatus::Solved) state.SkipWithError(std::string(to_string(status)).c_str());
 }
@@ -159,7 +159,7 @@ void rows_cold(benchmark::State& state) {
   state.counters["rounds"] = result.iterations;
 }
 
-/// Goes to and fro between two gradients, so that a few bounds change every time.
+/// Alternates between two gradients, so that a few bounds change each time.
 void rows_warm(benchmark::State& state) {
   const RowProblem<double> p(state.range(0), state.range(1));
   Random random(4);
@@ -177,7 +177,7 @@ void rows_warm(benchmark::State& state) {
   state.counters["rounds"] = result.iterations;
 }
 
-/// One iteration is one frame; the sequence starts again cold (untimed) when it ends.
+/// One iteration is one frame. After the last frame the sequence starts again, cold and untimed.
 void sequence_warm(benchmark::State& state) {
   const Sequence sequence(state.range(0), 60);
   BoxActiveSet<double> solver;
@@ -201,7 +201,7 @@ void sequence_warm(benchmark::State& state) {
   state.counters["free"] = static_cast<double>(solver.free_count());
 }
 
-/// The same problem again: what a solve costs that has nothing to do.
+/// Solves the same problem again: the cost of a solve that changes nothing.
 void box_again(benchmark::State& state) {
   const BoxProblem<double> p(state.range(0));
   BoxActiveSet<double> solver;
@@ -233,8 +233,8 @@ void general_set_matrices(benchmark::State& state) {
   }
 }
 
-/// Closes and opens the bounds of one free unknown in turn: one column leaves or joins the factor a
-/// solve. `box_again` is what the solve costs without it.
+/// Closes and opens the bounds of one free unknown in turn, so that each solve removes or adds one
+/// column of the factor. `box_again` gives the cost of the solve without the update.
 void box_one_update(benchmark::State& state) {
   const BoxProblem<double> p(state.range(0));
   BoxActiveSet<double> solver;

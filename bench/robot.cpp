@@ -1,6 +1,6 @@
-// The robot library alone: kinematics, Jacobians, dynamics, stable PD and inverse kinematics, in
-// double and float, on our hand of 34 joints, and with --models=DIR on the Shadow hand on its arm
-// (sia10d_shadow.urdf) too.
+// The robot library: kinematics, Jacobians, dynamics, stable PD and inverse kinematics, in double
+// and float, for the library's 34-joint hand, and with --models=DIR also for the Shadow hand on its
+// arm (sia10d_shadow.urdf).
 
 #include <benchmark/benchmark.h>
 
@@ -24,7 +24,7 @@ using namespace clothctl;
 
 constexpr std::size_t kSamples = 32;
 
-/// A robot, its tips, all memory, and inputs: positions within the limits, the rest normally
+/// A robot, its tips, all memory, and inputs: positions within the limits, all else normally
 /// distributed.
 template <class Scalar>
 struct Robot {
@@ -73,7 +73,7 @@ struct Robot {
   }
 };
 
-/// Calls f with the number of a sample, another each time.
+/// Calls f with the number of a sample, a different one each time.
 template <class F>
 void each(benchmark::State& state, const F& f) {
   std::size_t k = 0;
@@ -137,7 +137,8 @@ void forward(benchmark::State& state, const Shared<Scalar>& r, bool damped) {
   });
 }
 
-/// A whole control step; without limits it is one solve, with them some are met and it is more.
+/// A whole control step. Without torque limits it takes one solve; with limits, some joints reach
+/// them and it takes more.
 template <class Scalar>
 void pd(benchmark::State& state, const Shared<Scalar>& r, bool limited) {
   StablePdSettings<Scalar> settings = StablePdSettings<Scalar>::uniform(r->tree.nv());
@@ -160,8 +161,8 @@ void pd(benchmark::State& state, const Shared<Scalar>& r, bool limited) {
   state.counters["solves"] = benchmark::Counter(solves, benchmark::Counter::kAvgIterations);
 }
 
-/// All tips to 1 mm, from starts within 10 % of each range or anywhere, there with up to 20 others.
-/// The times of single targets differ much: these are means over 32 targets.
+/// Brings all tips to within 1 mm, from starts within 10 % of each range, or from anywhere with up
+/// to 20 restarts. Times of targets differ widely, so these are means over 32 targets.
 template <class Scalar>
 void reach(benchmark::State& state, const Shared<Scalar>& r, bool near) {
   InverseKinematics<KinematicTree<Scalar>> ik(r->tree, static_cast<int>(r->tips.size()));

@@ -1,5 +1,4 @@
-// Step matrices of sheets: BlockCholesky against Eigen's SimplicialLLT, the same matrix in the same
-// process.
+// Step matrices of sheets: BlockCholesky compared with Eigen's SimplicialLLT for the same matrix.
 
 #include <benchmark/benchmark.h>
 
@@ -15,8 +14,8 @@ namespace {
 
 using namespace clothctl;
 
-/// An n×n sheet with structural and shear couplings, and bending ones (next but one) where
-/// `bending`; random stiffnesses.
+/// An n×n sheet with structural and shear couplings, and with bending couplings (next but one) if
+/// `bending`. Stiffnesses are random.
 template <class Scalar>
 struct Sheet {
   Points<Scalar> positions;

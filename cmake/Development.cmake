@@ -41,3 +41,11 @@ if(CLOTHCTL_TINYXML2_INCLUDE_DIR AND CLOTHCTL_TINYXML2_LIBRARY)
 else()
   message(STATUS "What reads URDF is not built; missing: tinyxml2 (libtinyxml2-dev)")
 endif()
+
+# What examples and benchmarks link: the heavy templates compiled once, for the same processor.
+if(CLOTHCTL_BUILD_EXAMPLES OR CLOTHCTL_BUILD_BENCH)
+  clothctl_add_precompiled(clothctl_native_precompiled)
+  if(CLOTHCTL_NATIVE)
+    clothctl_native(clothctl_native_precompiled)
+  endif()
+endif()

@@ -8,14 +8,23 @@ set(clothctl_package_dir ${CMAKE_INSTALL_DATADIR}/cmake/clothctl)
 install(DIRECTORY ${PROJECT_SOURCE_DIR}/include/clothctl DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}
         FILES_MATCHING PATTERN "*.hpp")
 install(TARGETS clothctl EXPORT clothctlTargets INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR})
+if(CLOTHCTL_PRECOMPILED)
+  install(TARGETS clothctl_precompiled EXPORT clothctlTargets
+          ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
+endif()
 install(EXPORT clothctlTargets NAMESPACE clothctl:: DESTINATION ${clothctl_package_dir})
 
 configure_package_config_file(
   ${CMAKE_CURRENT_LIST_DIR}/clothctlConfig.cmake.in ${PROJECT_BINARY_DIR}/clothctlConfig.cmake
   INSTALL_DESTINATION ${clothctl_package_dir})
 # Before 1.0 a minor version may change the interface.
+set(clothctl_any_architecture ARCH_INDEPENDENT)
+if(CLOTHCTL_PRECOMPILED)
+  set(clothctl_any_architecture "")
+endif()
 write_basic_package_version_file(
-  ${PROJECT_BINARY_DIR}/clothctlConfigVersion.cmake COMPATIBILITY SameMinorVersion ARCH_INDEPENDENT)
+  ${PROJECT_BINARY_DIR}/clothctlConfigVersion.cmake COMPATIBILITY SameMinorVersion
+  ${clothctl_any_architecture})
 install(FILES ${PROJECT_BINARY_DIR}/clothctlConfig.cmake
               ${PROJECT_BINARY_DIR}/clothctlConfigVersion.cmake
         DESTINATION ${clothctl_package_dir})

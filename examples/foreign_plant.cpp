@@ -1,6 +1,6 @@
-// A cloth that has never heard of clothctl, here a game engine's of the usual kind, is planned for
-// through a trait: bring_your_own/cloth_plant.hpp. The planner predicts with its own model of the
-// same springs, which is close to the engine's cloth and not the same.
+// Plans for a cloth that does not know clothctl, here that of a typical game engine, through the
+// trait in bring_your_own/cloth_plant.hpp. The planner predicts with its own model of the same
+// springs, which is close to the engine's cloth but not equal.
 
 #include <algorithm>
 #include <cmath>
@@ -14,8 +14,8 @@ using namespace clothctl;
 using Traits = plant_traits<game::Cloth>;
 using Predicting = LinearisedPredictor<MassSpringResponse<float>>;
 
-// The engine's sheet, hanging at rest from its upper corners. The hands stand a little together and
-// the sheet is bent, so that it folds to one side.
+// The engine's sheet, hanging at rest from its upper corners. The hands are closer together than in
+// the flat sheet, and the sheet starts bent, so that it folds to one side.
 game::Cloth hanging_cloth(const GridMesh<double>& grid, const SpringNetwork<double>& network) {
   Points<double> x = grid.positions;
   for (Index i = 0; i < x.cols(); ++i) x(1, i) = -0.03 * std::cos(6.28 * x(0, i));
@@ -40,7 +40,8 @@ int main() {
     setup.features.add_point(grid.vertex(0, col));
     setup.grips.push_back(make_pinch<double>({grid.vertex(8, col)}, 0.5, 20.0));
   }
-  // A cloth that is not the predictor, and hardly damped: calm hands that stay where they belong.
+  // The plant differs from the predictor and is hardly damped, so the hands must move calmly and
+  // stay near their anchors.
   PlannerSettings<double> settings = loose_plant<double>().planner;
   settings.input = GripInput::Pose;
   MassSpringSettings<double> same;
@@ -51,7 +52,8 @@ int main() {
                      .value();
   PlanResult<double> plan = planner.make_result();
 
-  // The lower corners sway and rise; the planner sees the engine's cloth through the trait alone.
+  // The lower corners swing and rise. The planner reaches the engine's cloth through the trait
+  // alone.
   const auto target = [&](Index corner, double t) -> Vector3<double> {
     const double ramp = t > 0 ? 1 - std::exp(-t * t) : 0;
     return start.col(grid.vertex(0, corner == 0 ? 0 : 8)) +

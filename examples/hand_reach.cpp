@@ -1,5 +1,5 @@
-// Checks a robot's kinematics and dynamics against the results of another library, and moves all
-// its finger tips to targets at once by inverse kinematics.
+// Compares a robot's kinematics and dynamics with the results of another library, and moves all its
+// fingertips to targets at once by inverse kinematics.
 //
 //   hand_reach --model hand.urdf --oracle hand.json          prints the largest differences
 //   hand_reach --model hand.urdf --targets 1000 --out out    then open out/player.html
@@ -21,7 +21,7 @@ template <class Scalar>
 int run(const ReachRequest& o) {
   const clothctl::UrdfModel<Scalar> model = must(clothctl::read_urdf<Scalar>(o.model));
   const KinematicTree<Scalar>& tree = model.tree;
-  if (tree.nv() == 0) refuse(o.model + ": has no joint that moves");
+  if (tree.nv() == 0) refuse(o.model + ": no joint moves");
   const std::vector<int> tips = find_tips(tree, o);
   if (!o.out.empty()) make_folder(o.out);
   OracleErrors errors;
@@ -70,12 +70,11 @@ int run(const ReachRequest& o) {
 int main(int argc, char** argv) {
   ReachRequest o;
   CLI::App app{
-      "Compares a robot's kinematics and dynamics with an oracle, and puts its finger tips to "
-      "random targets by inverse "
-      "kinematics. Exit code 0: done, and all differences are small; 1: they are not; 2: bad "
-      "input."};
+      "Compares a robot's kinematics and dynamics with reference results, and moves its fingertips "
+      "to random targets by inverse kinematics. Exit code 0: all differences are small; 1: some "
+      "are not; 2: bad input."};
   app.add_option("--model", o.model, "URDF file")->required();
-  app.add_option("--oracle", o.oracle, "JSON file with what another library found")
+  app.add_option("--oracle", o.oracle, "JSON file with another library's results")
       ->check([](const std::string& text) {
         return text.empty() ? std::string("is empty") : std::string();
       });
@@ -88,7 +87,7 @@ int main(int argc, char** argv) {
       })
       ->capture_default_str();
   app.add_option("--tips", o.tips,
-                 "Links to put to targets, a,b,c (default: the end of each chain)")
+                 "Links to move to targets, a,b,c (default: the end of each chain)")
       ->delimiter(',');
   app.add_flag("--float", o.single, "Compute in single precision; differences may be 1e-4");
   app.add_option("--out", o.out, "Folder for player.html (made if missing)")

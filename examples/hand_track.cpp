@@ -1,5 +1,5 @@
-// A hand follows a path by stable PD control: the base goes around at 0.3 m/s while the fingers
-// open and close. support/hand_run.hpp holds the control loop.
+// A hand follows a path by stable PD control: the base moves along a loop at 0.3 m/s while the
+// fingers open and close. The control loop is in support/hand_run.hpp.
 //
 //   hand_track --step 0.02 --out out    then open out/player.html
 //   hand_track --form paper             without feed-forward, as [Bai 2016] prints it
@@ -57,7 +57,7 @@ int main(int argc, char** argv) {
     name = model.name;
     tree = std::move(model.tree);
   }
-  if (tree.nv() == 0) refuse(o.model + ": has no joint that moves");
+  if (tree.nv() == 0) refuse(o.model + ": no joint moves");
   if (!o.out.empty()) make_folder(o.out);
   TrackRun run(tree, find_home(tree), o);
   const std::vector<std::string> unstable = run.unstable();

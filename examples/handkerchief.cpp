@@ -1,5 +1,5 @@
-// A handkerchief is held by two fingers at each upper corner and moved so that its lower corners
-// follow a drawn motion. [Bai 2016], figures 4 and 8.
+// Two fingers hold a handkerchief at each upper corner and move it so that its lower corners follow
+// a drawn motion. [Bai 2016], figures 4 and 8.
 //
 //   handkerchief --task async --out out          then open out/player.html
 
@@ -50,7 +50,7 @@ Options read_options(int argc, char** argv, std::string& features) {
   return o;
 }
 
-/// The vertices that the left (0) or right (1) hand holds.
+/// Returns the vertices that the left (0) or right (1) hand holds.
 std::vector<int> corner_patch(const Grid& grid, int side, int size) {
   std::vector<int> patch;
   for (int row = grid.rows - size; row < grid.rows; ++row) {
@@ -60,7 +60,7 @@ std::vector<int> corner_patch(const Grid& grid, int side, int size) {
   return patch;
 }
 
-/// Body, grips, features and settings; the features are the vertices `corners`.
+/// Makes body, grips, features and settings; the features are the vertices `corners`.
 Scene make_scene(const Options& o, const Grid& grid, const std::vector<int>& corners) {
   const clothctl::Material<double> material = read_material(o.material);
   const double friction = o.friction_given ? o.friction : material.friction;
@@ -80,8 +80,8 @@ Scene make_scene(const Options& o, const Grid& grid, const std::vector<int>& cor
   return scene;
 }
 
-/// The sheet in the vertical plane through the first targets, left to right along them, with the
-/// hands `spread` apart; it is bent a little.
+/// Places the sheet in the vertical plane through the first targets, left to right, slightly bent,
+/// with the hands `spread` apart.
 clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Task& task) {
   Vec middle(0, 0, -o.size), along(1, 0, 0);
   if (!task.curves.empty()) {
@@ -101,7 +101,7 @@ clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Tas
   return state;
 }
 
-/// Makes the task start where the features `corners` have settled; x: positions, 3×n, m.
+/// Makes the task start at the settled positions of the features `corners`. x: positions, 3×n, m.
 void fit_task(const Options& o, const Grid& grid, const std::vector<int>& corners, const Points& x,
               Scene& scene) {
   if (o.targets.empty()) {

@@ -1,5 +1,5 @@
-// A cart follows a path by model-predictive control: each frame one box-constrained QP, warm from
-// the frame before.
+// A cart follows a path by model-predictive control. Each frame solves one QP with bounds, warm
+// from the previous frame.
 
 #include <cmath>
 #include <cstdio>
@@ -9,8 +9,8 @@
 int main() {
   const int horizon = 40, frames = 300;
   const double dt = 0.05, limit = 1.0, effort = 1e-3;
-  // Positions at the next `horizon` frames: (position + dt k velocity) + M u, with u the
-  // accelerations in between.
+  // The positions at the next `horizon` frames are (position + dt k velocity) + M u, where u are
+  // the accelerations.
   Eigen::MatrixXd M = Eigen::MatrixXd::Zero(horizon, horizon);
   for (int i = 0; i < horizon; ++i) {
     for (int j = 0; j <= i; ++j) M(i, j) = dt * dt * (i - j + 0.5);
@@ -24,15 +24,14 @@ int main() {
       cold.set_hessian(H) != clothctl::QpStatus::Solved)
     return 1;
   clothctl::QpResult<double> plan, check;
-  Eigen::VectorXd miss(
-      horizon);  // where the cart would be without acceleration, less where it should be
+  Eigen::VectorXd miss(horizon);  // positions without acceleration, minus the path
   double x = 0, v = 0, worst = 0;
   int warm_rounds = 0, cold_rounds = 0;
   for (int frame = 0; frame < frames; ++frame) {
     for (int k = 0; k < horizon; ++k)
       miss[k] = x + dt * (k + 1) * v - std::sin(dt * (frame + k + 1));
     const Eigen::VectorXd g = M.transpose() * miss;
-    warm.shift(1);  // one acceleration a frame
+    warm.shift(1);  // one acceleration per frame
     cold.reset();
     if (warm.solve(g, bottom, top, plan) != clothctl::QpStatus::Solved) return 1;
     if (cold.solve(g, bottom, top, check) != clothctl::QpStatus::Solved) return 1;

@@ -1,11 +1,11 @@
-// Solves a quadratic program, or a sequence of them, from a file, and checks the answer on the
-// file's own numbers.
+// Solves a quadratic program, or a sequence of them, from a file. Checks the answers on the file's
+// own numbers.
 //
 //   qp_solve HS118.qpt --solution hs118.txt
 //   qp_solve sequence.qpt --json --out frames.csv
 //
-// The file formats are described in clothctl/io/qpt.hpp and clothctl/io/qps.hpp. Class Solver is
-// the part to copy: it shows how the two solvers are set up and used.
+// The file formats are described in clothctl/io/qpt.hpp and clothctl/io/qps.hpp. Class Solver shows
+// how the two solvers are set up and used; copy it into your program.
 
 #include <algorithm>
 #include <vector>
@@ -24,11 +24,11 @@ using namespace program;
 using clothctl::QpProblem;
 using clothctl::QpSequenceFrame;
 
-/// Solves frames of one problem, each from the active set of the one before. A problem without rows
-/// goes to BoxActiveSet, any other to ActiveSet.
+/// Solves frames of one problem, each from the active set of the previous one. Uses BoxActiveSet
+/// for a problem without rows, else ActiveSet.
 class Solver {
  public:
-  /// Takes the matrices, which all frames share.
+  /// Sets the matrices, which all frames share.
   Solver(const QpProblem& problem, const Request& o)
       : problem_(problem),
         closest_point_(o.closest_point),
@@ -49,7 +49,7 @@ class Solver {
     }
   }
 
-  /// Moves the warm start on by one frame of a receding horizon.
+  /// Shifts the warm start by one frame of a receding horizon.
   void shift() {
     if (has_rows()) return rows_.shift(problem_.shift, problem_.row_shift());
     box_.shift(problem_.shift);
@@ -57,8 +57,7 @@ class Solver {
   /// Forgets the warm start.
   void reset() { has_rows() ? rows_.reset() : box_.reset(); }
 
-  /// Solves for the vectors of one frame. Crossed bounds prove by themselves that no point is
-  /// feasible.
+  /// Solves for the vectors of one frame. Crossed bounds prove infeasibility without a solve.
   void solve(const QpSequenceFrame& f) {
     result_.iterations = 0;
     crossed_ = clothctl::first_crossed_bound(f);

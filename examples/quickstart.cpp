@@ -25,7 +25,7 @@ int main() {
            Vector3<double>(0.05 * t, 0.05 * std::sin(2 * t), 0);
   };
 
-  // Plan contact forces 20 frames ahead, apply the first, let the sheet move; 100 times.
+  // 100 times: plan the forces of the next 20 frames, apply those of the first, move the sheet.
   LinearisedPredictor<MassSpringResponse<float>> predictor{MassSpringResponse<float>(model)};
   auto planner =
       Planner<decltype(predictor)>::create(setup, settings, predictor, plant.positions()).value();

@@ -1,5 +1,5 @@
-// A ball hangs from a rope; the rope's top is moved so that the ball follows a drawn curve. The
-// ball is a tetrahedral mass-spring solid, the rope a chain of springs. [Bai 2016], figure 10.
+// A ball hangs from a rope, whose top moves so that the ball follows a drawn curve. The ball is a
+// tetrahedral mass-spring solid, the rope a chain of springs. [Bai 2016], figure 10.
 //
 //   rope_ball --out out          then open out/player.html
 
@@ -11,8 +11,8 @@ namespace {
 
 using namespace program;
 
-/// A figure of eight in the vertical plane, drawn twice, opened during the first second; a slower
-/// swing goes across it.
+/// A figure of eight in the vertical plane, drawn twice, which grows to its size in the first
+/// second; with a slower swing across it.
 Task make_task(const std::string& name, double size, const Vec& start) {
   Task task;
   task.names = {"Ball"};
@@ -70,7 +70,7 @@ Options read_options(int argc, char** argv, Ball& ball) {
   return o;
 }
 
-/// Body, grip, feature and settings.
+/// Makes body, grip, feature and settings.
 Scene make_scene(const Options& o, const clothctl::RopeBall<double>& body) {
   Scene scene;
   scene.title = "Rope with a ball";

@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Sourced by the scripts beside it: friendly messages, and installing what is missing on Debian and its kin.
+# Sourced by the other scripts: messages, and installing missing packages on Debian and the like.
 
 say() { printf '\n== %s\n' "$*"; }
 die() {
@@ -9,7 +9,7 @@ die() {
 
 cores() { nproc 2>/dev/null || echo 2; }
 
-# need PACKAGE TEST...: notes PACKAGE as missing unless the command TEST succeeds.
+# need PACKAGE TEST...: records PACKAGE as missing unless the command TEST succeeds.
 missing_packages=()
 need() {
   local package=$1
@@ -17,30 +17,33 @@ need() {
   "$@" >/dev/null 2>&1 || missing_packages+=("$package")
 }
 
-# Succeeds when one of the given files exists.
+# Succeeds if one of the given files exists.
 any_file() {
   local file
   for file in "$@"; do [ -e "$file" ] && return 0; done
   return 1
 }
 
-# Installs what `need` found missing; says what to do where it cannot.
+# Installs what `need` found missing, or says what to do.
 install_missing() {
   [ ${#missing_packages[@]} -eq 0 ] && return 0
   local list="${missing_packages[*]}" as_root=()
-  command -v apt-get >/dev/null || die "missing: $list (Debian package names), and there is no apt-get to install them with"
+  command -v apt-get >/dev/null ||
+    die "missing: $list (Debian package names), and there is no apt-get to install them"
   if [ "$(id -u)" -ne 0 ]; then
-    command -v sudo >/dev/null || die "missing: $list; install them as root with: apt-get install $list"
+    command -v sudo >/dev/null ||
+      die "missing: $list; install them as root with: apt-get install $list"
     as_root=(sudo)
   fi
   say "Installing $list"
   "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq update ||
-    echo "apt-get update failed; trying with the package lists at hand" >&2
-  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y --no-install-recommends "${missing_packages[@]}" >/dev/null ||
+    echo "apt-get update failed; trying with the present package lists" >&2
+  "${as_root[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -qq install -y \
+    --no-install-recommends "${missing_packages[@]}" >/dev/null ||
     die "could not install $list; see the messages of apt-get above"
 }
 
-# What a build of the library and its programs needs.
+# Needed to build the library and its programs.
 need_build_tools() {
   need g++ command -v g++
   need cmake command -v cmake
@@ -51,7 +54,7 @@ need_build_tools() {
   need libtinyxml2-dev any_file /usr/include/tinyxml2.h /usr/local/include/tinyxml2.h
 }
 
-# What the tests and checks need beside that.
+# Needed for the tests and checks in addition.
 need_test_tools() {
   need catch2 any_file /usr/include/catch2 /usr/local/include/catch2
   need clang command -v clang++

@@ -1,13 +1,14 @@
-# Several test files compiled as one unit, since most of a test's compile time goes into headers and
-# instantiations that its neighbours need too.
+# Compiles several test files as one unit, because most of the compile time goes into headers and
+# instantiations that these files share.
 #
-# A unit first includes all headers that its files include, then each file in a namespace of its
-# own, so that helpers of the same name in two files do not meet. (CMAKE_UNITY_BUILD has no such
-# namespace.) A file that cannot stand in a namespace is compiled alone: one that opens a namespace
-# of ours or of a library, specialises one of our templates, defines macros or includes something
-# else than a header.
+# A unit first includes all headers of its files, then each file in its own namespace, so that
+# helpers may have the same name in two files. (CMAKE_UNITY_BUILD has no such namespace.) A file
+# that does not work inside a namespace is compiled alone: one that opens a namespace of the library
+# or of another one, specialises a template of the library, defines macros, or includes a file that
+# is not a header.
 
-# Sets `out` to the sources to compile for `sources`, `batch` files a unit; to `sources` for 0 or 1.
+# Sets `out` to the files to compile for `sources`, with `batch` files in a unit. If `batch` is 0 or
+# 1, these are the `sources` themselves.
 function(clothctl_unity_sources out name batch sources)
   if(batch LESS 2)
     set(${out} ${sources} PARENT_SCOPE)

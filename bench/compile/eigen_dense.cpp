@@ -1,4 +1,4 @@
-// The baseline: what Eigen alone costs.
+// The baseline: compile time of Eigen alone.
 
 #include <Eigen/Dense>
 

@@ -1,4 +1,4 @@
-// A hand: where its links are, and joint angles that bring a tip to its target.
+// A hand: poses of its links, and joint angles that bring a fingertip to its target.
 
 #include "clothctl/robot.hpp"
 

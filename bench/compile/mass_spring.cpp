@@ -1,4 +1,4 @@
-// A sheet, simulated with one linear solve a step.
+// A sheet, simulated with one linear solve per step.
 
 #include "clothctl/cloth.hpp"
 

@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Measures what it costs to compile the units beside this file: one for each entry of the library.
+"""Measures compile times of the units in this folder: one for each entry of the library.
 
-For every unit: seconds by the clock and of the processor (medians of a few runs), the compiler's
-largest memory, and processor seconds over those of a unit that includes Eigen/Dense alone. That
-ratio depends little on the machine and on what else it does. One compiler runs at a time.
+Prints for every unit: elapsed and processor seconds (medians of a few runs), the compiler's peak
+memory, and processor seconds divided by those of a unit that only includes Eigen/Dense. That ratio
+hardly depends on the machine and its load. One compiler runs at a time.
 
     measure.py                                    every unit, c++ -O2
     measure.py planner --compiler clang++         a unit (and the baseline), another compiler
-    measure.py --flags=-fsyntax-only              what parsing and types cost, without code
+    measure.py --flags=-fsyntax-only              cost of parsing and types, without code
 """
 
 import argparse
@@ -22,7 +22,7 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 BASELINE = "eigen_dense"
-# In the order of the table; the stem of a file each.
+# The stems of the files, in the order of the table.
 UNITS = [
     BASELINE,
     "horn",
@@ -58,7 +58,7 @@ def parse_options():
 
 
 def command_for(unit, options, output):
-    """The compiler's command line for one unit."""
+    """Returns the compiler's command line for one unit."""
     command = [options.compiler, "-std=c++20", *shlex.split(options.flags)]
     command += ["-I", str(options.root / "include")]
     for directory in filter(None, options.system.split(";")):
@@ -67,20 +67,20 @@ def command_for(unit, options, output):
 
 
 def run(command):
-    """Runs a command; answers seconds, processor seconds and the largest memory (MB)."""
+    """Runs a command; returns seconds, processor seconds and peak memory (MB)."""
     start = time.perf_counter()
     child = os.spawnvp(os.P_NOWAIT, command[0], command)
     _, status, usage = os.wait4(child, 0)
     seconds = time.perf_counter() - start
     if os.waitstatus_to_exitcode(status) != 0:
         sys.exit("failed: " + shlex.join(command))
-    # Linux counts in KiB, macOS in bytes. The driver's own children are in it: it waits for them.
+    # Linux counts in KiB, macOS in bytes. The driver's children are included: it waits for them.
     megabytes = usage.ru_maxrss / (1e6 if sys.platform == "darwin" else 1e6 / 1024)
     return seconds, usage.ru_utime + usage.ru_stime, megabytes
 
 
 def measure(unit, options):
-    """Compiles a unit `runs` times; answers medians of seconds and the largest memory."""
+    """Compiles a unit `runs` times; returns median seconds and peak memory."""
     with tempfile.TemporaryDirectory() as scratch:
         command = command_for(unit, options, os.path.join(scratch, "unit.o"))
         runs = [run(command) for _ in range(options.runs)]

@@ -1,4 +1,4 @@
-// A sheet that two fingers hold, and the planner of their forces.
+// A sheet held by two fingers, and the planner of their forces.
 
 #include "clothctl/clothctl.hpp"
 

@@ -1,4 +1,4 @@
-// A hand that stable PD control holds where it is.
+// A hand held in place by stable PD control.
 
 #include "clothctl/robot.hpp"
 

@@ -1,8 +1,8 @@
 #pragma once
 
-// A cloth plant of another engine, here a game engine's of the usual kind, joins ClothPlant by one
-// specialisation of plant_traits. The engine keeps its own ways: single precision, y up, explicit
-// substeps. clothctl asks for 3×n positions in metres, z up.
+// A cloth of another engine, here a typical game engine, joins ClothPlant by one specialisation of
+// plant_traits. The engine keeps its own conventions: single precision, y up, explicit substeps.
+// clothctl uses 3×n positions in metres, z up.
 
 #include <array>
 #include <cmath>
@@ -21,10 +21,10 @@ struct Cloth {
     std::size_t a, b;
     float length, stiffness, damping;
   };
-  std::vector<Float3> x, v, push;  // push: what the controller adds, N
+  std::vector<Float3> x, v, push;  // push: force from the controller, N
   std::vector<Spring> springs;
   std::vector<float> mass;
-  std::vector<std::size_t> held;  // moved by hand, to `hand`
+  std::vector<std::size_t> held;  // vertices moved by hand, to `hand`
   std::vector<Float3> hand;
   float drag = 0;
 
@@ -53,7 +53,7 @@ struct Cloth {
     for (int k = 0; k < substeps; ++k) {
       const std::vector<Float3> before = x;
       substep(dt / substeps);
-      const float left = dt * static_cast<float>(substeps - k) / substeps;  // of the frame, s
+      const float left = dt * static_cast<float>(substeps - k) / substeps;  // rest of the frame, s
       for (std::size_t i = 0; i < held.size(); ++i) {
         for (std::size_t c = 0; c < 3; ++c) {
           v[held[i]][c] = (hand[i][c] - before[held[i]][c]) / left;
@@ -64,13 +64,13 @@ struct Cloth {
   }
 };
 
-/// Metres, z up, in double precision, and back.
+/// Conversions to metres, z up, double precision, and back.
 inline clothctl::Vector3<double> z_up(const Float3& p) { return {p[0], -p[2], p[1]}; }
 inline Float3 y_up(const clothctl::Vector3<double>& p) {
   return {static_cast<float>(p[0]), static_cast<float>(p[2]), static_cast<float>(-p[1])};
 }
 
-/// The engine's cloth with the springs of a network, at positions x (3×n, z up) and at rest.
+/// Makes the engine's cloth with the springs of a network, at positions x (3×n, z up) and at rest.
 inline Cloth make_cloth(const clothctl::SpringNetwork<double>& network,
                         const clothctl::Points<double>& x) {
   Cloth cloth;
@@ -90,13 +90,13 @@ inline Cloth make_cloth(const clothctl::SpringNetwork<double>& network,
 
 }  // namespace game
 
-/// All that clothctl asks of a plant.
+/// Everything that clothctl needs from a plant.
 template <>
 struct clothctl::plant_traits<game::Cloth> {
   static Index vertex_count(const game::Cloth& cloth) { return static_cast<Index>(cloth.x.size()); }
   static Points<double> positions(const game::Cloth& cloth) { return all_z_up(cloth.x); }
   static Points<double> velocities(const game::Cloth& cloth) { return all_z_up(cloth.v); }
-  /// What acts from now on: forces on some vertices, prescribed motion of others.
+  /// Sets the input: forces on some vertices, and prescribed motion of others.
   static void apply(game::Cloth& cloth, const ClothInput<double>& input) {
     cloth.push.assign(cloth.x.size(), {0, 0, 0});
     for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
@@ -109,7 +109,7 @@ struct clothctl::plant_traits<game::Cloth> {
     for (Index i = 0; i < input.driven_positions.cols(); ++i)
       cloth.hand.push_back(game::y_up(input.driven_positions.col(i)));
   }
-  /// A step that fails leaves the cloth as it was, and says so.
+  /// Takes a step. A failed step leaves the cloth unchanged and is reported.
   static StepReport<double> advance(game::Cloth& cloth, double dt) {
     const game::Cloth before = cloth;
     cloth.frame(static_cast<float>(dt));
@@ -117,7 +117,7 @@ struct clothctl::plant_traits<game::Cloth> {
     if (!good) cloth = before;
     return {good ? StepStatus::Converged : StepStatus::NumericalFailure, good, 0.0, 1};
   }
-  /// Optional: the upward force that carries the cloth at rest. run_frame compares it with the
+  /// Optional: the upward force that holds the cloth at rest. run_frame compares it with the
   /// planner's settings.
   static Vector3<double> gravity_load(const game::Cloth& cloth) {
     double mass = 0;

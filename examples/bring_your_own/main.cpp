@@ -1,6 +1,6 @@
-// Five types that have never heard of clothctl join it, each by a trait in its own header: a cloth
-// plant, a model that a predictor rolls out, a contact model, a QP solver and a robot. The planner
-// moves the plant's cloth with all of them; the robot's inverse kinematics reaches for a point.
+// Five types that do not know clothctl join it, each by a trait in its own header: a cloth plant, a
+// model for rollouts, a contact model, a QP solver and a robot. The planner moves the plant's cloth
+// with the first four, and inverse kinematics moves the robot's tip to a point.
 
 #include <cmath>
 #include <cstdio>
@@ -43,8 +43,8 @@ double contact_violation(const SheetPlanner& planner, const PlanResult<double>& 
   return worst;
 }
 
-// Predicts by rolling the laboratory's model out; a mass-spring model supplies the response to
-// small changes of the plan.
+// Predicts by rolling out the laboratory's model. A mass-spring model gives the response to small
+// changes of the plan.
 Rolling make_predictor(const SpringNetwork<double>& network, double drag) {
   const Points<double>& x = network.rest_positions;
   const lab::Cloth rolled{network.springs, lab::Numbers(x.data(), x.data() + x.size()),
@@ -55,12 +55,12 @@ Rolling make_predictor(const SpringNetwork<double>& network, double drag) {
           Inner(MassSpringResponse<float>(MassSpring<double>::create(network, same).value()))};
 }
 
-// Moves the lower corners of the game's cloth for 150 frames; returns true when that went well.
+// Moves the lower corners of the game's cloth for 150 frames. Returns true on success.
 bool move_cloth() {
   const GridMesh<double> grid = make_grid<double>(7, 7, 0.4, 0.4).value();
   const SpringNetwork<double> network = sheet_network(grid, Material<double>{}).value();
   Points<double> x = grid.positions;
-  for (Index i = 0; i < x.cols(); ++i) x(1, i) = 0.02 * std::cos(7.8 * x(0, i));  // bent a little
+  for (Index i = 0; i < x.cols(); ++i) x(1, i) = 0.02 * std::cos(7.8 * x(0, i));  // slightly bent
   x.row(0) *= 0.95;
   game::Cloth cloth = game::make_cloth(network, x);
   cloth.drag = 4;
@@ -78,7 +78,7 @@ bool move_cloth() {
   PlannerSettings<double> settings = PlannerSettings<double>::rollout();
   settings.weights.smooth = loose_plant<double>().planner.weights.smooth;
   settings.weights.anchor = loose_plant<double>().planner.weights.anchor;
-  settings.command = PlantCommand::Position;  // plan forces, send where they take the hands
+  settings.command = PlantCommand::Position;  // plan forces, send the resulting positions
   settings.gravity_load = plant_traits<game::Cloth>::gravity_load(cloth);
   auto planner = SheetPlanner::create(setup, settings, make_predictor(network, 0.5), start).value();
   PlanResult<double> plan = planner.make_result();
@@ -103,7 +103,7 @@ bool move_cloth() {
   return mean < 5 && violation <= 1e-9;
 }
 
-// Reaches for a point with the tip of the workshop's arm.
+// Moves the tip of the workshop's arm to a point.
 bool reach() {
   const workshop::Arm arm;
   InverseKinematics<workshop::Arm> ik(arm, 1);

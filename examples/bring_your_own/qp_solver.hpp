@@ -1,8 +1,8 @@
 #pragma once
 
-// A QP solver of another style joins BoxQpSolver and QpSolver by one specialisation of
-// qp_solver_traits: the alternating direction method of multipliers [Stellato 2020], with a result
-// type and signs of its own. With C = [A; I] and the bounds l, u of rows and unknowns:
+// Another QP solver joins BoxQpSolver and QpSolver by one specialisation of qp_solver_traits: the
+// alternating direction method of multipliers [Stellato 2020], with its own result type and signs.
+// With C = [A; I] and the bounds l, u of rows and unknowns:
 //
 //   (H + σ + ρ CᵀC) x = σ x' - g + Cᵀ(ρ z - y),   z = clip(C x + y/ρ, l, u),   y += ρ (C x - z)
 //
@@ -21,14 +21,14 @@ namespace splitting {
 using Vector = Eigen::VectorXd;
 using Matrix = Eigen::MatrixXd;
 
-/// What a run ends with.
+/// The result of a run.
 struct Outcome {
   Vector point, bound_price, row_price;
   bool exact = false;  // the optimality conditions hold to the tolerance
   int iterations = 0;
 };
 
-/// Minimises ½ xᵀHx + gᵀx with bounds on x and A x. Remembers z and y for the next run.
+/// Minimises ½ xᵀHx + gᵀx with bounds on x and A x. Keeps z and y for the next run.
 class Admm {
  public:
   double tolerance = 1e-6;
@@ -53,7 +53,7 @@ class Admm {
       y_ = rho_ * (last - z_);
       out.iterations = k;
       if (k % 20 != 0 && k != most_iterations) continue;
-      out.point = z_.tail(n);  // keeps its bounds
+      out.point = z_.tail(n);  // is within its bounds
       out.bound_price = y_.tail(n), out.row_price = y_.head(m);
       out.exact = optimal(g, out);
       if (out.exact || k == most_iterations) return;
@@ -71,8 +71,8 @@ class Admm {
     factored_ = true;
   }
 
-  /// Checks the unscaled optimality conditions of the point. The bounds of x hold by construction,
-  /// and so does complementarity with z; what is left is the gradient and the distance to the rows.
+  /// Checks the unscaled optimality conditions. By construction, x is within its bounds and z is
+  /// complementary; the gradient and the violation of rows remain.
   bool optimal(const Vector& g, const Outcome& o) const {
     const Vector slope = H_ * o.point, price = A_.transpose() * o.row_price + o.bound_price;
     const double size = std::max({1.0, slope.cwiseAbs().maxCoeff(), g.cwiseAbs().maxCoeff()});
@@ -91,7 +91,7 @@ class Admm {
 
 }  // namespace splitting
 
-/// All that clothctl asks of a solver, with bounds alone and with rows.
+/// Everything that clothctl needs from a solver, with bounds alone and with rows.
 template <>
 struct clothctl::qp_solver_traits<splitting::Admm> {
   using Admm = splitting::Admm;
@@ -116,7 +116,7 @@ struct clothctl::qp_solver_traits<splitting::Admm> {
                         result_type& result) {
     return solve(solver, g, lb, ub, VectorX<double>(), VectorX<double>(), result);
   }
-  /// Solved only where the optimality conditions were checked; else the best point so far.
+  /// Solved only if the optimality conditions hold; otherwise the best point so far.
   static QpStatus solve(Admm& solver, const View& g, const View& lb, const View& ub, const View& rl,
                         const View& ru, result_type& result) {
     if (!all_finite(g)) return QpStatus::InvalidData;

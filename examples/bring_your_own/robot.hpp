@@ -1,8 +1,8 @@
 #pragma once
 
-// A robot joins ArticulatedModel by one specialisation of articulated_traits: a planar arm of the
-// workshop, which speaks in degrees and centimetres and keeps its joints in itself. clothctl asks
-// for radians and metres; the arm moves in the plane y = 0.
+// A robot joins ArticulatedModel by one specialisation of articulated_traits: a planar arm that
+// uses degrees and centimetres and stores its own joint angles. clothctl uses radians and metres.
+// The arm moves in the plane y = 0.
 
 #include <array>
 #include <cmath>
@@ -15,17 +15,17 @@
 
 namespace workshop {
 
-/// A point and a direction in the arm's plane: centimetres and degrees.
+/// A point (cm) and a direction (degrees) in the arm's plane.
 struct Mark {
   double x = 0, z = 0, heading = 0;
 };
 
-/// Rods that turn one about the end of the other.
+/// Rods, each of which rotates about the end of the previous one.
 struct Arm {
   std::vector<double> rods = {40, 30, 20};  // cm
-  std::vector<double> degrees = {0, 0, 0};  // each against the rod before it
+  std::vector<double> degrees = {0, 0, 0};  // relative to the previous rod
 
-  /// The end of a rod; rod -1 ends at the shoulder.
+  /// Returns the end of a rod; rod -1 ends at the shoulder.
   Mark end_of(int rod) const {
     Mark mark;
     for (int k = 0; k <= rod; ++k) {
@@ -40,8 +40,8 @@ struct Arm {
 
 }  // namespace workshop
 
-/// All that clothctl asks for inverse kinematics. Frame k is the end of rod k. What depends on the
-/// joints lies in the workspace, here a second arm.
+/// Everything that inverse kinematics needs. Frame k is the end of rod k. What depends on the
+/// joints is in the workspace, here a second arm.
 template <>
 struct clothctl::articulated_traits<workshop::Arm> {
   using scalar_type = double;
@@ -51,12 +51,12 @@ struct clothctl::articulated_traits<workshop::Arm> {
   using Out = Eigen::Ref<VectorX<double>>;
 
   static Arm make_workspace(const Arm& arm) { return arm; }
-  /// Lengths of positions q and velocities; they differ where a joint has a quaternion.
+  /// Numbers of positions q and of velocities; they differ if a joint has a quaternion.
   static Index nq(const Arm& arm) { return static_cast<Index>(arm.rods.size()); }
   static Index nv(const Arm& arm) { return nq(arm); }
   static VectorX<double> lower(const Arm& arm) { return VectorX<double>::Constant(nq(arm), -2.5); }
   static VectorX<double> upper(const Arm& arm) { return VectorX<double>::Constant(nq(arm), 2.5); }
-  /// q moved along a step, and the step between two q.
+  /// q advanced by a step, and the step between two q.
   static void advance(const Arm&, const View& q, const View& step, Out out) { out = q + step; }
   static void difference(const Arm&, const View& from, const View& to, Out out) { out = to - from; }
   static void forward_kinematics(const Arm&, const View& q, Arm& work) {
@@ -71,8 +71,8 @@ struct clothctl::articulated_traits<workshop::Arm> {
             .toRotationMatrix();
     p << end.x / 100, 0, end.z / 100;
   }
-  /// The Jacobian (6 × nv, linear rows first, world axes) of the world point x fixed on a frame.
-  /// The joints turn about -y.
+  /// Returns the Jacobian (6 × nv, linear rows first, world axes) of the world point x fixed to a
+  /// frame. The joints rotate about -y.
   static void point_jacobian(const Arm&, const Arm& work, int frame, const Vector3<double>& x,
                              Eigen::Ref<MatrixX<double>> J) {
     J.setZero();

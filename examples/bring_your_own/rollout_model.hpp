@@ -1,12 +1,13 @@
 #pragma once
 
-// A cloth model of a laboratory joins ClothModel and ClothRollout, so that a RolloutPredictor rolls
-// it out. Springs, one implicit step a frame, solved by conjugate gradients without a matrix
-// [Baraff, Witkin 1998]; with the step h, the drag α and the forces f at the start:
+// Another cloth model joins ClothModel and ClothRollout, so that a RolloutPredictor can roll it
+// out. It has springs and takes one implicit step per frame, solved by conjugate gradients without
+// a matrix [Baraff, Witkin 1998]. With the step h, the drag α and the forces f at the start:
 //
 //   A v⁺ = M v + h f,   A = (1 + h α) M + h D + h² K
 //
-// Its coordinates are plain numbers, x y z of each vertex in turn, as a 3×n matrix lies in memory.
+// Its coordinates are plain numbers: x y z of each vertex in turn, the memory layout of a 3×n
+// matrix.
 
 #include <algorithm>
 #include <cmath>
@@ -19,8 +20,8 @@
 namespace lab {
 using Numbers = std::vector<double>;
 
-/// The scratch memory of a step: of each spring, its direction, and its damped stiffness along and
-/// across it; of each coordinate, the parts of the solve, and 1 where it is prescribed.
+/// The scratch memory of a step: for each spring its direction and its damped stiffness along and
+/// across it; for each coordinate the vectors of the solve, and 1 if it is prescribed.
 struct Scratch {
   Numbers axis, axial, across, rhs, residual, search, product, speed, needed, fixed;
 };
@@ -31,7 +32,7 @@ struct Cloth {
   Numbers rest, mass;
   double drag = 0;
 
-  /// out = A in, with the springs as `linearise` left them.
+  /// out = A in, with the springs of the last `linearise`.
   void multiply(const Scratch& s, double h, const Numbers& in, Numbers& out) const {
     for (std::size_t i = 0; i < in.size(); ++i) out[i] = (1 + h * drag) * mass[i / 3] * in[i];
     for (std::size_t e = 0; e < springs.size(); ++e) {
@@ -47,8 +48,9 @@ struct Cloth {
     }
   }
 
-  /// Fills springs and right-hand side M v + h f at positions x and velocities v; `rhs` holds the
-  /// outer forces. A spring that pushes keeps no stiffness across its axis, so that A is definite.
+  /// Computes the springs and the right-hand side M v + h f at positions x and velocities v; `rhs`
+  /// holds the external forces on entry. A compressed spring has no stiffness across its axis, so
+  /// that A is definite.
   void linearise(Scratch& s, double h, const double* x, const double* v) const {
     for (std::size_t e = 0; e < springs.size(); ++e) {
       const clothctl::Spring<double>& spring = springs[e];
@@ -66,7 +68,8 @@ struct Cloth {
       s.rhs[i] = mass[i / 3] * v[i] + h * (s.rhs[i] - (i % 3 == 2 ? 9.81 * mass[i / 3] : 0.0));
   }
 
-  /// Solves for the free entries of `speed` by conjugate gradients; returns the iterations.
+  /// Solves for the free entries of `speed` by conjugate gradients. Returns the number of
+  /// iterations.
   int solve(Scratch& s, double h) const {
     multiply(s, h, s.speed, s.product);
     double square = 0, first = 0;
@@ -95,7 +98,7 @@ struct Cloth {
 };
 }  // namespace lab
 
-/// What makes it a model: state and scratch memory apart, a step from one state to the next.
+/// The model: separate state and scratch memory, and a step from one state to the next.
 template <>
 struct clothctl::cloth_traits<lab::Cloth> {
   static Index vertex_count(const lab::Cloth& cloth) { return Index(cloth.mass.size()); }
@@ -134,7 +137,7 @@ struct clothctl::cloth_traits<lab::Cloth> {
   }
 };
 
-/// What lets a predictor roll it out: a start from a guess, unused here, and the holding forces.
+/// What a rollout needs in addition: a start from a guess, unused here, and the holding forces.
 template <>
 struct clothctl::cloth_rollout_traits<lab::Cloth> {
   static auto step_from(const lab::Cloth& cloth, const Points<double>&, int, auto& state,

@@ -19,7 +19,7 @@ void Figures::add_plan(const std::vector<clothctl::Grip<double>>& grips,
   agreement_.push_back(result.agreement);
   prediction_.push_back(result.prediction_error);
   iterations_.push_back(result.qp_iterations);
-  double patch_normal = 0;  // of the finger at hand; its vertices follow one another
+  double patch_normal = 0;  // of the current finger, whose vertices are consecutive
   for (std::size_t i = 0; i < result.finger_forces.size(); ++i) {
     const clothctl::FingerForce<double>& f = result.finger_forces[i];
     const clothctl::Finger<double>& finger =

@@ -1,6 +1,6 @@
 #pragma once
 
-// The figures of a run: collected frame by frame, summed up at its end, printed and written.
+// The figures of a run: collected frame by frame, summarised at its end, printed and written.
 
 #include <string>
 #include <vector>
@@ -21,30 +21,31 @@ struct Summary {
          hand_speed_max = 0;
 };
 
-/// What is known of each frame so far.
+/// The data of each frame so far.
 class Figures {
  public:
-  /// Status, frames and hand_speed_max are set by the loop and the recorder.
+  /// The loop and the recorder set status, frames and hand_speed_max.
   Summary summary;
   /// Distances of the features from their targets in scored frames, m.
   std::vector<double> errors;
 
-  /// Takes the times of a frame, ms.
+  /// Adds the times of a frame, ms.
   void add_times(double planning, double plant);
-  /// Takes a plan that is applied.
+  /// Adds an applied plan.
   void add_plan(const std::vector<clothctl::Grip<double>>& grips,
                 const clothctl::PlanResult<double>& result);
-  /// Sums up. A run of all `frames` whose mean error is over half of `size` (m) lost the track.
+  /// Summarises the run. A run of all `frames` with a mean error over half of `size` (m) has lost
+  /// the track.
   Summary sum_up(Index features, Index frames, double size);
 
  private:
   std::vector<double> frame_ms_, plant_ms_, agreement_, prediction_, iterations_;
 };
 
-/// Returns the summary as the JSON text of one object, on one line where `indent` is -1.
+/// Returns the summary as JSON text of one object, on one line if `indent` is -1.
 std::string to_json(const Summary& summary, const Scene& scene, const Options& o, int indent);
 
-/// Prints the summary for people.
+/// Prints the summary as text.
 void print(const Summary& summary, const Options& o);
 
 }  // namespace program

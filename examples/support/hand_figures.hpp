@@ -1,6 +1,6 @@
 #pragma once
 
-// What the programs about hands share: the ends of a robot's fingers, a path from pose to pose,
+// Shared by the programs for hands: the ends of a robot's fingers, a motion from pose to pose,
 // times, and printing.
 
 #include <nlohmann/json.hpp>
@@ -11,28 +11,29 @@
 
 namespace program {
 
-/// Processor time of this thread (s): other work on the machine disturbs it little.
+/// Returns the processor time of this thread (s), which hardly depends on other work of the
+/// machine.
 double thread_seconds();
 
-/// Prints figures as one JSON object on a line, or as a table. The table leaves out null.
+/// Prints figures as one JSON object on a line, or as a table without the null entries.
 void print_figures(const nlohmann::ordered_json& figures, bool json);
 
-/// A number, or null where it is not known or not finite.
+/// Returns a number, or null if it is unknown or not finite.
 nlohmann::ordered_json known(double value, bool is_known = true);
 
-/// Makes a folder for a program's files. Ends the program where that cannot be.
+/// Makes a folder for a program's files. Ends the program on failure.
 void make_folder(const std::string& path);
 
-/// A length as text, in millimetres.
+/// Returns a length as text, in millimetres.
 std::string millimetres(double metres);
 
-/// Share of the way, 0 to 1, of a motion from rest to rest at time share s, with continuous
-/// acceleration: 10 s³ - 15 s⁴ + 6 s⁵.
+/// Position, 0 to 1, of a motion from rest to rest at time s, 0 to 1, with continuous acceleration:
+/// 10 s³ - 15 s⁴ + 6 s⁵.
 double smooth_share(double s);
 /// Its derivative.
 double smooth_speed(double s);
 
-/// The link at the end of each chain of joints: of each body that carries no other the link
+/// Returns the link at the end of each chain of joints: of each body without children, the link
 /// furthest from the body's origin.
 template <class Scalar>
 std::vector<int> chain_ends(const clothctl::KinematicTree<Scalar>& tree) {

@@ -31,7 +31,7 @@ void raise(double& worst, double error) {
   worst = std::max(worst, error);
 }
 
-/// A file's fields; what is missing or wrong ends the program.
+/// The fields of a file. A missing or wrong field ends the program.
 class Oracle {
  public:
   explicit Oracle(const std::string& path) : path_(path) {
@@ -50,7 +50,7 @@ class Oracle {
     refuse(path_ + ": " + where + what);
   }
 
-  /// A field of an object.
+  /// Returns a field of an object.
   const Json& field(const Json& object, const std::string& where, const char* name) const {
     if (!object.is_object()) fail(where, "is not an object");
     const auto found = object.find(name);
@@ -67,7 +67,7 @@ class Oracle {
     if (!value.is_string()) fail(where, "is not a text: " + shown(value));
     return value.get<std::string>();
   }
-  /// `size` numbers.
+  /// Returns a list of `size` numbers.
   Vector vector(const Json& value, const std::string& where, Index size) const {
     if (!value.is_array()) fail(where, "is not a list of numbers: " + shown(value));
     if (static_cast<Index>(value.size()) != size)
@@ -102,7 +102,7 @@ class Oracle {
   Json root_;
 };
 
-/// For each entry of the file's joint order the tree's coordinate.
+/// Returns the tree's coordinate for each joint in the file's order.
 template <class Scalar>
 std::vector<Index> match_joints(const KinematicTree<Scalar>& tree, const std::string& model,
                                 const Oracle& file) {
@@ -113,12 +113,12 @@ std::vector<Index> match_joints(const KinematicTree<Scalar>& tree, const std::st
     const std::string where = "joint_order[" + std::to_string(k) + "] ",
                       name = file.text(names[k], where);
     const int body = tree.find_joint(name);
-    if (body < 0) file.fail(where, "'" + name + "' is no joint of " + model);
+    if (body < 0) file.fail(where, "'" + name + "' is not a joint of " + model);
     const Body<Scalar>& found = tree.bodies()[static_cast<std::size_t>(body)];
     if (found.type == JointType::Free || found.follows)
       file.fail(where, "'" + name + "' is free or follows another joint in " + model);
     if (std::find(order.begin(), order.end(), found.velocity) != order.end())
-      file.fail(where, "'" + name + "' is there twice");
+      file.fail(where, "'" + name + "' occurs twice");
     order.push_back(found.velocity);
   }
   for (const Body<Scalar>& body : tree.bodies()) {
@@ -174,7 +174,7 @@ class Comparison {
 
   int link(const std::string& name, const std::string& where) const {
     const int found = tree_.find_link(name);
-    if (found < 0) file_.fail(where, "'" + name + "' is no link of " + model_);
+    if (found < 0) file_.fail(where, "'" + name + "' is not a link of " + model_);
     return found;
   }
   Vector read(const Json& sample, const std::string& where, const char* name) const {
@@ -184,9 +184,8 @@ class Comparison {
     return out;
   }
 
-  /// The largest difference relative to the largest entry. Where all entries are zero, such as
-  /// gravity's for an arm that stands upright, it is relative to `unit`, a size that the other
-  /// entries of the sample have.
+  /// The largest difference, relative to the largest entry. If all entries are zero, like gravity's
+  /// for an upright arm, it is relative to `unit`, the size of the sample's other entries.
   static double relative(const Vec& found, const Vector& expected, double unit) {
     const double size = expected.cwiseAbs().maxCoeff();
     return (found.template cast<double>() - expected).cwiseAbs().maxCoeff() /
@@ -267,7 +266,7 @@ class Comparison {
           clothctl::link_pose(tree_, work_.body_poses, link(name, where));
       const Vector p = file_.vector(file_.field(pose, here, "p"), here + "p ", 3);
       const Vector w = file_.vector(file_.field(pose, here, "quat_wxyz"), here + "quat_wxyz ", 4);
-      if (!(std::abs(w.norm() - 1) < 1e-6)) file_.fail(here, "quat_wxyz is no unit quaternion");
+      if (!(std::abs(w.norm() - 1) < 1e-6)) file_.fail(here, "quat_wxyz is not a unit quaternion");
       const Eigen::Matrix3d R =
           Eigen::Quaterniond(w[0], w[1], w[2], w[3]).normalized().toRotationMatrix();
       raise(errors_.fk, (found.p.template cast<double>() - p).cwiseAbs().maxCoeff());

@@ -1,9 +1,9 @@
 #pragma once
 
-// Compares a robot's kinematics and dynamics with samples that other libraries computed: JSON with
-// joint_order, jacobian_link, gravity, spd {kp, kd, h} and samples of q, qd, qdd, qbar, fk,
-// jacobian, mass_matrix, gravity, coriolis, rnea_tau, fd_tau, fd_qdd, spd_qdd, spd_tau. Joints and
-// links are matched by name.
+// Compares a robot's kinematics and dynamics with samples that another library computed. The JSON
+// file has joint_order, jacobian_link, gravity, spd {kp, kd, h}, and samples of q, qd, qdd, qbar,
+// fk, jacobian, mass_matrix, gravity, coriolis, rnea_tau, fd_tau, fd_qdd, spd_qdd, spd_tau. Joints
+// and links are matched by name.
 
 #include <array>
 #include <string>
@@ -12,18 +12,18 @@
 
 namespace program {
 
-/// The largest differences of all samples. Torques, accelerations and the mass matrix count
-/// relative to the largest entry of the sample's.
+/// The largest differences over all samples. Those of torques, accelerations and the mass matrix
+/// are relative to the sample's largest entry.
 struct OracleErrors {
-  /// Places of links (m) and entries of their rotations.
+  /// Positions of links (m) and entries of their rotations.
   double fk = 0;
   /// Entries of the Jacobian.
   double jacobian = 0;
   /// Mass matrix.
   double mass = 0;
-  /// Torques that velocities and gravity take.
+  /// Torques for velocities and gravity.
   double bias = 0;
-  /// Torques that gravity takes.
+  /// Torques for gravity.
   double gravity = 0;
   /// Inverse dynamics.
   double rnea = 0;
@@ -36,14 +36,14 @@ struct OracleErrors {
   /// Number of samples.
   int samples = 0;
 
-  /// Whether all are within a tolerance; forward dynamics may miss by 1e-6, since they divide by
-  /// the mass matrix.
+  /// Returns whether all differences are within a tolerance. Forward dynamics may differ by 1e-6,
+  /// because it divides by the mass matrix.
   bool within(double tolerance) const;
 };
 
-/// Compares a robot with an oracle's file. Ends the program, naming file, sample and field, where
-/// the file is not complete, not finite, or of another robot. `model` stands for the robot in
-/// messages.
+/// Compares a robot with the samples of a file. If the file is incomplete, not finite, or for
+/// another robot, ends the program with a message that names file, sample and field. `model` is the
+/// robot's name in messages.
 template <class Scalar>
 OracleErrors compare_with_oracle(const clothctl::KinematicTree<Scalar>& tree,
                                  const std::string& model, const std::string& path);

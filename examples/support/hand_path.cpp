@@ -15,8 +15,8 @@ using Vec = Eigen::Vector3d;
 
 HandPath::HandPath(const KinematicTree<double>& tree, const Eigen::VectorXd& home, bool hold)
     : tree_(tree), home_(home), hold_(hold) {
-  // From rest to full speed, then around: two long and two short sides, corners rounded and a
-  // little up and down.
+  // From rest to full speed, then around a loop of two long and two short sides with rounded
+  // corners, and slightly up and down.
   constexpr double v = kSpeed;
   const auto go = [this](double duration, const Vec& velocity) {
     const Key& last = keys_.back();
@@ -49,8 +49,8 @@ HandPath::HandPath(const KinematicTree<double>& tree, const Eigen::VectorXd& hom
       continue;
     }
     if (!(range < 6)) continue;
-    // Joints that mostly bend one way close; those that go both ways sway a little. Each finger
-    // keeps its own time.
+    // Joints that bend mainly one way close; those that bend both ways swing a little. Each finger
+    // has its own phase.
     if (body.parent >= 0 &&
         tree.bodies()[static_cast<std::size_t>(body.parent)].subtree_end > body.subtree_end)
       ++fingers;
@@ -96,7 +96,7 @@ void HandPath::at(double t, Eigen::VectorXd& q, Eigen::VectorXd& qd) const {
     qd[body.velocity] = axes_[i].dot(velocity);
   }
   for (const Oscillation& oscillation : oscillations_) {
-    // There and back, at rest at both ends.
+    // Back and forth, at rest at both ends.
     const double phase = std::fmod(t, oscillation.period) / (0.5 * oscillation.period);
     const bool back = phase > 1;
     q[oscillation.position] +=

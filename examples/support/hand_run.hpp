@@ -1,7 +1,7 @@
 #pragma once
 
-// The simulation of hand_track: a robot follows a path by stable PD control. Torques go to forward
-// dynamics, and symplectic Euler steps advance the state.
+// The simulation of hand_track: a robot follows a path by stable PD control. Forward dynamics turns
+// torques into accelerations, and symplectic Euler steps advance the state.
 
 #include <algorithm>
 #include <cmath>
@@ -21,19 +21,19 @@
 
 namespace program {
 
-/// What the user asked for.
+/// The user's options.
 struct TrackRequest {
   std::string model, out, form = "stable";
   double step = 0.01, kp = 800, kd = 100, seconds = 8;
   bool no_gravity = false, hold = false, json = false;
 };
 
-/// The points that are compared with the path: the palm's origin and the finger tips.
+/// The points that are compared with the path: the palm's origin and the fingertips.
 class Marks {
  public:
   explicit Marks(const clothctl::KinematicTree<double>& tree)
       : tree_(tree), tips_(chain_ends(tree)), body_poses_(tree) {
-    // The palm is the body on which most others hang.
+    // The palm is the body with the most children.
     std::vector<int> hanging(tree.bodies().size(), 0);
     for (const clothctl::Body<double>& body : tree.bodies()) {
       if (body.parent >= 0) ++hanging[static_cast<std::size_t>(body.parent)];
@@ -53,7 +53,7 @@ class Marks {
   }
   const clothctl::BodyPoses<double>& body_poses() const { return body_poses_; }
 
-  /// Places the robot at q and writes where the marks are.
+  /// Places the robot at q and writes the positions of these points.
   void place(const Eigen::VectorXd& q, Eigen::Matrix3Xd& out) {
     clothctl::forward_kinematics<double>(tree_, q, body_poses_);
     out.resize(3, count());
@@ -174,14 +174,14 @@ class TrackRun {
   const Eigen::VectorXd& position() const { return q_; }
 
  private:
-  /// Kinetic energy, and the spring's to where the robot should be.
+  /// Kinetic energy plus the energy of the springs to the commanded position.
   double energy(const Eigen::VectorXd& wanted) {
     clothctl::mass_matrix<double>(tree_, marks_.body_poses(), mass_work_, M_);
     tree_.difference(q_, wanted, error_);
     return 0.5 * qd_.dot(M_ * qd_) + 0.5 * o_.kp * error_.squaredNorm();
   }
 
-  /// One step of controller and simulator; answers what went wrong, or "".
+  /// Advances controller and simulator by one step. Returns an error message, or "".
   std::string step(const Eigen::VectorXd& wanted, const Eigen::VectorXd& wanted_speed,
                    TrackFigures& f) {
     const Eigen::VectorXd none;
@@ -223,8 +223,8 @@ class TrackRun {
   Eigen::Matrix3Xd places_, wanted_places_, vertices_;
 };
 
-/// Returns the positions at which the hand starts: hand34_home for our own hand; in other hands
-/// joints that flex like fingers are at 0.3 of their range.
+/// Returns the positions at the start: hand34_home for the library's own hand; in other hands,
+/// joints that bend like fingers are at 0.3 of their range.
 inline Eigen::VectorXd find_home(const clothctl::KinematicTree<double>& tree) {
   if (tree.find_joint("index_mcp_flex") >= 0) return clothctl::hand34_home<double>(tree);
   Eigen::VectorXd home = tree.neutral();

@@ -19,16 +19,16 @@ struct Ball {
   double radius;
 };
 
-/// What is known of a body's form; the world is body 0, and body i is number i + 1.
+/// Data about a body's shape. Bone 0 is the world, and body i is bone i + 1.
 struct Bone {
-  Vec end = Vec::Zero();      // its furthest point but for its origin
-  std::vector<Vec> hinges;    // origins of the joints that hang on it
-  std::vector<int> children;  // and their bones
+  Vec end = Vec::Zero();      // its furthest point from its origin
+  std::vector<Vec> hinges;    // origins of its child joints
+  std::vector<int> children;  // and the bones of those joints
   std::vector<Vec> tips;      // origins of its links
-  double length = 0;          // how far it reaches
+  double length = 0;          // distance from its origin to `end`
   double thickness = 0;       // radius at its middle
   int last = 0;               // the last bone above it that has a length, or itself
-  bool stub = false;  // its length is a guess, and joints hang on it: others do not go by it
+  bool stub = false;          // a guessed length, with child joints: not used for other bodies
 };
 
 std::vector<Bone> find_bones(const KinematicTree<double>& tree) {
@@ -43,14 +43,13 @@ std::vector<Bone> find_bones(const KinematicTree<double>& tree) {
     bones[static_cast<std::size_t>(link.body + 1)].tips.push_back(link.placement.p);
   for (std::size_t i = 0; i < bones.size(); ++i) {
     Bone& bone = bones[i];
-    if (!bone.hinges.empty()) bone.tips.clear();  // sensors and the like
+    if (!bone.hinges.empty()) bone.tips.clear();  // the links are sensors and the like
     for (const std::vector<Vec>* points : {&bone.hinges, &bone.tips}) {
       for (const Vec& p : *points) {
         if (p.norm() > bone.end.norm()) bone.end = p;
       }
     }
-    // Where neither joints nor links tell how long a body is, its centre of mass does: it lies half
-    // way.
+    // If neither joints nor links give a body's length, its centre of mass does, as the middle.
     if (i > 0 && bone.end.norm() < 1e-6 && tree.bodies()[i - 1].inertia.mass > 0) {
       bone.end = 2 * tree.bodies()[i - 1].inertia.com;
       bone.tips.assign(1, bone.end);
@@ -62,8 +61,8 @@ std::vector<Bone> find_bones(const KinematicTree<double>& tree) {
   return bones;
 }
 
-/// Radii from lengths, but not in proportion: an arm is thicker than its fingers, though not by as
-/// much as it is longer.
+/// Radii grow with lengths but less than in proportion: an arm is thicker than its fingers, but not
+/// by the ratio of their lengths.
 void find_thickness(const KinematicTree<double>& tree, std::vector<Bone>& bones) {
   std::vector<double> lengths;
   for (const Bone& bone : bones) {
@@ -80,7 +79,7 @@ void find_thickness(const KinematicTree<double>& tree, std::vector<Bone>& bones)
     bone.thickness =
         std::min(0.27 * usual * std::pow(bone.length / usual, bone.length > usual ? 0.75 : 0.5),
                  0.45 * bone.length);
-    // Along a chain it only gets thinner, and not much at a time.
+    // Along a chain, radii only decrease, and in small steps.
     const Bone& before = bones[static_cast<std::size_t>(above)];
     if (bone.length > 0 && !bone.stub && above > 0 && before.thickness > 0 &&
         before.children.size() < 2)
@@ -88,7 +87,8 @@ void find_thickness(const KinematicTree<double>& tree, std::vector<Bone>& bones)
   }
 }
 
-/// The bone that moves with a bone's joint: itself, or the next one below that has a length.
+/// Returns the bone that moves with a bone's joint: itself, or the next one below that has a
+/// length.
 const Bone* next_bone(const std::vector<Bone>& bones, int i) {
   const Bone* bone = &bones[static_cast<std::size_t>(i)];
   while (!(bone->length > 0) && bone->children.size() == 1)
@@ -122,7 +122,7 @@ std::vector<Ball> balls_of(const std::vector<Bone>& bones, const Bone& bone, boo
 
 void add_hull(const std::vector<Ball>& balls, int body, std::vector<Vec>& vertices,
               HandShape& shape) {
-  // The axis goes along the largest distance of two centres.
+  // The axis is along the largest distance between two centres.
   const Ball *low = &balls[0], *high = &balls[0];
   double largest = 0;
   for (const Ball& p : balls) {
@@ -152,7 +152,7 @@ void add_hull(const std::vector<Ball>& balls, int body, std::vector<Vec>& vertic
   };
   const double pi = std::acos(-1.0);
   add(-axis);
-  // The latitude at which the two ends of a bone part has a ring on either side.
+  // The latitude where the two ends of a bone meet has a ring on either side.
   const double parting =
       largest > 0 ? std::asin(std::clamp((low->radius - high->radius) / largest, -0.99, 0.99)) : 0;
   for (int i = 0; i < rings; ++i) {
@@ -191,8 +191,8 @@ HandShape make_hand_shape(const KinematicTree<double>& tree, const BodyPoses<dou
     if (!balls.empty()) add_hull(balls, static_cast<int>(i) - 1, vertices, shape);
   }
   if (!vertices.empty()) {
-    // The player looks at a sheet from where its triangles face. A closed mesh faces nowhere: a
-    // speck within it, which faces up in the first frame, decides.
+    // The player looks at a sheet from the side that its triangles face. A closed mesh has no such
+    // side, so a tiny triangle inside it, facing up in the first frame, decides.
     const int body = shape.bodies.back(), first = static_cast<int>(vertices.size());
     const Vec inside = 0.5 * bones[static_cast<std::size_t>(body + 1)].end;
     const Eigen::Matrix3d axes = body < 0

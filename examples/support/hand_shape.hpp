@@ -1,12 +1,12 @@
 #pragma once
 
-// A mesh for robots that come without shapes: every body is the hull of balls at its joints and at
-// the ends of its links,
+// A mesh for robots without shapes: every body is the convex hull of balls at its joints and at the
+// ends of its links,
 //
 //   x(d) = c + r d,   (c, r) the ball that reaches furthest along d: max c·d + r
 //
-// over the directions d of a globe whose axis is the body's longest extent. Two balls make a
-// tapered bone, more a palm.
+// for the directions d of a globe whose axis is the body's longest extent. Two balls make a tapered
+// bone, more balls a palm.
 
 #include <array>
 #include <vector>
@@ -15,9 +15,9 @@
 
 namespace program {
 
-/// Triangles whose vertices are fixed on bodies.
+/// Triangles whose vertices are fixed to bodies.
 struct HandShape {
-  /// The triangles, outside turned out.
+  /// The triangles, facing outwards.
   std::vector<std::array<int, 3>> triangles;
   /// The body of each vertex; -1 for the world.
   std::vector<int> bodies;
@@ -25,11 +25,11 @@ struct HandShape {
   Eigen::Matrix3Xd vertices;
 };
 
-/// Makes the shape of a robot. `start` is where it stands in the first frame.
+/// Makes the shape of a robot. `start` holds its poses in the first frame.
 HandShape make_hand_shape(const clothctl::KinematicTree<double>& tree,
                           const clothctl::BodyPoses<double>& start);
 
-/// Writes where the vertices are (3 × vertices, m, world).
+/// Writes the positions of the vertices (3 × vertices, m, world).
 void place_hand(const HandShape& shape, const clothctl::BodyPoses<double>& body_poses,
                 Eigen::Matrix3Xd& vertices);
 

@@ -35,14 +35,14 @@ constexpr int kRestarts = 20;
 class Random {
  public:
   explicit Random(std::uint64_t seed) : engine_(seed) {}
-  /// Evenly from [0, 1).
+  /// Uniform in [0, 1).
   double operator()() { return static_cast<double>(engine_() >> 11) * 0x1p-53; }
 
  private:
   std::mt19937_64 engine_;
 };
 
-/// Whether a coordinate has limits to draw from.
+/// Returns whether a coordinate has limits to draw between.
 template <class Scalar>
 bool is_limited(const KinematicTree<Scalar>& tree, Index i) {
   return !clothctl::is_unbounded(tree.lower()[i]) && !clothctl::is_unbounded(tree.upper()[i]);
@@ -58,7 +58,7 @@ VectorX<Scalar> random_pose(const KinematicTree<Scalar>& tree, Random& random) {
   return q;
 }
 
-/// A pose within a tenth of each joint's range.
+/// Draws a pose within a tenth of each joint's range.
 template <class Scalar>
 VectorX<Scalar> near_pose(const KinematicTree<Scalar>& tree, VectorX<Scalar> q, Random& random) {
   for (Index i = 0; i < q.size(); ++i) {
@@ -79,7 +79,7 @@ class Reach {
         body_poses_(tree),
         ik_(tree, static_cast<int>(tips_.size())) {}
 
-  /// Tasks that put the tips to where they are at q.
+  /// Returns tasks that put the tips where they are at q.
   std::vector<IkTask<Scalar>> tasks_at(const VectorX<Scalar>& q) {
     std::vector<IkTask<Scalar>> tasks;
     clothctl::forward_kinematics<Scalar>(tree_, q, body_poses_);
@@ -90,7 +90,7 @@ class Reach {
     return tasks;
   }
 
-  /// The largest distance of a tip to its target (m).
+  /// Returns the largest distance of a tip from its target (m).
   double distance(const std::vector<IkTask<Scalar>>& tasks, const VectorX<Scalar>& q) {
     clothctl::forward_kinematics<Scalar>(tree_, q, body_poses_);
     double largest = 0;
@@ -127,8 +127,7 @@ class Reach {
   clothctl::InverseKinematics<KinematicTree<Scalar>, Scalar> ik_;
 };
 
-/// A pose for the page: not far from the middle of the limits, so that the picture stays in its
-/// frame.
+/// Draws a pose for the page, near the middle of the limits, so that the hand stays in view.
 VectorX<double> shown_pose(const KinematicTree<double>& tree, Random& random) {
   VectorX<double> q = tree.neutral();
   for (const Body<double>& body : tree.bodies()) {
@@ -143,7 +142,7 @@ VectorX<double> shown_pose(const KinematicTree<double>& tree, Random& random) {
 
 }  // namespace
 
-/// Adds what a set of solves came to; `suffix` goes to the end of the keys.
+/// Adds the figures of several solves; `suffix` is appended to the keys.
 void add_tally(nlohmann::ordered_json& j, const Tally& t, const std::string& suffix) {
   const bool ran = t.solves > 0;
   j["reached_share" + suffix] = known(ran ? double(t.reached) / t.solves : 0, ran);
@@ -166,8 +165,8 @@ ReachRuns run_targets(const KinematicTree<Scalar>& tree, const std::vector<int>&
                       const ReachRequest& o) {
   ReachRuns runs;
   Reach<Scalar> reach(tree, tips);
-  // All targets and starts are drawn before the restarts, so that they do not depend on how many of
-  // those it takes.
+  // All targets and starts are drawn before the restarts, so that they do not depend on the number
+  // of restarts.
   Random random(o.seed);
   std::vector<VectorX<Scalar>> goals, near_starts, starts;
   for (int k = 0; k < o.targets; ++k) {
@@ -183,7 +182,7 @@ ReachRuns run_targets(const KinematicTree<Scalar>& tree, const std::vector<int>&
     (void)reach.solve(tasks, starts[k], kRestarts, random, runs.random);
   }
   for (Index i = 0; i < tree.nq(); ++i) {
-    if (!is_limited(tree, i)) return runs;  // nothing may be out of its reach
+    if (!is_limited(tree, i)) return runs;  // no target can be out of reach
   }
   for (std::size_t k = 0; k < std::min<std::size_t>(goals.size(), 100); ++k) {
     std::vector<IkTask<Scalar>> tasks = reach.tasks_at(goals[k]);
@@ -203,11 +202,11 @@ std::vector<int> find_tips(const KinematicTree<Scalar>& tree, const ReachRequest
   std::vector<int> tips;
   for (const std::string& name : o.tips) {
     const int link = tree.find_link(name);
-    if (link < 0) refuse("--tips: '" + name + "' is no link of " + o.model);
+    if (link < 0) refuse("--tips: '" + name + "' is not a link of " + o.model);
     if (tree.links()[static_cast<std::size_t>(link)].body < 0)
       refuse("--tips: '" + name + "' does not move in " + o.model);
     if (std::find(tips.begin(), tips.end(), link) != tips.end())
-      refuse("--tips: '" + name + "' is there twice");
+      refuse("--tips: '" + name + "' occurs twice");
     tips.push_back(link);
   }
   return tips;

@@ -7,7 +7,7 @@ namespace program {
 
 namespace {
 
-/// Normally distributed numbers, the same on every platform for a seed.
+/// Normally distributed numbers; a seed gives the same ones on every platform.
 class Normal {
  public:
   explicit Normal(std::uint64_t seed) : engine_(seed) {}
@@ -21,7 +21,8 @@ class Normal {
   std::mt19937_64 engine_;
 };
 
-/// Keeps two curves closer than `most`, softly from `from` on, because a sheet cannot stretch.
+/// Limits the distance of two curves to `most`, smoothly from `from` on, because a sheet cannot
+/// stretch.
 void keep_close(Points& a, Points& b, double from, double most) {
   for (Index i = 0; i < a.cols(); ++i) {
     const Vec apart = b.col(i) - a.col(i);
@@ -39,8 +40,8 @@ double ramp(double t) {
   return t <= 0 ? 0.0 : t >= 1 ? 1.0 : t * t * t * (10 - 15 * t + 6 * t * t);
 }
 
-/// Both corners go round the vertical axis through the hands on a horizontal circle that opens
-/// during the first second.
+/// Both corners move around the vertical axis through the hands, on a circle that grows during the
+/// first second.
 void draw_circles(const clothctl::VectorX<double>& times, double size, const Vec& left,
                   const Vec& right, Points& a, Points& b) {
   const double pi = 3.14159265358979323846, radius = 0.3 * size, period = 1.8;
@@ -52,8 +53,8 @@ void draw_circles(const clothctl::VectorX<double>& times, double size, const Vec
   }
 }
 
-/// Two asynchronous lines with the same end, time laws u^a and u^(1/a), and normal noise on 22
-/// control points.
+/// Two asynchronous lines with the same end, time laws u^a and u^(1/a), and normally distributed
+/// noise on 22 control points.
 void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, double scale,
                 double size, const Vec& left, const Vec& right, Points& a, Points& b) {
   Normal normal(seed * 2654435761u + 12345u);
@@ -75,7 +76,8 @@ void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, doub
   }
   const Points wide_a = a, wide_b = b;
   keep_close(a, b, 0.92 * size, 0.98 * size);
-  for (Index i = 0; i < times.size(); ++i) {  // blended in: curves start at the settled corners
+  for (Index i = 0; i < times.size();
+       ++i) {  // blended in, since curves start at the settled corners
     const double w = ramp(times[i] / 0.3);
     a.col(i) = (1 - w) * wide_a.col(i) + w * a.col(i);
     b.col(i) = (1 - w) * wide_b.col(i) + w * b.col(i);
@@ -99,7 +101,7 @@ Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double 
     draw_lines(times, seed, name == "wind" ? 0.3 : 1.0, size, left, right, a, b);
   }
   if (name == "wind") {
-    // A breeze from the front with gusts, known to the planner.
+    // A breeze from the front with gusts, which the planner knows.
     task.wind = [](double t) {
       const double gust = 1 + 0.5 * std::sin(2.1 * t) + 0.3 * std::sin(5.3 * t + 1);
       return Vec(0.2 * ramp(t / 2) * gust, 1.0 * ramp(t / 2) * gust, 0);

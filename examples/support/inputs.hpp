@@ -1,6 +1,6 @@
 #pragma once
 
-// Values that a command line names, with their checks. Bad ones end the program.
+// Values named on a command line, with their checks. A bad value ends the program.
 
 #include <string>
 #include <vector>
@@ -9,10 +9,10 @@
 
 namespace program {
 
-/// Reads a preset's name, or a JSON file with the quantities of clothctl::Material.
+/// Reads a preset by name, or a JSON file with the quantities of clothctl::Material.
 clothctl::Material<double> read_material(const std::string& name);
 
-/// Reads a list of vertex indices with commas between them, as --features takes it.
+/// Reads a list of vertex indices separated by commas, as for --features.
 std::vector<int> read_vertices(const std::string& list);
 
 }  // namespace program

@@ -15,7 +15,8 @@ namespace {
 
 using Planner = clothctl::Planner<AnyPredictor>;
 
-/// Number of frames whose features are scored: a window before the end the targets are guessed.
+/// Returns the number of frames that count for the errors. In the last window the targets are
+/// extrapolated.
 Index scored_frames(const Scene& scene, const Options& o, Index frames) {
   const Index scored = frames - scene.settings.horizon + 1;
   if (scored < 2) {
@@ -39,7 +40,7 @@ void warn_of_weight(const Scene& scene, const Options& o) {
                  grip, weight);
 }
 
-/// Returns why a frame ended the run; empty when it did not.
+/// Returns why a frame ended the run, or an empty string.
 std::string reason(const clothctl::FrameReport<double>& report,
                    const clothctl::PlanResult<double>& result, Index frame) {
   const std::string where = " in frame " + std::to_string(frame);

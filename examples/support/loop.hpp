@@ -7,7 +7,7 @@
 
 namespace program {
 
-/// Runs the loop on `plant`, writes the files that were asked for, prints the figures; returns the
+/// Runs the loop on `plant`, writes the requested files and prints the figures. Returns the
 /// program's exit code.
 int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predictor);
 

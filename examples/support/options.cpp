@@ -25,7 +25,7 @@ CLI::Validator between(double least, double most) {
 
 namespace {
 
-/// Takes an earlier word for a value; --help does not show it.
+/// Accepts an older word for a value; --help does not show it.
 CLI::Validator old_name(const std::string& old, const std::string& name) {
   return CLI::Validator(
       [=](std::string& text) {
@@ -35,7 +35,7 @@ CLI::Validator old_name(const std::string& old, const std::string& name) {
       "");
 }
 
-/// Adds what says how to plan, on which plant, with which fingers.
+/// Adds the options of planning, plant and fingers.
 void add_planner_options(CLI::App& app, Options& o) {
   app.add_option("--horizon", o.horizon, "Frames in the planning window")
       ->check(between(1, 200))
@@ -69,7 +69,7 @@ void add_planner_options(CLI::App& app, Options& o) {
       ->check(between(4, 64))
       ->capture_default_str();
   app.add_option("--max-step", o.max_step_mm,
-                 "Furthest a commanded grip moves in a frame along each axis, mm")
+                 "Largest motion of a commanded grip along each axis in a frame, mm")
       ->check(between(1e-3, 1e4))
       ->capture_default_str();
 }

@@ -1,6 +1,7 @@
 #pragma once
 
-// The command line that the programs share, and its checks. Bad input: one line on stderr, exit 2.
+// The command line that the programs share, with its checks. Bad input prints one line on stderr
+// and exits with 2.
 
 #include <CLI/CLI.hpp>
 #include <cstdint>
@@ -14,17 +15,17 @@
 
 namespace program {
 
-/// Ends the program for bad input.
+/// Ends the program because of bad input.
 [[noreturn]] void refuse(const std::string& reason);
 
-/// The value of a result, or the end of the program for what went wrong.
+/// Returns the value of a result, or ends the program with its error.
 template <class T>
 T must(clothctl::Result<T> result) {
   if (!result) refuse(result.error());
   return std::move(result).value();
 }
 
-/// What the user asked for. Fields that a program does not offer keep their defaults.
+/// The user's options. Options that a program does not offer keep their defaults.
 struct Options {
   std::string task = "async";
   std::string targets;
@@ -54,12 +55,13 @@ struct Options {
 /// Accepts numbers from `least` to `most`; --help shows the range.
 CLI::Validator between(double least, double most);
 
-/// Adds the keys that every program has. `tasks`: the built-in motions that --task names, instead
-/// of --targets.
+/// Adds the options of every program. `tasks`: the built-in motions for --task, an alternative to
+/// --targets.
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
                 const std::string& task_help);
 
-/// Parses; --help exits 0, a bad command line exits 2 with one line.
+/// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
+/// 2.
 void parse(CLI::App& app, int argc, char** argv);
 /// The same for a program with `add_common`.
 void parse(CLI::App& app, Options& o, int argc, char** argv);

@@ -37,8 +37,8 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
 
 std::string chosen_predictor(const Options& o, const Body& body) {
   if (o.predictor != "auto") return o.predictor;
-  // Rolling out in the wind or under hard patch rows can go unstable (docs/performance.md): there
-  // the linearised predictor serves.
+  // In wind or with hard patch rows, rollouts can become unstable (docs/performance.md), so the
+  // linearised predictor is used.
   const bool better =
       is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
   return better ? "rollout" : "linearised";
@@ -58,7 +58,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
       settings.weights.smooth = loose.planner.weights.smooth;
       settings.weights.anchor = loose.planner.weights.anchor;
     }
-    if (o.plant == "pbd") {  // Verlet sheets are softer still
+    if (o.plant == "pbd") {  // Verlet sheets are even softer
       response.scale.geometric = 0.003f;
       if (o.profile != "paper") settings.weights.anchor = 100;
     }

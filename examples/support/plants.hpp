@@ -1,6 +1,7 @@
 #pragma once
 
-// Plants and predictors chosen at run time: one virtual step around the library's templates.
+// Plants and predictors chosen at run time: an interface with virtual functions to the library's
+// templates.
 
 #include <chrono>
 #include <functional>
@@ -38,7 +39,7 @@ class AnyPlant {
     last_step_ms_ = milliseconds(before);
     return report;
   }
-  /// How long the last step took, ms.
+  /// Duration of the last step, ms.
   double last_step_ms() const { return last_step_ms_; }
 
  private:
@@ -104,7 +105,7 @@ class AnyPredictor {
   std::unique_ptr<Base> predictor_;
 };
 
-/// A body to be simulated: what every plant and predictor of the programs is made from.
+/// A body to simulate. Every plant and predictor of the programs is made from one.
 struct Body {
   clothctl::SpringNetwork<double> network;
   double drag = 0;
@@ -115,15 +116,15 @@ inline bool is_implicit(const std::string& plant) {
   return plant == "linear-implicit" || plant == "newton";
 }
 
-/// The plant that `name` asks for; `drag` replaces the body's (settling).
+/// Makes the plant called `name`; `drag` replaces the body's drag (for settling).
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
-/// "linearised" or "rollout": what --predictor auto comes down to.
+/// Returns "linearised" or "rollout": the meaning of --predictor auto.
 std::string chosen_predictor(const Options& o, const Body& body);
 
-/// Weights and predictor for a plant. Position-based sheets carry their weight by unconverged
-/// elongation, not by tension: their predictor scales the tension term and takes the measured net
-/// force.
+/// Adjusts weights and predictor to a plant. In position-based sheets, unconverged elongation and
+/// not tension carries the weight, so their predictor scales the tension term and uses the measured
+/// net force.
 AnyPredictor make_predictor(const Options& o, const Body& body,
                             clothctl::PlannerSettings<double>& settings);
 

@@ -17,8 +17,8 @@ using Vector = clothctl::VectorX<double>;
 
 namespace {
 
-/// What counts as right: residuals relative to the size of the program, objective to max(1,
-/// |objective|, |r|).
+/// Tolerances of right answers: residuals relative to the size of the program, objective relative
+/// to max(1, |objective|, |r|).
 constexpr double kAccepted = 1e-6;
 
 std::string qpt_status(QpStatus s) {
@@ -28,7 +28,7 @@ std::string qpt_status(QpStatus s) {
   return std::string(to_string(s));
 }
 
-/// The largest wᵀt over lower ≤ t ≤ upper.
+/// Returns the largest wᵀt over lower ≤ t ≤ upper.
 double largest(const Vector& w, const Vector& lower, const Vector& upper) {
   double sum = 0;
   for (Index i = 0; i < w.size(); ++i) {
@@ -37,7 +37,7 @@ double largest(const Vector& w, const Vector& lower, const Vector& upper) {
   return sum;
 }
 
-/// How far a direction runs into bounds.
+/// Returns how far a direction violates bounds.
 double outward(const Vector& d, const Vector& lower, const Vector& upper) {
   double worst = 0;
   for (Index i = 0; i < d.size(); ++i) {
@@ -118,7 +118,7 @@ Answer check_answer(const QpProblem& problem, const QpSequenceFrame& f, const Ou
   return a;
 }
 
-/// Whether the solver ended with a checked answer that does not contradict the file.
+/// Returns whether the solver ended with a checked answer that does not contradict the file.
 bool is_right(const Answer& a, const QpReference& expected, double r) {
   if (a.status != QpStatus::Solved && !is_proof(a.status)) return false;
   if (a.status == QpStatus::Solved && !(a.kkt.worst() <= kAccepted)) return false;

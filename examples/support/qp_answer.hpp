@@ -1,6 +1,7 @@
 #pragma once
 
-// What qp_solve reports of one solve: an independent check of the answer on the file's own numbers.
+// The report of qp_solve on one solve: an independent check of the answer on the file's own
+// numbers.
 
 #include <optional>
 #include <string>
@@ -13,14 +14,14 @@ namespace program {
 
 using clothctl::QpStatus;
 
-/// One solve and what an independent check says of it.
+/// A solve and the results of its check.
 struct Answer {
   QpStatus status = QpStatus::InvalidData;
   int iterations = 0;
   double seconds = 0;
   clothctl::KktResiduals<double> kkt;
-  bool has_point = false;  // x, y, z are the best iterate, and kkt judges them
-  double objective = 0;    // in the file's sense, r included
+  bool has_point = false;  // x, y, z are the best iterate, with residuals in kkt
+  double objective = 0;    // in the file's sense, including r
   std::optional<double> proof_residual, proof_value;
   std::optional<double> shift_norm;  // how far --closest-point had to move the rows
   std::string note;
@@ -29,7 +30,7 @@ struct Answer {
 
 /// The last solve, before it is checked.
 struct Outcome {
-  /// What the solver returned; its status is set even where no solver ran.
+  /// The solver's result. Its status is set even if no solver ran.
   const clothctl::QpResult<double>& result;
   /// The first pair of bounds whose lower is above its upper (unknowns, then rows), or -1.
   clothctl::Index crossed = -1;

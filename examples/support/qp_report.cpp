@@ -31,7 +31,7 @@ void print(const nlohmann::ordered_json& figures, bool json) {
   }
 }
 
-/// The figures that one program and a sequence have in common; what is not known is null.
+/// The figures that single programs and sequences share; unknown ones are null.
 nlohmann::ordered_json figures_of(const QpProblem& problem, const std::string& status,
                                   const Answer& a, bool kkt_known) {
   const auto number = [](double v, bool known) {
@@ -63,7 +63,7 @@ constexpr const char* kTableHead =
     "frame,objective,status,iterations,ms,cold_objective,cold_status,cold_iterations,cold_ms,"
     "expected_objective,right\n";
 
-/// A row of --out; objectives that are not known stay empty.
+/// Adds a row of --out; unknown objectives stay empty.
 std::string table_row(std::size_t frame, const Answer& warm, const Answer& cold,
                       const QpReference& expected, bool right) {
   std::string row = std::to_string(frame);
@@ -76,14 +76,14 @@ std::string table_row(std::size_t frame, const Answer& warm, const Answer& cold,
          (right ? ",1\n" : ",0\n");
 }
 
-/// Adds what one way of solving a sequence took, and the number of frames that it got right.
+/// Adds the times of one way of solving a sequence, and the number of right frames.
 void add_times(nlohmann::ordered_json& j, const std::string& way, const QpProblem& problem,
                const std::vector<Answer>& all) {
   Index right = 0;
   std::vector<double> ms, iterations;
   for (std::size_t t = 0; t < all.size(); ++t) {
     right += is_right(all[t], problem.frames[t].reference, problem.r) ? 1 : 0;
-    if (t == 0 && all.size() > 1) continue;  // nothing to be warm from
+    if (t == 0 && all.size() > 1) continue;  // the first frame has no warm start
     ms.push_back(1000 * all[t].seconds);
     iterations.push_back(all[t].iterations);
   }
@@ -117,7 +117,7 @@ int report_sequence(const QpProblem& problem, const Request& o, const std::vecto
                     const std::vector<Answer>& warm) {
   const std::size_t count = problem.frames.size();
   clothctl::QpSolution solution{problem.name, problem.n(), problem.m(), {}, {}};
-  Answer whole;  // the last objective, the worst residuals, and the sums of all
+  Answer whole;  // the last objective, the worst residuals, and the sums of all else
   whole.has_point = warm.back().has_point;
   whole.objective = warm.back().objective;
   std::string table = kTableHead, status = "solved", note;

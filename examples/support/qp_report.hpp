@@ -10,10 +10,10 @@
 
 namespace program {
 
-/// Reports one solve. Returns the exit code: 0 when the answer is right, else 1.
+/// Reports a solve. Returns the exit code: 0 if the answer is right, else 1.
 int report_single(const clothctl::QpProblem& problem, const Request& request, const Answer& answer);
 
-/// Reports a sequence that was solved frame by frame cold and warm. Returns the exit code: 0 when
+/// Reports a sequence that was solved frame by frame, cold and warm. Returns the exit code: 0 if
 /// all answers are right, else 1.
 int report_sequence(const clothctl::QpProblem& problem, const Request& request,
                     const std::vector<Answer>& cold, const std::vector<Answer>& warm);

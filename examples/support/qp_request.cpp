@@ -28,7 +28,7 @@ std::string lower_case_end(const std::string& path) {
   return end;
 }
 
-/// Refuses two names of one file: the second to be written would end the first.
+/// Refuses two options that name the same file, because the second would overwrite the first.
 void keep_apart(const char* what, const std::string& path, const char* other,
                 const std::string& other_path) {
   std::error_code none;
@@ -89,7 +89,8 @@ Request parse_request(int argc, char** argv) {
   app.add_option("--time-limit", o.time_limit,
                  "Seconds that each solve may take by the wall clock (default: any)")
       ->check(between(1e-6, 1e6));
-  app.add_option("--max-iterations", o.max_iterations, "Rounds of a solve (default: 10 (n + m))")
+  app.add_option("--max-iterations", o.max_iterations,
+                 "Iterations of a solve (default: 10 (n + m))")
       ->check(between(1, 1e9));
   app.add_option("--tolerance", o.tolerance,
                  "Relative residuals that count as solved (default: 1.6e-9)")

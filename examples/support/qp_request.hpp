@@ -9,7 +9,7 @@
 
 namespace program {
 
-/// What the user asked for.
+/// The user's options.
 struct Request {
   std::string file, solution, out;
   double time_limit = 0, tolerance = 0;
@@ -17,17 +17,18 @@ struct Request {
   bool json = false, closest_point = false;
 };
 
-/// Parses the command line. --help exits 0; a bad command line, or two options that name the same
-/// file, exits 2 with one line.
+/// Parses the command line. --help exits with 0. A bad command line, or two options that name the
+/// same file, prints one line and exits with 2.
 Request parse_request(int argc, char** argv);
 
-/// Reads a QPT or QPS file, or ends the program with what is wrong with it.
+/// Reads a QPT or QPS file, or ends the program with an error message.
 clothctl::QpProblem read_problem(const std::string& path);
 
-/// Settings of a solver for the request.
+/// Returns the settings of a solver for the request.
 clothctl::QpSettings<double> settings_of(const Request& request);
 
-/// Processor time of this thread, s. Other work on the machine disturbs it little.
+/// Returns the processor time of this thread (s), which hardly depends on other work of the
+/// machine.
 double seconds_now();
 
 }  // namespace program

@@ -65,7 +65,8 @@ void RunRecorder::add_frame(Index frame, const Points& x, const Points& arrows, 
   for (Index i = 0; i < features; ++i) {
     wanted.col(i) = scene_.task.curves[static_cast<std::size_t>(i)].position(t);
     const double error = (actual.col(i) - wanted.col(i)).norm();
-    if (0 < frame && frame < scored_) figures.errors.push_back(error);  // curves start there
+    if (0 < frame && frame < scored_)
+      figures.errors.push_back(error);  // at frame 0 curves start at the features
     for (const Vec& p : {Vec(wanted.col(i)), Vec(actual.col(i))})
       row.insert(row.end(), {p[0], p[1], p[2]});
     row.push_back(error);

@@ -1,6 +1,6 @@
 #pragma once
 
-// Records a run frame by frame, for the player's page and the table of its trajectory.
+// Records a run frame by frame, for the player's page and the table of the trajectory.
 
 #include <vector>
 
@@ -13,24 +13,24 @@ namespace program {
 /// The page and the table of one run.
 class RunRecorder {
  public:
-  /// Frames 1 … `scored` - 1 count for the errors.
+  /// Errors are scored in frames 1 … `scored` - 1.
   RunRecorder(const Scene& scene, const Options& o, Index scored);
 
-  /// Records a frame with positions `x` (3×n, m) and what a result planned for the hands; adds its
-  /// errors and the hands' speed to `figures`.
+  /// Records a frame with positions `x` (3×n, m) and the hands' part of a plan. Adds errors and the
+  /// speed of the hands to `figures`.
   void add_frame(Index frame, const Points& x, const Points& arrows, Figures& figures);
 
-  /// Returns what the page draws at the hands: their planned velocities (m/s) or the forces (N).
+  /// Returns what the page draws at the hands: their planned velocities (m/s) or forces (N).
   Points arrows(const clothctl::PlanResult<double>& result) const;
 
-  /// Writes player.html, trajectory.csv and summary.json into the folder that was asked for.
+  /// Writes player.html, trajectory.csv and summary.json to the requested folder.
   void write(const Summary& summary);
 
  private:
   const Scene& scene_;
   const Options& options_;
   Index scored_;
-  std::vector<std::vector<int>> hands_;  // the vertices that each holds
+  std::vector<std::vector<int>> hands_;  // the vertices that each hand holds
   clothctl::PlayerRecorder page_;
   clothctl::CsvWriter table_;
   Points last_hands_;

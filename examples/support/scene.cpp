@@ -33,8 +33,8 @@ clothctl::PlannerSettings<double> planner_settings(const Options& o, double weig
 clothctl::ClothState<double> settle(const Options& o, const Body& body,
                                     clothctl::ClothState<double> state,
                                     const std::vector<int>& held, double seconds) {
-  // Linearly implicit and Newton steps have the same equilibria; the converged step finds them from
-  // any start.
+  // Linearly implicit and Newton steps have the same equilibria. Converged steps find them from any
+  // start.
   AnyPlant plant = make_plant(is_implicit(o.plant) ? "newton" : o.plant, body, 3.0);
   plant.set_state(state);
   const clothctl::SettleReport<double> report = clothctl::settle(plant, held, 0.02, seconds);

@@ -1,6 +1,6 @@
 #pragma once
 
-// What a program makes before its run starts: a body, its grips and features, settings and a task.
+// The parts of a run: a body, its grips and features, settings and a task.
 
 #include <array>
 #include <string>
@@ -25,13 +25,13 @@ struct Scene {
   std::vector<std::array<int, 2>> segments;
 };
 
-/// Ends the program where grips, features or settings do not fit the body.
+/// Ends the program if grips, features or settings do not fit the body.
 void check_scene(const Scene& scene);
 
-/// Planner settings from the options that every program has.
+/// Returns the planner's settings from the common options.
 clothctl::PlannerSettings<double> planner_settings(const Options& o, double weight);
 
-/// Lets a body hang from `held` (fixed where they are) for `seconds` with firm drag; returns it at
+/// Lets a body hang from the fixed vertices `held` for `seconds` with strong drag. Returns it at
 /// rest.
 clothctl::ClothState<double> settle(const Options& o, const Body& body,
                                     clothctl::ClothState<double> state,

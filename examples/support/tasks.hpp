@@ -1,7 +1,7 @@
 #pragma once
 
-// Targets: read from files, or made for the built-in tasks. Curves are cubic B-splines through or
-// near their points.
+// Targets: read from files, or made for the built-in tasks. Curves are cubic B-splines that
+// interpolate or approximate their points.
 
 #include <cstdint>
 #include <functional>
@@ -13,7 +13,7 @@
 
 namespace program {
 
-/// What the features shall do, and the air around.
+/// The targets of the features, and the wind.
 struct Task {
   std::vector<std::string> names;
   std::vector<clothctl::CubicBSpline<double>> curves;
@@ -21,14 +21,14 @@ struct Task {
   std::function<Vec(double)> wind = [](double) { return Vec(Vec::Zero()); };
 };
 
-/// Reads `--targets`: one file with a header, or LEFT,RIGHT without.
+/// Reads `--targets`: one file with a header, or LEFT,RIGHT without headers.
 Task read_task(const Options& o);
 
-/// Refuses curves a and b that go further apart than ten times the `cloth` between them (m), as in
-/// a file of millimetres, and warns on stderr where they would stretch it.
+/// Refuses curves a and b whose distance exceeds ten times the length (m) of the `cloth` between
+/// them, as for a file in millimetres. Warns on stderr if they would stretch the cloth.
 void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t b, double cloth);
 
-/// The two lower corners start at `left` and `right` (m) and move as `name` says; lengths scale
+/// Returns the motion `name` of the two lower corners from `left` and `right` (m). Lengths scale
 /// with the sheet's `size`.
 Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size,
                             const Vec& left, const Vec& right);

@@ -1,6 +1,6 @@
 #pragma once
 
-// What the programs' runs are timed, summed up and watched with.
+// Time measurement, summaries and progress of the programs' runs.
 
 #include <chrono>
 #include <vector>
@@ -10,16 +10,16 @@ namespace program {
 /// Milliseconds since `from`.
 double milliseconds(std::chrono::steady_clock::time_point from);
 
-/// The value below which a share `q` of the values lies; 0 without values.
+/// Returns the q-quantile of the values, or 0 without values.
 double quantile(std::vector<double> values, double q);
 
-/// A progress line on a terminal, for work over two seconds.
+/// A progress line on a terminal, for work that takes over two seconds.
 class Progress {
  public:
   ~Progress() { clear(); }
-  /// Shows how far the work is.
+  /// Shows the progress.
   void show(long done, long all);
-  /// Wipes the line, before anything else is printed.
+  /// Clears the line before other output.
   void clear();
 
  private:

@@ -43,11 +43,11 @@
 
 // Units of one program may be compiled for different instruction sets. The same template then
 // becomes different code under the same name, of which a linker keeps one. The whole library
-// therefore stands in an inline namespace that is named after everything its code depends on: the
-// instruction set, what the compiler may assume about numbers, and how Eigen aligns memory on the
-// heap and inside of objects.
-#if defined(EIGEN_DONT_VECTORIZE)
-#define CLOTHCTL_ABI_VECTORS plain
+// therefore stands in an inline namespace that is named after what its code depends on: its
+// version, the instruction set, whether Eigen vectorises, what -ffast-math and -ffinite-math-only
+// let the compiler assume, and how Eigen aligns memory on the heap and inside of objects.
+#if defined(__AVX512DQ__) && defined(__AVX512VL__)
+#define CLOTHCTL_ABI_VECTORS avx512_dq
 #elif defined(__AVX512F__)
 #define CLOTHCTL_ABI_VECTORS avx512
 #elif defined(__AVX2__) && defined(__FMA__)
@@ -71,27 +71,36 @@
 #else
 #define CLOTHCTL_ABI_VECTORS base
 #endif
+#if defined(EIGEN_DONT_VECTORIZE)
+#define CLOTHCTL_ABI_EIGEN scalar
+#else
+#define CLOTHCTL_ABI_EIGEN simd
+#endif
 #if defined(__FAST_MATH__) || defined(_M_FP_FAST)
 #define CLOTHCTL_ABI_NUMBERS fast
+#elif defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__ > 0
+#define CLOTHCTL_ABI_NUMBERS finite
 #else
 #define CLOTHCTL_ABI_NUMBERS ieee
 #endif
-#define CLOTHCTL_ABI_JOIN(vectors, numbers, heap, object) \
-  abi_##vectors##_##numbers##_##heap##_##object
-#define CLOTHCTL_ABI_NAME(vectors, numbers, heap, object) \
-  CLOTHCTL_ABI_JOIN(vectors, numbers, heap, object)
+#define CLOTHCTL_ABI_JOIN(major, minor, vectors, eigen, numbers, heap, object) \
+  v##major##_##minor##_##vectors##_##eigen##_##numbers##_##heap##_##object
+#define CLOTHCTL_ABI_NAME(major, minor, vectors, eigen, numbers, heap, object) \
+  CLOTHCTL_ABI_JOIN(major, minor, vectors, eigen, numbers, heap, object)
 
-/// The inline namespace of the library in this unit, such as abi_avx2_fma_ieee_32_32. Not for use
-/// outside of the library.
-#define CLOTHCTL_ABI                                                                       \
-  CLOTHCTL_ABI_NAME(CLOTHCTL_ABI_VECTORS, CLOTHCTL_ABI_NUMBERS, EIGEN_DEFAULT_ALIGN_BYTES, \
+/// The inline namespace of the library in this unit, such as v0_2_avx2_fma_simd_ieee_32_32. Not for
+/// use outside of the library.
+#define CLOTHCTL_ABI                                                                      \
+  CLOTHCTL_ABI_NAME(CLOTHCTL_VERSION_MAJOR, CLOTHCTL_VERSION_MINOR, CLOTHCTL_ABI_VECTORS, \
+                    CLOTHCTL_ABI_EIGEN, CLOTHCTL_ABI_NUMBERS, EIGEN_DEFAULT_ALIGN_BYTES,  \
                     EIGEN_MAX_STATIC_ALIGN_BYTES)
 
 // Eigen's own templates stand in no such namespace. A linker may merge them between instruction
 // sets as long as Eigen aligns memory alike in all units, for example by EIGEN_MAX_ALIGN_BYTES=64
 // and EIGEN_MAX_STATIC_ALIGN_BYTES=16. If units differ, one frees what the other allocated in
 // another way. So each unit defines one symbol whose value tells how Eigen aligns, and linkers
-// refuse a program with two values. CLOTHCTL_NO_LINK_CHECK leaves the symbol out.
+// refuse a program with two values (those of g++ -flto do not notice). CLOTHCTL_NO_LINK_CHECK
+// leaves the symbol out.
 #define CLOTHCTL_ABI_TEXT_OF(text) #text
 #define CLOTHCTL_ABI_TEXT(text) CLOTHCTL_ABI_TEXT_OF(text)
 #if defined(CLOTHCTL_NO_LINK_CHECK)
@@ -108,4 +117,17 @@ __asm__(".globl " CLOTHCTL_ABI_SYMBOL "\n.hidden " CLOTHCTL_ABI_SYMBOL "\n.set "
         ", 1000 * (" CLOTHCTL_ABI_TEXT(EIGEN_DEFAULT_ALIGN_BYTES) ") + (" CLOTHCTL_ABI_TEXT(
             EIGEN_MAX_STATIC_ALIGN_BYTES) ")\n");
 #undef CLOTHCTL_ABI_SYMBOL
+#endif
+
+// A program that defines CLOTHCTL_PRECOMPILED links the library clothctl_precompiled, which holds
+// the heavy templates in double precision, compiled once. Headers name them by
+// CLOTHCTL_INSTANTIATE: an explicit instantiation declaration there, nothing otherwise. The sources
+// of that library redefine CLOTHCTL_EXTERN as empty, which makes it a definition. No function
+// template with a parameter Eigen::Ref<MatrixX<Scalar>> may be among them, only members of classes:
+// clang 14 gives such a function a name that depends on what the unit has seen before.
+#if defined(CLOTHCTL_PRECOMPILED)
+#define CLOTHCTL_EXTERN extern
+#define CLOTHCTL_INSTANTIATE(...) CLOTHCTL_EXTERN template __VA_ARGS__
+#else
+#define CLOTHCTL_INSTANTIATE(...) static_assert(true)
 #endif

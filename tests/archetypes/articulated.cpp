@@ -1,5 +1,5 @@
-// The archetype of a robot satisfies its concepts, obeys their laws, and every algorithm on robots
-// runs on it.
+// The archetype of a robot satisfies its concepts and obeys their laws, and every algorithm on
+// robots runs with it.
 
 #include "archetypes/articulated.hpp"
 
@@ -49,7 +49,7 @@ TEST_CASE("inverse kinematics of every form and stable PD run on the archetype",
   CHECK((q - Vector3<double>(0.5, -1.0, 0.75)).norm() < 1e-4);
   q.setZero();
   CHECK(ik.solve(gantry, all, none, q).status ==
-        IkStatus::LocalMinimum);  // y is torn between -1 and 1
+        IkStatus::LocalMinimum);  // the tasks want y = -1 and y = 1
   CHECK(q[1] == Approx(0.0).margin(1e-4));
 
   PrioritisedIk<Gantry> ranked(gantry, 2, 2);

@@ -1,7 +1,7 @@
 #pragma once
 
-// The least type that satisfies ArticulatedDynamics: a gantry of three sliders, offering what the
-// concept names (with results of unusual but allowed types) and refusing everything else but moves.
+// The least type that satisfies ArticulatedDynamics: a gantry of three sliders. It has exactly what
+// the concept names, returns unusual but allowed types, and can only be moved.
 
 #include <memory>
 
@@ -9,14 +9,14 @@
 
 namespace clothctl_test {
 
-/// A carriage on x, y and z rails; frame 0 is the carriage, frame 1 a hook 0.5 m below it.
+/// A carriage on x, y and z rails. Frame 0 is the carriage, frame 1 a hook 0.5 m below it.
 template <class S>
 class GantryArchetype {
  public:
   using scalar_type = S;
   using View = Eigen::Ref<const clothctl::VectorX<S>>;
   using Out = Eigen::Ref<clothctl::VectorX<S>>;
-  /// Moves, but does not copy.
+  /// Can be moved but not copied.
   struct workspace_type {
     std::unique_ptr<Eigen::Matrix<S, 3, 1>> place = std::make_unique<Eigen::Matrix<S, 3, 1>>();
   };

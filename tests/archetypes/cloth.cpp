@@ -1,5 +1,5 @@
-// The archetypes satisfy their concepts, lack everything else, and the algorithms that take a plant
-// or a model compile and run with them.
+// The archetypes satisfy their concepts and have nothing else. The algorithms that take a plant or
+// a model compile and run with them.
 
 #include "archetypes/cloth.hpp"
 
@@ -23,7 +23,7 @@ static_assert(!std::is_copy_constructible_v<PlantArchetype<double>> &&
 static_assert(!std::is_default_constructible_v<ModelArchetype<double>>);
 static_assert(!std::is_copy_constructible_v<ModelArchetype<double>::Scratch>);
 
-TEMPLATE_TEST_CASE("ModelPlant makes a plant of the least model", "[archetypes]", float, double) {
+TEMPLATE_TEST_CASE("ModelPlant accepts the archetype of a model", "[archetypes]", float, double) {
   using Plant = ModelPlant<ModelArchetype<TestType>, TestType>;
   static_assert(ClothPlant<Plant, TestType>);
   Plant plant(ModelArchetype<TestType>(3));
@@ -34,7 +34,7 @@ TEMPLATE_TEST_CASE("ModelPlant makes a plant of the least model", "[archetypes]"
   CHECK(plant.positions() == Points<TestType>::Zero(3, 3));
 }
 
-TEST_CASE("a result can carry the least model", "[archetypes]") {
+TEST_CASE("a Result holds the archetype of a model", "[archetypes]") {
   Result<ModelArchetype<double>> made(ModelArchetype<double>(4));
   REQUIRE(made.has_value());
   const ModelArchetype<double> taken = std::move(made).value();

@@ -1,15 +1,15 @@
 #pragma once
 
-// The least types that satisfy ClothPlant and ClothModel: they offer what the concepts name and
-// refuse everything else (no copies, no default construction, no comparison, results of unusual but
-// allowed types). An algorithm that compiles with them asks for nothing beyond its concept. They
-// stand still; cloth_laws.hpp says what a real model must do.
+// The least types that satisfy ClothPlant and ClothModel. They have what the concepts name and
+// nothing else: no copies, no default construction, no comparison, and results of unusual but
+// allowed types. An algorithm that compiles with them needs no more than its concept. They do not
+// move; cloth_laws.hpp says what a real model must do.
 
 #include "clothctl/concepts/cloth.hpp"
 
 namespace clothctl_test {
 
-/// A plant that offers what ClothPlant names, and nothing more.
+/// A plant with only what ClothPlant names.
 template <class Scalar>
 class PlantArchetype {
  public:
@@ -19,7 +19,7 @@ class PlantArchetype {
   PlantArchetype(const PlantArchetype&) = delete;
   PlantArchetype& operator=(const PlantArchetype&) = delete;
 
-  /// Fewer promises than Index: merely convertible to it.
+  /// Can do less than Index: it only converts to it.
   int vertex_count() const { return static_cast<int>(positions_.cols()); }
   /// A view rather than a matrix.
   clothctl::PointsView<Scalar> positions() const { return positions_; }
@@ -32,12 +32,11 @@ class PlantArchetype {
   clothctl::Points<Scalar> velocities_;
 };
 
-/// A model that offers what ClothModel names, and nothing more. Movable, since algorithms may own
-/// their model.
+/// A model with only what ClothModel names. It can be moved, since algorithms may own their model.
 template <class Scalar>
 class ModelArchetype {
  public:
-  /// Scratch memory that can be moved and nothing else.
+  /// Scratch memory that can only be moved.
   class Scratch {
    public:
     Scratch(Scratch&&) = default;

@@ -1,5 +1,5 @@
-// The archetype satisfies its concept, lacks everything else, obeys the laws, and a
-// RolloutPredictor rolls it out.
+// The archetype satisfies its concept, has nothing else, obeys the laws, and works in a
+// RolloutPredictor.
 
 #include "archetypes/cloth_rollout.hpp"
 
@@ -39,14 +39,15 @@ using Rolling = RolloutPredictor<ClothRolloutArchetype<S>, PredictorArchetype<S>
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("the least rollout model obeys the laws", "[archetypes]", float, double) {
+TEMPLATE_TEST_CASE("the archetype of a rollout model obeys the laws", "[archetypes]", float,
+                   double) {
   clothctl_test::ClothRolloutLaws<TestType> laws;
   laws.tolerance = std::is_same_v<TestType, float> ? TestType(1e-4) : TestType(1e-12);
   clothctl_test::check_cloth_rollout_laws(ClothRolloutArchetype<TestType>(4),
                                           row_of_four<TestType>(), {3, 1}, laws);
 }
 
-TEMPLATE_TEST_CASE("a rollout predictor asks no more of its model than the concept names",
+TEMPLATE_TEST_CASE("a rollout predictor needs no more from its model than the concept names",
                    "[archetypes]", float, double) {
   using S = TestType;
   clothctl_test::PredictorLaws<S> laws;
@@ -56,7 +57,7 @@ TEMPLATE_TEST_CASE("a rollout predictor asks no more of its model than the conce
       row_of_four<S>(), {3}, laws);
 }
 
-TEST_CASE("the rolled-out response is the model's own fall", "[archetypes]") {
+TEST_CASE("the free response with the archetype is its free fall", "[archetypes]") {
   Rolling<double> predictor(ClothRolloutArchetype<double>(4), PredictorArchetype<double>(1));
   WindowRequest<double> request;
   request.horizon = 5;
@@ -75,7 +76,7 @@ TEST_CASE("the rolled-out response is the model's own fall", "[archetypes]") {
   const ClothState<double> state = row_of_four<double>();
   REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
   for (int k = 1; k <= 5; ++k) {
-    // Implicit Euler: x_k = x_0 + k h v + k (k + 1)/2 h² g, and the hand along its path.
+    // Implicit Euler: x_k = x_0 + k h v + k (k + 1)/2 h² g. The hand moves along its path.
     const double fall = 9.81 * 0.0002 * k * (k + 1);
     const Vector3<double> free = response.free_response.col(k - 1).head<3>();
     const Vector3<double> hand = response.free_response.col(k - 1).tail<3>();

@@ -1,7 +1,7 @@
 #pragma once
 
-// The least type that satisfies ClothRollout: masses without springs, which fall freely where they
-// are not driven. It moves, and refuses copies, default construction and everything else.
+// The least type that satisfies ClothRollout: masses without springs. They fall freely unless they
+// are driven. The type can be moved and nothing else.
 
 #include <span>
 #include <vector>
@@ -10,11 +10,11 @@
 
 namespace clothctl_test {
 
-/// Offers what ClothModel and ClothRollout name, and nothing more. Every mass is 0.1 kg.
+/// A type with only what ClothModel and ClothRollout name. Every mass is 0.1 kg.
 template <class Scalar>
 class ClothRolloutArchetype {
  public:
-  /// Scratch memory that can be moved and nothing else: the forces of the last step.
+  /// Scratch memory that can only be moved: the forces of the last step.
   class Scratch {
    public:
     Scratch(Scratch&&) = default;
@@ -56,7 +56,7 @@ class ClothRolloutArchetype {
     ws.needed = Scalar(0.1) / dt * (state.velocities - ws.before) - ws.force;
     return {clothctl::StepStatus::Converged, true, Scalar(0), 1};
   }
-  /// The step is linear, so that no guess changes its end.
+  /// The step is linear, so the guess does not change its result.
   Report step_from(const clothctl::PointsView<Scalar>&, int, State& state, const Input& input,
                    Scalar dt, Scratch& ws, Scalar) const {
     return step(state, input, dt, ws);

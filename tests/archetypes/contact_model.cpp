@@ -1,5 +1,5 @@
-// The archetype satisfies its concept, lacks everything else, obeys the laws, and grips and their
-// basis are made of it.
+// The archetype satisfies its concept, has nothing else, obeys the laws, and works in grips and
+// their basis.
 
 #include "archetypes/contact_model.hpp"
 
@@ -18,12 +18,13 @@ static_assert(!std::is_default_constructible_v<ContactModelArchetype<double>> &&
               !std::is_copy_assignable_v<ContactModelArchetype<double>>);
 static_assert(!ContactModel<int> && !ContactModel<void*> && !ContactModel<std::string>);
 
-TEMPLATE_TEST_CASE("the least contact model obeys the laws", "[archetypes]", float, double) {
+TEMPLATE_TEST_CASE("the archetype of a contact model obeys the laws", "[archetypes]", float,
+                   double) {
   const TestType tolerance = std::is_same_v<TestType, float> ? TestType(1e-5) : TestType(1e-13);
   clothctl_test::check_contact_laws<TestType>(ContactModelArchetype<TestType>(1), tolerance);
 }
 
-TEMPLATE_TEST_CASE("grips and their basis ask no more of a contact than the concept names",
+TEMPLATE_TEST_CASE("grips and their basis need no more from a contact than the concept names",
                    "[archetypes]", float, double) {
   using S = TestType;
   using Contact = ContactModelArchetype<S>;
@@ -39,7 +40,7 @@ TEMPLATE_TEST_CASE("grips and their basis ask no more of a contact than the conc
   std::vector<FingerForce<S>> forces(6);
   basis.finger_forces(d, forces);
   for (std::size_t j = 0; j < 6; ++j) {
-    // The fallback normal is y; each of three vertices carries a third.
+    // The fallback normal is y. Each of three vertices carries a third of the force.
     const S expected = j < 3 ? S(1) : S(-1) / S(3);
     CHECK((forces[j].force - Vector3<S>(S(0), expected, S(0))).norm() <= S(1e-6));
   }

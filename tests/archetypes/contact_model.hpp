@@ -1,7 +1,7 @@
 #pragma once
 
-// The least type that satisfies ContactModel: it counts in an int, offers no adhesion, and refuses
-// default construction and assignment.
+// The least type that satisfies ContactModel. It counts with int, has no adhesion, and has neither
+// default construction nor assignment.
 
 #include <string>
 #include <utility>
@@ -10,7 +10,7 @@
 
 namespace clothctl_test {
 
-/// Offers what ContactModel names, and nothing more: one generator pushes all vertices alike along
+/// A type with only what ContactModel names. Its one generator pushes all vertices equally along
 /// their normals.
 template <class Scalar>
 class ContactModelArchetype {
@@ -44,7 +44,7 @@ class ContactModelArchetype {
                       clothctl::is_finite(total) && clothctl::is_finite(limit);
     return good ? worst : clothctl::scalar_traits<Scalar>::infinity();
   }
-  /// Text that merely converts to a string.
+  /// A text type that only converts to a string.
   const char* validate() const { return ""; }
 };
 

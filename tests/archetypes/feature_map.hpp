@@ -1,14 +1,13 @@
 #pragma once
 
-// The least type that satisfies FeatureMap: it counts in an int, calls back with types that merely
-// convert, and refuses everything else.
+// The least type that satisfies FeatureMap. It counts with int, and the arguments of its callbacks
+// only convert to the expected types.
 
 #include "clothctl/concepts/prediction.hpp"
 
 namespace clothctl_test {
 
-/// Offers what FeatureMap names, and nothing more: feature i is the mean of the vertices i and i
-/// + 1.
+/// A type with only what FeatureMap names. Feature i is the mean of vertices i and i + 1.
 template <class Scalar>
 class FeatureMapArchetype {
  public:
@@ -17,7 +16,8 @@ class FeatureMapArchetype {
   FeatureMapArchetype& operator=(const FeatureMapArchetype&) = delete;
 
   int count() const { return features_; }
-  /// The callable is taken by forwarding reference and called as an lvalue, as the concept allows.
+  /// The callable is taken by forwarding reference and called as an lvalue, which the concept
+  /// allows.
   template <class Function>
   void for_each_term(clothctl::Index feature, Function&& function) const {
     const short first = static_cast<short>(feature);

@@ -1,5 +1,4 @@
-// The archetype satisfies its concept, lacks everything else, obeys the laws, and a planner plans
-// with it.
+// The archetype satisfies its concept, has nothing else, obeys the laws, and works in a planner.
 
 #include "archetypes/predictor.hpp"
 
@@ -40,15 +39,15 @@ ClothState<S> row_of_four() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("the least predictor obeys the laws", "[archetypes]", float, double) {
+TEMPLATE_TEST_CASE("the archetype of a predictor obeys the laws", "[archetypes]", float, double) {
   clothctl_test::PredictorLaws<TestType> laws;
   laws.tolerance = std::is_same_v<TestType, float> ? TestType(1e-3) : TestType(1e-9);
   clothctl_test::check_predictor_laws([] { return PredictorArchetype<TestType>(1); },
                                       row_of_four<TestType>(), {3}, laws);
 }
 
-TEMPLATE_TEST_CASE("a planner asks no more of its predictor than the concept names", "[archetypes]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a planner needs no more from its predictor than the concept names",
+                   "[archetypes]", float, double) {
   using S = TestType;
   PlannerSetup<S> setup;
   setup.features.add_point(0);

@@ -1,15 +1,15 @@
 #pragma once
 
-// The least type that satisfies Predictor for a given request and response. Movable, since a
-// planner owns its predictor.
+// The least type that satisfies Predictor for a given request and response. It can be moved, since
+// a planner owns its predictor.
 
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/mpc/window.hpp"
 
 namespace clothctl_test {
 
-/// Offers what Predictor names, and nothing more: outputs stand where their first vertex is
-/// measured and an input moves every output alike, once, by a thousandth.
+/// A type with only what Predictor names. Each output stays at its first vertex's measured
+/// position, and one input moves all outputs equally, by a thousandth.
 template <class S>
 class PredictorArchetype {
  public:
@@ -18,7 +18,7 @@ class PredictorArchetype {
   PredictorArchetype(PredictorArchetype&&) = default;
   PredictorArchetype& operator=(PredictorArchetype&&) = default;
 
-  /// A yes that merely converts to bool.
+  /// A truth value that only converts to bool.
   struct Answer {
     operator bool() const { return true; }
   };

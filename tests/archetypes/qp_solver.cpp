@@ -1,4 +1,4 @@
-// The archetypes of QP solvers satisfy their concepts and lack the rest.
+// The archetypes of QP solvers satisfy their concepts and have nothing else.
 
 #include <type_traits>
 
@@ -18,7 +18,7 @@ static_assert(!clothctl_test::WarmStartable<BoxQpSolverArchetype<double>> &&
 static_assert(!QpSolver<BoxQpSolverArchetype<double>> && !BoxQpSolver<QpSolverArchetype<double>>);
 static_assert(!std::is_copy_constructible_v<QpSolverArchetype<double>>);
 
-TEST_CASE("the least solvers run through the session", "[archetypes]") {
+TEST_CASE("the archetypes of solvers run in the session of the law suite", "[archetypes]") {
   BoxQpSolverArchetype<double> box(0);
   QpSolverArchetype<double> rows(0);
   QpResultArchetype<double> result;

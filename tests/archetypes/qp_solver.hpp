@@ -1,20 +1,19 @@
 #pragma once
 
-// The least types that satisfy BoxQpSolver and QpSolver: they offer what the concepts name and
-// nothing more (no copies, no warm start). They do not solve; qp_solver_laws.hpp says what a real
-// solver must do.
+// The least types that satisfy BoxQpSolver and QpSolver. They have only what the concepts name: no
+// copies, no warm start. They do not solve; qp_solver_laws.hpp says what a real solver must do.
 
 #include "clothctl/concepts/qp_solver.hpp"
 
 namespace clothctl_test {
 
-/// A result that offers what the concepts read.
+/// A result with what the concepts read.
 template <class Scalar>
 struct QpResultArchetype {
   clothctl::VectorX<Scalar> x, bound_multipliers, row_multipliers;
 };
 
-/// A solver of bound-constrained programs that offers what BoxQpSolver names, and nothing more.
+/// A solver of bound-constrained programs with only what BoxQpSolver names.
 template <class Scalar>
 class BoxQpSolverArchetype {
  public:
@@ -36,7 +35,7 @@ class BoxQpSolverArchetype {
   }
 };
 
-/// A solver of general programs that offers what QpSolver names, and nothing more.
+/// A solver of general programs with only what QpSolver names.
 template <class Scalar>
 class QpSolverArchetype {
  public:

@@ -1,5 +1,5 @@
-// The archetype of StepResponse satisfies its concept, obeys its laws and drives the exact
-// predictor, whose window is held to stepping the two masses by hand.
+// The archetype of StepResponse satisfies its concept, obeys its laws and works in the linearised
+// predictor. The prediction is compared with steps of the two masses computed here.
 
 #include "archetypes/step_response.hpp"
 
@@ -31,7 +31,7 @@ TEMPLATE_TEST_CASE("the archetype of a step response obeys the laws", "[archetyp
   }
 }
 
-TEST_CASE("the exact predictor runs on the archetype and foretells its steps", "[archetypes]") {
+TEST_CASE("the linearised predictor predicts the archetype's steps exactly", "[archetypes]") {
   for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
     CAPTURE(static_cast<int>(kind));
     WindowRequest<double> request;

@@ -1,7 +1,7 @@
 #pragma once
 
-// The least type that satisfies StepResponse: two masses on a dense 6×6 system, offering what the
-// concept names (with results of unusual but allowed types) and refusing everything else but moves.
+// The least type that satisfies StepResponse: two masses with a dense 6×6 matrix. It has exactly
+// what the concept names, returns unusual but allowed types, and can only be moved.
 
 #include <Eigen/Cholesky>
 #include <vector>
@@ -10,8 +10,7 @@
 
 namespace clothctl_test {
 
-/// Two masses joined by an isotropic linear spring with a damper, the first tied to its place by
-/// another.
+/// Two masses. A linear spring with a damper joins them, another ties the first to a fixed point.
 template <class S>
 class StepResponseArchetype {
  public:
@@ -25,7 +24,7 @@ class StepResponseArchetype {
   StepResponseArchetype& operator=(StepResponseArchetype&&) = default;
 
   int vertex_count() const { return 2; }
-  /// The concept asks for a conversion to bool, no more.
+  /// The concept only asks for a conversion to bool.
   int linearise(const clothctl::PointsView<S>& x, const clothctl::PointsView<S>&,
                 const clothctl::Vector3<S>& wind, S dt, const std::vector<int>& driven) {
     held_.assign(2, 0);
@@ -79,8 +78,7 @@ class StepResponseArchetype {
   clothctl::Points<S> force_;
   std::vector<unsigned char> held_;
   Eigen::Matrix<S, 6, 6> stiffness_, coupling_;
-  // Of a matrix from the start: to move an Eigen factor that was never computed reads its unset
-  // status.
+  // Factored at once: moving an Eigen factor that was never computed reads an uninitialised status.
   Eigen::LLT<Eigen::Matrix<S, 6, 6>> factor_ =
       Eigen::LLT<Eigen::Matrix<S, 6, 6>>(Eigen::Matrix<S, 6, 6>::Identity());
 };

@@ -1,5 +1,5 @@
-// URDF as a tree: the shared models against their table, every kind of joint, couplings, merging,
-// and how links hang together.
+// Trees from URDF: the shared models, every kind of joint, couplings, merging, and connections of
+// links.
 
 #include "clothctl/bridge/urdf.hpp"
 
@@ -37,7 +37,7 @@ const Body<double>& body_of(const UrdfModel<double>& model, const std::string& j
   return model.tree.bodies()[static_cast<std::size_t>(body)];
 }
 
-/// The strings of the list under a key of a JSON text.
+/// Returns the strings of the list under a key of a JSON text.
 std::vector<std::string> strings_under(const std::string& json, const std::string& key) {
   std::vector<std::string> found;
   std::size_t place = json.find('[', json.find('"' + key + '"'));
@@ -52,7 +52,7 @@ std::vector<std::string> strings_under(const std::string& json, const std::strin
 
 }  // namespace
 
-TEST_CASE("URDF: the shared models have their joints, links and masses", "[urdf]") {
+TEST_CASE("URDF: the shared models have the documented joints, links and masses", "[urdf]") {
   struct Row {
     std::string name;
     Index dof;
@@ -92,7 +92,7 @@ TEST_CASE("URDF: the shared models have their joints, links and masses", "[urdf]
   }
 }
 
-TEST_CASE("URDF: every kind of joint, with limits, damping and friction", "[urdf]") {
+TEST_CASE("URDF: every kind of joint is read with limits, damping and friction", "[urdf]") {
   const UrdfModel<double> model = parsed(full_robot());
   const KinematicTree<double>& tree = model.tree;
   CHECK(model.name == "everything");
@@ -124,7 +124,7 @@ TEST_CASE("URDF: every kind of joint, with limits, damping and friction", "[urdf
   CHECK(model.damping[bend] == Approx(0.1 + 0.25 * 0.4));
   CHECK(model.friction[bend] == Approx(0.02 + 0.5 * 0.04));
   CHECK(model.damping.segment(fly, 6).isZero(0));
-  // The limits of what follows narrow the leader's: -1 <= -0.5 q + 0.1 <= 1.
+  // The limits of a follower narrow the leader's: -1 <= -0.5 q + 0.1 <= 1.
   CHECK(tree.lower()[bend] == -1);
   CHECK(tree.upper()[bend] == 2);
   const Body<double>& curl = body_of(model, "curl");
@@ -134,7 +134,7 @@ TEST_CASE("URDF: every kind of joint, with limits, damping and friction", "[urdf
   CHECK(curl.velocity == bend);
 }
 
-TEST_CASE("URDF: frames stand where origin and axis put them", "[urdf]") {
+TEST_CASE("URDF: origin and axis give the frames", "[urdf]") {
   const UrdfModel<double> model = parsed(full_robot());
   BodyPoses<double> body_poses(model.tree);
   VectorX<double> q = model.tree.neutral();
@@ -152,17 +152,17 @@ TEST_CASE("URDF: frames stand where origin and axis put them", "[urdf]") {
   const Pose<double> plate = link_pose(model.tree, body_poses, model.tree.find_link("plate"));
   CHECK((plate.p - carriage * Vector3<double>(0, 0.1, 0)).norm() < 1e-15);
   CHECK((plate.R.col(0) - carriage.R.col(1)).norm() < 1e-15);
-  // The axis of `bend` is of length sqrt 2: a quarter turn about (1, 1, 0) brings x to (0.5, 0.5,
-  // -sqrt 0.5).
+  // The axis of `bend` has length sqrt 2. A quarter turn about (1, 1, 0) maps x to (0.5, 0.5, -sqrt
+  // 0.5).
   q[body_of(model, "bend").position] = std::acos(0.0);
   forward_kinematics<double>(model.tree, q, body_poses);
   const Pose<double> finger = link_pose(model.tree, body_poses, model.tree.find_link("finger"));
   CHECK((finger.R.col(0) - plate.R * Vector3<double>(0.5, 0.5, -std::sqrt(0.5))).norm() < 1e-14);
 }
 
-TEST_CASE("URDF: links joined without motion keep mass, centre and tensor", "[urdf]") {
+TEST_CASE("URDF: links with fixed joints keep mass, centre and tensor", "[urdf]") {
   const UrdfModel<double> model = parsed(full_robot());
-  // By hand, in the carriage's frame: the plate is turned by 90 degrees about z and stands at (0,
+  // Computed by hand in the carriage's frame: the plate is rotated by 90 degrees about z, at (0,
   // 0.1, 0).
   Matrix3<double> I, R, Rz;
   I << 0.02, 0.001, -0.002, 0.001, 0.03, 0.003, -0.002, 0.003, 0.025;
@@ -182,13 +182,13 @@ TEST_CASE("URDF: links joined without motion keep mass, centre and tensor", "[ur
   const Matrix3<double> tensor = R * I * R.transpose() + steiner(3, one - com) +
                                  Rz * plate * Rz.transpose() + steiner(1, other - com);
   const Body<double>& body = body_of(model, "lift");
-  // The body's frame is the joint's, whose z axis is the axis of the joint: here that of the link.
+  // The z axis of the body's frame is the axis of the joint; here it is that of the link.
   CHECK(body.inertia.mass == 4);
   CHECK((body.inertia.com - com).norm() < 1e-16);
   CHECK((body.inertia.about_com - tensor).norm() < 1e-16);
 }
 
-TEST_CASE("URDF: couplings from outside do what <mimic> does", "[urdf]") {
+TEST_CASE("URDF: couplings passed as arguments act like <mimic>", "[urdf]") {
   const std::string links =
       link_text("a") + link_text("b", inertial_text()) + link_text("c", inertial_text());
   const std::string limit = "<limit lower=\"0\" upper=\"1\" effort=\"1\" velocity=\"1\"/>";
@@ -223,7 +223,7 @@ TEST_CASE("URDF: couplings from outside do what <mimic> does", "[urdf]") {
         "f.urdf:5: joint \"k\": its limits and its leader's have no position in common");
 }
 
-TEST_CASE("URDF: the shipped hand with two joints of a finger on one tendon", "[urdf]") {
+TEST_CASE("URDF: the included hand reads with two finger joints coupled", "[urdf]") {
   const std::string path = shared_path("data/models/shadow_hand_right.urdf");
   if (path.empty()) {
     WARN("no shared models: not checked");
@@ -238,7 +238,7 @@ TEST_CASE("URDF: the shipped hand with two joints of a finger on one tendon", "[
   CHECK(body_of(model, "rh_FFJ1").velocity == body_of(model, "rh_FFJ2").velocity);
 }
 
-TEST_CASE("URDF: how links hang together is checked, with the line", "[urdf]") {
+TEST_CASE("URDF: wrong connections of links are refused with their line", "[urdf]") {
   const std::string a = link_text("a"), b = link_text("b"), c = link_text("c");
   const auto fixed = [](const std::string& name, const std::string& parent,
                         const std::string& child) {
@@ -274,7 +274,7 @@ TEST_CASE("URDF: how links hang together is checked, with the line", "[urdf]") {
   CHECK(parsed(robot_text(a)).tree.nv() == 0);
 }
 
-TEST_CASE("URDF: numbers that are finite each but not together are refused", "[urdf]") {
+TEST_CASE("URDF: finite numbers whose combination overflows are refused", "[urdf]") {
   const auto chain = [](const std::string& origin) {
     return robot_text(link_text("a") + link_text("b", inertial_text()) +
                       link_text("c", inertial_text()) +
@@ -290,7 +290,7 @@ TEST_CASE("URDF: numbers that are finite each but not together are refused", "[u
         "f.urdf:5: joint \"j\": numbers overflow");
 }
 
-TEST_CASE("URDF: what is odd is told", "[urdf]") {
+TEST_CASE("URDF: unusual parts of a file give warnings", "[urdf]") {
   const auto warnings = [](const std::string& text) { return parsed(text).warnings; };
   using Lines = std::vector<std::string>;
   CHECK(warnings(pair_text("continuous", "")).empty());
@@ -318,7 +318,7 @@ TEST_CASE("URDF: what is odd is told", "[urdf]") {
   CHECK(warnings(replaced(pair_text("continuous", ""), "izz=\"0.015\"", "izz=\"0.03\"")).empty());
 }
 
-TEST_CASE("URDF: files are read, and what cannot be read is said", "[urdf]") {
+TEST_CASE("URDF: files are read, and unreadable files are reported", "[urdf]") {
   const std::string path = "clothctl_test_robot.urdf";
   std::ofstream(path, std::ios::binary) << pair_text("hinge", "");
   CHECK(refusal_of(read_urdf(path))
@@ -332,8 +332,7 @@ TEST_CASE("URDF: files are read, and what cannot be read is said", "[urdf]") {
   CHECK(refusal_of(read_urdf(".")).rfind(".: cannot be ", 0) == 0);
 }
 
-TEST_CASE("URDF: an inertia far from any body's is refused by file, line, link and value",
-          "[urdf]") {
+TEST_CASE("URDF: an impossible inertia is refused with file, line, link and value", "[urdf]") {
   for (const char* attribute : {"ixy", "ixz", "iyz"}) {
     const std::string text =
         replaced(pair_text("continuous", ""), std::string(attribute) + "=\"0\"",

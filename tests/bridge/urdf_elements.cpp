@@ -1,5 +1,5 @@
-// Links and joints of URDF: inertia in turned axes against a hand calculation, defaults, and every
-// error with its line.
+// Links and joints of URDF: inertia in rotated axes compared with a hand calculation, defaults, and
+// every error with its line.
 
 #include "clothctl/bridge/detail/urdf_elements.hpp"
 
@@ -22,7 +22,7 @@ UrdfModel<double> parsed(const std::string& text) { return value_of(parse_urdf(t
 
 std::string refusal(const std::string& text) { return refusal_of(parse_urdf(text, "f.urdf")); }
 
-/// Why a joint with `inside` in line 7 is refused, without file and joint.
+/// Returns why a joint with `inside` in line 7 is refused, without file and joint.
 std::string of_joint(const std::string& inside, const std::string& type = "revolute",
                      int line = 7) {
   const std::string message = refusal(pair_text(type, inside + "\n"));
@@ -32,7 +32,7 @@ std::string of_joint(const std::string& inside, const std::string& type = "revol
   return message.substr((std::min)(start.size(), message.size()));
 }
 
-/// Why a link with `inside` in line 3 is refused.
+/// Returns why a link with `inside` in line 3 is refused.
 std::string of_link(const std::string& inside) {
   const std::string message = refusal(robot_text(link_text("a") + link_text("b", inside) +
                                                  joint_text("j", "continuous", "a", "b")));
@@ -44,8 +44,8 @@ std::string of_link(const std::string& inside) {
 
 }  // namespace
 
-TEST_CASE("URDF: a tensor in turned axes", "[urdf]") {
-  // A quarter turn about z takes x to y: the moments about x and y change places.
+TEST_CASE("URDF: an inertia tensor in rotated axes is converted", "[urdf]") {
+  // A quarter turn about z maps x to y, so the moments about x and y are exchanged.
   const UrdfModel<double> model = parsed(robot_text(
       link_text("a") +
       link_text("b", inertial_text("<origin xyz=\"1 2 3\" rpy=\"0 0 1.5707963267948966\"/>")) +
@@ -63,7 +63,7 @@ TEST_CASE("URDF: a tensor in turned axes", "[urdf]") {
   const double s = std::sin(0.5), c = std::cos(0.5), sb = std::sin(0.25), cb = std::cos(0.25),
                x = 0.01, y = 0.02, z = 0.015;
   const double yy = c * c * y + s * s * z, yz = s * c * (y - z),
-               zz = s * s * y + c * c * z;  // after the turn about x
+               zz = s * s * y + c * c * z;  // after the rotation about x
   const Matrix3<double>& I = tilted.tree.bodies()[0].inertia.about_com;
   CHECK(I(0, 0) == Approx(cb * cb * x + sb * sb * zz).epsilon(1e-14));
   CHECK(I(1, 1) == Approx(yy).epsilon(1e-14));
@@ -73,7 +73,7 @@ TEST_CASE("URDF: a tensor in turned axes", "[urdf]") {
   CHECK(I(0, 2) == Approx(sb * cb * (zz - x)).epsilon(1e-14));
 }
 
-TEST_CASE("URDF: what is left out has the format's value", "[urdf]") {
+TEST_CASE("URDF: omitted values have the format's defaults", "[urdf]") {
   const UrdfModel<double> model = parsed(pair_text("revolute", ""));
   const Body<double>& body = model.tree.bodies().front();
   CHECK(body.placement.p == Vector3<double>(0, 0, 0));
@@ -90,7 +90,7 @@ TEST_CASE("URDF: what is left out has the format's value", "[urdf]") {
   const UrdfModel<double> wide = parsed(
       pair_text("revolute", "<limit lower=\"-1e30\" upper=\"1e30\" effort=\"1\" velocity=\"1\"/>"));
   CHECK(is_unbounded(wide.tree.lower()[0]));
-  // Joints that do not move or move freely have no axis and no limits, whatever stands there.
+  // Fixed and floating joints have no axis and no limits, whatever the file says.
   const std::string rest =
       "<axis xyz=\"0 0 0\"/><limit lower=\"1\" upper=\"0\"/><dynamics damping=\"1\"/>";
   CHECK(parsed(pair_text("fixed", rest)).tree.nv() == 0);
@@ -190,7 +190,7 @@ TEST_CASE("URDF: errors of links name line, element and value", "[urdf]") {
   CHECK(refusal(robot_text(crowd)) == "f.urdf:10002: link \"l10000\": more than 10000 links");
 }
 
-TEST_CASE("URDF: single precision refuses what it cannot hold", "[urdf]") {
+TEST_CASE("URDF: single precision refuses numbers that it cannot represent", "[urdf]") {
   const std::string text = pair_text("fixed", "<origin xyz=\"1e300 0 0\"/>");
   CHECK(refusal(text) == "accepted");
   CHECK(

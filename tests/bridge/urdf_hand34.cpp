@@ -1,5 +1,5 @@
-// The hand of 34 joints as a file: the one that ships is what the builder gives, and both are the
-// hand of the shared folder.
+// The 34-joint hand as a file: the included file equals the builder's hand, and both equal the hand
+// of the shared folder.
 
 #include <algorithm>
 #include <cmath>
@@ -40,7 +40,7 @@ std::string shipped_path() {
 #endif
 }
 
-/// What the shipped file is to hold.
+/// The expected contents of the included file.
 std::string shipped_text() {
   std::string text = urdf_text(hand34_builder<double>(), "hand34");
   return text.insert(text.find('\n') + 1,
@@ -51,7 +51,7 @@ std::string shipped_text() {
                      "-->\n");
 }
 
-/// A text in pieces: numbers, and what is between them.
+/// A text in pieces: the numbers, and the text between them.
 std::vector<std::string> pieces(const std::string& text) {
   std::vector<std::string> out(1);
   const auto numeric = [](char c) {
@@ -64,7 +64,7 @@ std::vector<std::string> pieces(const std::string& text) {
   return out;
 }
 
-/// Every number of a text from a place on.
+/// Returns every number of a text from a position on.
 std::vector<double> numbers_after(const std::string& text, std::size_t place, std::size_t count) {
   std::vector<double> out;
   while (out.size() < count && place < text.size()) {
@@ -108,8 +108,8 @@ VectorX<double> anywhere(RobotDraws& draws, const KinematicTree<double>& tree) {
   return q;
 }
 
-/// Checks that trees have the same joints and limits; returns how far any link of one is from that
-/// of the other in some poses.
+/// Checks that two trees have the same joints and limits. Returns the largest distance between
+/// equal links in some poses.
 double apart(const KinematicTree<double>& a, const KinematicTree<double>& b) {
   REQUIRE(a.bodies().size() == b.bodies().size());
   REQUIRE(a.links().size() == b.links().size());
@@ -139,7 +139,7 @@ double apart(const KinematicTree<double>& a, const KinematicTree<double>& b) {
   return worst;
 }
 
-/// The largest |A - B|_ij / sqrt(A_ii A_jj) over some poses.
+/// Returns the largest |A - B|_ij / sqrt(A_ii A_jj) over some poses.
 double mass_gap(const KinematicTree<double>& a, const KinematicTree<double>& b) {
   Masses at_a(a), at_b(b);
   RobotDraws draws(9);
@@ -157,13 +157,13 @@ double mass_gap(const KinematicTree<double>& a, const KinematicTree<double>& b) 
 
 }  // namespace
 
-TEST_CASE("hand34: write the shipped file anew", "[.renew]") {
+TEST_CASE("hand34: rewrite the included file", "[.renew]") {
   std::ofstream file(shipped_path(), std::ios::binary);
   file << shipped_text();
   REQUIRE(file.flush());
 }
 
-TEST_CASE("hand34: the shipped file is what the builder gives", "[urdf][hand34]") {
+TEST_CASE("hand34: the included file equals the builder's hand", "[urdf][hand34]") {
   const std::string path = shipped_path();
   if (path.empty()) {
     WARN("where the source lies is not known: the shipped hand is not checked");
@@ -174,7 +174,7 @@ TEST_CASE("hand34: the shipped file is what the builder gives", "[urdf][hand34]"
   REQUIRE(have.size() == want.size());
   for (std::size_t k = 0; k < have.size(); ++k) {
     if (have[k] == want[k]) continue;
-    // Compilers may fuse a product and a sum: the last digit is theirs.
+    // Compilers may fuse a product and a sum, which changes the last digit.
     const double a = std::strtod(have[k].c_str(), nullptr),
                  b = std::strtod(want[k].c_str(), nullptr);
     INFO(have[k] << " instead of " << want[k]);
@@ -190,7 +190,7 @@ TEST_CASE("hand34: the shipped file is what the builder gives", "[urdf][hand34]"
   CHECK(mass_gap(own, model.tree) < 1e-14);
 }
 
-TEST_CASE("hand34: it is the hand of the shared folder, to the digits printed there",
+TEST_CASE("hand34: the hand equals that of the shared folder to its printed digits",
           "[urdf][hand34]") {
   const std::string path = shared_path("data/models/hand34.urdf");
   if (path.empty()) {
@@ -200,7 +200,8 @@ TEST_CASE("hand34: it is the hand of the shared folder, to the digits printed th
   const UrdfModel<double> shared = value_of(read_urdf(path));
   const KinematicTree<double> own = hand34<double>();
   const double places = apart(own, shared.tree), masses = mass_gap(own, shared.tree);
-  // Masses and moments have six digits there: half a unit of the last is up to 5e-6 of the value.
+  // Masses and moments have six digits there: half a unit of the last one is up to 5e-6 of the
+  // value.
   KinematicTreeBuilder<double> printed;
   const KinematicTreeBuilder<double> builder = hand34_builder<double>();
   for (const auto& link : builder.links()) {
@@ -219,7 +220,7 @@ TEST_CASE("hand34: it is the hand of the shared folder, to the digits printed th
   CHECK(printed_masses < 1e-9);
 }
 
-TEST_CASE("hand34: capsules, contact points and home are those of the shared folder",
+TEST_CASE("hand34: capsules, contact points and home equal those of the shared folder",
           "[urdf][hand34]") {
   const std::string path = shared_path("data/models/capsules_hand34.json");
   if (path.empty()) {

@@ -1,6 +1,5 @@
-// URDF that suffered on its way: bytes, tags and numbers lost, doubled, swapped and replaced. Each
-// text is read, and then its tree can be moved, or is refused with one line that names file and
-// line.
+// Damaged URDF: bytes, tags and numbers are removed, repeated, exchanged and replaced. Each text
+// must either give a tree that can be moved or be refused with one line that names file and line.
 
 #include <cstddef>
 #include <random>
@@ -27,7 +26,7 @@ struct Counts {
   int read = 0, refused = 0, moved = 0;
 };
 
-/// Reads a text; moves what was read, else judges the message.
+/// Reads a text. Moves the tree, or checks the error message.
 template <class S>
 void judge(const std::string& text, Counts& counts) {
   const Result<UrdfModel<S>> model = parse_urdf<S>(text, "f.urdf");
@@ -53,7 +52,7 @@ void judge(const std::string& text, Counts& counts) {
   if (!all_finite(qdd)) FAIL("accelerations that are not finite: " + text);
 }
 
-/// Where the tags of a text begin and end.
+/// Begin and end of the tags in a text.
 std::vector<std::pair<std::size_t, std::size_t>> tags_of(const std::string& text) {
   std::vector<std::pair<std::size_t, std::size_t>> tags;
   for (std::size_t place = text.find('<'); place != std::string::npos;
@@ -65,7 +64,7 @@ std::vector<std::pair<std::size_t, std::size_t>> tags_of(const std::string& text
   return tags;
 }
 
-/// Where the values of attributes begin and end.
+/// Begin and end of the attribute values in a text.
 std::vector<std::pair<std::size_t, std::size_t>> values_of(const std::string& text) {
   std::vector<std::pair<std::size_t, std::size_t>> values;
   for (std::size_t place = text.find("=\""); place != std::string::npos;
@@ -77,7 +76,7 @@ std::vector<std::pair<std::size_t, std::size_t>> values_of(const std::string& te
   return values;
 }
 
-/// Spoils a text in one place as an editor's mistake would.
+/// Damages a text in one place, like a mistake while editing.
 std::string edited(const std::string& text, std::mt19937& engine) {
   static const std::vector<std::string> words = {"",         "x",      "${x}",  "world", "bend",
                                                  "lift",     "mount",  "fixed", "curl",  "floating",
@@ -121,7 +120,7 @@ std::string edited(const std::string& text, std::mt19937& engine) {
   }
 }
 
-/// Spoils a text in `trials` ways: half of them by bytes, half by elements, in one or two places.
+/// Damages a text in `trials` ways, in one or two places: half of them by bytes, half by elements.
 void campaign(const std::string& text, unsigned seed, int trials, Counts& counts) {
   const std::string bytes = "<>/=\"' \n\t0123456789.-+e&;#!?[]xabc\xef\xbb\xbf";
   for_each_spoilt(text, bytes, seed, trials / 2,
@@ -142,7 +141,7 @@ void campaign(const std::string& text, unsigned seed, int trials, Counts& counts
 
 }  // namespace
 
-TEST_CASE("URDF: spoilt robots are read or refused, never more", "[urdf]") {
+TEST_CASE("URDF: damaged files are read or refused without crashing", "[urdf]") {
   Counts counts;
   campaign(full_robot(), 5, trials(1600, 80000), counts);
   for (const char* name : {"hand34", "leap_hand_right"}) {

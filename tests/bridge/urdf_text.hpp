@@ -1,13 +1,13 @@
 #pragma once
 
-// URDF texts for tests, line by line: a robot with everything that is read, and joints between
-// links of a line.
+// URDF texts for tests with known lines: a robot with all supported elements, and joints between
+// one-line links.
 
 #include <string>
 
 namespace clothctl_test {
 
-/// A link of one line; `inside` stands in it.
+/// A link in one line, with `inside` as its content.
 inline std::string link_text(const std::string& name, const std::string& inside = "") {
   return "<link name=\"" + name + "\">" + inside + "</link>\n";
 }
@@ -27,19 +27,19 @@ inline std::string joint_text(const std::string& name, const std::string& type,
          "\"/>\n<child link=\"" + child + "\"/>\n" + inside + "</joint>\n";
 }
 
-/// A robot whose content begins in line 2.
+/// A robot with contents from line 2 on.
 inline std::string robot_text(const std::string& inside) {
   return "<robot name=\"r\">\n" + inside + "</robot>\n";
 }
 
-/// Links "a" (line 2) and "b" (line 3, 2 kg) and between them joint "j" (head in line 4) with
-/// `inside` in line 7.
+/// Links "a" (line 2) and "b" (line 3, 2 kg), joined by joint "j" (head in line 4) with `inside` in
+/// line 7.
 inline std::string pair_text(const std::string& type, const std::string& inside) {
   return robot_text(link_text("a") + link_text("b", inertial_text()) +
                     joint_text("j", type, "a", "b", inside));
 }
 
-/// A robot with every element that is read.
+/// A robot with every supported element.
 inline std::string full_robot() {
   return R"(<?xml version="1.0" encoding="utf-8"?>
 <!-- every element -->

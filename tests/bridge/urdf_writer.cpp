@@ -1,4 +1,4 @@
-// Robots that are written and read again are the same robots.
+// Written robots read back as the same robots.
 
 #include "clothctl/bridge/urdf_writer.hpp"
 
@@ -36,7 +36,8 @@ UrdfModel<S> again(const KinematicTreeBuilder<S>& builder, const std::string& na
   return value_of(parse_urdf<S>(urdf_text(builder, name), "again.urdf"));
 }
 
-/// Checks that two trees are the same but for their numbers; returns by how much those differ.
+/// Checks that two trees are equal except for their numbers. Returns the largest difference of
+/// numbers.
 template <class S>
 double gap(const KinematicTree<S>& a, const KinematicTree<S>& b) {
   REQUIRE(a.bodies().size() == b.bodies().size());
@@ -91,8 +92,8 @@ const std::vector<std::string> kNasty = {" ",
                                          "percent %s %n",
                                          "\\u0041\\"};
 
-/// A robot of random parts, of every kind of joint, every second with some limit, and names that
-/// XML does not like.
+/// A robot of random parts with every kind of joint, some limits, and names that need escaping in
+/// XML.
 template <class S>
 KinematicTreeBuilder<S> random_builder(RobotDraws& draws, int joints) {
   KinematicTreeBuilder<S> builder;
@@ -160,14 +161,14 @@ Matrix3<double> turn(double roll, double pitch, double yaw) {
 
 }  // namespace
 
-TEST_CASE("URDF: random robots with nasty names come back", "[urdf]") {
+TEST_CASE("URDF: random robots with special characters in names read back the same", "[urdf]") {
   RobotDraws draws(4711);
   double worst = 0, worst_single = 0;
   int built = 0;
   for (int k = 0; k < 200; ++k) {
     const KinematicTreeBuilder<double> builder = random_builder<double>(draws, 1 + k % 30);
     const Result<KinematicTree<double>> tree = builder.build();
-    if (tree) {  // limits of followers may leave nothing
+    if (tree) {  // the limits of followers may leave no position
       ++built;
       const UrdfModel<double> model =
           again(builder, kNasty[static_cast<std::size_t>(k) % kNasty.size()]);
@@ -185,22 +186,22 @@ TEST_CASE("URDF: random robots with nasty names come back", "[urdf]") {
   CHECK(worst_single < 1e-6);
 }
 
-TEST_CASE("URDF: rotations come back, at and around both gimbal locks too", "[urdf]") {
+TEST_CASE("URDF: rotations read back the same, also at and near both gimbal locks", "[urdf]") {
   RobotDraws draws(99);
   const double quarter = std::acos(0.0);
   double worst = 0;
   for (int k = 0; k < 4000; ++k) {
     Matrix3<double> R = draws.rotation();
     if (k % 2 ==
-        0) {  // so near to the lock, on both sides of it, that nothing is left of yaw or some
+        0) {  // so near to the lock, on both sides, that all or some digits of yaw are lost
       const double off = k % 8 < 4 ? std::pow(10.0, -1.0 - 0.1 * (k % 190)) : 0.0;
       R = turn(3 * draws.normal(), (k % 4 == 0 ? quarter : -quarter) + (k % 3 - 1) * off,
                3 * draws.normal());
     }
     worst = (std::max)(worst, (reread<double>(R).R - R).cwiseAbs().maxCoeff());
   }
-  // Quarter turns about all axes, of exact zeros and ones: at the lock there is nothing to take an
-  // angle from.
+  // Quarter turns about all axes, from exact zeros and ones. At the lock, no entries determine the
+  // angle.
   int quarters = 0;
   for (int x = 0; x < 3; ++x) {
     for (int y = 0; y < 3; ++y) {
@@ -218,7 +219,7 @@ TEST_CASE("URDF: rotations come back, at and around both gimbal locks too", "[ur
   CHECK(worst < 1.5e-15);
 }
 
-TEST_CASE("URDF: angles that were typed are written as they were", "[urdf]") {
+TEST_CASE("URDF: angles with few digits are written with few digits", "[urdf]") {
   std::string text;
   for (const Vector3<double>& rpy :
        {Vector3<double>(-1.05, 0.35, 0.75), Vector3<double>(0.1, -0.2, 0.3),
@@ -235,10 +236,10 @@ TEST_CASE("URDF: angles that were typed are written as they were", "[urdf]") {
   CHECK(text.find("rpy=\"0 0 0.35\"") != std::string::npos);
 }
 
-TEST_CASE("URDF: every kind of joint is written as what it is", "[urdf]") {
+TEST_CASE("URDF: every kind of joint is written as its own type", "[urdf]") {
   KinematicTreeBuilder<double> builder;
   Inertia<double> heavy;
-  heavy.mass = 1e25;  // no bound, whatever its size
+  heavy.mass = 1e25;  // large numbers are allowed here
   heavy.com = Vector3<double>(0.5, -0.0, 1e-9);
   heavy.about_com.diagonal() = Vector3<double>(3, 2, 2);
   heavy.about_com(0, 1) = heavy.about_com(1, 0) = -0.25;
@@ -317,7 +318,7 @@ TEST_CASE("URDF: every kind of joint is written as what it is", "[urdf]") {
   CHECK(gap(builder.build().value(), again(builder).tree) < 1e-15);
 }
 
-TEST_CASE("URDF: what does not build is written and refused", "[urdf]") {
+TEST_CASE("URDF: a robot that does not build is written, and refused when read", "[urdf]") {
   Inertia<double> broken;
   broken.mass = std::numeric_limits<double>::quiet_NaN();
   KinematicTreeBuilder<double> builder;
@@ -330,7 +331,7 @@ TEST_CASE("URDF: what does not build is written and refused", "[urdf]") {
   CHECK(refusal_of(parse_urdf(urdf_text(xacro, "r"), "f")).find("xacro") != std::string::npos);
 }
 
-TEST_CASE("URDF: the hand of 34 joints comes back to the last digits, in both precisions",
+TEST_CASE("URDF: the 34-joint hand reads back to the last digits in both precisions",
           "[urdf][hand34]") {
   const UrdfModel<double> model = again(hand34_builder<double>(), "hand34");
   CHECK(gap(hand34<double>(), model.tree) < 1e-15);

@@ -1,5 +1,5 @@
-// URDF as XML: what is well formed and what is not, other kinds of files, xacro, numbers in any
-// locale, hostile sizes.
+// XML of URDF: well-formed and malformed text, other kinds of files, xacro, numbers in any locale,
+// and huge sizes.
 
 #include "clothctl/bridge/detail/urdf_xml.hpp"
 
@@ -28,7 +28,7 @@ std::string repeated(const std::string& text, int count) {
 
 }  // namespace
 
-TEST_CASE("URDF: XML in all its forms", "[urdf]") {
+TEST_CASE("URDF: all forms of XML are read", "[urdf]") {
   const std::string link = "<link name='a'/>";
   CHECK(refusal("<robot name=\"r\">" + link + "</robot>") == "accepted");
   CHECK(refusal("\xef\xbb\xbf<?xml version=\"1.0\"?>\r\n<!-- a -->\r\n<robot name='r'>\r\n" + link +
@@ -88,7 +88,8 @@ TEST_CASE("URDF: files of other kinds are recognised", "[urdf]") {
 
 TEST_CASE("URDF: xacro is recognised", "[urdf]") {
   const std::string head = "<robot name=\"r\" xmlns:xacro=\"http://www.ros.org/wiki/xacro\">\n";
-  CHECK(refusal(head + link_text("a") + "</robot>") == "accepted");  // what xacro leaves behind
+  CHECK(refusal(head + link_text("a") + "</robot>") ==
+        "accepted");  // left over after running xacro
   CHECK(refusal(head + "<xacro:include filename=\"x\"/>\n</robot>") ==
         "f.urdf:2: <xacro:include> belongs to xacro: run xacro on the file first");
   CHECK(refusal(head + "<link name=\"a\">\n<visual><xacro:box/></visual></link></robot>") ==
@@ -101,7 +102,7 @@ TEST_CASE("URDF: xacro is recognised", "[urdf]") {
         "xacro on the file first");
 }
 
-TEST_CASE("URDF: numbers are read alike in every locale", "[urdf]") {
+TEST_CASE("URDF: numbers are read the same in every locale", "[urdf]") {
   const auto place = [](const std::string& xyz) {
     const UrdfModel<double> model =
         value_of(parse_urdf(pair_text("floating", "<origin xyz=\"" + xyz + "\"/>"), "f.urdf"));
@@ -121,7 +122,7 @@ TEST_CASE("URDF: numbers are read alike in every locale", "[urdf]") {
           std::string::npos);
 }
 
-TEST_CASE("URDF: hostile sizes end in a message", "[urdf]") {
+TEST_CASE("URDF: huge sizes are refused with a message", "[urdf]") {
   CHECK(refusal(repeated("<robot>", 100000))
             .rfind("f.urdf:1: the file is not XML: elements are nested too deep", 0) == 0);
   CHECK(refusal(robot_text(link_text("a", repeated("<b>", 90) + repeated("</b>", 90)))) ==
@@ -132,7 +133,7 @@ TEST_CASE("URDF: hostile sizes end in a message", "[urdf]") {
       robot_text(link_text(std::string(100000, 'x')) + link_text(repeated("ü", 1000)));
   check_refusal(refusal(text), "f.urdf", text);
   CHECK(refusal(text).find("\"" + repeated("ü", 20) + "…\"") != std::string::npos);
-  // A chain of joints, each following the one before, and as many joints on one link.
+  // A chain of joints where each follows the previous one, and equally many joints on one link.
   std::string chain = link_text("l0", inertial_text()), star = chain;
   for (int k = 1; k < 3000; ++k) {
     const std::string own = std::to_string(k), before = std::to_string(k - 1);

@@ -43,7 +43,7 @@ Points<double> forces_of(const Points<double>& x, const Points<double>& v,
 
 }  // namespace
 
-TEST_CASE("a plate facing the wind feels half rho A Cn v squared", "[air]") {
+TEST_CASE("a plate facing the wind feels ½ ρ A C_n v²", "[air]") {
   const AirSettings<double> air = some_air<double>();
   const Points<double> still = Points<double>::Zero(3, 4);
   for (double speed : {-7.0, -0.3, 0.0, 2.0}) {
@@ -54,7 +54,7 @@ TEST_CASE("a plate facing the wind feels half rho A Cn v squared", "[air]") {
   }
 }
 
-TEST_CASE("wind along a plate only rubs it", "[air]") {
+TEST_CASE("wind along a plate causes friction only", "[air]") {
   const Vector3<double> total =
       forces_of(square(), Points<double>::Zero(3, 4), Vector3<double>(3, 4, 0), some_air<double>())
           .rowwise()
@@ -64,14 +64,16 @@ TEST_CASE("wind along a plate only rubs it", "[air]") {
   CHECK(std::abs(total.z()) < 1e-15);
 }
 
-TEST_CASE("air that moves with the sheet exerts nothing", "[air]") {
+TEST_CASE("air that moves with the sheet exerts no force", "[air]") {
   const Vector3<double> wind(1.5, -2.0, 0.25);
   const Points<double> v = wind.replicate(1, 4);
   CHECK(forces_of(square(), v, wind, some_air<double>()).isZero(0.0));
 }
 
-TEST_CASE("air forces: dissipation, Galilean invariance, rotation equivariance, no preferred side",
-          "[air]") {
+TEST_CASE(
+    "air forces dissipate energy, are invariant under velocity and rotation, and treat both sides "
+    "alike",
+    "[air]") {
   std::mt19937 random(3);
   const AirSettings<double> air = some_air<double>();
   for (int trial = 0; trial < 50; ++trial) {
@@ -119,7 +121,7 @@ TEST_CASE("the drag matrix is symmetric positive semidefinite and gives the forc
   }
 }
 
-TEMPLATE_TEST_CASE("a triangle without area feels nothing", "[air]", float, double) {
+TEMPLATE_TEST_CASE("a triangle without area feels no force", "[air]", float, double) {
   using Scalar = TestType;
   const Vector3<Scalar> a(Scalar(0.1), Scalar(0.2), Scalar(0.3)),
       b(Scalar(0.4), Scalar(0.1), Scalar(0.7));
@@ -130,7 +132,7 @@ TEMPLATE_TEST_CASE("a triangle without area feels nothing", "[air]", float, doub
   CHECK(all_finite(air_drag_matrix(a, b, Vector3<Scalar>((a + b) / Scalar(2)), zero, wind, air)));
 }
 
-TEST_CASE("air impulses tend to force times time and lose energy for any step", "[air]") {
+TEST_CASE("air impulses tend to force times time and lose energy for any time step", "[air]") {
   std::mt19937 random(5);
   const AirSettings<double> air = some_air<double>();
   VectorX<double> w(4);
@@ -155,7 +157,7 @@ TEST_CASE("air impulses tend to force times time and lose energy for any step", 
           sum += w[i] > 0 ? 0.5 / w[i] * (u.col(i) - wind).squaredNorm() : 0.0;
         return sum;
       };
-      // A held vertex feeds energy in, so it moves with the air here.
+      // A held vertex would add energy, so here it moves with the air.
       after.col(2) = wind;
       for (int repeat = 0; repeat < 5; ++repeat) {
         const double before = energy(after);
@@ -166,7 +168,7 @@ TEST_CASE("air impulses tend to force times time and lose energy for any step", 
   }
 }
 
-TEST_CASE("no air by default, and settings that make no sense are named", "[air]") {
+TEST_CASE("air is off by default, and bad settings are named", "[air]") {
   AirSettings<double> air;
   CHECK_FALSE(air.enabled());
   CHECK(air.validate().empty());

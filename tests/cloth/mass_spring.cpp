@@ -69,7 +69,7 @@ bool same_bits(const ClothState<S>& a, const ClothState<S>& b) {
   return same(a.positions, b.positions) && same(a.velocities, b.velocities);
 }
 
-// Forces of springs and stencils, written down again from the header's formulas.
+// Forces of springs and stencils, written again from the header's formulas.
 Points<double> elastic_forces(const SpringNetwork<double>& network, const Points<double>& x) {
   Points<double> f = Points<double>::Zero(3, x.cols());
   for (const Spring<double>& s : network.springs) {
@@ -88,7 +88,7 @@ Points<double> elastic_forces(const SpringNetwork<double>& network, const Points
   return f;
 }
 
-// All forces at positions x and velocities v, with dampers and air matrices taken at x0 and v0.
+// All forces at positions x and velocities v, with dampers and air matrices of x0 and v0.
 Points<double> all_forces(const MassSpring<double>& model, const Points<double>& x,
                           const Points<double>& v, const Points<double>& x0,
                           const Points<double>& v0, const ClothInput<double>& input) {
@@ -125,7 +125,7 @@ double energy(const MassSpring<double>& model, const ClothState<double>& state) 
   return sum;
 }
 
-// A crumpled, moving sheet with a pin, in wind and under forces, one vertex driven.
+// A crumpled, moving sheet with a pin and one driven vertex, in wind and under forces.
 struct Scene {
   MassSpringSettings<double> settings;
   SpringNetwork<double> network = sheet<double>();
@@ -177,8 +177,8 @@ TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth with one sol
         settings.drag = held ? S(0.5) : S(0);
         if (held) settings.pinned = {0, 2};
         if (held) settings.air.normal_coefficient = S(1);
-        // Newton stops far below the tolerance of the laws: rounding in double, the force's own
-        // rounding in float.
+        // Newton converges far below the tolerance of the laws: to rounding in double, to the
+        // rounding of forces in float.
         settings.velocity_tolerance = std::is_same_v<S, float> ? S(1e-4) : S(1e-11);
         clothctl_test::ClothLaws<S> laws;
         laws.mass = networks[which].mass;
@@ -186,14 +186,14 @@ TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth with one sol
         laws.pinned = settings.pinned;
         laws.momentum_known = !held;
         if (std::is_same_v<S, float>)
-          laws.tolerance = S(3e-3);  // k ε |x| h / m, the rounding of a spring's pull
+          laws.tolerance = S(3e-3);  // k ε |x| h / m: the rounding of a spring's force
         clothctl_test::check_cloth_laws(make(networks[which], settings), laws);
       }
     }
   }
 }
 
-TEST_CASE("a step by one solve is the solution of the header's linear system", "[cloth]") {
+TEST_CASE("a step with one solve solves the header's linear system", "[cloth]") {
   const Scene scene;
   const MassSpring<double> model = make(scene.network, scene.settings);
   auto ws = model.make_workspace();
@@ -240,11 +240,11 @@ TEST_CASE("a step by one solve is the solution of the header's linear system", "
   }
   for (Index i = 0; i < n; ++i)
     a.diagonal().segment<3>(3 * i).array() += (1 + h * scene.settings.drag) * scene.network.mass[i];
-  // Forces without dampers, drag and the air's part in v: those stand in A.
+  // Forces without dampers, drag and air's dependence on v: those are in A.
   const Points<double> still = Points<double>::Zero(3, n);
   Points<double> b = h * all_forces(model, x, still, x, v, scene.input);
   for (Index i = 0; i < n; ++i) b.col(i) += scene.network.mass[i] * v.col(i);
-  // The pin and the driven vertex by elimination.
+  // Pin and driven vertex are eliminated.
   Eigen::VectorXd rhs = b.reshaped();
   const Eigen::Vector3d driven = (scene.input.driven_positions.col(0) - x.col(35)) / h;
   rhs -= a.middleCols<3>(3 * 35) * driven;
@@ -260,7 +260,7 @@ TEST_CASE("a step by one solve is the solution of the header's linear system", "
   CHECK((state.positions - x - h * state.velocities).cwiseAbs().maxCoeff() <= 1e-15);
 }
 
-TEST_CASE("a Newton step meets M (v - v0) = h f(x0 + h v, v) to its tolerance", "[cloth]") {
+TEST_CASE("a Newton step satisfies M (v - v0) = h f(x0 + h v, v) to its tolerance", "[cloth]") {
   for (const double tolerance : {0.0, 1e-9}) {
     for (const double size : {0.001, 0.01}) {  // slightly and badly crumpled
       Scene scene;
@@ -294,10 +294,11 @@ TEST_CASE("a Newton step meets M (v - v0) = h f(x0 + h v, v) to its tolerance", 
   }
 }
 
-TEST_CASE("Newton steps keep linear momentum, and turn it only by what implicit Euler loses",
-          "[cloth]") {
-  // x⁺ × f(x⁺) sums to nothing over inner forces, so Σ m x⁺ × (v⁺ - v0) = 0: the change of Σ m x ×
-  // v is h Σ m v⁺ × v0 exactly.
+TEST_CASE(
+    "Newton steps conserve linear momentum, and change angular momentum as implicit Euler does",
+    "[cloth]") {
+  // The torques x⁺ × f(x⁺) of internal forces add up to zero, so Σ m x⁺ × (v⁺ - v0) = 0. The change
+  // of Σ m x × v is therefore exactly h Σ m v⁺ × v0.
   SpringNetwork<double> network = sheet<double>();
   undamp(network);
   MassSpringSettings<double> settings;
@@ -328,7 +329,7 @@ TEST_CASE("Newton steps keep linear momentum, and turn it only by what implicit 
   }
 }
 
-TEST_CASE("without input the energy of a hanging, swinging rope or sheet never grows under Newton",
+TEST_CASE("without input, the energy of a swinging rope or sheet never grows under Newton",
           "[cloth]") {
   RopeSettings<double> rope;
   rope.segments = 12;
@@ -343,7 +344,7 @@ TEST_CASE("without input the energy of a hanging, swinging rope or sheet never g
       const MassSpring<double> model = make(network, settings);
       auto ws = model.make_workspace();
       ClothState<double> state = model.rest_state();
-      // Laid out sideways, so that it swings down.
+      // Starts horizontally, so that it swings down.
       for (Index i = 0; i < n; ++i)
         state.positions.col(i) = Eigen::Vector3d(state.positions(0, i), -state.positions(2, i), 0);
       double last = energy(model, state);
@@ -359,12 +360,10 @@ TEST_CASE("without input the energy of a hanging, swinging rope or sheet never g
   }
 }
 
-TEST_CASE(
-    "both integrations converge to the true motion of a chain with the first order of the step",
-    "[cloth]") {
+TEST_CASE("both integrations converge to the motion of a chain with order one", "[cloth]") {
   RopeSettings<double> rope;
   rope.segments = 5;
-  rope.stretch = 3.0;  // soft: the steps must resolve its own oscillations
+  rope.stretch = 3.0;  // soft, so that the steps resolve its oscillations
   rope.bending = 1e-5;
   const SpringNetwork<double> network = rope_network(rope).value();
   MassSpringSettings<double> settings;
@@ -377,7 +376,7 @@ TEST_CASE(
     start.positions.col(i) =
         1.05 * Eigen::Vector3d(-start.positions(2, i), 0, 0.3 * start.positions(2, i));
 
-  // The classical fourth-order Runge-Kutta method on ẍ = f/m, its dampers along the present
+  // The classical fourth-order Runge-Kutta method for ẍ = f/m, with dampers along the current
   // directions.
   const double time = 0.4;
   ClothState<double> truth = start;
@@ -414,11 +413,12 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("one solve and Newton come to rest in the same place, where all forces vanish",
+TEST_CASE("one solve and Newton settle at the same equilibrium, where all forces vanish",
           "[cloth]") {
   SpringNetwork<double> network = sheet<double>();
   MassSpringSettings<double> settings;
-  settings.pinned = {30, 31, 32, 33, 34, 35};  // a taut upper edge: one equilibrium
+  settings.pinned = {30, 31, 32,
+                     33, 34, 35};  // a taut upper edge, so that there is one equilibrium
   settings.drag = 10.0;
   std::vector<ClothState<double>> rest;
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
@@ -436,10 +436,10 @@ TEST_CASE("one solve and Newton come to rest in the same place, where all forces
     rest.push_back(state);
   }
   CHECK((rest[0].positions - rest[1].positions).cwiseAbs().maxCoeff() <= 1e-7);
-  CHECK(rest[0].positions(2, 0) < network.rest_positions(2, 0));  // it stretched
+  CHECK(rest[0].positions(2, 0) < network.rest_positions(2, 0));  // stretched by its weight
 }
 
-TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with the wind",
+TEST_CASE("a free sheet falls at the terminal speed of its drag and drifts with the wind",
           "[cloth]") {
   const SpringNetwork<double> network = sheet<double>();
   MassSpringSettings<double> settings;
@@ -456,19 +456,21 @@ TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with
     airy.integration = integration;
     airy.gravity.setZero();
     airy.air.normal_coefficient = 1.2;
-    airy.air.tangent_coefficient = 1.2;  // equal: nothing but |w - v|, which then falls like 1/t
+    airy.air.tangent_coefficient =
+        1.2;  // equal coefficients: the force depends only on w - v, which falls like 1/t
     const MassSpring<double> kite = make(network, airy);
     auto kite_ws = kite.make_workspace();
     ClothState<double> s = kite.rest_state();
     ClothInput<double> input;
     input.wind = {0.0, 3.0, 0.0};
-    // Flat in the wind, all vertices alike: m v' = ½ ρ A c r², r = w - v, so 1/r = 1/w + t ρ A c /
-    // (2 m).
+    // Flat in the wind, all vertices equal: m v' = ½ ρ A c r² with r = w - v, so 1/r = 1/w + t ρ A
+    // c / (2 m).
     const double rate = 0.5 * 1.2 * 1.2 / Material<double>().area_density;
     double r = 3.0;
     for (int k = 0; k < 300; ++k) {
       REQUIRE(kite.step(s, input, 0.02, kite_ws).advanced);
-      r = r / (1 + 0.02 * rate * r);  // the same law stepped with C frozen at its start
+      r = r / (1 + 0.02 * rate *
+                       r);  // the same equation, stepped with C frozen at the start of the step
     }
     const Eigen::Vector3d drift = s.velocities * network.mass / network.mass.sum();
     CHECK(drift.y() == Approx(3.0 - r).epsilon(0.05));
@@ -477,12 +479,12 @@ TEST_CASE("a free sheet falls to the terminal speed of its drag, and drifts with
   }
 }
 
-TEST_CASE("driven vertices end where told to the last bit and pins stay, in both integrations",
+TEST_CASE("driven vertices end exactly at their targets and pins stay, in both integrations",
           "[cloth]") {
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     Scene scene;
     scene.settings.integration = integration;
-    scene.state.positions(0, 30) = -0.0;  // not even a sign of zero changes
+    scene.state.positions(0, 30) = -0.0;  // even the sign of zero must stay
     const MassSpring<double> model = make(scene.network, scene.settings);
     auto ws = model.make_workspace();
     ClothState<double> state = scene.state;
@@ -498,7 +500,7 @@ TEST_CASE("driven vertices end where told to the last bit and pins stay, in both
       CHECK(state.velocities.col(30) == Eigen::Vector3d(0, 0, 0));
       CHECK((state.velocities.col(35) - (to - from) / scene.dt).norm() <= 1e-12);
     }
-    // A pin that is driven goes along.
+    // A pin can be driven.
     scene.input.driven_vertices = {30};
     scene.input.driven_positions = state.positions.col(30) + Eigen::Vector3d(0.001, 0, 0);
     REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
@@ -506,7 +508,7 @@ TEST_CASE("driven vertices end where told to the last bit and pins stay, in both
   }
 }
 
-TEST_CASE("what acts on a held vertex changes nothing, not a bit", "[cloth]") {
+TEST_CASE("forces on a held vertex change no bit", "[cloth]") {
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     Scene scene;
     scene.settings.integration = integration;
@@ -522,7 +524,7 @@ TEST_CASE("what acts on a held vertex changes nothing, not a bit", "[cloth]") {
   }
 }
 
-TEST_CASE("a step from a guess goes to where the whole Newton solve ends", "[cloth]") {
+TEST_CASE("a step from a guess ends where the full Newton solve ends", "[cloth]") {
   Scene scene;
   scene.settings.integration = Integration::Newton;
   scene.settings.velocity_tolerance = 1e-10;
@@ -535,7 +537,7 @@ TEST_CASE("a step from a guess goes to where the whole Newton solve ends", "[clo
   ClothState<double> state = scene.state;
   StepReport<double> report = model.step_from(full.velocities, 5, state, scene.input, scene.dt, ws);
   CHECK(report.status == StepStatus::Converged);
-  CHECK(report.iterations == 0);  // the solution itself needs no solve
+  CHECK(report.iterations == 0);  // a guess at the solution needs no solve
   CHECK((state.positions - full.positions).cwiseAbs().maxCoeff() <= 1e-14);
 
   const Points<double> near = full.velocities + noise(8, 36, 1e-3);
@@ -551,7 +553,8 @@ TEST_CASE("a step from a guess goes to where the whole Newton solve ends", "[clo
   }
   CHECK(last < 1e-4);
 
-  // One step advances too and says so; the guess of held vertices is ignored.
+  // One step advances too and reports that it did not converge. The guess of held vertices is
+  // ignored.
   Points<double> odd = near;
   odd.col(30).setConstant(50);
   odd.col(35).setConstant(-50);
@@ -565,7 +568,7 @@ TEST_CASE("a step from a guess goes to where the whole Newton solve ends", "[clo
   CHECK(report.advanced);
   CHECK((state.velocities.col(2) - near.col(2)).norm() == 0.0);
 
-  // A bad guess is bad input.
+  // An invalid guess is invalid input.
   Points<double> bad = near;
   bad(1, 4) = std::numeric_limits<double>::quiet_NaN();
   state = scene.state;
@@ -577,7 +580,7 @@ TEST_CASE("a step from a guess goes to where the whole Newton solve ends", "[clo
   CHECK(same_bits(state, scene.state));
 }
 
-TEST_CASE("when iterations run out the step advances and says so", "[cloth]") {
+TEST_CASE("when iterations run out the step advances and reports it", "[cloth]") {
   Scene scene;
   scene.settings.integration = Integration::Newton;
   scene.settings.max_iterations = 1;
@@ -592,7 +595,7 @@ TEST_CASE("when iterations run out the step advances and says so", "[cloth]") {
   CHECK(report.residual > 0);
 }
 
-TEMPLATE_TEST_CASE("vertices in one place give numbers, not NaN", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("coincident vertices give finite numbers", "[cloth]", float, double) {
   using S = TestType;
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<S> settings;
@@ -604,7 +607,7 @@ TEMPLATE_TEST_CASE("vertices in one place give numbers, not NaN", "[cloth]", flo
     for (const bool all : {false, true}) {
       ClothState<S> state = model.rest_state();
       if (all) {
-        state.positions.setConstant(S(0.1));  // the whole sheet in a point
+        state.positions.setConstant(S(0.1));  // the whole sheet in one point
       } else {
         state.positions.col(8) = state.positions.col(7);
       }
@@ -618,7 +621,8 @@ TEMPLATE_TEST_CASE("vertices in one place give numbers, not NaN", "[cloth]", flo
   }
 }
 
-TEMPLATE_TEST_CASE("steps that overflow leave the state bit by bit", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("steps that overflow leave the state's bits unchanged", "[cloth]", float,
+                   double) {
   using S = TestType;
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<S> settings;
@@ -643,14 +647,14 @@ TEMPLATE_TEST_CASE("steps that overflow leave the state bit by bit", "[cloth]", 
     refused(model.rest_state(), drive, S(1e-6));
     ClothState<S> fast = model.rest_state();
     fast.velocities.setConstant(huge);
-    refused(fast, {}, S(100));  // finite velocities, positions beyond all numbers
-    // And the workspace still serves.
+    refused(fast, {}, S(100));  // finite velocities, but positions overflow
+    // The workspace still works.
     ClothState<S> state = model.rest_state();
     CHECK(model.step(state, {}, S(0.01), ws).status == StepStatus::Converged);
   }
 }
 
-TEST_CASE("setup from outside data is refused with a line that names the item", "[cloth]") {
+TEST_CASE("bad data for create are refused with a message that names the item", "[cloth]") {
   const auto error =
       [](const std::function<void(SpringNetwork<double>&, MassSpringSettings<double>&)>& spoil) {
         SpringNetwork<double> network = sheet<double>(3);
@@ -673,11 +677,11 @@ TEST_CASE("setup from outside data is refused with a line that names the item", 
   CHECK(error([](N&, Set& s) { s.pinned = {-1}; }) == "pinned vertex -1 is off the mesh");
 }
 
-TEST_CASE("an independent implementation of one solve a step agrees to its printed digits",
+TEST_CASE("an independent implementation of one solve per step agrees to its printed digits",
           "[cloth]") {
-  // Its system (M - dt D - dt² K) dv = dt (f + dt K v), with blocks of the opposite sign and f with
-  // the dampers' force, is the header's: put dv = v⁺ - v and the dampers' force -D v in, and A v⁺ =
-  // M v + h f_springs is left.
+  // Its system (M - dt D - dt² K) dv = dt (f + dt K v) has blocks of the opposite sign, and its f
+  // contains the dampers. With dv = v⁺ - v and the dampers' force -D v, it becomes the header's A
+  // v⁺ = M v + h f_springs.
   const std::string path = clothctl_test::shared_path("data/cloth/ref/e_bw_traj.csv");
   if (path.empty()) {
     WARN("reference data not found; skipped");
@@ -726,7 +730,7 @@ TEST_CASE("an independent implementation of one solve a step agrees to its print
   CHECK(worst <= 1e-9);
 }
 
-TEST_CASE("the recorded sheet rests where its record starts, and follows its hands", "[cloth]") {
+TEST_CASE("the recorded sheet rests at the start of its record and follows its hands", "[cloth]") {
   const std::string folder = clothctl_test::shared_path("data/trajectories/splines");
   if (folder.empty()) {
     WARN("recorded trajectories not found; skipped");
@@ -740,12 +744,11 @@ TEST_CASE("the recorded sheet rests where its record starts, and follows its han
   MassSpring<double> model = make(sheet_network<double>(grid, material).value(), settings);
   auto ws = model.make_workspace();
 
-  // The record was made by settling for 2.4 s from a bowed sheet whose columns are pushed together
-  // by a tenth. That start buckles so violently, and the hung sheet has so many folds to choose
-  // from, that the fold it ends in turns on where an unfinished first Newton step stopped: with
-  // max_iterations 30 the recipe ends 0.1 mm from the record, with 10 or 100 in other folds 6 mm
-  // away. What can be compared: the record rests. Let go from there, the sheet stays but for the
-  // 0.3 mm that were left to settle.
+  // The record starts after settling for 2.4 s from a bowed sheet whose columns were pushed
+  // together by a tenth. From that start the sheet buckles violently into one of many folds, and
+  // the unfinished first Newton step decides which. With max_iterations 30 the result is 0.1 mm
+  // from the record; with 10 or 100 it ends in other folds, 6 mm away. The rest can be compared:
+  // released from the record, the sheet moves by the 0.3 mm that it had left to settle.
   ClothInput<double> input;
   input.driven_vertices = {grid.vertex(16, 0), grid.vertex(16, 16)};
   input.driven_positions.resize(3, 2);
@@ -786,11 +789,10 @@ TEST_CASE("the recorded sheet rests where its record starts, and follows its han
            (state.positions.col(grid.vertex(0, 16)) - right).norm();
   }
   CHECK(sum / 500 <= 5e-5);
-  CHECK(solves <=
-        8 * 250);  // what the exact Hessian is for: the projected one takes 21 solves a step here
+  CHECK(solves <= 8 * 250);  // with the projected Hessian, a step takes 21 solves here
 }
 
-TEST_CASE("holding forces, applied instead of driving, make the same step", "[cloth]") {
+TEST_CASE("holding forces, applied instead of driving vertices, give the same step", "[cloth]") {
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     MassSpringSettings<double> settings;
     settings.integration = integration;
@@ -808,7 +810,7 @@ TEST_CASE("holding forces, applied instead of driving, make the same step", "[cl
           start.positions.col(driven.driven_vertices[static_cast<std::size_t>(j)]);
     driven.forces.resize(3, 0);
     driven.wind = Vector3<double>(0.5, 1.0, 0.0);
-    // Hanging, it has one shape to go to; a slack sheet may buckle into either of two.
+    // Hanging, the sheet has one stable shape; a slack sheet may buckle into either of two.
     for (int k = 0; k < 100; ++k) REQUIRE(model.step(start, driven, 0.02, ws).advanced);
     driven.driven_positions.row(0) *= 1.001;
     driven.driven_positions += noise(3, 2, 0.001);
@@ -866,14 +868,14 @@ MassSpring<double> sheet_of(int rows, int cols, double width = 0.3, bool air = f
 
 }  // namespace
 
-TEST_CASE("a workspace of another model is refused by name", "[cloth]") {
+TEST_CASE("a workspace of another model is refused with a message", "[cloth]") {
   const MassSpring<double> model = sheet_of(6, 6);
   ClothState<double> state = model.rest_state();
   const ClothState<double> before = state;
   const ClothInput<double> input;
   Points<double> forces = Points<double>::Constant(3, 1, 7.0);
   const std::vector<int> first{0};
-  // Fewer vertices, more vertices, the same number in another pattern, air, and none at all.
+  // Models with fewer or more vertices, another pattern or air; and a workspace of no model.
   std::vector<MassSpring<double>::Workspace> wrong{sheet_of(3, 3).make_workspace(),
                                                    sheet_of(9, 9).make_workspace(),
                                                    sheet_of(4, 9).make_workspace(),
@@ -893,14 +895,14 @@ TEST_CASE("a workspace of another model is refused by name", "[cloth]") {
     CHECK_FALSE(model.holding_forces(first, ws, forces));
     CHECK(forces == Points<double>::Constant(3, 1, 7.0));
   }
-  // Equal structure is enough: settings and copies of a model share workspaces.
+  // Equal structure suffices: models with other settings and copies share workspaces.
   MassSpring<double> copy = model;
   CHECK(copy.set_drag(2.0));
   auto ws = model.make_workspace();
   CHECK(copy.step(state, input, 0.02, ws).advanced);
 }
 
-TEST_CASE("a mass-spring step that is refused can be asked why", "[cloth]") {
+TEST_CASE("check_input says why a mass-spring step is refused", "[cloth]") {
   const MassSpring<double> model = sheet_of(4, 4);
   ClothState<double> state = model.rest_state();
   auto ws = model.make_workspace();
@@ -916,13 +918,13 @@ TEST_CASE("a mass-spring step that is refused can be asked why", "[cloth]") {
         "force 0: vertex 16 is off the mesh of 16 vertices");
 }
 
-TEST_CASE("holding forces and drag refuse what makes no sense", "[cloth]") {
+TEST_CASE("holding_forces and set_drag refuse bad arguments", "[cloth]") {
   MassSpring<double> model = sheet_of(4, 4);
   ClothState<double> state = model.rest_state();
   auto ws = model.make_workspace();
   Points<double> forces = Points<double>::Zero(3, 1);
   const std::vector<int> one{0}, off{16}, negative{-1}, two{0, 1};
-  CHECK_FALSE(model.holding_forces(one, ws, forces));  // no step yet
+  CHECK_FALSE(model.holding_forces(one, ws, forces));  // before any step
   REQUIRE(model.step(state, {}, 0.02, ws).advanced);
   CHECK(model.holding_forces(one, ws, forces));
   for (const std::vector<int>* bad : {&off, &negative, &two})

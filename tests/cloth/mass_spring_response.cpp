@@ -77,8 +77,7 @@ TEMPLATE_TEST_CASE("a spring network's response obeys the laws of step responses
 }
 
 TEST_CASE(
-    "one step predicted by the response is the one-solve step, with forces, wind, pins and driven "
-    "vertices",
+    "the response predicts a step with one solve, with forces, wind, pins and driven vertices",
     "[cloth]") {
   for (unsigned seed = 0; seed < 20; ++seed) {
     Scene<double> scene;
@@ -135,7 +134,8 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "K is minus the slope of the force and R that of the step's end forces, where all is stretched",
+    "where all springs are stretched, K is minus the derivative of the force and R that of a "
+    "step's forces",
     "[cloth]") {
   Scene<double> scene;
   scene.x = 1.1 * scene.network.rest_positions + noise<double>(3, 36, 2e-5);
@@ -154,7 +154,7 @@ TEST_CASE(
     CHECK((stiff.row(lane).transpose() - slope).cwiseAbs().maxCoeff() <=
           1e-6 * slope.cwiseAbs().maxCoeff());
 
-    // R w = h (D + C) w + h² K w: dampers and air act on w as forces that are linear in it.
+    // R w = h (D + C) w + h² K w, where dampers and air forces are linear in w.
     Points<double> slowing = Points<double>::Zero(3, 36);
     for (const Spring<double>& s : scene.network.springs) {
       const Eigen::Vector3d n = (scene.x.col(s.a) - scene.x.col(s.b)).normalized();
@@ -177,7 +177,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("factors and the bending switch act on the matrices and leave the force", "[cloth]") {
+TEST_CASE("factors and the bending switch change the matrices and not the force", "[cloth]") {
   const Scene<double> scene;
   const Lanes<double, 8> direction = lanes<double>(5, 36);
   const auto stiffness = [&](const ResponseSettings<double>& settings, Points<double>& force) {
@@ -203,7 +203,7 @@ TEST_CASE("factors and the bending switch act on the matrices and leave the forc
         1e-12 * plain.cwiseAbs().maxCoeff());
 }
 
-TEST_CASE("a response says whether translations cost nothing", "[cloth]") {
+TEST_CASE("a response reports whether translations cause no force", "[cloth]") {
   Scene<double> scene;
   MassSpringResponse<double> free(scene.model());
   CHECK(free.translation_free());
@@ -216,12 +216,11 @@ TEST_CASE("a response says whether translations cost nothing", "[cloth]") {
   CHECK_FALSE(tied.translation_free());
 }
 
-TEST_CASE("a change of wind pushes by the frozen air matrices", "[cloth]") {
+TEST_CASE("a change of wind adds the force of the frozen air matrices", "[cloth]") {
   const Scene<double> scene;
   MassSpringResponse<double> response(scene.model());
   REQUIRE(response.linearise(scene.x, scene.v, scene.wind, scene.dt, {}));
-  // The force of C w is linear in w: what is added for w itself is all of the air's part of the
-  // force at rest.
+  // The force C w is linear in w. Added for the wind itself, it is all of the air force at rest.
   Points<double> push = Points<double>::Zero(3, 36), inner = push;
   response.add_wind_force(scene.wind, push);
   (void)add_spring_forces<double>(scene.network, scene.x, inner);
@@ -232,8 +231,7 @@ TEST_CASE("a change of wind pushes by the frozen air matrices", "[cloth]") {
   CHECK((twice - 2 * push).cwiseAbs().maxCoeff() <= 1e-15);
 }
 
-TEST_CASE("a single-precision response of a double model keeps close to the double one",
-          "[cloth]") {
+TEST_CASE("a single-precision response of a double model is close to the double one", "[cloth]") {
   const Scene<double> scene;
   const MassSpring<double> model = scene.model();
   MassSpringResponse<double> fine(model);
@@ -255,7 +253,8 @@ TEST_CASE("a single-precision response of a double model keeps close to the doub
 }
 
 TEMPLATE_TEST_CASE(
-    "a state that is not finite is refused and the next good one served; nothing takes memory",
+    "a response refuses a state that is not finite, accepts the next good one, and does not "
+    "allocate",
     "[cloth]", float, double) {
   using S = TestType;
   const Scene<S> scene;
@@ -272,7 +271,7 @@ TEMPLATE_TEST_CASE(
                                    {S(0), std::numeric_limits<S>::infinity(), S(0)}, scene.dt, {}));
   }
   Points<S> crushed = scene.x;
-  crushed.setConstant(S(0.3));  // every spring without a direction
+  crushed.setConstant(S(0.3));  // no spring has a direction
   CHECK(response.linearise(crushed, scene.v, scene.wind, scene.dt, scene.driven));
   CHECK(all_finite(response.force()));
   const long before = clothctl_test::allocations();

@@ -9,7 +9,7 @@ using namespace clothctl;
 
 namespace {
 
-/// What validate() says of the defaults after `change`.
+/// Returns what validate() says about the defaults after `change`.
 template <class Scalar, class Change>
 std::string said(Change change) {
   MassSpringSettings<Scalar> settings;
@@ -22,7 +22,7 @@ using Limits = std::numeric_limits<Scalar>;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("mass-spring settings: the defaults are those of the comments and pass",
+TEMPLATE_TEST_CASE("mass-spring settings: the defaults are valid and as documented",
                    "[mass_spring_settings]", float, double) {
   using Scalar = TestType;
   const MassSpringSettings<Scalar> settings;
@@ -36,7 +36,7 @@ TEMPLATE_TEST_CASE("mass-spring settings: the defaults are those of the comments
   CHECK(settings.pinned.empty());
 }
 
-TEMPLATE_TEST_CASE("mass-spring settings: all that makes sense is accepted",
+TEMPLATE_TEST_CASE("mass-spring settings: extreme but valid values are accepted",
                    "[mass_spring_settings]", float, double) {
   using Scalar = TestType;
   using Settings = MassSpringSettings<Scalar>;
@@ -79,7 +79,7 @@ TEMPLATE_TEST_CASE("mass-spring settings: a bad value is named", "[mass_spring_s
         "max_iterations is -1, must be at least 1");
 }
 
-TEST_CASE("mass-spring settings: of several bad values the first is named",
+TEST_CASE("mass-spring settings: the first of several bad values is named",
           "[mass_spring_settings]") {
   MassSpringSettings<double> settings;
   settings.air.density = -1;
@@ -93,8 +93,9 @@ TEST_CASE("mass-spring settings: of several bad values the first is named",
   CHECK(settings.validate() == "gravity is not finite");
 }
 
-TEST_CASE("settings of a material take its drag, and its air where there is wind",
-          "[mass_spring_settings]") {
+TEST_CASE(
+    "mass-spring settings of a material take its drag, and its air coefficients if there is wind",
+    "[mass_spring_settings]") {
   Material<double> material;
   material.drag = 0.7;
   material.air_normal = 1.3;

@@ -6,8 +6,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("every preset is found by its name and passes its own check", "[cloth]", float,
-                   double) {
+TEMPLATE_TEST_CASE("every preset is found by its name and is valid", "[cloth]", float, double) {
   using S = TestType;
   CHECK(material_names().front() == "handkerchief");
   for (std::string_view name : material_names()) {
@@ -18,7 +17,7 @@ TEMPLATE_TEST_CASE("every preset is found by its name and passes its own check",
   }
 }
 
-TEST_CASE("the handkerchief is the default material and the iri sheet its heavy, stiff sister",
+TEST_CASE("the handkerchief is the default material, and the iri sheet is heavier and stiffer",
           "[cloth]") {
   const auto preset = material_preset("handkerchief");
   REQUIRE(preset);
@@ -44,7 +43,7 @@ TEST_CASE("the handkerchief is the default material and the iri sheet its heavy,
   CHECK(iri->damping_time == standard.damping_time);
 }
 
-TEST_CASE("presets stand in the order that hands know", "[cloth]") {
+TEST_CASE("presets are ordered as real fabrics: light to heavy, soft to stiff", "[cloth]") {
   const auto get = [](std::string_view name) { return material_preset(name).value(); };
   CHECK(get("silk").area_density < get("cotton").area_density);
   CHECK(get("cotton").area_density < get("denim").area_density);
@@ -64,8 +63,8 @@ TEST_CASE("an unknown material is refused with the list of known ones", "[cloth]
   CHECK_FALSE(material_preset(""));
 }
 
-TEMPLATE_TEST_CASE("a material out of range names the quantity and its value", "[cloth]", float,
-                   double) {
+TEMPLATE_TEST_CASE("a material with a bad value is refused with the quantity and its value",
+                   "[cloth]", float, double) {
   using S = TestType;
   Material<S> material;
   CHECK(material.validate().empty());
@@ -87,7 +86,7 @@ TEMPLATE_TEST_CASE("a material out of range names the quantity and its value", "
   }
 }
 
-TEST_CASE("a material's name cannot break the line of a message", "[materials]") {
+TEST_CASE("quotes and line breaks in a material's name are escaped in messages", "[materials]") {
   Material<double> material;
   material.name = "two\nlines \"quoted\"";
   material.friction = -1.0;

@@ -34,7 +34,8 @@ MassSpring<S> small_sheet() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a plant is its model: the same bits step by step", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a plant gives the same bits as its model in each step", "[cloth]", float,
+                   double) {
   using S = TestType;
   const MassSpring<S> model = small_sheet<S>();
   ModelPlant<MassSpring<S>> plant(model);
@@ -68,8 +69,7 @@ TEMPLATE_TEST_CASE("a plant is its model: the same bits step by step", "[cloth]"
   }
 }
 
-TEMPLATE_TEST_CASE("a plant can be set to a state and switched to another integration", "[cloth]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a plant accepts a state and another integration", "[cloth]", float, double) {
   using S = TestType;
   ModelPlant<MassSpring<S>> plant(small_sheet<S>());
   ClothState<S> state = plant.state();
@@ -88,7 +88,7 @@ TEMPLATE_TEST_CASE("a plant can be set to a state and switched to another integr
   CHECK(plant.state() == small);
 }
 
-TEMPLATE_TEST_CASE("a plant knows the force that holds it", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a plant knows the force that balances its weight", "[cloth]", float, double) {
   using S = TestType;
   const MassSpring<S> model = small_sheet<S>();
   const ModelPlant<MassSpring<S>> plant(model);
@@ -102,7 +102,7 @@ TEMPLATE_TEST_CASE("a plant knows the force that holds it", "[cloth]", float, do
   CHECK(light.gravity_load()[0] == S(0));
 }
 
-TEST_CASE("a plant whose step is refused can be asked why", "[cloth]") {
+TEST_CASE("check_input says why a plant refuses a step", "[cloth]") {
   ModelPlant<MassSpring<double>> plant(small_sheet<double>());
   CHECK(plant.check_input(0.02).empty());
   CHECK(plant.check_input(-1.0) == "step length dt must be positive and finite, got -1 s");
@@ -115,7 +115,7 @@ TEST_CASE("a plant whose step is refused can be asked why", "[cloth]") {
   CHECK(plant.advance(0.02).status == StepStatus::InvalidInput);
   plant.apply({});
   CHECK(plant.advance(0.02).advanced);
-  // Another model put in place of the first does not fit the workspace.
+  // Another model, swapped in, does not fit the workspace.
   const GridMesh<double> grid = make_grid<double>(7, 7, 0.2, 0.2).value();
   plant.model() =
       MassSpring<double>::create(sheet_network<double>(grid, Material<double>()).value()).value();

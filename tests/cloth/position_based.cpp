@@ -43,7 +43,7 @@ void second_difference(SpringNetwork<Scalar>& network, int a, int b, int c, doub
   network.bends.push_back(stencil);
 }
 
-/// Vertices in a row, `spacing` apart, along -z.
+/// Vertices in a row along -z, `spacing` apart.
 template <class Scalar>
 SpringNetwork<Scalar> chain(int count, double spacing, double mass, double stiffness,
                             double damping) {
@@ -55,7 +55,7 @@ SpringNetwork<Scalar> chain(int count, double spacing, double mass, double stiff
   return network;
 }
 
-/// A level n×n sheet: edges, diagonals, stencils along rows and columns, triangles.
+/// A horizontal n×n sheet: edges, diagonals, stencils along rows and columns, triangles.
 template <class Scalar>
 SpringNetwork<Scalar> level_sheet(int n, double size, double mass, double stiffness,
                                   double bending) {
@@ -103,7 +103,7 @@ PositionBasedSettings<Scalar> weightless(int substeps, int iterations) {
   return settings;
 }
 
-/// Holds vertices where they stand in `state`.
+/// Holds vertices at their positions in `state`.
 template <class Scalar>
 ClothInput<Scalar> hold(const ClothState<Scalar>& state, std::vector<int> vertices) {
   ClothInput<Scalar> input;
@@ -145,8 +145,7 @@ Points<double> random_points(std::mt19937& random, Index n, double scale) {
   return Points<double>::NullaryExpr(3, n, [&]() { return uniform(random); });
 }
 
-/// Displacement of one end of a stretched two-mass spring after `time`, in units of its first
-/// value.
+/// Displacement of one end of a stretched two-mass spring after `time`, divided by its first value.
 double oscillator(double damping, double time, int substeps) {
   const PositionBased<double> model =
       make(chain<double>(2, 1.0, 0.5, 100.0, damping), weightless<double>(substeps, 1));
@@ -159,7 +158,7 @@ double oscillator(double damping, double time, int substeps) {
 
 }  // namespace
 
-TEST_CASE("Verlet reproduces the reference trajectory node by node", "[position_based]") {
+TEST_CASE("Verlet reproduces the reference trajectory vertex by vertex", "[position_based]") {
   const std::string path = clothctl_test::shared_path("data/cloth/ref/d_pbd_traj.csv");
   if (path.empty()) {
     WARN("skipped: data/cloth/ref/d_pbd_traj.csv is not there");
@@ -225,7 +224,7 @@ TEST_CASE("Verlet reproduces the reference trajectory node by node", "[position_
   CHECK(worst < 2e-12);
 }
 
-TEST_CASE("XPBD with many substeps approaches the spring's own oscillation, with order one",
+TEST_CASE("XPBD with many substeps converges to the spring's own oscillation with order one",
           "[position_based]") {
   // omega² = k (1/m + 1/m) = 400, and for the damper: delta = d (1/m + 1/m)/2.
   const double omega = 20, time = 0.9 * 2 * 3.14159265358979 / omega;
@@ -242,7 +241,7 @@ TEST_CASE("XPBD with many substeps approaches the spring's own oscillation, with
   }
 }
 
-TEMPLATE_TEST_CASE("a hanging weight stretches its springs by weight over stiffness",
+TEMPLATE_TEST_CASE("a hanging weight stretches its springs by weight divided by stiffness",
                    "[position_based]", float, double) {
   using Scalar = TestType;
   const double mass = 0.1, stiffness = 200;
@@ -263,7 +262,7 @@ TEMPLATE_TEST_CASE("a hanging weight stretches its springs by weight over stiffn
   CHECK(state.velocities.cwiseAbs().maxCoeff() < Scalar(1e-3));
 }
 
-TEST_CASE("a bending stencil gives way by weight over stiffness", "[position_based]") {
+TEST_CASE("a bending stencil deflects by weight divided by stiffness", "[position_based]") {
   SpringNetwork<double> network;
   network.rest_positions.setZero(3, 4);
   network.rest_positions.row(0) << 0, 0.1, 0.2, 0.3;
@@ -294,7 +293,7 @@ TEST_CASE("a bending stencil gives way by weight over stiffness", "[position_bas
   CHECK(state.positions(2, free) == Approx(-0.01 * 9.81 / 5.0));
 }
 
-TEST_CASE("nothing moves at rest without weight", "[position_based]") {
+TEST_CASE("a weightless sheet at rest does not move", "[position_based]") {
   const SpringNetwork<double> network = level_sheet<double>(6, 0.3, 0.02, 1000, 0.1);
   PositionBasedSettings<double> verlet = PositionBasedSettings<double>::verlet();
   verlet.gravity.setZero();
@@ -306,13 +305,13 @@ TEST_CASE("nothing moves at rest without weight", "[position_based]") {
   }
 }
 
-TEST_CASE("XPBD conserves momentum and does not gain energy without input", "[position_based]") {
+TEST_CASE("XPBD conserves momentum and gains no energy without input", "[position_based]") {
   std::mt19937 random(11);
   SpringNetwork<double> network = level_sheet<double>(7, 0.3, 0.02, 1000, 0.1);
   for (Index i = 0; i < network.mass.size(); ++i)
     network.mass[i] *= 0.5 + 0.1 * static_cast<double>(i % 10);
-  // Converged substeps lose energy in each step; a few sweeps leave errors that come and go, but
-  // never add up.
+  // Converged substeps lose energy in each step. With few sweeps, errors come and go but do not
+  // accumulate.
   for (const auto& [sweeps, slack] : {std::pair{100, 1e-9}, std::pair{2, 0.3}}) {
     const PositionBased<double> model = make(network, weightless<double>(20, sweeps));
     auto workspace = model.make_workspace();
@@ -351,7 +350,7 @@ TEST_CASE("Verlet conserves momentum up to its damping and keeps lengths", "[pos
   }
 }
 
-TEST_CASE("a step does not care where the sheet is or how it is turned", "[position_based]") {
+TEST_CASE("a step does not depend on the sheet's position and orientation", "[position_based]") {
   std::mt19937 random(13);
   const SpringNetwork<double> network = level_sheet<double>(5, 0.3, 0.02, 1000, 0.1);
   PositionBasedSettings<double> settings = weightless<double>(10, 3);
@@ -406,7 +405,7 @@ TEST_CASE("free fall and drag follow their formulas", "[position_based]") {
   CHECK(state.velocities(2, 0) == Approx(-9.81 / 0.7 * (1 - decay)));
 }
 
-TEST_CASE("a falling triangle reaches the speed at which drag carries its weight",
+TEST_CASE("a falling triangle reaches the speed at which drag balances its weight",
           "[position_based]") {
   SpringNetwork<double> network;
   network.rest_positions.setZero(3, 3);
@@ -428,7 +427,7 @@ TEST_CASE("a falling triangle reaches the speed at which drag carries its weight
     run(model, state, input, 0.02, 1500);
     const double through = std::sqrt(2 * 0.03 * 9.81 / (1.2 * 1.2 * 0.125));
     for (Index i = 0; i < 3; ++i) {
-      // Weight and air act one after the other in a substep, so the speed is off by up to its share
+      // Weight and air act one after the other in a substep, so the speed may be off by its share
       // of g h.
       CHECK(state.velocities(2, i) == Approx(2.0 - through).margin(0.6 * 9.81 * 0.001));
       CHECK(state.velocities(0, i) == Approx(1.0).epsilon(0.15));
@@ -436,7 +435,7 @@ TEST_CASE("a falling triangle reaches the speed at which drag carries its weight
   }
 }
 
-TEMPLATE_TEST_CASE("driven vertices end exactly where they are told", "[position_based]", float,
+TEMPLATE_TEST_CASE("driven vertices end exactly at their targets", "[position_based]", float,
                    double) {
   using Scalar = TestType;
   PositionBasedSettings<Scalar> verlet = PositionBasedSettings<Scalar>::verlet();
@@ -475,7 +474,7 @@ TEMPLATE_TEST_CASE("driven vertices end exactly where they are told", "[position
   }
 }
 
-TEST_CASE("forces on light corners stay bounded", "[position_based]") {
+TEST_CASE("forces on light corners leave them in bounds", "[position_based]") {
   SpringNetwork<double> network = level_sheet<double>(9, 0.5, 0.05, 1000, 0.02);
   network.mass[0] *= 1e-2;
   network.mass[8] *= 1e-2;
@@ -488,7 +487,7 @@ TEST_CASE("forces on light corners stay bounded", "[position_based]") {
   input.force_vertices = {0, 8};
   input.forces.setZero(3, 2);
   for (int step = 0; step < 400; ++step) {
-    // A pull of several times the sheet's weight that changes its side every few steps.
+    // A force of several times the sheet's weight that changes direction every few steps.
     input.forces.col(0) << (step / 7 % 2 == 0 ? 3.0 : -3.0), 0, 1;
     input.forces.col(1) << 0, (step / 5 % 2 == 0 ? 3.0 : -3.0), 1;
     REQUIRE(model.step(state, input, 0.02, workspace).advanced);
@@ -502,7 +501,7 @@ TEST_CASE("forces on light corners stay bounded", "[position_based]") {
   CHECK(state.velocities.cwiseAbs().maxCoeff() < 0.5);
 }
 
-TEST_CASE("springs and stencils without stiffness do nothing", "[position_based]") {
+TEST_CASE("springs and stencils without stiffness have no effect", "[position_based]") {
   SpringNetwork<double> network = chain<double>(3, 0.1, 0.01, 0.0, 0.0);
   second_difference(network, 0, 1, 2, 0.0);
   PositionBasedSettings<double> verlet = PositionBasedSettings<double>::verlet();
@@ -516,7 +515,7 @@ TEST_CASE("springs and stencils without stiffness do nothing", "[position_based]
   }
 }
 
-TEST_CASE("huge stiffness and vertices in one place do no harm", "[position_based]") {
+TEST_CASE("huge stiffness and coincident vertices give finite states", "[position_based]") {
   PositionBasedSettings<double> verlet = PositionBasedSettings<double>::verlet();
   for (const PositionBasedSettings<double>& settings : {PositionBasedSettings<double>(), verlet}) {
     const PositionBased<double> model = make(chain<double>(5, 0.1, 0.01, 1e30, 0.0), settings);
@@ -532,7 +531,7 @@ TEST_CASE("huge stiffness and vertices in one place do no harm", "[position_base
   }
 }
 
-TEMPLATE_TEST_CASE("equal input gives equal bits, whatever the workspace did before",
+TEMPLATE_TEST_CASE("equal input gives equal bits, whatever the workspace was used for before",
                    "[position_based]", float, double) {
   using Scalar = TestType;
   PositionBasedSettings<Scalar> settings;
@@ -554,7 +553,7 @@ TEMPLATE_TEST_CASE("equal input gives equal bits, whatever the workspace did bef
   }
 }
 
-TEST_CASE("a step allocates nothing", "[position_based]") {
+TEST_CASE("a position-based step does not allocate", "[position_based]") {
   if (!clothctl_test::allocation_counting_works()) {
     WARN("skipped: allocations cannot be counted here");
     return;
@@ -578,7 +577,7 @@ TEST_CASE("a step allocates nothing", "[position_based]") {
   }
 }
 
-TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[position_based]", float,
+TEMPLATE_TEST_CASE("bad input and bad states leave the state unchanged", "[position_based]", float,
                    double) {
   using Scalar = TestType;
   const Scalar infinity = scalar_traits<Scalar>::infinity();
@@ -629,7 +628,7 @@ TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[posit
     input = fine;
     input.driven_vertices.pop_back();
     refused(input, dt, StepStatus::InvalidInput);
-    // Finite, but beyond what the arithmetic holds.
+    // Finite, but the step overflows.
     input = fine;
     input.forces.setConstant(std::numeric_limits<Scalar>::max());
     refused(input, Scalar(10), StepStatus::NumericalFailure);
@@ -649,7 +648,7 @@ TEMPLATE_TEST_CASE("bad input and bad states leave the state as it was", "[posit
   }
 }
 
-TEST_CASE("set-up that makes no sense is refused with the item's name", "[position_based]") {
+TEST_CASE("bad set-up data are refused with the item's name", "[position_based]") {
   using Settings = PositionBasedSettings<double>;
   const SpringNetwork<double> network = level_sheet<double>(3, 0.2, 0.02, 1000, 0.1);
   const auto message = [&](auto change) {
@@ -674,7 +673,7 @@ TEST_CASE("set-up that makes no sense is refused with the item's name", "[positi
         }) == "pinned vertex 9 is off the mesh");
 }
 
-TEMPLATE_TEST_CASE("the laws of cloth hold for sheets, ropes and solids in both schemes",
+TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth in both schemes",
                    "[position_based]", float, double) {
   using Scalar = TestType;
   const GridMesh<Scalar> grid = make_grid<Scalar>(5, 4, Scalar(0.3), Scalar(0.4)).value();
@@ -689,7 +688,7 @@ TEMPLATE_TEST_CASE("the laws of cloth hold for sheets, ropes and solids in both 
   clothctl_test::ClothLaws<Scalar> laws;
   laws.mass = network.mass;
   if (std::is_same_v<Scalar, float>)
-    laws.tolerance = Scalar(2e-3);  // velocities are differences of positions over h
+    laws.tolerance = Scalar(2e-3);  // velocities are differences of positions divided by h
   PositionBasedSettings<Scalar> settings;
   SECTION("XPBD") {}
   SECTION("XPBD with drag") { settings.drag = laws.drag = Scalar(0.5); }
@@ -712,7 +711,7 @@ TEMPLATE_TEST_CASE("the laws of cloth hold for sheets, ropes and solids in both 
   clothctl_test::check_cloth_laws(make(network, settings), laws);
 }
 
-TEST_CASE("a material's sheet hangs still at its own length, softer by what the sweeps leave",
+TEST_CASE("a material's sheet hangs still at its own length, softer because of unfinished sweeps",
           "[position_based]") {
   const Result<GridMesh<double>> grid = make_grid<double>(9, 9, 0.5, 0.5);
   const Material<double> material;
@@ -729,8 +728,8 @@ TEST_CASE("a material's sheet hangs still at its own length, softer by what the 
     CHECK(state.velocities.cwiseAbs().maxCoeff() < 1e-3);
     *lowest = state.positions.row(2).minCoeff();
   }
-  // Top edge held: the strain at height z is weight below / stretch, so the bottom sinks by rho g
-  // H² / (2 stretch).
+  // Held at the top edge, the strain at height z is the weight below divided by stretch, so the
+  // bottom sinks by ρ g H² / (2 stretch).
   const double sink = 0.2 * 9.81 * 0.25 / (2 * 1000);
   CHECK(-0.5 - many == Approx(sink).epsilon(0.2));
   CHECK(few <= many);
@@ -772,7 +771,7 @@ TEST_CASE("a position-based step refuses a workspace of another model", "[positi
   }
 }
 
-TEST_CASE("a position-based step that is refused can be asked why", "[position_based]") {
+TEST_CASE("check_input says why a position-based step is refused", "[position_based]") {
   const PositionBased<double> model = sheet_of(4, 4);
   ClothState<double> state = model.rest_state();
   auto ws = model.make_workspace();

@@ -1,5 +1,5 @@
-// Constraints of the position-based schemes: the formulas of the header, what their sweeps converge
-// to, and what they keep.
+// Constraints of the position-based schemes: the header's formulas, the limit of their sweeps, and
+// their invariants.
 
 #include "clothctl/cloth/detail/position_based_constraints.hpp"
 
@@ -20,7 +20,7 @@ using detail::RigidDistances;
 
 namespace {
 
-/// `count` vertices without springs; the constraints read only how many there are.
+/// `count` vertices without springs. The constraints only read their number.
 template <class Scalar>
 SpringNetwork<Scalar> bare(Index count) {
   SpringNetwork<Scalar> network;
@@ -61,7 +61,7 @@ Scalar tolerance() {
 
 }  // namespace
 
-TEST_CASE("colours hold each vertex once, each item once and keep the given order",
+TEST_CASE("colours contain each vertex once and each item once, in the given order",
           "[position_based_constraints]") {
   std::mt19937 random(3);
   std::uniform_int_distribution<int> vertex(0, 29);
@@ -87,7 +87,7 @@ TEST_CASE("colours hold each vertex once, each item once and keep the given orde
     }
   }
   for (std::size_t e = 0; e < seen.size(); ++e) CHECK(seen[e] == (e % 2 == 0 ? 1 : 0));
-  // First fit: an item lands in colour c only if c others share one of its three vertices.
+  // First fit: an item gets colour c only if c other items share one of its three vertices.
   std::vector<std::size_t> degree(30, 0);
   for (std::size_t e : items) {
     for (int v : corners[e]) ++degree[static_cast<std::size_t>(v)];
@@ -95,7 +95,7 @@ TEST_CASE("colours hold each vertex once, each item once and keep the given orde
   CHECK(colours.size() <= 3 * *std::max_element(degree.begin(), degree.end()));
 }
 
-TEST_CASE("colours are as few as can be for a star, a matching and nothing",
+TEST_CASE("the number of colours is minimal for a star, a matching and no items",
           "[position_based_constraints]") {
   const std::vector<std::size_t> items = {0, 1, 2, 3};
   const auto star = [](std::size_t e) { return std::array<int, 2>{0, static_cast<int>(e) + 1}; };
@@ -107,12 +107,12 @@ TEST_CASE("colours are as few as can be for a star, a matching and nothing",
   CHECK(detail::colour_items({}, 0, star).empty());
 }
 
-TEMPLATE_TEST_CASE("a rigid distance takes its share of the error and keeps the centre of mass",
+TEMPLATE_TEST_CASE("a rigid distance corrects its share of the error and keeps the centre of mass",
                    "[position_based_constraints]", float, double) {
   using Scalar = TestType;
   const VectorX<Scalar> w = (VectorX<Scalar>(2) << Scalar(3), Scalar(0.5)).finished();
   for (const Scalar part : {Scalar(0), Scalar(0.4), Scalar(1)}) {
-    for (const Scalar rest : {Scalar(0.5), Scalar(4)}) {  // stretched and pressed
+    for (const Scalar rest : {Scalar(0.5), Scalar(4)}) {  // stretched and compressed
       const RigidDistances<Scalar> rigid(one_spring<Scalar>(rest, Scalar(1), Scalar(0)), {part});
       auto scratch = rigid.make_scratch();
       rigid.prepare(w, scratch);
@@ -130,12 +130,12 @@ TEMPLATE_TEST_CASE("a rigid distance takes its share of the error and keeps the 
   }
 }
 
-TEST_CASE("rigid distances skip springs without stiffness, held ends and ends in one place",
+TEST_CASE("rigid distances skip springs without stiffness, held ends and coincident ends",
           "[position_based_constraints]") {
   SpringNetwork<double> network = bare<double>(6);
   network.springs = {{0, 1, 1, 0, 5}, {2, 3, 1, 7, 0}, {4, 5, 1, 7, 0}};
   const RigidDistances<double> rigid(network,
-                                     {0.9, 0.5, 1.0});  // the shares stay with their springs
+                                     {0.9, 0.5, 1.0});  // the shares belong to their springs
   auto scratch = rigid.make_scratch();
   VectorX<double> w = VectorX<double>::Ones(6);
   Points<double> p = Points<double>::Zero(3, 6);
@@ -158,8 +158,8 @@ TEST_CASE("rigid distances skip springs without stiffness, held ends and ends in
   CHECK(p(0, 3) == Approx(1.5));
 }
 
-TEMPLATE_TEST_CASE("a compliant distance follows its formula", "[position_based_constraints]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a compliant distance constraint follows its formula",
+                   "[position_based_constraints]", float, double) {
   using Scalar = TestType;
   const Scalar k = Scalar(80), d = Scalar(0.7), rest = Scalar(1.2), h = Scalar(0.01);
   const VectorX<Scalar> w = (VectorX<Scalar>(2) << Scalar(3), Scalar(50)).finished();
@@ -184,7 +184,7 @@ TEMPLATE_TEST_CASE("a compliant distance follows its formula", "[position_based_
       compliant.sweep(got, start, scratch);
       CHECK((got - expected).norm() < Scalar(10) * tolerance<Scalar>());
     }
-    // A new substep forgets λ.
+    // A new substep resets λ.
     compliant.begin_substep(scratch);
     Points<Scalar> again = p, first = p;
     compliant.sweep(again, start, scratch);
@@ -202,7 +202,7 @@ TEST_CASE("sweeps of a straight chain converge to the implicit step of its sprin
   SpringNetwork<double> network = bare<double>(n);
   for (int i = 0; i + 1 < n; ++i)
     network.springs.push_back({i, i + 1, 0.1 + 0.01 * i, 40.0 - 5 * i, 0.1 * i});
-  const VectorX<double> w = VectorX<double>::LinSpaced(n, 0.0, 60.0);  // the first is held
+  const VectorX<double> w = VectorX<double>::LinSpaced(n, 0.0, 60.0);  // the first vertex is held
   Points<double> start = Points<double>::Zero(3, n), p = start;
   for (Index i = 0; i < n; ++i)
     start(2, i) = -0.1 * double(i), p(2, i) = -0.13 * double(i) + 0.01 * std::cos(3.0 * double(i));
@@ -211,7 +211,7 @@ TEST_CASE("sweeps of a straight chain converge to the implicit step of its sprin
   auto scratch = compliant.make_scratch();
   compliant.prepare(w, h, scratch);
   for (int sweep = 0; sweep < 2000; ++sweep) compliant.sweep(p, start, scratch);
-  // M (p - predicted) = h f(p), f the springs' and dampers' forces at the end.
+  // M (p - predicted) = h f(p), with the forces of springs and dampers at the end.
   Points<double> impulse = Points<double>::Zero(3, n);
   for (const Spring<double>& s : network.springs) {
     const Vector3<double> apart = p.col(s.a) - p.col(s.b), unit = apart.normalized();
@@ -226,9 +226,8 @@ TEST_CASE("sweeps of a straight chain converge to the implicit step of its sprin
   CHECK((p - predicted - impulse * w.asDiagonal()).norm() < 1e-12);
 }
 
-TEST_CASE(
-    "compliant distances live through zero and huge stiffness, held ends and ends in one place",
-    "[position_based_constraints]") {
+TEST_CASE("compliant distances handle zero and huge stiffness, held ends and coincident ends",
+          "[position_based_constraints]") {
   Points<double> p(3, 2);
   p << 0, 1, 0, 2, 0, -2;
   const Points<double> before = p;
@@ -245,7 +244,7 @@ TEST_CASE(
   const Points<double> rigid = swept(1e200, 0, ones, p);
   CHECK((rigid.col(0) - rigid.col(1)).norm() == Approx(1));
   const Points<double> damped =
-      swept(0, 1e200, ones, 2 * p);  // only a damper: it keeps the length of the start
+      swept(0, 1e200, ones, 2 * p);  // a damper only: it keeps the initial length
   CHECK((damped.col(0) - damped.col(1)).norm() == Approx(3));
   for (const double d : {0.0, 3.0})
     CHECK(swept(1e4, d, ones, Points<double>::Ones(3, 2)) == Points<double>::Ones(3, 2));
@@ -270,7 +269,7 @@ TEST_CASE("sweeps of stencils converge to the linear system of their energy",
   const Points<double> exact =
       system.llt().solve(w.cwiseInverse().asDiagonal() * predicted.transpose()).transpose();
 
-  const BendConstraints<double, 4> bends(network, 2);  // takes the shorter ones too
+  const BendConstraints<double, 4> bends(network, 2);  // also takes the shorter ones
   auto scratch = bends.make_scratch();
   bends.prepare_compliant(w, h, scratch);
   for (int substep = 0; substep < 2; ++substep) {
@@ -280,8 +279,7 @@ TEST_CASE("sweeps of stencils converge to the linear system of their energy",
     CHECK((p - exact).norm() < 1e-11);
     CHECK((p - predicted).norm() > 0.1);
   }
-  // One stencil alone is met by a single sweep, and weights that sum to zero keep the centre of
-  // mass.
+  // A single stencil needs one sweep. Weights that add up to zero keep the centre of mass.
   network.bends = {stencil({1, -2, 1}, 3.0)};
   const BendConstraints<double, 3> alone(network, 3);
   auto small = alone.make_scratch();
@@ -294,7 +292,7 @@ TEST_CASE("sweeps of stencils converge to the linear system of their energy",
   CHECK(((once - predicted) * w.cwiseInverse()).norm() < 1e-14);
 }
 
-TEST_CASE("a rigid stencil loses the told part of its error", "[position_based_constraints]") {
+TEST_CASE("a rigid stencil loses the given share of its error", "[position_based_constraints]") {
   SpringNetwork<double> network = bare<double>(4);
   network.bends = {stencil({-1, 2, 1, -2}, 1e-3)};
   const BendConstraints<double, 4> bends(network, 4);
@@ -316,7 +314,7 @@ TEST_CASE("a rigid stencil loses the told part of its error", "[position_based_c
   CHECK(p == before);
 }
 
-TEST_CASE("stencils are taken by their length and only with stiffness",
+TEST_CASE("stencils are chosen by length, and only with stiffness",
           "[position_based_constraints]") {
   SpringNetwork<double> network = bare<double>(12);
   network.bends = {stencil({1, -2, 1}, 1, 0), stencil({-1, 2, 1, -2}, 1, 3),
@@ -329,7 +327,7 @@ TEST_CASE("stencils are taken by their length and only with stiffness",
   CHECK(taken(BendConstraints<double, 4>()) == 0);
 }
 
-TEST_CASE("constraints allocate nothing in prepare and sweep", "[position_based_constraints]") {
+TEST_CASE("constraints do not allocate in prepare and sweep", "[position_based_constraints]") {
   if (!clothctl_test::allocation_counting_works()) {
     WARN("skipped: allocations cannot be counted here");
     return;

@@ -21,7 +21,7 @@ SpringNetwork<Scalar> row_of_four() {
   return network;
 }
 
-/// What validate() says, for the row of four vertices, of the defaults after `change`.
+/// Returns what validate() says about the defaults after `change`, for the row of four vertices.
 template <class Scalar, class Change>
 std::string said(Change change) {
   PositionBasedSettings<Scalar> settings;
@@ -34,7 +34,7 @@ using Limits = std::numeric_limits<Scalar>;
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("position-based settings: the defaults are those of the comments and pass",
+TEMPLATE_TEST_CASE("position-based settings: the defaults are valid and as documented",
                    "[position_based_settings]", float, double) {
   using Scalar = TestType;
   const PositionBasedSettings<Scalar> settings;
@@ -51,7 +51,7 @@ TEMPLATE_TEST_CASE("position-based settings: the defaults are those of the comme
   CHECK(settings.pinned.empty());
 }
 
-TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of [Toh 2011] and passes",
+TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of [Toh 2011] and valid",
                    "[position_based_settings]", float, double) {
   using Scalar = TestType;
   const PositionBasedSettings<Scalar> settings = PositionBasedSettings<Scalar>::verlet();
@@ -60,7 +60,7 @@ TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of [Toh 2011
   CHECK(settings.substeps == 1);
   CHECK(settings.iterations == 15);
   CHECK(settings.verlet_damping == Scalar(0.01));
-  // The rest is as in the defaults.
+  // All other values are the defaults.
   const PositionBasedSettings<Scalar> defaults;
   CHECK(settings.gravity == defaults.gravity);
   CHECK(settings.drag == defaults.drag);
@@ -70,7 +70,7 @@ TEMPLATE_TEST_CASE("position-based settings: verlet() is the scheme of [Toh 2011
   CHECK(settings.pinned.empty());
 }
 
-TEMPLATE_TEST_CASE("position-based settings: all that makes sense is accepted",
+TEMPLATE_TEST_CASE("position-based settings: extreme but valid values are accepted",
                    "[position_based_settings]", float, double) {
   using Scalar = TestType;
   using Settings = PositionBasedSettings<Scalar>;
@@ -139,7 +139,7 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
         }) == "pinned vertex 7 is off the mesh");
 }
 
-TEST_CASE("position-based settings: of several bad values the first is named",
+TEST_CASE("position-based settings: the first of several bad values is named",
           "[position_based_settings]") {
   PositionBasedSettings<double> settings;
   const SpringNetwork<double> network = row_of_four<double>();
@@ -154,15 +154,17 @@ TEST_CASE("position-based settings: of several bad values the first is named",
   CHECK(settings.validate(network) == "substeps is 0, must be at least 1");
 }
 
-TEST_CASE("position-based settings: verlet() is checked like any other",
+TEST_CASE("position-based settings: verlet() is validated in the same way",
           "[position_based_settings]") {
   PositionBasedSettings<double> settings = PositionBasedSettings<double>::verlet();
   settings.iterations = 0;
   CHECK(settings.validate(row_of_four<double>()) == "iterations is 0, must be at least 1");
 }
 
-TEST_CASE("position-based settings of a material take its drag and, in wind, its air",
-          "[position_based_settings]") {
+TEST_CASE(
+    "position-based settings of a material take its drag and, if there is wind, its air "
+    "coefficients",
+    "[position_based_settings]") {
   Material<double> material;
   material.drag = 0.7;
   material.air_normal = 1.3;

@@ -7,8 +7,8 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("a rope hangs from the origin along -z with the mass of its length", "[cloth]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a rope hangs from the origin along -z, with mass proportional to its length",
+                   "[cloth]", float, double) {
   using S = TestType;
   RopeSettings<S> settings;
   settings.length = S(0.6);
@@ -34,7 +34,7 @@ TEMPLATE_TEST_CASE("a rope hangs from the origin along -z with the mass of its l
   }
 }
 
-TEST_CASE("stiffness and bending of a rope do not depend on its segments", "[cloth]") {
+TEST_CASE("a rope's stiffness and bending do not depend on the number of segments", "[cloth]") {
   RopeSettings<double> settings;
   for (int segments : {4, 10, 33}) {
     settings.segments = segments;
@@ -48,7 +48,7 @@ TEST_CASE("stiffness and bending of a rope do not depend on its segments", "[clo
     }
     CHECK(1.0 / compliance == Approx(settings.stretch / settings.length).epsilon(1e-12));
     CHECK(rest == Approx(settings.length).epsilon(1e-12));
-    // A parabola of curvature κ: each inner vertex stands for one segment, energy ½ EI κ² l.
+    // A parabola of curvature κ: each inner vertex stands for one segment, with energy ½ EI κ² l.
     const double curvature = 0.7, l = settings.length / segments;
     double energy = 0;
     for (const BendStencil<double>& s : rope->bends) {
@@ -65,7 +65,7 @@ TEST_CASE("stiffness and bending of a rope do not depend on its segments", "[clo
   }
 }
 
-TEMPLATE_TEST_CASE("a straight rope is not bent, wherever it points and however it is stretched",
+TEMPLATE_TEST_CASE("a straight rope has no bending energy in any direction and at any stretch",
                    "[cloth]", float, double) {
   using S = TestType;
   const auto rope = rope_network(RopeSettings<S>{});
@@ -80,7 +80,7 @@ TEMPLATE_TEST_CASE("a straight rope is not bent, wherever it points and however 
   }
 }
 
-TEST_CASE("the shortest rope has one spring and nothing to bend", "[cloth]") {
+TEST_CASE("the shortest rope has one spring and no bending", "[cloth]") {
   RopeSettings<double> settings;
   settings.segments = 1;
   const auto rope = rope_network(settings);
@@ -89,7 +89,7 @@ TEST_CASE("the shortest rope has one spring and nothing to bend", "[cloth]") {
   CHECK(rope->bends.empty());
 }
 
-TEMPLATE_TEST_CASE("bad ropes are refused by name", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("bad ropes are refused with a message", "[cloth]", float, double) {
   using S = TestType;
   RopeSettings<S> settings;
   settings.segments = 0;

@@ -1,4 +1,5 @@
-// Settling: what hangs still at the end, what was held, when it stops, what is refused.
+// Settling: the result hangs still, the held vertices stay held, when it stops, and what it
+// refuses.
 
 #include "clothctl/cloth/settle.hpp"
 
@@ -25,8 +26,7 @@ ModelPlant<MassSpring<S>> sheet_with_drag(S drag) {
       MassSpring<S>::create(sheet_network<S>(grid, Material<S>()).value(), settings).value());
 }
 
-// A plant that answers by value, as one that converts from its own numbers does, and counts its
-// frames and inputs.
+// A plant that returns by value, like one that converts its numbers. It counts frames and inputs.
 struct Counting {
   ModelPlant<MassSpring<double>> inner = sheet_with_drag<double>(5.0);
   int frames = 0, inputs = 0;
@@ -43,7 +43,7 @@ struct Counting {
   }
 };
 
-// A plant of three vertices whose second has the scripted speeds.
+// A plant of three vertices. The second moves at the given speeds.
 struct Scripted {
   std::vector<double> speeds;
   std::size_t frames = 0;
@@ -63,7 +63,8 @@ struct Scripted {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a settled sheet hangs from what is held and stays", "[settle]", float, double) {
+TEMPLATE_TEST_CASE("a settled sheet hangs from the held vertices and stays", "[settle]", float,
+                   double) {
   using S = TestType;
   ModelPlant<MassSpring<S>> plant = sheet_with_drag<S>(S(5));
   const Points<S> start = plant.positions();
@@ -73,13 +74,13 @@ TEMPLATE_TEST_CASE("a settled sheet hangs from what is held and stays", "[settle
   CHECK(report.speed < S(1e-3));
   for (int v : held) CHECK(plant.positions().col(v) == start.col(v));
   CHECK(plant.positions().row(2).minCoeff() < start.row(2).minCoeff());
-  // Left to itself it stays: the held vertices are still held.
+  // The held vertices are still held, so it stays.
   const Points<S> settled = plant.positions();
   for (int k = 0; k < 20; ++k) REQUIRE(plant.advance(S(0.02)).advanced);
   CHECK((plant.positions() - settled).cwiseAbs().maxCoeff() < S(1e-3));
 }
 
-TEST_CASE("settling ends when time is up or ten frames were slow", "[settle]") {
+TEST_CASE("settling ends when its time is over or after ten slow frames", "[settle]") {
   Counting all, some;
   CHECK(settle(all, {20, 24}, 0.02, 3.0).advanced);
   CHECK(all.frames == 150);
@@ -98,7 +99,7 @@ TEST_CASE("only ten slow frames in a row end it, and a velocity that is not fini
   CHECK(plant.frames == 20);
   Scripted brief{{1}};
   CHECK(settle(brief, {0}, 0.02, 0.001).advanced);
-  CHECK(brief.frames == 1);  // a frame at least
+  CHECK(brief.frames == 1);  // at least one frame
   Scripted exact{{1}};
   CHECK(settle(exact, {0}, 0.001, 60.0).advanced);
   CHECK(exact.frames == 60000);
@@ -112,7 +113,7 @@ TEST_CASE("only ten slow frames in a row end it, and a velocity that is not fini
   }
 }
 
-TEST_CASE("what cannot be settled is refused and nothing moves", "[settle]") {
+TEST_CASE("settle refuses bad arguments and moves nothing", "[settle]") {
   const double nan = std::numeric_limits<double>::quiet_NaN(),
                inf = std::numeric_limits<double>::infinity();
   Counting plant;
@@ -127,10 +128,10 @@ TEST_CASE("what cannot be settled is refused and nothing moves", "[settle]") {
     CHECK(refused({20}, 0.02, bad, 0.0));
     if (!(bad == 0.0)) CHECK(refused({20}, 0.02, 1.0, bad));
   }
-  CHECK(refused({20}, 1e-9, 1e9, 0.0));  // more frames than anyone waits for
+  CHECK(refused({20}, 1e-9, 1e9, 0.0));  // too many frames
   CHECK(refused({25}, 0.02, 1.0, 0.0));
   CHECK(refused({-1}, 0.02, 1.0, 0.0));
-  // The plant's own refusal is passed on: a vertex driven twice.
+  // The plant's refusal is passed on: a vertex is driven twice.
   const SettleReport<double> twice = settle(plant, {20, 20}, 0.02, 1.0);
   CHECK_FALSE(twice.advanced);
   CHECK(twice.status == StepStatus::InvalidInput);

@@ -14,7 +14,7 @@ using namespace clothctl;
 
 namespace {
 
-/// Energy of the springs at `x`, by definition and in double.
+/// Energy of the springs at `x` by definition, in double.
 template <class S>
 double spring_energy(const SpringNetwork<S>& network, const Points<double>& x) {
   double energy = 0;
@@ -25,7 +25,7 @@ double spring_energy(const SpringNetwork<S>& network, const Points<double>& x) {
   return energy;
 }
 
-/// Σ w_i x_i of one stencil.
+/// Σ w_i x_i of a stencil.
 template <class S>
 Eigen::Vector3d stencil_value(const BendStencil<S>& s, const Points<double>& x) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
@@ -45,7 +45,7 @@ double bending_energy(const SpringNetwork<S>& network, const Points<double>& x) 
   return energy;
 }
 
-/// Largest force of any stencil on any vertex at `x`.
+/// Largest force of a stencil on a vertex at `x`.
 template <class S>
 double bending_force(const SpringNetwork<S>& network, const Points<double>& x) {
   Points<double> force = Points<double>::Zero(3, x.cols());
@@ -79,7 +79,7 @@ SpringNetwork<S> grid_sheet(int rows, int cols, double width, double height,
   return network.value();
 }
 
-/// m × m vertices of equilateral triangles with edge `l` in the x-z plane.
+/// m × m vertices of equilateral triangles with edge length `l` in the x-z plane.
 void equilateral_patch(int m, double l, Points<double>& x,
                        std::vector<std::array<int, 3>>& triangles) {
   x.resize(3, m * m);
@@ -99,8 +99,8 @@ void equilateral_patch(int m, double l, Points<double>& x,
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a grid of 65 by 65 has the springs, stencils and mass it should", "[cloth]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a 65×65 grid has the expected springs, stencils and mass", "[cloth]", float,
+                   double) {
   using S = TestType;
   const auto network = grid_sheet<S>(65, 65, 0.8, 0.8);
   CHECK(network.validate().empty());
@@ -114,7 +114,7 @@ TEMPLATE_TEST_CASE("a grid of 65 by 65 has the springs, stencils and mass it sho
   CHECK(static_cast<double>(network.mass[66]) == Approx(0.2 * 0.0125 * 0.0125).epsilon(1e-5));
 }
 
-TEST_CASE("square cells get exactly the constants of the reference sheet", "[cloth]") {
+TEST_CASE("square cells have exactly the constants of the reference sheet", "[cloth]") {
   const auto network = grid_sheet<double>(17, 17, 0.5, 0.5);
   const double dx = 0.5 / 16;
   CHECK(network.mass.sum() == Approx(0.05).epsilon(1e-13));
@@ -146,7 +146,8 @@ TEST_CASE("square cells get exactly the constants of the reference sheet", "[clo
   }
 }
 
-TEST_CASE("the settled reference sheet carries its weight across every cut", "[cloth]") {
+TEST_CASE("in the settled reference sheet, forces across every cut balance the weight below",
+          "[cloth]") {
   const std::string path =
       clothctl_test::shared_path("data/trajectories/splines/initial_pose_17x17.csv");
   if (path.empty()) {
@@ -177,7 +178,7 @@ TEST_CASE("the settled reference sheet carries its weight across every cut", "[c
     const Eigen::Vector3d value = stencil_value(s, x);
     for (std::size_t i = 0; i < 3; ++i) force.col(s.vertex[i]) -= s.stiffness * s.weight[i] * value;
   }
-  // The file has six decimals: a row of springs of 1000 N/m is uncertain by some millinewton.
+  // The file has six decimals: for springs of 1000 N/m, forces are uncertain by some millinewtons.
   for (int row = 0; row < 16; ++row) {
     const Eigen::Vector3d carried = force.leftCols(17 * (row + 1)).rowwise().sum();
     const double weight = 9.81 * network.mass.head(17 * (row + 1)).sum();
@@ -187,8 +188,9 @@ TEST_CASE("the settled reference sheet carries its weight across every cut", "[c
   }
 }
 
-TEST_CASE("springs come as horizontal edges, vertical edges, diagonals; stencils as rows, columns",
-          "[cloth]") {
+TEST_CASE(
+    "springs are ordered as horizontal edges, vertical edges, diagonals; stencils as rows, columns",
+    "[cloth]") {
   const auto network = grid_sheet<double>(3, 4, 0.9, 0.6);
   REQUIRE(network.springs.size() == 3 * 3 + 2 * 4 + 2 * 2 * 3);
   const auto ends = [&](std::size_t e) {
@@ -221,7 +223,7 @@ TEMPLATE_TEST_CASE("a rigid motion costs a sheet no energy", "[cloth]", float, d
   CHECK(bending_energy(network, moved) <= loose * scale);
 }
 
-TEMPLATE_TEST_CASE("an affine map bends no sheet", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("an affine map causes no bending energy", "[cloth]", float, double) {
   using S = TestType;
   Eigen::Matrix3d affine;
   affine << 1.3, 0.2, -0.4, 0.5, 0.9, 0.7, -0.1, 0.3, 0.8;
@@ -241,7 +243,7 @@ TEMPLATE_TEST_CASE("an affine map bends no sheet", "[cloth]", float, double) {
   }
 }
 
-TEST_CASE("strain energy does not depend on how the sheet is cut", "[cloth]") {
+TEST_CASE("strain energy does not depend on the direction of the diagonals", "[cloth]") {
   const Material<double> material;
   const double small = 1e-5, area = 0.5 * 0.4;
   for (const auto& cut :
@@ -308,7 +310,7 @@ TEMPLATE_TEST_CASE("a triangulated grid has the mass and edges of the grid", "[c
   CHECK(free->bends.size() == free->springs.size() - 2 * (6 + 8));
 }
 
-TEST_CASE("springs on equilateral triangles have Young's modulus stretch and Poisson's ratio 1/3",
+TEST_CASE("springs on equilateral triangles have Young's modulus `stretch` and Poisson's ratio 1/3",
           "[cloth]") {
   Points<double> x;
   std::vector<std::array<int, 3>> triangles;
@@ -316,7 +318,7 @@ TEST_CASE("springs on equilateral triangles have Young's modulus stretch and Poi
   const Material<double> material;
   const auto network = sheet_network(x, triangles, material);
   REQUIRE(network);
-  // Every triangle gives each edge the same share, so the energy of a uniform strain is exact: ½
+  // Every triangle contributes equally to its edges, so the energy of a uniform strain is exact: ½
   // Y/(1-ν²) ε² A.
   const double area = static_cast<double>(triangles.size()) * std::sqrt(3.0) / 4.0 * 0.05 * 0.05,
                small = 1e-5;
@@ -331,7 +333,7 @@ TEST_CASE("springs on equilateral triangles have Young's modulus stretch and Poi
   }
 }
 
-TEST_CASE("a hinge measures edge length times fold", "[cloth]") {
+TEST_CASE("a hinge measures edge length times fold angle", "[cloth]") {
   Points<double> x(3, 4);
   x.col(0) = Eigen::Vector3d(0.0, 0.0, 0.0);
   x.col(1) = Eigen::Vector3d(0.3, 0.0, 0.0);
@@ -354,7 +356,7 @@ TEST_CASE("a hinge measures edge length times fold", "[cloth]") {
   }
 }
 
-TEST_CASE("a cylinder on equilateral triangles costs half B times curvature squared", "[cloth]") {
+TEST_CASE("a cylinder on equilateral triangles has the energy ½ B κ²", "[cloth]") {
   Points<double> x;
   std::vector<std::array<int, 3>> triangles;
   const int m = 8;
@@ -365,8 +367,8 @@ TEST_CASE("a cylinder on equilateral triangles costs half B times curvature squa
   REQUIRE(network);
   const double triangle = std::sqrt(3.0) / 4.0 * l * l;
   for (double angle : {0.0, 0.3, 0.9, 1.4}) {
-    // Heights ½ κ s²: every hinge of one direction then costs the same, and a vertex has one of
-    // each and two triangles.
+    // Heights are ½ κ s², so all hinges of one direction have the same energy. Each vertex has one
+    // hinge of each direction and two triangles.
     Points<double> bent = x;
     const Eigen::Vector3d along(std::cos(angle), 0.0, std::sin(angle));
     for (Index v = 0; v < x.cols(); ++v) {
@@ -387,7 +389,7 @@ TEST_CASE("a cylinder on equilateral triangles costs half B times curvature squa
   }
 }
 
-TEMPLATE_TEST_CASE("bad sheets are refused by name", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("bad sheets are refused with a message", "[cloth]", float, double) {
   using S = TestType;
   const auto made = make_grid<S>(3, 3, S(1), S(1));
   REQUIRE(made);

@@ -10,7 +10,7 @@ using namespace clothctl;
 
 namespace {
 
-/// Energy of the springs at `x`, by definition and in double.
+/// Energy of the springs at `x` by definition, in double.
 template <class S>
 double spring_energy(const SpringNetwork<S>& network, const Points<double>& x) {
   double energy = 0;
@@ -59,7 +59,7 @@ TEMPLATE_TEST_CASE("a rigid motion costs a solid no energy", "[cloth]", float, d
   CHECK(spring_energy(network.value(), moved) <= loose * scale);
 }
 
-TEST_CASE("a solid's springs make the elastic energy of its Young's modulus", "[cloth]") {
+TEST_CASE("a solid's springs have the elastic energy of its Young's modulus", "[cloth]") {
   const SolidSettings<double> settings;
   const double E = settings.youngs_modulus, lame = 0.4 * E, small = 1e-5;
   for (int resolution : {1, 2, 4}) {
@@ -69,10 +69,10 @@ TEST_CASE("a solid's springs make the elastic energy of its Young's modulus", "[
     REQUIRE(network);
     const double volume = tetrahedron_volumes(mesh.value()).sum();
     const Points<double>& x = network->rest_positions;
-    // Swelling: ½ (9 λ + 6 μ) ε² V on any mesh, since Σ k l² = 6 E V.
+    // Uniform expansion: ½ (9 λ + 6 μ) ε² V on any mesh, since Σ k l² = 6 E V.
     CHECK(spring_energy(network.value(), (1.0 + small) * x) ==
           Approx(0.5 * 15.0 * lame * small * small * volume).epsilon(1e-6));
-    // Pulling: ½ (λ + 2 μ) ε² V as the mean over the six diagonals of an icosahedron, which
+    // Stretching: ½ (λ + 2 μ) ε² V, as the mean over the six diagonals of an icosahedron, which
     // averages fourth powers exactly.
     const double golden = 0.5 * (1.0 + std::sqrt(5.0));
     double mean = 0;
@@ -90,8 +90,8 @@ TEST_CASE("a solid's springs make the elastic energy of its Young's modulus", "[
   }
 }
 
-TEMPLATE_TEST_CASE("append shifts indices and positions, and changes nothing else", "[cloth]",
-                   float, double) {
+TEMPLATE_TEST_CASE("append shifts indices and positions and changes nothing else", "[cloth]", float,
+                   double) {
   using S = TestType;
   const auto rope = rope_network(RopeSettings<S>{});
   const auto mesh = make_box<S>(1, 1, 1, Vector3<S>::Ones());
@@ -125,7 +125,7 @@ TEMPLATE_TEST_CASE("append shifts indices and positions, and changes nothing els
   CHECK(twice.bends.back().vertex[2] == 41);
 }
 
-TEST_CASE("join adds a spring that is at rest", "[cloth]") {
+TEST_CASE("join adds a spring at its rest length", "[cloth]") {
   const auto rope = rope_network(RopeSettings<double>{});
   REQUIRE(rope);
   SpringNetwork<double> network = rope.value();
@@ -143,7 +143,7 @@ TEST_CASE("join adds a spring that is at rest", "[cloth]") {
   CHECK(network.springs.size() == 21);
 }
 
-TEMPLATE_TEST_CASE("weld makes one vertex of two and keeps mass and springs", "[cloth]", float,
+TEMPLATE_TEST_CASE("weld merges two vertices and keeps mass and springs", "[cloth]", float,
                    double) {
   using S = TestType;
   RopeSettings<S> settings;
@@ -161,7 +161,7 @@ TEMPLATE_TEST_CASE("weld makes one vertex of two and keeps mass and springs", "[
     CHECK(static_cast<double>(network.mass.sum()) == Approx(before).epsilon(1e-6));
     CHECK(static_cast<double>(network.mass[4]) ==
           Approx(2.0 * static_cast<double>(rope->mass[4])).epsilon(1e-6));
-    // Now a rope of eight springs in a row, twice as long.
+    // The result is a rope of eight springs in a row, twice as long.
     REQUIRE(network.springs.size() == 8);
     for (int i = 0; i < 8; ++i) {
       CHECK(network.springs[static_cast<std::size_t>(i)].a == i);
@@ -172,7 +172,7 @@ TEMPLATE_TEST_CASE("weld makes one vertex of two and keeps mass and springs", "[
   }
 }
 
-TEST_CASE("weld refuses what would fold a spring, a stencil or a triangle onto itself", "[cloth]") {
+TEST_CASE("weld refuses to fold a spring, a stencil or a triangle onto itself", "[cloth]") {
   const auto rope = rope_network(RopeSettings<double>{});
   const auto mesh = make_grid<double>(3, 3, 1.0, 1.0);
   REQUIRE(rope);
@@ -215,7 +215,7 @@ TEMPLATE_TEST_CASE("the ball hangs from the rope's lower end", "[cloth]", float,
   const double mass =
       0.04 * 0.5 + 300.0 * static_cast<double>(tetrahedron_volumes(mesh.value()).sum());
   CHECK(static_cast<double>(hung.network.mass.sum()) == Approx(mass).epsilon(1e-5));
-  // At rest, and one piece: rope springs end at the joint where the ball's begin.
+  // At rest and connected: rope springs end at the joint where the ball's springs begin.
   bool above = false, below = false;
   for (const Spring<S>& s : hung.network.springs) {
     const double length = static_cast<double>(
@@ -228,7 +228,7 @@ TEMPLATE_TEST_CASE("the ball hangs from the rope's lower end", "[cloth]", float,
   CHECK(below);
 }
 
-TEMPLATE_TEST_CASE("bad solids are refused by name", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("bad solids are refused with a message", "[cloth]", float, double) {
   using S = TestType;
   const auto mesh = make_box<S>(1, 1, 1, Vector3<S>::Ones());
   REQUIRE(mesh);

@@ -42,7 +42,7 @@ Points<double> noise(std::mt19937& random, Index n, double size) {
   return Points<double>::NullaryExpr(3, n, [&] { return normal(random); });
 }
 
-// A step matrix as a dense one.
+// Returns a step matrix as a dense matrix.
 template <class S>
 Eigen::MatrixXd dense(const BlockSymmetric<S>& a) {
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(3 * a.rows(), 3 * a.rows());
@@ -71,7 +71,7 @@ Points<double> forces(const Network& network, const Points<double>& x) {
   return f;
 }
 
-// -dF/dx by central differences.
+// Returns -dF/dx by central differences.
 Eigen::MatrixXd stiffness_by_differences(const Network& network, Points<double> x, double step) {
   Eigen::MatrixXd k(x.size(), x.size());
   for (Index i = 0; i < x.size(); ++i) {
@@ -88,9 +88,8 @@ Eigen::MatrixXd stiffness_by_differences(const Network& network, Points<double> 
 
 }  // namespace
 
-TEST_CASE(
-    "forces are minus the slope of the energy, to second order in the step of the differences",
-    "[cloth]") {
+TEST_CASE("forces are minus the derivative of the energy, to second order in the difference step",
+          "[cloth]") {
   std::mt19937 random(1);
   for (const Network& network : networks()) {
     const Points<double> x = network.rest_positions + noise(random, network.vertex_count(), 0.004);
@@ -99,7 +98,7 @@ TEST_CASE(
     CHECK(add_spring_forces<double>(network, x, carry) ==
           Approx(spring_energy<double>(network, x)).epsilon(1e-14));
     CHECK((carry - f - Points<double>::Ones(3, x.cols())).cwiseAbs().maxCoeff() <=
-          1e-12 * (1 + f.norm()));  // they add
+          1e-12 * (1 + f.norm()));  // forces are added to the output
     const auto error = [&](double step) {
       double worst = 0;
       Points<double> y = x;
@@ -119,7 +118,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("inner forces have no sum and no torque, and ignore where the body is", "[cloth]") {
+TEST_CASE("internal forces have zero sum and zero torque, and do not depend on position",
+          "[cloth]") {
   std::mt19937 random(2);
   for (const Network& network : networks()) {
     const Points<double> x = network.rest_positions + noise(random, network.vertex_count(), 0.005);
@@ -134,14 +134,13 @@ TEST_CASE("inner forces have no sum and no torque, and ignore where the body is"
     Points<double> moved = turn * x;
     moved.colwise() += Eigen::Vector3d(0.3, -0.2, 0.7);
     CHECK((forces(network, moved) - turn * f).cwiseAbs().maxCoeff() <= 1e-10 * size);
-    // At rest nothing pulls but the bending of hinges that are not flat, of which there are none
-    // here.
+    // At rest only hinges that are not flat bend, and here all are flat.
     CHECK(forces(network, network.rest_positions).cwiseAbs().maxCoeff() <= 1e-10);
   }
 }
 
 TEST_CASE(
-    "the stiffness is -dF/dx: with the compression part anywhere, without it where all is "
+    "the stiffness is -dF/dx: with the compression part anywhere, without it if all springs are "
     "stretched",
     "[cloth]") {
   std::mt19937 random(3);
@@ -167,8 +166,9 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("the projected stiffness has no negative eigenvalue, however crumpled; the exact one has",
-          "[cloth]") {
+TEST_CASE(
+    "the projected stiffness has no negative eigenvalue in a crumpled state; the exact one has",
+    "[cloth]") {
   std::mt19937 random(4);
   StiffnessScale<double> exact;
   exact.compression = 1.0;
@@ -206,8 +206,7 @@ TEST_CASE("each factor scales its own part of the stiffness", "[cloth]") {
   CHECK((0.3 * a + 2.0 * g + 0.1 * b + 0.5 * c - part(0.3, 2.0, 0.1, 0.5)).norm() <= near);
 }
 
-TEST_CASE("bending stencils are quadratic: constant stiffness, no force on what they annihilate",
-          "[cloth]") {
+TEST_CASE("bending stencils have constant stiffness and no force in their null space", "[cloth]") {
   std::mt19937 random(6);
   Network row;
   row.rest_positions = Points<double>::Zero(3, 4);
@@ -232,7 +231,7 @@ TEST_CASE("bending stencils are quadratic: constant stiffness, no force on what 
   REQUIRE(row.validate().empty());
 
   const Points<double> x = noise(random, 4, 1.0);
-  Eigen::MatrixXd w = Eigen::MatrixXd::Zero(3, 4);  // rows: stencils
+  Eigen::MatrixXd w = Eigen::MatrixXd::Zero(3, 4);  // a row for each stencil
   w.row(0) << 1.0, -2.0, 1.0, 0.0;
   w.row(1) << 0.7, -0.3, -0.9, 0.5;
   w.row(2) << 0.0, 1.0, 0.0, -1.0;
@@ -246,7 +245,7 @@ TEST_CASE("bending stencils are quadratic: constant stiffness, no force on what 
       CHECK((block - small(i, j) * Eigen::Matrix3d::Identity()).cwiseAbs().maxCoeff() <= 1e-14);
     }
   }
-  // Without bending in the pattern nothing is added.
+  // Without bending in the pattern, nothing is added.
   const SpringPattern<double> bare(row, false, false);
   BlockSymmetric<double> none = bare.matrix();
   bare.add_bending(row, 1.0, none);
@@ -254,7 +253,7 @@ TEST_CASE("bending stencils are quadratic: constant stiffness, no force on what 
 }
 
 TEST_CASE(
-    "the frozen part holds dampers along the given directions and a ninth of the air in nine "
+    "the frozen part has dampers along the given directions and a ninth of the air force in nine "
     "blocks",
     "[cloth]") {
   std::mt19937 random(7);
@@ -278,7 +277,7 @@ TEST_CASE(
   pattern.add_frozen(network, direction, air, dt, frozen);
   const Eigen::MatrixXd r = dense(frozen);
 
-  // h (D + C) v, element by element.
+  // h (D + C) v, spring by spring and triangle by triangle.
   Points<double> damping = Points<double>::Zero(3, n);
   for (const Spring<double>& s : network.springs) {
     const Eigen::Vector3d unit = (x.col(s.a) - x.col(s.b)).normalized();
@@ -296,7 +295,7 @@ TEST_CASE(
   CHECK(eigen.eigenvalues().minCoeff() >= -1e-14);
 }
 
-TEMPLATE_TEST_CASE("ends in one place give no force, no direction and a definite block", "[cloth]",
+TEMPLATE_TEST_CASE("coincident ends give no force, no direction and a definite block", "[cloth]",
                    float, double) {
   using S = TestType;
   SpringNetwork<S> pair;
@@ -321,7 +320,7 @@ TEMPLATE_TEST_CASE("ends in one place give no force, no direction and a definite
   }
 }
 
-TEST_CASE("forces and assembly take no memory", "[cloth]") {
+TEST_CASE("forces and assembly do not allocate", "[cloth]") {
   const Network network = triangle_sheet();
   const Points<double> x = 1.01 * network.rest_positions;
   Points<double> f = Points<double>::Zero(3, x.cols());

@@ -33,13 +33,13 @@ const S kNan = std::numeric_limits<S>::quiet_NaN();
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a sound network passes its check", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("a valid network passes validate", "[cloth]", float, double) {
   const auto network = small_network<TestType>();
   CHECK(network.vertex_count() == 3);
   CHECK(network.validate().empty());
 }
 
-TEMPLATE_TEST_CASE("every fault of a network is named with its index", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("every error of a network is named with its index", "[cloth]", float, double) {
   using S = TestType;
   const auto fault = [](auto&& spoil) {
     SpringNetwork<S> network = small_network<S>();
@@ -72,7 +72,7 @@ TEMPLATE_TEST_CASE("every fault of a network is named with its index", "[cloth]"
   CHECK(fault([](auto& n) { n.triangles[0][2] = 9; }) == "triangle 0 holds vertex 9 off the mesh");
 }
 
-TEST_CASE("a network survives the way to float and back", "[cloth]") {
+TEST_CASE("a network converts to float and back", "[cloth]") {
   const auto network = small_network<double>();
   const auto back = network.cast<float>().cast<double>();
   CHECK(back.validate().empty());

@@ -48,7 +48,7 @@ TEMPLATE_TEST_CASE("a good input passes and marks the driven vertices", "[cloth]
   CHECK(c.held == std::vector<unsigned char>{0, 0, 0, 0});
 }
 
-TEMPLATE_TEST_CASE("bad inputs and states are told apart", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("bad inputs and bad states have different statuses", "[cloth]", float, double) {
   using S = TestType;
   using C = Case<S>;
   const S nan = std::numeric_limits<S>::quiet_NaN();

@@ -20,7 +20,7 @@ bool same_bits(const Triple<Scalar>& a, const Vector3<Scalar>& b) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("triples compute what Eigen's vectors do", "[cloth]", float, double) {
+TEMPLATE_TEST_CASE("triples compute the same as Eigen's vectors", "[cloth]", float, double) {
   using S = TestType;
   std::mt19937 random(3);
   std::uniform_real_distribution<S> uniform(S(-1), S(1));

@@ -9,8 +9,8 @@
 
 namespace other_engine {
 
-// A planar arm of two unit rods with unit masses at their ends, from an engine that keeps its state
-// in the robot.
+// Another engine's robot, which keeps its state in itself: a planar arm of two massless rods, 1 m
+// long, with a mass of 1 kg at the end of each.
 struct Arm {
   double angle[2] = {0, 0};
 };
@@ -93,7 +93,7 @@ struct clothctl::articulated_traits<other_engine::Arm> {
   }
 };
 
-// The same arm with every optional hook. Calls of position_jacobian are counted.
+// The same arm with every optional hook. It counts the calls of position_jacobian.
 namespace other_engine {
 
 struct HookedArm : Arm {
@@ -138,7 +138,8 @@ static_assert(ArticulatedDynamics<Arm> && ArticulatedDynamics<HookedArm>);
 static_assert(!ArticulatedModel<int>);
 static_assert(!ArticulatedDynamics<std::string>);
 
-TEST_CASE("another engine's arm reaches and is driven through the trait alone", "[concepts]") {
+TEST_CASE("another engine's arm works in inverse kinematics and stable PD through the trait alone",
+          "[concepts]") {
   const Arm arm;
   InverseKinematics<Arm> ik(arm, 1);
   VectorX<double> goal(2), q(2), qd = VectorX<double>::Zero(2), torques(2), qdd(2);
@@ -176,7 +177,8 @@ TEST_CASE("another engine's arm obeys the laws of robots", "[concepts]") {
   clothctl_test::check_articulated_dynamics_laws(Arm(), q, qd, qdd, 1e-12);
 }
 
-TEST_CASE("inverse kinematics is the same with and without the optional hooks", "[concepts]") {
+TEST_CASE("inverse kinematics gives the same result with and without the optional hooks",
+          "[concepts]") {
   const Arm plain;
   HookedArm hooked;
   const std::vector<IkTask<double>> tasks = {
@@ -193,7 +195,7 @@ TEST_CASE("inverse kinematics is the same with and without the optional hooks", 
   CHECK(hooked.calls > 0);
 }
 
-TEST_CASE("with the hook `frames` a frame that does not exist is refused", "[concepts]") {
+TEST_CASE("a robot with the hook `frames` refuses a frame that does not exist", "[concepts]") {
   HookedArm arm;
   InverseKinematics<HookedArm> ik(arm, 1);
   InverseKinematics<Arm> plain(arm, 1);
@@ -208,7 +210,8 @@ TEST_CASE("with the hook `frames` a frame that does not exist is refused", "[con
         "a task's frame does not exist");
 }
 
-TEST_CASE("with the hook `workspace_fits` another robot's workspace is refused", "[concepts]") {
+TEST_CASE("a robot with the hook `workspace_fits` refuses another robot's workspace",
+          "[concepts]") {
   HookedArm arm, other;
   other.number = 7;
   StablePd<HookedArm> pd =

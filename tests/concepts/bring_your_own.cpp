@@ -1,4 +1,4 @@
-// The foreign types of examples/bring_your_own obey the laws of the concepts that they join.
+// The foreign types of examples/bring_your_own obey the laws of their concepts.
 
 #include "../../examples/bring_your_own/contact_model.hpp"
 #include "../../examples/bring_your_own/qp_solver.hpp"
@@ -17,14 +17,14 @@ using namespace clothctl;
 static_assert(ContactModel<gripper::RibbedPad> && ClothRollout<lab::Cloth>);
 static_assert(QpSolver<splitting::Admm> && ArticulatedModel<workshop::Arm>);
 
-TEST_CASE("the ribbed pad obeys the laws of contacts", "[concepts]") {
+TEST_CASE("the contact model of examples/bring_your_own obeys the laws of contacts", "[concepts]") {
   clothctl_test::check_contact_laws<double>(gripper::RibbedPad{}, 1e-12);
   gripper::RibbedPad slanted;
   slanted.ribs = {0.3, -0.2, 2.0};
   clothctl_test::check_contact_laws<double>(slanted, 1e-12);
 }
 
-TEST_CASE("the laboratory's cloth obeys the laws of rollouts", "[concepts]") {
+TEST_CASE("the cloth of examples/bring_your_own obeys the laws of rollouts", "[concepts]") {
   const GridMesh<double> grid = make_grid<double>(5, 5, 0.4, 0.4).value();
   const SpringNetwork<double> network = sheet_network(grid, Material<double>{}).value();
   const Points<double>& x = network.rest_positions;
@@ -40,7 +40,8 @@ TEST_CASE("the laboratory's cloth obeys the laws of rollouts", "[concepts]") {
   clothctl_test::check_cloth_rollout_laws(cloth, state, {20, 24}, laws);
 }
 
-TEST_CASE("what the splitting solver calls solved is solved", "[concepts]") {
+TEST_CASE("results that the solver of examples/bring_your_own calls solved are solutions",
+          "[concepts]") {
   std::mt19937 random(7);
   for (int trial = 0; trial < 5; ++trial) {
     const clothctl_test::KnownQp<double> q = clothctl_test::draw_qp<double>({.n = 8}, random);
@@ -51,7 +52,7 @@ TEST_CASE("what the splitting solver calls solved is solved", "[concepts]") {
   }
 }
 
-TEST_CASE("the workshop's arm obeys the laws of robots", "[concepts]") {
+TEST_CASE("the robot of examples/bring_your_own obeys the laws of robots", "[concepts]") {
   VectorX<double> q(3), other(3), qd(3);
   q << 0.4, -1.1, 0.3;
   other << -2.0, 0.7, 1.0;

@@ -1,5 +1,5 @@
-// Foreign types join ClothPlant and ClothModel by a trait alone, and types that do not fit get a
-// "no", not an error.
+// Foreign types satisfy ClothPlant and ClothModel by a trait alone. For other types the concepts
+// are false instead of a compile error.
 
 #include "clothctl/concepts/cloth.hpp"
 
@@ -12,8 +12,8 @@
 
 namespace other_engine {
 
-// A sheet of another engine: interleaved floats, its own clock, its own error flag. It moves
-// itself.
+// Another engine's sheet, which moves itself. It has interleaved floats, its own clock and its own
+// error flag.
 class Cloth {
  public:
   explicit Cloth(int particles) : data_(static_cast<std::size_t>(particles) * 6, 0.0f) {}
@@ -39,7 +39,7 @@ class Cloth {
   std::vector<std::array<float, 3>> force_;
 };
 
-// A solver of another engine: the state goes in and comes out, in words of its own.
+// Another engine's solver, with its own names: takes a state and returns a state.
 struct Solver {
   int n = 2;
   double gravity = -10.0;
@@ -99,7 +99,7 @@ struct Half {
   Index vertex_count() const { return 1; }
   Points<double> positions() const { return Points<double>::Zero(3, 1); }
 };
-// Everything there, but `advance` answers with a bool instead of a report.
+// A plant that has everything, except that `advance` returns a bool instead of a report.
 struct Curt {
   Index vertex_count() const { return 1; }
   Points<double> positions() const { return Points<double>::Zero(3, 1); }
@@ -107,7 +107,7 @@ struct Curt {
   void apply(const ClothInput<double>&) {}
   bool advance(double) { return true; }
 };
-// `step` that is not const: a model with hidden history.
+// A model whose `step` is not const, so that it may have hidden history.
 struct Moody {
   Index vertex_count() const { return 1; }
   ClothState<double> rest_state() const { return {}; }
@@ -117,7 +117,7 @@ struct Moody {
   }
 };
 
-// What a planner does with any plant: push, advance, look.
+// What a planner does with any plant: sets an input, advances, and reads the state.
 template <class Scalar, ClothPlant<Scalar> Plant>
 Scalar height_after_push(Plant& plant, Scalar dt) {
   ClothInput<Scalar> input;
@@ -143,14 +143,14 @@ static_assert(!ClothPlant<Curt> && !ClothModel<Moody>);
 static_assert(!ClothModel<other_engine::Solver, int> &&
               !ClothPlant<other_engine::Cloth, std::string>);
 
-TEST_CASE("a foreign engine's cloth is driven through the plant concept", "[concepts]") {
+TEST_CASE("a foreign cloth is driven through the plant concept", "[concepts]") {
   other_engine::Cloth cloth(2);
   CHECK(height_after_push<float>(cloth, 0.5f) == Approx(1.0f));
   const StepReport<float> refused = plant_traits<other_engine::Cloth>::advance(cloth, -1.0f);
   CHECK_FALSE(refused.advanced);
 }
 
-TEST_CASE("ModelPlant makes a plant of a foreign model", "[concepts]") {
+TEST_CASE("ModelPlant accepts a foreign model", "[concepts]") {
   using Plant = ModelPlant<other_engine::Solver, double>;
   static_assert(ClothPlant<Plant>);
   Plant plant(other_engine::Solver{});

@@ -1,11 +1,12 @@
-// A foreign model joins ClothRollout by traits alone; the simulators obey its laws; types that do
-// not fit get a "no", not an error.
+// A foreign model satisfies ClothRollout by traits alone, and the library's simulators obey its
+// laws. For other types the concept is false instead of a compile error.
 
 #include <span>
 #include <string>
 #include <vector>
 
 #include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/cloth/sheet.hpp"
 #include "clothctl/concepts/cloth.hpp"
@@ -15,13 +16,13 @@
 
 namespace other_engine {
 
-// Beads that springs pull to their places, stepped implicitly. Plain vectors, x y z of each bead.
+// Beads on springs to fixed points, stepped implicitly. Plain vectors of x y z of each bead.
 struct Beads {
   int n = 3;
   double mass = 0.02, stiffness = 3;
 };
 struct Log {
-  std::vector<double> needed;  // force that each bead was short of in the last step
+  std::vector<double> needed;  // force missing on each bead in the last step
 };
 
 }  // namespace other_engine
@@ -59,6 +60,9 @@ struct cloth_traits<other_engine::Beads> {
     }
     return {StepStatus::Converged, true, 0.0, 1};
   }
+  static Vector3<double> gravity_load(const Beads& beads) {
+    return {0, 0, 9.81 * beads.mass * static_cast<double>(beads.n)};
+  }
 };
 
 template <>
@@ -84,7 +88,7 @@ using namespace clothctl;
 
 namespace {
 
-// A model, but one that cannot start from a guess.
+// A model that cannot start from a guess.
 struct Stubborn {
   Index vertex_count() const { return 1; }
   ClothState<double> rest_state() const { return {}; }
@@ -93,7 +97,7 @@ struct Stubborn {
     return {};
   }
 };
-// Starts from a guess, but cannot say what held it.
+// A model that starts from a guess but does not report the holding forces.
 struct Silent : Stubborn {
   StepReport<double> step_from(const Points<double>&, int, ClothState<double>&,
                                const ClothInput<double>&, double, int&, double) const {
@@ -108,6 +112,13 @@ static_assert(ClothRollout<MassSpring<float>, float> && ClothRollout<MassSpring<
 static_assert(ClothModel<Stubborn> && !ClothRollout<Stubborn> && !ClothRollout<Silent>);
 static_assert(ClothModel<PositionBased<double>> && !ClothRollout<PositionBased<double>>);
 static_assert(!ClothRollout<int> && !ClothRollout<std::string>);
+
+TEST_CASE("a plant made of a foreign model passes on the gravity load of its trait", "[concepts]") {
+  const other_engine::Beads beads;
+  const ModelPlant<other_engine::Beads, double> plant(beads);
+  CHECK(plant_traits<ModelPlant<other_engine::Beads, double>>::gravity_load(plant)[2] ==
+        9.81 * beads.mass * static_cast<double>(beads.n));
+}
 
 TEST_CASE("foreign beads obey the laws of rollouts", "[concepts]") {
   const other_engine::Beads beads;

@@ -1,5 +1,5 @@
-// A foreign contact joins ContactModel by a trait alone, and types that do not fit get a "no", not
-// an error.
+// A foreign contact satisfies ContactModel by a trait alone. For other types the concept is false
+// instead of a compile error.
 
 #include "clothctl/concepts/contact_model.hpp"
 
@@ -13,9 +13,9 @@
 
 namespace other_engine {
 
-// A fingertip that rolls freely along x: it has grip only along the y axis, and sticks a little.
+// A fingertip that rolls freely along x. It has friction only along y, and adheres a little.
 struct Roller {
-  float grip = 0.8f;   // tangential over normal force
+  float grip = 0.8f;   // tangential force over normal force
   float stick = 0.2f;  // N
 };
 
@@ -27,7 +27,7 @@ struct clothctl::contact_traits<other_engine::Roller> {
   using View = PointsView<double>;
   static int generators(const Roller&, Index vertices) { return static_cast<int>(2 * vertices); }
   static std::pair<Index, Index> support(const Roller&, Index, Index i) { return {i / 2, 1}; }
-  /// The part of the y axis across the normal, unit.
+  /// The unit vector along the part of the y axis that is orthogonal to the normal.
   static Vector3<double> axle(const Vector3<double>& normal) {
     Vector3<double> t(0, 1, 0);
     t -= t.dot(normal) * normal;
@@ -69,7 +69,7 @@ using namespace clothctl;
 namespace {
 
 struct Empty {};
-// All of a contact model but the normal shares.
+// A contact model without normal shares.
 struct Shareless {
   Index generators(Index n) const { return n; }
   std::pair<Index, Index> support(Index, Index i) const { return {i, 1}; }
@@ -85,7 +85,7 @@ struct Shareless {
 struct Whole : Shareless {
   double normal_share(Index, Index) const { return 1; }
 };
-// Fills matrices only, where a planner hands it a block of one.
+// A contact model that writes only to whole matrices, while a planner passes a block of one.
 struct Greedy : Whole {
   void fill(const PointsView<double>&, const PointsView<double>&, MatrixX<double>&) const {}
 };

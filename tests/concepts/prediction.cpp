@@ -1,5 +1,5 @@
-// Foreign feature maps, step responses and predictors join by a trait alone; everything else gets a
-// "no".
+// Foreign feature maps, step responses and predictors satisfy their concepts by a trait alone. For
+// other types the concepts are false instead of a compile error.
 
 #include "clothctl/concepts/prediction.hpp"
 
@@ -14,7 +14,7 @@
 
 namespace other_engine {
 
-// Another engine's tracked points: each hangs on one triangle by barycentric weights.
+// Another engine's tracked points, each given by barycentric weights in a triangle.
 struct Marker {
   int corner[3];
   float weight[3];
@@ -23,7 +23,8 @@ struct MarkerSet {
   std::vector<Marker> markers;
 };
 
-// Dust that falls in still air, and names its own: no springs, so that every grain is on its own.
+// Another engine's dust, with its own names: independent grains without springs that fall in still
+// air.
 struct Dust {
   std::vector<double> kilograms;
   double friction = 0.5;  // 1/s
@@ -32,7 +33,7 @@ struct Dust {
   std::vector<unsigned char> stuck = {};
 };
 
-// A predictor for which everything stays where it is, and hands drag nothing along.
+// A predictor that predicts no motion, whatever the hands do.
 struct Statue {
   int asked = 0;
 };
@@ -111,7 +112,7 @@ using namespace clothctl;
 
 namespace {
 
-// Masses without springs: the simplest linear step, A = (1 + h α) M.
+// Masses without springs, with the simplest linear step: A = (1 + h α) M.
 template <class S>
 struct FreeMasses {
   using Scalar = S;
@@ -134,7 +135,7 @@ struct FreeMasses {
   void add_wind_force(const Vector3<S>&, Points<S>&) const {}
 };
 
-// As above, but `linearise` cannot say that it failed.
+// The same, but `linearise` cannot report failure.
 struct Silent : FreeMasses<double> {
   void linearise(const Points<double>&, const Points<double>&, const Vector3<double>&, double,
                  const std::vector<int>&) {}
@@ -143,7 +144,7 @@ struct Silent : FreeMasses<double> {
 struct CountOnly {
   Index count() const { return 1; }
 };
-// Calls back with the weight first: the arguments do not fit.
+// A map that passes the weight first, so that the arguments do not fit.
 struct Swapped {
   Index count() const { return 1; }
   void for_each_term(Index, void (*)(const std::string&)) const {}
@@ -215,12 +216,12 @@ TEST_CASE("a foreign step response drives the linearised predictor", "[concepts]
     CHECK((window.free_response.col(k).head<3>() - at.col(0)).norm() <= 1e-13);
     CHECK((window.free_response.col(k).tail<3>() - at.col(1)).norm() <= 1e-13);
   }
-  // A unit force during a frame moves its own grain by h² / ((1 + h α) m) in that frame.
+  // A unit force during one frame moves its own grain by h² / ((1 + h α) m) in that frame.
   CHECK(window.impulse_response(3, 0) == Approx(h * h / (1.025 * 0.3)));
   CHECK(window.impulse_response(0, 0) == 0.0);
 }
 
-TEST_CASE("a foreign predictor is asked through its trait", "[concepts]") {
+TEST_CASE("a foreign predictor is used through its trait", "[concepts]") {
   using Traits = predictor_traits<other_engine::Statue>;
   const WindowRequest<double> request = two_grains();
   other_engine::Statue statue;

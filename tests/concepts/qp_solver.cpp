@@ -1,5 +1,5 @@
-// A solver from elsewhere joins through the trait alone and is held to the laws; other types are no
-// solvers, and asking is no error.
+// A foreign solver satisfies the concepts by a trait alone and passes the law suite. For other
+// types the concepts are false instead of a compile error.
 
 #include "clothctl/concepts/qp_solver.hpp"
 
@@ -10,7 +10,7 @@
 
 namespace other_engine {
 
-// Projected Gauss-Seidel with names of its own.
+// Projected Gauss-Seidel with its own names.
 struct Answer {
   Eigen::VectorXd point, slope;
 };
@@ -66,7 +66,7 @@ static_assert(BoxQpSolver<other_engine::Sweeper> && !QpSolver<other_engine::Swee
 
 namespace {
 
-// All of a bound solver but one thing each.
+// Bound solvers that each lack one thing.
 struct Base {
   using result_type = QpResult<double>;
   void reserve(Index) {}
@@ -110,7 +110,7 @@ static_assert(QpSolver<ActiveSet<float>, float> &&
 static_assert(!BoxQpSolver<int> && !QpSolver<int> && !clothctl_test::WarmStartable<int> &&
               !QpSolver<void*> && !BoxQpSolver<double>);
 
-TEST_CASE("the law of solved holds for an adapted solver and catches one that only claims it",
+TEST_CASE("the law of solved problems holds for a foreign solver and detects a wrong solution",
           "[qp_solver]") {
   std::mt19937 random(31);
   const KnownQp<double> q = draw_qp<double>({.n = 8}, random);
@@ -119,6 +119,6 @@ TEST_CASE("the law of solved holds for an adapted solver and catches one that on
   CHECK(qp_law_solved(session, q, 1e-7) == "");
   KnownQp<double> other = q;
   other.g[0] += 1.0;
-  other.x[0] += 1.0;  // a known solution that is none: the law must object
+  other.x[0] += 1.0;  // no longer the solution: the law must fail
   CHECK(qp_law_solved(session, other, 1e-7) != "");
 }

@@ -39,7 +39,7 @@ struct Random {
   }
 };
 
-// A cloud of n points whose offsets span `rank` dimensions, turned and moved anywhere.
+// A cloud of n points whose offsets span `rank` dimensions, rotated and moved.
 template <class S>
 Points<S> shape(Random<S>& random, int rank, Index n, S size) {
   Points<S> x = size * (random.turn() * random.points(rank, n));
@@ -55,8 +55,8 @@ Vector3<S> mean(const Points<S>& x) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("rank and number of modes of points, lines, flat and solid patches", "[contact]",
-                   float, double) {
+TEMPLATE_TEST_CASE("rank and number of modes are right for points, lines, flat and solid patches",
+                   "[contact]", float, double) {
   using S = TestType;
   Random<S> random(5);
   for (int rank = 0; rank <= 3; ++rank) {
@@ -65,8 +65,8 @@ TEMPLATE_TEST_CASE("rank and number of modes of points, lines, flat and solid pa
         AffinePatchBasis<S> modes(n);
         modes.update(shape<S>(random, rank, n, S(0.05)));
         CAPTURE(rank, n);
-        // Three random points may lie nearly on a line; the rank may then be read as one less,
-        // never as more.
+        // Three random points may be nearly collinear. The rank may then be one less, but never
+        // more.
         CHECK(modes.rank() <= rank);
         if (n >= rank + 4) CHECK(modes.rank() == rank);
         CHECK(modes.count() == n);
@@ -76,8 +76,8 @@ TEMPLATE_TEST_CASE("rank and number of modes of points, lines, flat and solid pa
   }
 }
 
-TEMPLATE_TEST_CASE("non-affine rows are orthonormal, and every affine motion is invisible to them",
-                   "[contact]", float, double) {
+TEMPLATE_TEST_CASE("non-affine rows are orthonormal and zero for every affine motion", "[contact]",
+                   float, double) {
   using S = TestType;
   Random<S> random(6);
   const S near = S(200) * scalar_traits<S>::epsilon();
@@ -93,7 +93,7 @@ TEMPLATE_TEST_CASE("non-affine rows are orthonormal, and every affine motion is 
     CHECK((rows * rows.transpose() - MatrixX<S>::Identity(rows.rows(), rows.rows()))
               .cwiseAbs()
               .maxCoeff() <= near);
-    // An affine motion about the patch's own centre, then anywhere.
+    // First an affine motion about the patch's own centre, then any.
     const Matrix3<S> map = random.map();
     const Vector3<S> centre = mean(reference), shift = random.points(3, 1).col(0);
     Points<S> moved = map * (reference.colwise() - centre);
@@ -101,7 +101,7 @@ TEMPLATE_TEST_CASE("non-affine rows are orthonormal, and every affine motion is 
           near * S(0.05) * map.norm() + S(8) * scalar_traits<S>::epsilon());
     moved.colwise() += shift;
     CHECK((moved * rows.transpose()).cwiseAbs().maxCoeff() <= S(4) * near);
-    // The rest of a motion is all there: its size in the modes is its distance from the nearest
+    // The modes contain all of the rest: its size in the modes is its distance from the nearest
     // affine motion.
     const Points<S> free = random.points(3, n);
     Points<S> nearest = Points<S>::Zero(3, n);
@@ -114,8 +114,8 @@ TEMPLATE_TEST_CASE("non-affine rows are orthonormal, and every affine motion is 
   }
 }
 
-TEMPLATE_TEST_CASE("the linear map is recovered, on the patch's own directions", "[contact]", float,
-                   double) {
+TEMPLATE_TEST_CASE("the linear map is recovered within the patch's own directions", "[contact]",
+                   float, double) {
   using S = TestType;
   Random<S> random(7);
   const S near = S(5000) * scalar_traits<S>::epsilon();
@@ -138,7 +138,7 @@ TEMPLATE_TEST_CASE("the linear map is recovered, on the patch's own directions",
   }
 }
 
-TEMPLATE_TEST_CASE("the size of the patch scales the map and leaves the modes' span", "[contact]",
+TEMPLATE_TEST_CASE("scaling a patch scales its map and leaves the span of the modes", "[contact]",
                    float, double) {
   using S = TestType;
   Random<S> random(8);
@@ -159,7 +159,7 @@ TEMPLATE_TEST_CASE("the size of the patch scales the map and leaves the modes' s
   }
 }
 
-TEMPLATE_TEST_CASE("thin patches count as flat below a thousandth of their width", "[contact]",
+TEMPLATE_TEST_CASE("patches thinner than a thousandth of their width count as flat", "[contact]",
                    float, double) {
   using S = TestType;
   AffinePatchBasis<S> modes(8);
@@ -174,7 +174,7 @@ TEMPLATE_TEST_CASE("thin patches count as flat below a thousandth of their width
   }
 }
 
-TEMPLATE_TEST_CASE("updating takes no memory, and a single vertex or NaN does no harm", "[contact]",
+TEMPLATE_TEST_CASE("update does not allocate, and accepts a single vertex or NaN", "[contact]",
                    float, double) {
   using S = TestType;
   Random<S> random(9);

@@ -1,4 +1,4 @@
-// The contact models of fingers: the laws of all of them, and what sets each apart.
+// The contact models of fingers: the laws of all of them, and the properties of each.
 
 #include "clothctl/contact/contact_models.hpp"
 
@@ -75,15 +75,15 @@ TEST_CASE("a hard finger keeps Coulomb's law at each vertex", "[contact]") {
   const HardFinger<double> model{0.5, 4};
   const ContactPatch<double> patch = contact_patch<double>(2, false);
   Points<double> f(3, 2);
-  f << 0.5, 0, 0, 0, 1, 3;  // at the border of the cone, and in the middle of it
+  f << 0.5, 0, 0, 0, 1, 3;  // on the surface of the cone, and inside it
   CHECK(model.violation(patch.points, patch.normals, f, 5.0) <= 1e-15);
-  f(0, 0) = 0.6;  // the second vertex presses hard enough for both: no help
+  f(0, 0) = 0.6;  // the second vertex's normal force would suffice for both, but does not count
   CHECK(model.violation(patch.points, patch.normals, f, 5.0) == Approx(0.1));
   f(0, 0) = 0;
-  CHECK(model.violation(patch.points, patch.normals, f, 3.5) == Approx(0.5));  // 4 N in all
+  CHECK(model.violation(patch.points, patch.normals, f, 3.5) == Approx(0.5));  // 4 N in total
 }
 
-TEST_CASE("a soft finger transmits a torsion of e f_n about the normal", "[contact]") {
+TEST_CASE("a soft finger transmits a torsion of up to e f_n about the normal", "[contact]") {
   const double e = 0.004;
   const SoftFinger<double> model{0.5, e, 4};
   for (const Index m : {2, 4, 6}) {
@@ -97,7 +97,7 @@ TEST_CASE("a soft finger transmits a torsion of e f_n about the normal", "[conta
       CHECK((total - Vector3<double>(0, 0, 3)).norm() <= 1e-14);
       CHECK(model.violation(patch.points, patch.normals, f, 3.0) <= 1e-14);
     }
-    // The couple of the two: torsion without any force.
+    // The couple of the two: torsion without a net force.
     MatrixX<double> G(3 * m, 6);
     model.fill(patch.points, patch.normals, G);
     const VectorX<double> couple = G.col(4) - G.col(5);
@@ -108,11 +108,39 @@ TEST_CASE("a soft finger transmits a torsion of e f_n about the normal", "[conta
   }
 }
 
-TEST_CASE("friction and torsion of a soft finger share one ellipsoid", "[contact]") {
+TEST_CASE("a soft finger without friction transmits torsion up to e f_n and no more", "[contact]") {
+  const double e = 0.005;
+  const SoftFinger<double> model{0.0, e, 4};
+  const ContactPatch<double> patch = contact_patch<double>(4, false);
+  Points<double> f = contact_forces<double>(model, patch, unit(6, 4, 2.0));
+  CHECK(model.violation(patch.points, patch.normals, f, 5.0) <= 1e-14);
+  // Ten times the torsion. The vertices lie √½ · 10 mm from the centroid.
+  f.topRows(2) *= 10;
+  CHECK(torsion(patch, f) == Approx(10 * e * 2.0));
+  CHECK(model.violation(patch.points, patch.normals, f, 5.0) ==
+        Approx(9 * e * 2.0 / (0.01 * std::sqrt(0.5))));
+}
+
+TEST_CASE("vertices of a soft finger cannot pull against each other", "[contact]") {
+  const SoftFinger<double> model{0.5, 0.004, 4};
+  const ContactPatch<double> patch = contact_patch<double>(2, false);
+  for (const Index c : {0, 1, 2}) {
+    CAPTURE(c);
+    Points<double> f = Points<double>::Zero(3, 2);
+    f.row(2).setConstant(1.0);
+    CHECK(model.violation(patch.points, patch.normals, f, 5.0) == 0.0);
+    f(c, 0) += 100.0;
+    f(c, 1) -= 100.0;  // neither a net force nor, along x and z, a torsion
+    CHECK(model.violation(patch.points, patch.normals, f, 5.0) >= 99.0);
+  }
+}
+
+TEST_CASE("friction and torsion of a soft finger are limited by one ellipsoid", "[contact]") {
   const double mu = 0.5, e = 0.004;
   const SoftFinger<double> model{mu, e, 4};
   const ContactPatch<double> patch = contact_patch<double>(4, false);
-  // Half of the normal force at a torsional generator: τ = e/2 f_n leaves |f_t| = √(3/4) μ f_n.
+  // Half of the normal force at a torsional generator: with τ = e/2 f_n, |f_t| is at most √(3/4) μ
+  // f_n.
   Points<double> f = contact_forces<double>(model, patch, unit(6, 4, 1.0));
   f.row(2).array() += 1.0 / 4;
   f.row(0).array() += 0.99 * std::sqrt(0.75) * mu * 2.0 / 4;
@@ -130,7 +158,7 @@ TEST_CASE("a soft finger on one vertex transmits no torsion", "[contact]") {
   for (const Index i : {4, 5}) CHECK((G.col(i) - patch.normals.col(0)).norm() == 0.0);
 }
 
-TEST_CASE("an adhesive finger pulls up to its strength", "[contact]") {
+TEST_CASE("an adhesive finger pulls up to its adhesion", "[contact]") {
   const AdhesiveFinger<double> model{{0.5, 4}, 2.0};
   CHECK(contact_traits<AdhesiveFinger<double>>::adhesion(model) == 2.0);
   for (const Index m : {1, 3}) {
@@ -140,7 +168,7 @@ TEST_CASE("an adhesive finger pulls up to its strength", "[contact]") {
     const Points<double> apex = contact_forces<double>(model, patch, none);
     CHECK(apex.row(2).sum() == Approx(-2.0));
     CHECK(model.violation(patch.points, patch.normals, apex, 5.0) <= 1e-15);
-    // Unpressed, μ a of friction is left: |f_t| <= μ (f_n + a/m).
+    // Without pressure, friction μ a remains: |f_t| <= μ (f_n + a/m).
     Points<double> f = Points<double>::Zero(3, m);
     f.row(0).setConstant(0.5 * 2.0 / static_cast<double>(m));
     CHECK(model.violation(patch.points, patch.normals, f, 5.0) <= 1e-15);
@@ -155,7 +183,7 @@ TEST_CASE("a bad parameter of a contact is named with its value", "[contact]") {
   const double nan = std::nan("");
   CHECK(HardFinger<double>{-0.5, 4}.validate().find("friction coefficient -0.5") !=
         std::string::npos);
-  CHECK(HardFinger<double>{0.5, 3}.validate() == "3 generators, needs at least 4");
+  CHECK(HardFinger<double>{0.5, 3}.validate() == "3 generators, must be 4 to 1024");
   CHECK(HardFinger<double>{nan, 4}.validate() != "");
   CHECK(SoftFinger<double>{0.5, -1.0, 4}.validate().find("torsional friction -1") !=
         std::string::npos);

@@ -35,7 +35,7 @@ TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every 
   for (int c = 0; c < 3; ++c) {
     for (const S sign : {S(1), S(-1)}) {
       normals.push_back(sign * Vector3<S>::Unit(c));
-      for (const S tilt : {S(1e-20), S(1e-8), S(1e-3)}) {  // next to an axis
+      for (const S tilt : {S(1e-20), S(1e-8), S(1e-3)}) {  // near an axis
         Vector3<S> n = sign * Vector3<S>::Unit(c);
         n[(c + 1) % 3] = tilt;
         normals.push_back(n / n.norm());
@@ -43,7 +43,7 @@ TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every 
     }
   }
   for (const S z : {S(0.8999), S(0.9), S(0.9001)})
-    normals.push_back({std::sqrt(S(1) - z * z), S(0), z});  // next to the switch
+    normals.push_back({std::sqrt(S(1) - z * z), S(0), z});  // near the switch between axes
   for (int i = 0; i < 1000; ++i) normals.push_back(random_unit<S>(random));
   for (const Vector3<S>& n : normals) {
     Vector3<S> t1, t2;
@@ -57,7 +57,7 @@ TEMPLATE_TEST_CASE("the tangent frame is orthonormal and right-handed for every 
   }
 }
 
-TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly turned about the normal",
+TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly spaced about the normal",
                    "[contact]", float, double) {
   using S = TestType;
   std::mt19937 random(12);
@@ -77,7 +77,7 @@ TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly turned about
       CHECK(std::abs((s - along * n).norm() - mu * along) <= near);  // on the surface of the cone
       CHECK(along > S(0));
       if (mu == S(0)) continue;
-      // Neighbours are one n-th of a turn apart, in the positive sense.
+      // Neighbours are 1/n turn apart, in the positive sense.
       const Vector3<S> here = (s - along * n).normalized();
       const Vector3<S> there = (generators.col((i + 1) % count) - along * n).normalized();
       const double turn = 2.0 * std::numbers::pi / static_cast<double>(count);
@@ -90,7 +90,7 @@ TEMPLATE_TEST_CASE("generators are unit vectors on the cone, evenly turned about
 }
 
 TEST_CASE(
-    "any non-negative combination stays in the true cone, and the pyramid loses 1 - cos(pi/n) of "
+    "any non-negative combination lies in the true cone, and the pyramid loses 1 - cos(pi/n) of "
     "friction",
     "[contact]") {
   std::mt19937 random(13);
@@ -110,7 +110,7 @@ TEST_CASE(
     }
     CHECK(force.dot(n) == Approx(normal_part).epsilon(1e-12));
     CHECK(cone_violation(force, n, mu, 1e9) <= 1e-12 * force.norm());
-    // Half way between two neighbours the pyramid is thinnest.
+    // Half way between two neighbours the pyramid is narrowest.
     const Eigen::Vector3d between = generators.col(0) + generators.col(1);
     const double reach = (between - between.dot(n) * n).norm() / (mu * between.dot(n));
     CHECK(1 - reach ==
@@ -118,8 +118,8 @@ TEST_CASE(
   }
 }
 
-TEMPLATE_TEST_CASE("generators go into a block of a larger matrix without memory", "[contact]",
-                   float, double) {
+TEMPLATE_TEST_CASE("generators are written to a block of a larger matrix without allocating",
+                   "[contact]", float, double) {
   using S = TestType;
   MatrixX<S> matrix = MatrixX<S>::Constant(6, 12, S(7));
   const Vector3<S> n(S(0), S(0.6), S(0.8));
@@ -142,8 +142,8 @@ TEMPLATE_TEST_CASE("the violation of the cone is measured in newtons", "[contact
   CHECK(violation(0.2, 9.9) == 0.0);  // inside
   CHECK(violation(2, 2) == Approx(1.0));
   CHECK(violation(0, 12) == Approx(2.0));
-  CHECK(violation(0, -3) == Approx(3.0));  // pulls: -f_n is larger than |f_t| - mu f_n
-  CHECK(violation(4, -3) == Approx(5.5));  // and here it is not
+  CHECK(violation(0, -3) == Approx(3.0));  // pulls; -f_n is larger than |f_t| - mu f_n
+  CHECK(violation(4, -3) == Approx(5.5));  // pulls; -f_n is smaller
   const S nan = std::numeric_limits<S>::quiet_NaN();
   const S infinity = std::numeric_limits<S>::infinity();
   for (const S bad : {nan, infinity, -infinity}) {

@@ -43,8 +43,8 @@ TEMPLATE_TEST_CASE("a pinch has two opposed fingers on the same vertices", "[con
   CHECK(validate_grips<S>({grip}, 10).empty());
 }
 
-TEMPLATE_TEST_CASE("good grips pass: several fingers at a vertex, no friction", "[contact]", float,
-                   double) {
+TEMPLATE_TEST_CASE("grips with several fingers at a vertex, or without friction, are valid",
+                   "[contact]", float, double) {
   using S = TestType;
   CHECK(validate_grips(two_pinches<S>(), 9).empty());
   CHECK(verdict<S>([](auto& g) { g[0].fingers[0].contact.friction = S(0); }).empty());
@@ -53,7 +53,7 @@ TEMPLATE_TEST_CASE("good grips pass: several fingers at a vertex, no friction", 
         }).empty());
 }
 
-TEMPLATE_TEST_CASE("bad grips are refused by a line that names the item", "[contact]", float,
+TEMPLATE_TEST_CASE("bad grips are refused with a message that names the item", "[contact]", float,
                    double) {
   using S = TestType;
   using Grips = std::vector<Grip<S>>;
@@ -87,7 +87,7 @@ TEMPLATE_TEST_CASE("bad grips are refused by a line that names the item", "[cont
     CHECK(begins(verdict<S>([&](Grips& g) { g[1].fingers[0].side = bad; }),
                  "grip 1 finger 0 has the side "));
   CHECK(verdict<S>([](Grips& g) { g[1].fingers[1].contact.pyramid = 3; }) ==
-        "grip 1 finger 1 has 3 generators, needs at least 4");
+        "grip 1 finger 1 has 3 generators, must be 4 to 1024");
   for (const Vector3<S>& bad :
        {Vector3<S>(S(0), S(0), S(0)), Vector3<S>(S(1), S(1), S(0)), Vector3<S>(nan, S(0), S(1))}) {
     CHECK(verdict<S>([&](Grips& g) { g[0].fallback_normal = bad; }) ==
@@ -95,7 +95,49 @@ TEMPLATE_TEST_CASE("bad grips are refused by a line that names the item", "[cont
   }
 }
 
-TEMPLATE_TEST_CASE("a vertex normal is the unit mean of its triangles by area, or the fallback",
+namespace {
+
+// Frictionless, with answers that break the axioms on request.
+struct Liar : Frictionless<double> {
+  Index count = 1, first = 0;
+  double share = 1, bound = 5, pull = 0;
+  Index generators(Index) const { return count; }
+  std::pair<Index, Index> support(Index, Index) const { return {first, 1}; }
+  double normal_share(Index, Index) const { return share; }
+  double upper_bound(Index, Index, double) const { return bound; }
+  double adhesion() const { return pull; }
+};
+static_assert(ContactModel<Liar>);
+
+std::string of_liar(const std::function<void(Liar&)>& change) {
+  Liar liar;
+  change(liar);
+  Grip<double, Liar> grip;
+  grip.fingers.push_back({{3}, 1.0, liar, 5.0});
+  return validate_grips<double, Liar>({grip}, 9);
+}
+
+}  // namespace
+
+TEST_CASE("a contact model that breaks its axioms is refused with the value", "[contact]") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  CHECK(of_liar([](Liar&) {}) == "");
+  CHECK(of_liar([](Liar& l) { l.count = 0; }) == "grip 0 finger 0 has 0 generators");
+  CHECK(of_liar([](Liar& l) { l.first = 1; }) ==
+        "grip 0 finger 0 has a generator 0 that acts off its 1 vertices");
+  CHECK(of_liar([](Liar& l) { l.first = -1; }).find("acts off") != std::string::npos);
+  CHECK(of_liar([](Liar& l) { l.share = 0; }) ==
+        "grip 0 finger 0 has a generator 0 of normal share 0, must be finite and positive");
+  CHECK(of_liar([&](Liar& l) { l.bound = nan; }).find("upper bound nan") != std::string::npos);
+  CHECK(of_liar([](Liar& l) { l.pull = -6; }) ==
+        "grip 0 finger 0 has the adhesion -6, must be finite and not negative");
+  // Friction whose square overflows leaves no share of the normal force.
+  CHECK(verdict<double>([](auto& g) {
+          g[0].fingers[0].contact.friction = 1e200;
+        }).find("normal share 0") != std::string::npos);
+}
+
+TEMPLATE_TEST_CASE("a vertex normal is the area-weighted mean of its triangles, or the fallback",
                    "[contact]", float, double) {
   using S = TestType;
   Points<S> x(3, 5);
@@ -110,7 +152,7 @@ TEMPLATE_TEST_CASE("a vertex normal is the unit mean of its triangles by area, o
     return vertex_normal<S>(x, triangles, around, fallback);
   };
   CHECK((normal({0, 1}) - Vector3<S>::UnitZ()).norm() <= near);
-  // Area vectors of triangles 0, 1 and 2: (0,0,1) + (2,0,2) over their length.
+  // The area vectors of triangles 0, 1 and 2 add up to (0,0,1) + (2,0,2).
   const Vector3<S> mean(S(1), S(0), S(1));
   CHECK((normal({0, 1, 2}) - Vector3<S>(S(2), S(0), S(4)).normalized()).norm() <= S(4) * near);
   CHECK((normal({2}) - mean.normalized()).norm() <= S(4) * near);
@@ -119,8 +161,9 @@ TEMPLATE_TEST_CASE("a vertex normal is the unit mean of its triangles by area, o
   CHECK(normal({4}) == fallback);     // no area
 }
 
-TEST_CASE("a vertex normal turns with the sheet, does not mind its place and takes no memory",
-          "[contact]") {
+TEST_CASE(
+    "a vertex normal rotates with the sheet, does not depend on position and does not allocate",
+    "[contact]") {
   std::mt19937 random(3);
   std::normal_distribution<double> gauss;
   const std::vector<std::array<int, 3>> triangles{{0, 1, 2}, {0, 2, 3}, {0, 3, 4}};

@@ -1,4 +1,4 @@
-// The counter itself: it sees what it should, and it sees nothing where nothing is allocated.
+// Tests of the counter itself: it counts allocations and nothing else.
 
 #include "support/allocations.hpp"
 
@@ -13,13 +13,13 @@ using clothctl_test::allocations;
 
 namespace {
 
-// Lets the optimiser believe that someone looks at the bytes, so that it does not remove an
-// allocation.
+// Makes the optimiser assume that the bytes are read, so that it keeps the allocation.
 void keep(const void* block) { asm volatile("" : : "r"(block) : "memory"); }
 
 }  // namespace
 
-TEST_CASE("the allocation canary sings wherever counting is possible", "[allocations]") {
+TEST_CASE("the counter sees every kind of allocation wherever counting is possible",
+          "[allocations]") {
 #if defined(__GLIBC__)
   CHECK(allocation_counting_works());
 #else
@@ -27,7 +27,7 @@ TEST_CASE("the allocation canary sings wherever counting is possible", "[allocat
 #endif
 }
 
-TEST_CASE("containers and Eigen are counted, work on existing memory is not", "[allocations]") {
+TEST_CASE("containers and Eigen are counted, and work in existing memory is not", "[allocations]") {
   if (!allocation_counting_works()) {
     WARN("allocations cannot be counted in this build");
     return;
@@ -51,7 +51,7 @@ TEST_CASE("containers and Eigen are counted, work on existing memory is not", "[
   CHECK(y.sum() == 50.0);
 
   before = allocations();
-  y = a * x;  // a temporary: the assignment that design rule 7 forbids in a step
+  y = a * x;  // a temporary, which allocates; a step must not do this
   const long sloppy = allocations() - before;
   CHECK(sloppy > 0);
 }

@@ -29,7 +29,8 @@ TEMPLATE_TEST_CASE("a state is a value: it copies and compares", "[cloth_state]"
   CHECK_FALSE(copy == state);
 }
 
-TEST_CASE("states of different size differ and do not touch each other's memory", "[cloth_state]") {
+TEST_CASE("states of different sizes compare as different without reading beyond their memory",
+          "[cloth_state]") {
   const ClothState<double> state = sample_state<double>();
   ClothState<double> shorter = state;
   shorter.positions.conservativeResize(3, 3);
@@ -40,7 +41,7 @@ TEST_CASE("states of different size differ and do not touch each other's memory"
   CHECK(ClothState<double>{} == ClothState<double>{});
 }
 
-TEST_CASE("a default input does nothing", "[cloth_state]") {
+TEST_CASE("a default input has no effect", "[cloth_state]") {
   const ClothInput<double> input;
   CHECK(input.force_vertices.empty());
   CHECK(input.driven_vertices.empty());

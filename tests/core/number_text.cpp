@@ -26,7 +26,7 @@ struct Sealed {
   Sealed& operator+=(Sealed) { return *this; }
 };
 
-/// One that can.
+/// A scalar that can become a double.
 struct Open : Sealed {
   using Sealed::Sealed;
   Open() = default;
@@ -51,7 +51,7 @@ struct scalar_traits<Open> : scalar_traits<Sealed> {};
 
 }  // namespace clothctl
 
-TEST_CASE("numbers are written with the fewest digits that tell them apart") {
+TEST_CASE("numbers are written with the fewest digits that distinguish them") {
   CHECK(number_text(0.25) == "0.25");
   CHECK(number_text(-1.0f) == "-1");
   CHECK(number_text(0.0) == "0");
@@ -64,7 +64,7 @@ TEST_CASE("numbers are written with the fewest digits that tell them apart") {
   CHECK(number_text(100.0L) == "100");
 }
 
-TEST_CASE("what is not finite has a name, under -ffast-math too") {
+TEST_CASE("infinities and NaN have names, under -ffast-math too") {
   const double infinity = std::numeric_limits<double>::infinity();
   CHECK(number_text(infinity) == "inf");
   CHECK(number_text(-infinity) == "-inf");
@@ -73,14 +73,12 @@ TEST_CASE("what is not finite has a name, under -ffast-math too") {
   CHECK(number_text(-std::numeric_limits<float>::quiet_NaN()) == "nan");
 }
 
-TEST_CASE(
-    "scalars other than the built-in ones are written as doubles, or as ? where they cannot become "
-    "one") {
+TEST_CASE("other scalars are written as doubles, or as ? if they do not convert") {
   CHECK(number_text(Open()) == "2.5");
   CHECK(number_text(Sealed()) == "?");
 }
 
-TEST_CASE("texts read back as the same number") {
+TEST_CASE("written numbers read back as the same number") {
   std::mt19937_64 engine(3);
   for (int i = 0; i < 2000; ++i) {
     const double value = std::bit_cast<double>(engine());
@@ -93,7 +91,7 @@ TEST_CASE("texts read back as the same number") {
   SUCCEED();
 }
 
-TEST_CASE("the locale has no say") {
+TEST_CASE("the locale does not change how numbers are written") {
   const std::string before = std::setlocale(LC_NUMERIC, nullptr);
   bool found = false;
   for (const char* name : {"de_DE.UTF-8", "fr_FR.UTF-8", "de_DE", "fr_FR"})

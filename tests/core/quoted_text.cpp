@@ -31,7 +31,7 @@ TEST_CASE("quoted_text escapes quotes and backslashes") {
 TEST_CASE("quoted_text shows the beginning of a long name") {
   CHECK(quoted_text(std::string(80, 'a')) == "\"" + std::string(80, 'a') + "\"");
   CHECK(quoted_text(std::string(81, 'a')) == "\"" + std::string(80, 'a') + "...\"");
-  // Two bytes a character: byte 80 is in the middle of one.
+  // Two bytes for each character: byte 80 is in the middle of one.
   std::string wide = "a";
   for (int i = 0; i < 60; ++i) wide += "é";
   CHECK(quoted_text(wide) == "\"" + wide.substr(0, 79) + "...\"");

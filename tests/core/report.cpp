@@ -6,7 +6,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("a fresh report claims no motion", "[report]", float, double) {
+TEMPLATE_TEST_CASE("a new report does not claim that a step advanced", "[report]", float, double) {
   const StepReport<TestType> report;
   CHECK(report.status == StepStatus::Converged);
   CHECK_FALSE(report.advanced);
@@ -15,8 +15,7 @@ TEMPLATE_TEST_CASE("a fresh report claims no motion", "[report]", float, double)
   CHECK(std::is_trivially_copyable_v<StepReport<TestType>>);
 }
 
-TEST_CASE("a report tells an advanced step without convergence from an untouched state",
-          "[report]") {
+TEST_CASE("a report distinguishes an unconverged step from an unchanged state", "[report]") {
   const StepReport<double> advanced{StepStatus::IterationLimit, true, 1e-3, 100};
   const StepReport<double> untouched{StepStatus::InvalidInput, false, 0.0, 0};
   CHECK(advanced.advanced);

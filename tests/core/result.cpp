@@ -18,7 +18,7 @@ Result<int> halve(int value) {
 
 }  // namespace
 
-TEST_CASE("a result holds a value or the line that says why not", "[result]") {
+TEST_CASE("a result holds a value or an error message", "[result]") {
   const Result<int> good = halve(8);
   REQUIRE(good.has_value());
   CHECK(good);
@@ -31,7 +31,7 @@ TEST_CASE("a result holds a value or the line that says why not", "[result]") {
   CHECK(bad.error() == "value 7 is odd");
 }
 
-TEST_CASE("values can be changed in place and moved out", "[result]") {
+TEST_CASE("values can be changed and moved out", "[result]") {
   Result<std::vector<int>> list(std::vector<int>{1, 2, 3});
   list->push_back(4);
   (*list)[0] = 9;
@@ -44,7 +44,7 @@ TEST_CASE("values can be changed in place and moved out", "[result]") {
   CHECK(*owner == 5);
 }
 
-TEST_CASE("a result of strings keeps values and errors apart", "[result]") {
+TEST_CASE("a result of strings distinguishes values and errors", "[result]") {
   const Result<std::string> value(std::string("fine"));
   const Result<std::string> error(Error{"not fine"});
   CHECK(value.has_value());
@@ -53,7 +53,7 @@ TEST_CASE("a result of strings keeps values and errors apart", "[result]") {
   CHECK(error.error() == "not fine");
 }
 
-// It is asked, not converted: `int n = result;` or adding results must not compile by way of bool.
+// A result only converts to bool explicitly: `int n = result;` and adding results must not compile.
 static_assert(!std::is_convertible_v<Result<int>, bool> &&
               std::is_constructible_v<bool, Result<int>>);
 static_assert(!std::is_convertible_v<Result<int>, int>);

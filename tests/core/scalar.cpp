@@ -1,6 +1,6 @@
-// Finite, unbounded and NaN tests of the built-in scalars. This file is also compiled and run under
-// -ffast-math, where the compiler may assume that none of these values exists; so nothing here
-// compares with an infinity or a NaN.
+// Tests of built-in scalars for finite, unbounded and NaN values. This file is also compiled and
+// run under -ffast-math, where the compiler may assume that none of these values exists, so nothing
+// here compares with an infinity or a NaN.
 
 #include "clothctl/core/scalar.hpp"
 
@@ -17,9 +17,8 @@ using namespace clothctl;
 
 namespace clothctl_test {
 
-// Values that stand in memory, where no compiler can know them beforehand. Never passed or returned
-// by value: under -ffast-math a compiler may take for granted that an argument is neither NaN nor
-// infinite.
+// Values in memory that no compiler knows in advance. They are never passed or returned by value:
+// under -ffast-math a compiler may assume that an argument is neither NaN nor infinite.
 template <class Scalar>
 struct Extremes {
   static Scalar infinity[2];
@@ -54,7 +53,7 @@ struct Opaque {};
 
 }  // namespace
 
-// Classified where they stand: by-value parameters may be assumed to be ordinary.
+// Classified in place: a compiler may assume that by-value parameters are ordinary.
 static_assert(std::is_same_v<decltype(&scalar_traits<float>::is_finite), bool (*)(const float&)>);
 static_assert(
     std::is_same_v<decltype(&scalar_traits<double>::is_unbounded), bool (*)(const double&)>);
@@ -98,7 +97,7 @@ TEMPLATE_TEST_CASE("NaN is neither finite nor unbounded", "[scalar]", float, dou
   }
 }
 
-TEMPLATE_TEST_CASE("huge stand-ins for infinity count as unbounded", "[scalar]", float, double,
+TEMPLATE_TEST_CASE("huge numbers that mean infinity count as unbounded", "[scalar]", float, double,
                    long double) {
   for (const double value : {1e30, -1e30, 2e20, -2e20}) {
     const TestType x = from_memory(static_cast<TestType>(value));
@@ -108,7 +107,7 @@ TEMPLATE_TEST_CASE("huge stand-ins for infinity count as unbounded", "[scalar]",
   }
 }
 
-TEST_CASE("a NaN is one by any bit of its fraction", "[scalar]") {
+TEST_CASE("any non-zero fraction makes a NaN", "[scalar]") {
   for (int bit = 0; bit < 52; ++bit) {
     const std::uint64_t bits = 0x7ff0000000000000u | std::uint64_t{1} << bit;
     double x = 0;
@@ -126,7 +125,7 @@ TEST_CASE("a NaN is one by any bit of its fraction", "[scalar]") {
 }
 
 TEST_CASE("every exponent of a double is classified by its bits", "[scalar]") {
-  // Sign, exponent and a sparse mantissa, walked through all exponents.
+  // All exponents, with both signs and a few mantissas.
   for (std::uint64_t exponent = 0; exponent < 2048; ++exponent) {
     for (const std::uint64_t mantissa :
          {std::uint64_t{0}, std::uint64_t{1}, std::uint64_t{1} << 51}) {

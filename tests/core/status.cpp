@@ -10,7 +10,7 @@ using namespace clothctl;
 
 namespace {
 
-// Names of all values, found by asking until the answer is "unknown".
+// Returns the names of all values, up to the first "unknown".
 template <class Status>
 std::set<std::string> names_of_all() {
   std::set<std::string> names;
@@ -26,7 +26,7 @@ std::set<std::string> names_of_all() {
 
 }  // namespace
 
-TEST_CASE("every status has a name of its own in snake case", "[status]") {
+TEST_CASE("every status has its own name in snake case", "[status]") {
   const std::set<std::string> step = names_of_all<StepStatus>();
   const std::set<std::string> qp = names_of_all<QpStatus>();
   const std::set<std::string> plan = names_of_all<PlanStatus>();
@@ -40,14 +40,14 @@ TEST_CASE("every status has a name of its own in snake case", "[status]") {
   }
 }
 
-TEST_CASE("names are known at compile time", "[status]") {
+TEST_CASE("names of statuses are compile-time constants", "[status]") {
   static_assert(to_string(StepStatus::Converged) == "converged");
   static_assert(to_string(QpStatus::PrimalInfeasible) == "primal_infeasible");
   static_assert(to_string(PlanStatus::Relaxed) == "relaxed");
   SUCCEED();
 }
 
-TEST_CASE("a value outside the enum is unknown, not undefined", "[status]") {
+TEST_CASE("a value outside the enum has the name unknown", "[status]") {
   CHECK(to_string(static_cast<StepStatus>(77)) == "unknown");
   CHECK(to_string(static_cast<QpStatus>(77)) == "unknown");
   CHECK(to_string(static_cast<PlanStatus>(77)) == "unknown");

@@ -28,14 +28,14 @@ const double kInfinity = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-TEST_CASE("a good step has nothing to explain", "[step_input]") {
+TEST_CASE("a good step has no error message", "[step_input]") {
   CHECK(Step().line().empty());
   Step empty;
   empty.input.clear();
   CHECK(empty.line().empty());
 }
 
-TEST_CASE("a bad step is explained by item, index and value", "[step_input]") {
+TEST_CASE("the message about a bad step names item, index and value", "[step_input]") {
   const auto spoilt = [](auto change) {
     Step step;
     change(step);

@@ -7,7 +7,8 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("all_finite sees one bad coefficient anywhere", "[types]", float, double) {
+TEMPLATE_TEST_CASE("all_finite detects a bad coefficient at any position", "[types]", float,
+                   double) {
   Points<TestType> points = Points<TestType>::Constant(3, 7, TestType(2));
   CHECK(all_finite(points));
   for (const TestType bad :
@@ -22,7 +23,7 @@ TEMPLATE_TEST_CASE("all_finite sees one bad coefficient anywhere", "[types]", fl
   }
 }
 
-TEST_CASE("all_finite takes expressions, views and empty matrices", "[types]") {
+TEST_CASE("all_finite accepts expressions, views and empty matrices", "[types]") {
   CHECK(all_finite(MatrixX<double>(0, 3)));
   MatrixX<double> a = MatrixX<double>::Identity(3, 3);
   CHECK(all_finite(a * 2.0));
@@ -41,19 +42,20 @@ TEST_CASE("a points view refers to columns without copying them", "[types]") {
   CHECK(middle.cols() == 3);
 }
 
-TEST_CASE("lanes lie side by side in memory", "[types]") {
+TEST_CASE("lanes are adjacent in memory", "[types]") {
   Lanes<float, 4> lanes = Lanes<float, 4>::Zero(4, 3);
   CHECK(&lanes(1, 2) == &lanes(0, 2) + 1);
   CHECK(&lanes(0, 2) == &lanes(0, 1) + 4);
 }
 
-TEST_CASE("every matrix type names its storage order", "[types]") {
+TEST_CASE("the matrix types do not depend on Eigen's default storage order", "[types]") {
   static_assert(!MatrixX<double>::IsRowMajor && !Points<double>::IsRowMajor);
   static_assert(!Matrix3<float>::IsRowMajor && !VectorX<float>::IsRowMajor);
   static_assert(!Lanes<double, 4>::IsRowMajor && !DenseMatrix<double, 6, 6>::IsRowMajor);
-  static_assert(Lanes<double, 1>::IsRowMajor && DenseMatrix<double, 1, 3>::IsRowMajor);
+  static_assert(bool(Lanes<double, 1>::IsRowMajor));
+  static_assert(bool(DenseMatrix<double, 1, 3>::IsRowMajor));
   static_assert(!DenseMatrix<double, 1, 1>::IsRowMajor);
-  // Eigen's own types where its default order is untouched.
+  // They are Eigen's own types if its default order is unchanged.
   static_assert(std::is_same_v<MatrixX<double>, Eigen::MatrixXd>);
   static_assert(std::is_same_v<Vector3<float>, Eigen::Vector3f>);
   SUCCEED();

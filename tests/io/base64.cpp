@@ -1,4 +1,4 @@
-// Base64: the vectors of RFC 4648, a round trip, and what is refused.
+// Base64: the examples of RFC 4648, a round trip, and refused text.
 
 #include "clothctl/io/detail/base64.hpp"
 
@@ -17,7 +17,7 @@ std::string encoded(const std::string& text) {
 
 }  // namespace
 
-TEST_CASE("the examples of the standard hold", "[base64]") {
+TEST_CASE("encoding reproduces the examples of RFC 4648", "[base64]") {
   CHECK(encoded("") == "");
   CHECK(encoded("f") == "Zg==");
   CHECK(encoded("fo") == "Zm8=");
@@ -27,7 +27,7 @@ TEST_CASE("the examples of the standard hold", "[base64]") {
   CHECK(encoded("foobar") == "Zm9vYmFy");
 }
 
-TEST_CASE("decoding undoes encoding for every length and byte", "[base64]") {
+TEST_CASE("decoding inverts encoding for every length and byte", "[base64]") {
   std::mt19937 engine(3);
   std::uniform_int_distribution<int> byte(0, 255);
   for (std::size_t length = 0; length < 300; ++length) {
@@ -39,7 +39,7 @@ TEST_CASE("decoding undoes encoding for every length and byte", "[base64]") {
   }
 }
 
-TEST_CASE("foreign text is refused", "[base64]") {
+TEST_CASE("text that is not base64 is refused", "[base64]") {
   CHECK(clothctl::detail::decode_base64("Zg=").error() == "base64: length 3 is no multiple of 4");
   CHECK(clothctl::detail::decode_base64("Z g=").error() == "base64: foreign letter at position 1");
   CHECK(clothctl::detail::decode_base64("Zm=v").error() == "base64: foreign letter at position 2");

@@ -1,4 +1,4 @@
-// Tables of numbers: what is read, what is refused and with which words, and that written numbers
+// Tables of numbers: accepted tables, refused tables with their messages, and written numbers that
 // read back exactly.
 
 #include "clothctl/io/csv.hpp"
@@ -40,7 +40,7 @@ TEST_CASE("a plain table is read", "[csv]") {
 }
 
 TEST_CASE(
-    "a mark, CRLF, spaces, tabs, blank last lines and a missing last line break are tolerated",
+    "a byte-order mark, CRLF, spaces, tabs, blank last lines and a missing line break are accepted",
     "[csv]") {
   for (const std::string text : {"\xef\xbb\xbf"
                                  "a,b\r\n1,2\r\n3,4\r\n",
@@ -52,7 +52,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("what is wrong is named with file, line and value", "[csv]") {
+TEST_CASE("errors in tables are named with file, line and value", "[csv]") {
   using enum CsvHeader;
   CHECK(refusal("", Names) == "f.csv:1: the file is empty");
   CHECK(refusal("\xef\xbb\xbf \r\n\n", Absent) == "f.csv:1: the file is empty");
@@ -75,7 +75,7 @@ TEST_CASE("what is wrong is named with file, line and value", "[csv]") {
   }
 }
 
-TEST_CASE("an infinity is its word, with or without a sign", "[csv]") {
+TEST_CASE("infinity is written as a word, with or without a sign", "[csv]") {
   using clothctl::detail::parse_infinity;
   const double infinity = clothctl::scalar_traits<double>::infinity();
   for (const std::string word : {"inf", "infinity", "oo"}) {
@@ -91,13 +91,13 @@ TEST_CASE("an infinity is its word, with or without a sign", "[csv]") {
     double value = 3;
     INFO(text);
     CHECK_FALSE(parse_infinity(text, "inf", value));
-    CHECK(value == 3);  // as it was
+    CHECK(value == 3);  // unchanged
   }
   double value = 3;
   CHECK_FALSE(parse_infinity("inf", "infinity", value));
 }
 
-TEST_CASE("a message stays one short printable line whatever the file holds", "[csv]") {
+TEST_CASE("a message is one short printable line for any file contents", "[csv]") {
   std::mt19937 engine(1);
   std::uniform_int_distribution<int> byte(0, 255);
   for (int trial = 0; trial < 300; ++trial) {
@@ -115,7 +115,7 @@ TEST_CASE("a message stays one short printable line whatever the file holds", "[
   CHECK(refusal("a\n" + std::string(100000, '7') + "x\n", CsvHeader::Names).size() < 200);
 }
 
-TEST_CASE("files that cannot be read are named", "[csv]") {
+TEST_CASE("the message about an unreadable file names it", "[csv]") {
   const std::string folder = std::filesystem::temp_directory_path().string();
   const std::string missing = folder + "/clothctl_no_such_file.csv";
   CHECK(clothctl::read_csv(missing, CsvHeader::Absent)
@@ -125,7 +125,7 @@ TEST_CASE("files that cannot be read are named", "[csv]") {
         0);
 }
 
-TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
+TEST_CASE("written numbers read back bit for bit", "[csv]") {
   CsvWriter writer({"t", "x"});
   std::mt19937_64 engine(2);
   std::vector<double> values = {0.0,
@@ -136,7 +136,7 @@ TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
                                 -1e-300,
                                 std::numeric_limits<double>::min(),
                                 std::numeric_limits<double>::max()};
-#ifndef __FAST_MATH__  // which flushes subnormal numbers to zero
+#ifndef __FAST_MATH__  // -ffast-math flushes subnormal numbers to zero
   values.push_back(std::numeric_limits<double>::denorm_min());
   values.push_back(-1e-310);
 #endif
@@ -164,7 +164,7 @@ TEST_CASE("numbers that are written read back bit for bit", "[csv]") {
   }
 }
 
-TEST_CASE("what would not be read back is not written", "[csv]") {
+TEST_CASE("tables that could not be read back are not written", "[csv]") {
   const std::string path =
       (std::filesystem::temp_directory_path() / "clothctl_csv_refused.csv").string();
   std::filesystem::remove(path);
@@ -190,7 +190,7 @@ TEST_CASE("what would not be read back is not written", "[csv]") {
   CHECK_FALSE(std::filesystem::exists(path));
 }
 
-TEST_CASE("every table that is written is read back", "[csv]") {
+TEST_CASE("every written table is read back", "[csv]") {
   const std::string path =
       (std::filesystem::temp_directory_path() / "clothctl_csv_names.csv").string();
   const std::string pieces[] = {"a",  "é", "x y", ",", "\"", "\n", "\r",          " ",
@@ -221,11 +221,11 @@ TEST_CASE("every table that is written is read back", "[csv]") {
   CHECK(refused > 100);
 }
 
-TEST_CASE("names of columns that need it are quoted", "[csv]") {
+TEST_CASE("names of columns are quoted if necessary", "[csv]") {
   CHECK(CsvWriter({"a", "b,c", "d\"e"}).text() == "a,\"b,c\",\"d\"\"e\"\n");
 }
 
-TEST_CASE("a table that cannot be written says why", "[csv]") {
+TEST_CASE("the error of an unwritable table names the reason", "[csv]") {
   const std::string path =
       (std::filesystem::temp_directory_path() / "clothctl_no_such_folder" / "a.csv").string();
   CsvWriter writer({"a"});

@@ -1,4 +1,4 @@
-// Whole files: a round trip of any bytes and the words of an error.
+// Whole files: a round trip of any bytes, and messages of errors.
 
 #include "clothctl/io/file.hpp"
 
@@ -7,7 +7,7 @@
 
 #include "support/catch.hpp"
 
-TEST_CASE("what is written is read", "[file]") {
+TEST_CASE("a written file reads back the same", "[file]") {
   const std::string path =
       (std::filesystem::temp_directory_path() / "clothctl_file_roundtrip").string();
   for (const std::size_t size :
@@ -24,7 +24,7 @@ TEST_CASE("what is written is read", "[file]") {
   std::filesystem::remove(path);
 }
 
-TEST_CASE("errors name the file", "[file]") {
+TEST_CASE("errors of files name the file", "[file]") {
   const std::string folder = std::filesystem::temp_directory_path().string();
   CHECK(clothctl::read_file(folder + "/clothctl_nowhere")
             .error()

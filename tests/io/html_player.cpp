@@ -1,5 +1,5 @@
-// The player page: what it holds decodes to what was recorded, hostile text stays text, mistakes
-// are told.
+// The player page: its data decode to what was recorded, any text stays text, and errors are
+// reported.
 
 #include "clothctl/io/html_player.hpp"
 
@@ -51,7 +51,7 @@ PlayerRecorder small_recording(PlayerScene scene = small_scene()) {
   return recorder;
 }
 
-// What stands between `<script … id="name">` and `</script>`.
+// Returns the text between `<script … id="name">` and `</script>`.
 std::string element(const std::string& page, const std::string& name) {
   const std::string head = " id=\"" + name + "\">";
   const std::size_t begin = page.find(head);
@@ -77,7 +77,7 @@ std::vector<std::uint32_t> words(const std::vector<std::uint8_t>& bytes) {
   return out;
 }
 
-// The three numbers of `"key":[a,b,c]`.
+// Returns the three numbers of `"key":[a,b,c]`.
 Eigen::Vector3d triple(const std::string& json, const std::string& key) {
   const std::size_t at = json.find("\"" + key + "\":[");
   REQUIRE(at != std::string::npos);
@@ -103,7 +103,8 @@ Points<double> none() { return Points<double>(3, 0); }
 
 }  // namespace
 
-TEST_CASE("vertices decode to what was recorded within half a quantisation step", "[html_player]") {
+TEST_CASE("vertices decode to the recorded positions within half a quantisation step",
+          "[html_player]") {
   const std::string page = *small_recording().page();
   const std::string json = element(page, "scene");
   const Eigen::Vector3d low = triple(json, "low"), size = triple(json, "size");
@@ -126,7 +127,7 @@ TEST_CASE("vertices decode to what was recorded within half a quantisation step"
   CHECK(largest > 0);
 }
 
-TEST_CASE("features, arrows and indices are stored as they are", "[html_player]") {
+TEST_CASE("features, arrows and indices are stored exactly", "[html_player]") {
   const std::string page = *small_recording().page();
   const std::vector<std::uint32_t> actual = words(data(page, "actual")),
                                    target = words(data(page, "target")),
@@ -144,7 +145,7 @@ TEST_CASE("features, arrows and indices are stored as they are", "[html_player]"
   CHECK(json.find("\"features\":[\"L\",\"R\"]") != std::string::npos);
 }
 
-TEST_CASE("the page is whole", "[html_player]") {
+TEST_CASE("the page is complete", "[html_player]") {
   const std::string page = *small_recording().page();
   CHECK(page.rfind("<!doctype html>", 0) == 0);
   CHECK(page.find("</html>\n") == page.size() - 8);
@@ -154,7 +155,7 @@ TEST_CASE("the page is whole", "[html_player]") {
   CHECK(count(page, clothctl_test::all_scripts()) == 1);
 }
 
-TEST_CASE("hostile text stays text", "[html_player]") {
+TEST_CASE("text with markup stays text", "[html_player]") {
   PlayerScene scene = small_scene();
   const std::string hostile = "</script><script>alert(1)</script><!-- \" ' & \xff";
   scene.title = scene.subtitle = scene.mesh_name = scene.arrow_name = scene.arrow_unit = hostile;
@@ -168,14 +169,14 @@ TEST_CASE("hostile text stays text", "[html_player]") {
   CHECK(page.find('\xff') == std::string::npos);
 }
 
-TEST_CASE("figures may be set at the end", "[html_player]") {
+TEST_CASE("figures may be set after the recording", "[html_player]") {
   PlayerRecorder recorder = small_recording();
   recorder.scene().figures.push_back({"Mean error", "7.5 mm"});
   CHECK(element(*recorder.page(), "scene").find("\"figures\":[[\"Mean error\",\"7.5 mm\"]]") !=
         std::string::npos);
 }
 
-TEST_CASE("vertices that are not finite are held", "[html_player]") {
+TEST_CASE("a vertex that is not finite stays where it was", "[html_player]") {
   PlayerRecorder recorder(PlayerScene{}, 2, 0, 0);
   Points<double> x(3, 2);
   x << 0, 1, 0, 1, 0, 1;
@@ -190,7 +191,7 @@ TEST_CASE("vertices that are not finite are held", "[html_player]") {
   CHECK(triple(element(*recorder.page(), "scene"), "size") == Eigen::Vector3d(1, 1, 1));
 }
 
-TEST_CASE("one bad coordinate holds the whole vertex", "[html_player]") {
+TEST_CASE("one bad coordinate makes the whole vertex stay", "[html_player]") {
   for (const double bad :
        {std::numeric_limits<double>::quiet_NaN(), -std::numeric_limits<double>::infinity(), 2e6}) {
     for (Index broken = 0; broken < 3; ++broken) {
@@ -206,9 +207,8 @@ TEST_CASE("one bad coordinate holds the whole vertex", "[html_player]") {
       const std::vector<std::uint8_t> bytes = data(*recorder.page(), "positions");
       REQUIRE(bytes.size() == 36);
       for (std::size_t i = 0; i < 12; ++i) CHECK(bytes[12 + i] == bytes[i]);
-      CHECK(bytes[25] ==
-            32);  // and it moves on as soon as it is whole again: 1/8 of the way is 8192 = 32·256
-      // In the first frame there is nothing to hold.
+      CHECK(bytes[25] == 32);  // when it is finite again, it moves: 1/8 of the way is 8192 = 32·256
+      // In the first frame there is no earlier position.
       PlayerRecorder first(PlayerScene{}, 2, 0, 0);
       x(broken, 0) = bad;
       first.add_frame(x, none(), none(), none(), none());
@@ -218,7 +218,7 @@ TEST_CASE("one bad coordinate holds the whole vertex", "[html_player]") {
   }
 }
 
-TEST_CASE("a flat or empty scene is written too", "[html_player]") {
+TEST_CASE("flat and empty scenes are written", "[html_player]") {
   PlayerRecorder flat(PlayerScene{}, 1, 0, 0);
   flat.add_frame(Eigen::Vector3d(1, 2, 3), none(), none(), none(), none());
   CHECK(data(*flat.page(), "positions") == std::vector<std::uint8_t>(6, 0));
@@ -227,7 +227,7 @@ TEST_CASE("a flat or empty scene is written too", "[html_player]") {
   CHECK(empty.page().has_value());
 }
 
-TEST_CASE("mistakes are told with their index", "[html_player]") {
+TEST_CASE("the recorder's errors name the index", "[html_player]") {
   PlayerRecorder silent(PlayerScene{}, 1, 0, 0);
   CHECK(silent.page().error() == "no frame was recorded");
 
@@ -250,7 +250,7 @@ TEST_CASE("mistakes are told with their index", "[html_player]") {
   CHECK(!small_recording(off).page().has_value());
 }
 
-TEST_CASE("the page is written to a file or the reason is told", "[html_player]") {
+TEST_CASE("write writes the page to a file or returns the reason", "[html_player]") {
   const std::filesystem::path folder = std::filesystem::temp_directory_path();
   const std::string path = (folder / "clothctl_player.html").string();
   const PlayerRecorder recorder = small_recording();
@@ -263,17 +263,17 @@ TEST_CASE("the page is written to a file or the reason is told", "[html_player]"
   CHECK(recorder.write(nowhere).error().rfind(nowhere + ": cannot be written", 0) == 0);
 }
 
-TEST_CASE("the size of the page stays within its budget", "[html_player]") {
+TEST_CASE("the size of the page is within its budget", "[html_player]") {
   PlayerRecorder recorder(PlayerScene{}, 33 * 33, 2, 2);
   recorder.reserve(300);
   for (int f = 0; f < 300; ++f)
     recorder.add_frame(cloud(f, 33 * 33, 1), cloud(f, 2, 1), cloud(f, 2, 1), cloud(f, 2, 1),
                        cloud(f, 2, 1));
   CHECK(recorder.page()->size() <
-        2'800'000);  // 33·33·300 vertices of 6 bytes, a third more for base64
+        2'800'000);  // 33·33·300 vertices of 6 bytes, plus a third for base64
 }
 
-TEST_CASE("a negative or endless number of frames to reserve is named", "[io]") {
+TEST_CASE("a negative or too large number of frames to reserve is reported", "[io]") {
   using namespace clothctl;
   for (const Index bad : {Index(-1), (std::numeric_limits<Index>::max)()}) {
     PlayerRecorder player(PlayerScene(), 4, 0, 0);

@@ -1,5 +1,5 @@
-// The player's controls on the whole page: playback, keys, pointers, layers, and the options in the
-// address, hostile ones too.
+// The player's controls on the whole page: playback, keys, pointers, layers, and address options,
+// also malformed ones.
 
 #include "clothctl/io/detail/player_control_script.hpp"
 
@@ -16,11 +16,11 @@ using clothctl_test::page_of;
 
 namespace {
 
-/// The whole script started with an address, then what a test adds.
+/// Returns the whole script, started with an address, and then the checks of a test.
 std::string started(const std::string& hash, const char* checks) {
   return "location.hash = '" + hash + "';\n" + clothctl_test::all_scripts() + R"js(
 const press = (key, event = {}) => window.fire('keydown', { key, target: document.body, ...event });
-// Time goes on from wherever the clock stands.
+// Advances the clock.
 let clock = 1000;
 const after = milliseconds => { if (!last) screen(clock); screen(clock += milliseconds); };
 )js" + checks;
@@ -28,13 +28,15 @@ const after = milliseconds => { if (!last) screen(clock); screen(clock += millis
 
 }  // namespace
 
-TEST_CASE("the control script stays inside the page", "[player_control_script]") {
+TEST_CASE("the control script makes no outside request and writes no markup",
+          "[player_control_script]") {
   clothctl_test::check_stays_inside(clothctl::detail::kPlayerControlScript);
 }
 
-TEST_CASE("playback keeps the time of the recording, at any speed", "[player_control_script]") {
+TEST_CASE("playback keeps the time of the recording at any speed", "[player_control_script]") {
   check_in_page(page_of(), started("", R"js(
-check('plays from the start', state.playing && state.frame === 0 && $('play').getAttribute('aria-label') === 'Pause');
+const label = () => $('play').getAttribute('aria-label');
+check('plays from the start', state.playing && state.frame === 0 && label() === 'Pause');
 after(20);
 near('a frame of 0.02 s', state.frame, 1);
 after(10);
@@ -43,22 +45,24 @@ $('speed').value = '0.5';
 $('speed').fire('change');
 after(20);
 near('half the speed', state.frame, 2);
-check('told', $('now').textContent === '0.04' && $('scrub').value === 2 && $('length').textContent === '0.08');
+check('time and frame are shown', $('now').textContent === '0.04' && $('scrub').value === 2);
+check('length is shown', $('length').textContent === '0.08');
 after(1e6);
-near('again from the start', state.frame, 0);
+near('playback repeats from the start', state.frame, 0);
 after(1e-9);
 $('loop').click();
-check('once', !state.loop && $('loop').getAttribute('aria-pressed') === 'false');
+check('repeat is off', !state.loop && $('loop').getAttribute('aria-pressed') === 'false');
 after(1e6);
-check('stays at the end', !state.playing && state.frame === F - 1 && $('play').getAttribute('aria-label') === 'Play');
+check('stays at the end', !state.playing && state.frame === F - 1 && label() === 'Play');
 screen();
-check('and asks for no more refreshes', screen() === 0);
+check('requests no further refresh', screen() === 0);
 $('play').click();
 check('plays again from the start', state.playing && state.frame === 0);
 )js"));
 }
 
-TEST_CASE("the wishes of the system are met", "[player_control_script]") {
+TEST_CASE("the page follows the system's settings for motion and colours",
+          "[player_control_script]") {
   check_in_page(
       page_of(),
       "media['(prefers-reduced-motion: reduce)'] = { matches: true };\n" +
@@ -79,7 +83,8 @@ check('follows', theme() === 'light' && background() === palette.light[1]);
 TEST_CASE("keys step, seek, play and switch layers", "[player_control_script]") {
   check_in_page(page_of(), started("#paused", R"js(
 const frames = keys => keys.map(([key, event]) => (press(key, event), state.frame));
-near('steps', frames([['.'], ['ArrowRight'], [','], ['ArrowLeft'], ['ArrowLeft']]), [1, 2, 1, 0, 0]);
+near('steps', frames([['.'], ['ArrowRight'], [','], ['ArrowLeft'], ['ArrowLeft']]),
+  [1, 2, 1, 0, 0]);
 near('ends', frames([['End'], ['.'], ['Home'], ['ArrowRight', { shiftKey: true }]]), [4, 4, 0, 4]);
 setFrame(1.4);
 near('whole frames from a half', frames([['.'], [',']]), [2, 1]);
@@ -99,13 +104,16 @@ press('+');
 check('nearer', camera.distance < distance);
 press('3');
 near('top', camera.pitch, Math.PI / 2);
-check('unknown keys are left to others', press('q').defaultPrevented === undefined);
+check('unknown keys are not handled', press('q').defaultPrevented === undefined);
 )js"));
 }
 
-TEST_CASE("keys that belong to others are left to them", "[player_control_script]") {
+TEST_CASE("keys with other meanings keep them", "[player_control_script]") {
   check_in_page(page_of(), started("#paused", R"js(
-const left = (key, event) => { check(key + ' is left', press(key, event).defaultPrevented === undefined && state.frame === 0 && !state.playing); };
+const left = (key, event) => {
+  const prevented = press(key, event).defaultPrevented;
+  check(key + ' is left', prevented === undefined && state.frame === 0 && !state.playing);
+};
 for (const held of ['ctrlKey', 'metaKey', 'altKey']) left('.', { [held]: true });
 left('ArrowRight', { target: $('speed') });
 left('End', { target: Object.assign($('scrub'), { type: 'range' }) });
@@ -125,33 +133,38 @@ TEST_CASE("buttons, slider and plot seek", "[player_control_script]") {
 $('scrub').value = '3';
 $('scrub').fire('input');
 check('slider', state.frame === 3 && !state.playing);
-near('buttons', ['forth', 'back', 'back', 'first', 'back'].map(id => ($(id).click(), state.frame)), [4, 3, 2, 0, 0]);
+near('buttons', ['forth', 'back', 'back', 'first', 'back'].map(id => ($(id).click(), state.frame)),
+  [4, 3, 2, 0, 0]);
 plot.fire('pointerdown', { pointerId: 1, clientX: plotX(2, 800) });
 near('plot', state.frame, 2);
 plot.fire('pointermove', { pointerId: 1, clientX: 5000 });
 near('dragged beyond its end', state.frame, 4);
 plot.fire('pointermove', { pointerId: 2, clientX: 0 });
-near('another pointer only passes', state.frame, 4);
-check('slider has its end', $('scrub').max === 4);
+near('a pointer that is not pressed does nothing', state.frame, 4);
+check('the slider ends at the last frame', $('scrub').max === 4);
 )js"));
 }
 
 TEST_CASE("pointers orbit, pan and zoom within limits", "[player_control_script]") {
   check_in_page(page_of(), started("#paused", R"js(
-const move = (id, x, y, event = {}) => canvas.fire('pointermove', { pointerId: id, clientX: x, clientY: y, ...event });
+const move = (id, x, y, event = {}) => {
+  canvas.fire('pointermove', { pointerId: id, clientX: x, clientY: y, ...event });
+};
 const down = (id, x, y) => canvas.fire('pointerdown', { pointerId: id, clientX: x, clientY: y });
 const { yaw, pitch, target: before } = camera, { right, up } = axes();
 down(1, 100, 100);
 move(1, 120, 90);
 near('orbit', [camera.yaw, camera.pitch], [yaw - .15, pitch - .075]);
 move(1, 120, 1e6);
-near('never over the top', camera.pitch, Math.PI / 2);
+near('the camera stops at the top', camera.pitch, Math.PI / 2);
 [camera.yaw, camera.pitch] = [yaw, pitch];
 move(1, 420, 1e6, { shiftKey: true });
-near('the scene follows a pan, half the shorter side is 15 degrees', sub(camera.target, before), right.map(x => -x * Math.tan(Math.PI / 12) * camera.distance), 1e-6);
+// Half of the shorter side is 15 degrees.
+const half = Math.tan(Math.PI / 12) * camera.distance;
+near('the scene follows a pan', sub(camera.target, before), right.map(x => -x * half), 1e-6);
 canvas.fire('pointerup', { pointerId: 1 });
 move(1, 0, 0);
-near('no finger, no turn', [camera.yaw, camera.pitch], [yaw, pitch]);
+near('no rotation without a pressed pointer', [camera.yaw, camera.pitch], [yaw, pitch]);
 down(1, 0, 0);
 down(2, 100, 0);
 const distance = camera.distance;
@@ -168,7 +181,8 @@ check('fitted', camera.distance < 10 * diagonal && !moved);
 )js"));
 }
 
-TEST_CASE("layers that a scene does not have cannot be switched", "[player_control_script]") {
+TEST_CASE("layers that a scene does not have cannot be switched on or off",
+          "[player_control_script]") {
   PlayerScene rope;
   rope.segments = {{0, 1}};
   check_in_page(page_of(rope), started("", R"js(
@@ -180,11 +194,11 @@ range.value = '-1';
 range.fire('input');
 near('length of arrows', state.arrowScale, .5);
 toggle('ground');
-check('the size of the grid goes with the ground', $('grid-size').hidden);
+check('hiding the ground hides the size of its grid', $('grid-size').hidden);
 )js"));
 }
 
-TEST_CASE("a recording of one frame stands still", "[player_control_script]") {
+TEST_CASE("a recording of one frame does not play", "[player_control_script]") {
   PlayerRecorder recorder({}, 1, 0, 0);
   const Points<double> none(3, 0);
   recorder.add_frame(Points<double>::Zero(3, 1), none, none, none, none);
@@ -197,7 +211,7 @@ check('slider without length', $('scrub').style['--fill'] === '0%');
 )js"));
 }
 
-TEST_CASE("the address sets what it names", "[player_control_script]") {
+TEST_CASE("the options in the address are applied", "[player_control_script]") {
   check_in_page(
       page_of(),
       started("#frame=3&paused&theme=dark&speed=0.5&yaw=30&pitch=20&zoom=2&hide=arrows,ground",
@@ -216,7 +230,7 @@ check('a new address', camera.pitch === Math.PI / 2 && state.frame === 1 && them
 )js"));
 }
 
-TEST_CASE("no address breaks the page", "[player_control_script]") {
+TEST_CASE("malformed addresses leave the page working", "[player_control_script]") {
   for (const char* hash : {"#frame=abc&paused",
                            "#frame=-7",
                            "#frame=1e999",
@@ -240,12 +254,14 @@ TEST_CASE("no address breaks the page", "[player_control_script]") {
     INFO(hash);
     check_in_page(page_of(), started(hash, R"js(
 check('frame', Number.isInteger(state.frame) && state.frame >= 0 && state.frame < F);
-check('camera ' + JSON.stringify(camera), [camera.yaw, camera.pitch, camera.distance, ...camera.target].every(Number.isFinite));
+check('camera ' + JSON.stringify(camera),
+  [camera.yaw, camera.pitch, camera.distance, ...camera.target].every(Number.isFinite));
 check('distance', camera.distance >= .02 * diagonal && camera.distance <= 20 * diagonal);
 check('theme', ['light', 'dark'].includes(theme()) && state.speed === 1);
-check('layers', Object.keys(state.show).length === 6 && Object.values(state.show).every(shown => shown === true));
-check('nothing foreign is written', !('checked' in Object.prototype) && !('checked' in Object));
-check('the options after it count', state.playing !== /paused/.test(location.hash));
+check('layers', Object.keys(state.show).length === 6
+  && Object.values(state.show).every(shown => shown === true));
+check('prototypes are unchanged', !('checked' in Object.prototype) && !('checked' in Object));
+check('later options are applied', state.playing !== /paused/.test(location.hash));
 screen();
 )js"));
   }

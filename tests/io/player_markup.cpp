@@ -1,5 +1,5 @@
-// The skeleton of the player page: well-formed, closed to the network, and in step with the scripts
-// and the style sheet.
+// The markup of the player page: well-formed, without outside requests, and consistent with the
+// scripts and the style sheet.
 
 #include "clothctl/io/detail/player_markup.hpp"
 
@@ -21,7 +21,7 @@ const std::string kBody = kPlayerBody;
 
 }  // namespace
 
-TEST_CASE("the skeleton asks for nothing from outside", "[player_markup]") {
+TEST_CASE("the markup makes no outside request", "[player_markup]") {
   std::string head = kPlayerHead;
   const std::string svg = "xmlns='http://www.w3.org/2000/svg'";  // a name, which nobody fetches
   const std::size_t at = head.find(svg);
@@ -33,10 +33,11 @@ TEST_CASE("the skeleton asks for nothing from outside", "[player_markup]") {
   CHECK(all_matches(head + kBody, "\\s(on[a-z]+|style)=").empty());
 }
 
-TEST_CASE("the policy stands before anything that it rules and names no host", "[player_markup]") {
+TEST_CASE("the content policy precedes everything it applies to and names no host",
+          "[player_markup]") {
   const std::string head = kPlayerHead;
   const std::vector<std::string> policy =
-      all_matches(head, "Content-Security-Policy\" content=\"([^\"]*)\"");
+      all_matches(head, "Content-Security-Policy\"\\s+content=\"([^\"]*)\"");
   REQUIRE(policy.size() == 1);
   CHECK(policy[0].rfind("default-src 'none';", 0) == 0);
   CHECK(all_matches(policy[0], "([a-z]+-src) ") ==
@@ -47,13 +48,13 @@ TEST_CASE("the policy stands before anything that it rules and names no host", "
   CHECK(head.substr(head.size() - 7) == "<title>");
 }
 
-TEST_CASE("what the scripts look up exists once, and every name is used", "[player_markup]") {
+TEST_CASE("every id that the scripts use exists once, and every id is used", "[player_markup]") {
   const std::vector<std::string> ids = all_matches(kBody, "\\sid=\"([^\"]*)\"");
   const std::set<std::string> known(ids.begin(), ids.end());
   CHECK(known.size() == ids.size());
   std::set<std::string> wanted =
       distinct_matches(clothctl_test::all_scripts(), "\\$\\('([^']*)'\\)");
-  CHECK(wanted.erase("scene") == 1);  // the data's own element
+  CHECK(wanted.erase("scene") == 1);  // the element of the data
   CHECK(wanted.size() > 25);
   std::vector<std::string> missing, unused;
   std::set_difference(wanted.begin(), wanted.end(), known.begin(), known.end(),
@@ -64,7 +65,7 @@ TEST_CASE("what the scripts look up exists once, and every name is used", "[play
   CHECK(unused == std::vector<std::string>{});
 }
 
-TEST_CASE("every class of the skeleton and of the scripts has its style", "[player_markup]") {
+TEST_CASE("every class in markup and scripts has a style", "[player_markup]") {
   std::set<std::string> used;
   for (const std::string& list :
        all_matches(kBody + clothctl_test::all_scripts(), "class(?:Name)?(?:=| = )[\"']([^\"']*)")) {
@@ -79,23 +80,28 @@ TEST_CASE("every class of the skeleton and of the scripts has its style", "[play
   }
 }
 
-TEST_CASE("tags match, and all that can be pressed says what it does", "[player_markup]") {
-  // Reading the page insists on matching tags.
+TEST_CASE("tags match, and all controls have accessible names", "[player_markup]") {
+  // Reading the page checks that tags match.
   clothctl_test::check_in_page(clothctl_test::page_of(), R"js(
 const tagged = name => elements.filter(e => e.tagName === name);
 for (const button of tagged('BUTTON')) {
   check('type of ' + button.attributes.title, button.attributes.type === 'button');
-  check('name of ' + button.id, Boolean(button.textContent.trim() || button.attributes['aria-label']));
+  check('name of ' + button.id,
+    Boolean(button.textContent.trim() || button.attributes['aria-label']));
 }
-for (const e of [...tagged('INPUT'), ...tagged('SELECT'), ...tagged('CANVAS')]) check('name of ' + e.id, Boolean(e.attributes['aria-label']));
-for (const e of tagged('svg')) check('drawings are decoration', e.attributes['aria-hidden'] === 'true');
-check('one heading, one main part', tagged('H1').length === 1 && tagged('MAIN').length === 1);
+for (const e of [...tagged('INPUT'), ...tagged('SELECT'), ...tagged('CANVAS')]) {
+  check('name of ' + e.id, Boolean(e.attributes['aria-label']));
+}
+for (const e of tagged('svg')) {
+  check('drawings are hidden from screen readers', e.attributes['aria-hidden'] === 'true');
+}
+check('one heading and one main element', tagged('H1').length === 1 && tagged('MAIN').length === 1);
 check('language', document.documentElement.attributes.lang === 'en');
 check('a theme from the start', document.documentElement.dataset.theme === 'light');
 )js");
 }
 
-TEST_CASE("buttons of views name presets, marks of the triad name axes", "[player_markup]") {
+TEST_CASE("buttons of views name presets, and marks of the axes name axes", "[player_markup]") {
   const std::set<std::string> views = distinct_matches(kBody, "data-view=\"([^\"]*)\"");
   const std::string presets =
       all_matches(kPlayerGeometryScript, "const presets = \\{([^}]*)\\}").at(0);

@@ -1,5 +1,4 @@
-// The still parts of a player page: the defaults are those of the comments, and what is left out is
-// filled in.
+// The fixed parts of a player page: defaults are as documented, and omitted parts are filled in.
 
 #include "clothctl/io/player_scene.hpp"
 
@@ -13,7 +12,7 @@ using clothctl::PlayerScene;
 
 static_assert(std::is_aggregate_v<PlayerScene>);
 
-TEST_CASE("a scene's defaults are 50 frames a second, forces in newton, every frame scored",
+TEST_CASE("the defaults of a scene are 50 frames a second, forces in newtons, every frame scored",
           "[player_scene]") {
   const PlayerScene scene;
   CHECK(scene.dt == 0.02);
@@ -25,22 +24,23 @@ TEST_CASE("a scene's defaults are 50 frames a second, forces in newton, every fr
          scene.feature_names.empty()));
 }
 
-TEST_CASE("a scene of defaults makes a page that plays", "[player_scene]") {
+TEST_CASE("a default scene makes a page that plays", "[player_scene]") {
   const std::string page = clothctl_test::page_of();
   clothctl_test::check_in_page(page, clothctl_test::all_scripts() + R"js(
 check('title', document.title === 'Motion' && $('title').textContent === 'Motion');
 check('hidden', $('subtitle').hidden && $('figures-card').hidden && !$('plot-card').hidden);
-check('features are numbered: ' + $('legend').textContent, /^feature 0.*feature 1/.test($('legend').textContent));
+check('features are numbered: ' + $('legend').textContent,
+  /^feature 0.*feature 1/.test($('legend').textContent));
 check('playing', state.playing);
 )js");
 }
 
-TEST_CASE("all of a scene is shown, as text", "[player_scene]") {
+TEST_CASE("all texts of a scene are shown as text", "[player_scene]") {
   PlayerScene scene;
   scene.title = "Sheet <b>1</b>";
   scene.subtitle = "50 g/m² & more";
   scene.figures = {{"Mean", "7.5 mm"}, {"<i>", "</table>"}};
-  scene.feature_names = {"left"};  // the second is numbered
+  scene.feature_names = {"left"};  // the second one gets a number
   scene.arrow_name = "Pull <u>";
   scene.arrow_unit = "mN";
   scene.dt = 0.5;
@@ -49,7 +49,8 @@ TEST_CASE("all of a scene is shown, as text", "[player_scene]") {
 check('title', document.title === 'Sheet <b>1</b>' && $('title').textContent === document.title);
 check('subtitle', $('subtitle').textContent === '50 g/m² & more' && !$('subtitle').hidden);
 const rows = $('figures').children.map(row => row.children.map(c => c.textContent));
-check('figures ' + rows, JSON.stringify(rows) === '[["Mean","7.5 mm"],["<i>","</table>"]]' && !$('figures-card').hidden);
+check('figures ' + rows, JSON.stringify(rows) === '[["Mean","7.5 mm"],["<i>","</table>"]]'
+  && !$('figures-card').hidden);
 check('features', /^left.*feature 1/.test($('legend').textContent));
 const arrows = $('layers').children.find(label => label.textContent.includes('Pull <u>'));
 check('arrows', arrows !== undefined && arrows.title === 'Largest: 6.00 mN');

@@ -1,5 +1,5 @@
-// The player's style sheet: whole, closed to the network, complete in both themes, and without
-// rules for what is not there.
+// The player's style sheet: well-formed, without outside requests, complete in both themes, and
+// without unused rules.
 
 #include "clothctl/io/detail/player_style.hpp"
 
@@ -18,7 +18,7 @@ namespace {
 
 struct Rules {
   std::vector<std::string> selectors, at_rules, bodies;
-  int depth = 0;  // of braces that are left open
+  int depth = 0;  // number of open braces
 };
 
 /// Splits a style sheet at its braces.
@@ -51,12 +51,12 @@ std::set<std::string> variables_of(const std::string& selector) {
 
 }  // namespace
 
-TEST_CASE("the style sheet stays inside the page", "[player_style]") {
+TEST_CASE("the style sheet makes no outside request and writes no markup", "[player_style]") {
   clothctl_test::check_stays_inside(kPlayerStyle);
   clothctl_test::check_stays_inside(kPlayerStyleNarrow);
 }
 
-TEST_CASE("each part of the style sheet is whole: braces, selectors, declarations",
+TEST_CASE("each part of the style sheet has matching braces, selectors and declarations",
           "[player_style]") {
   for (const char* part : {kPlayerStyle, kPlayerStyleNarrow}) {
     const Rules rules = rules_of(part);
@@ -77,14 +77,14 @@ TEST_CASE("each part of the style sheet is whole: braces, selectors, declaration
   }
 }
 
-TEST_CASE("every colour by name is set, in both themes alike", "[player_style]") {
+TEST_CASE("both themes define every named colour, and no others", "[player_style]") {
   const std::set<std::string> light = variables_of(":root"),
                               dark = variables_of(":root[data-theme=\"dark\"]");
   CHECK(light == dark);
   std::set<std::string> used =
       distinct_matches(kStyle + clothctl_test::all_scripts(), "var\\((--[a-z-]+)\\)");
   used.merge(distinct_matches(clothctl_test::all_scripts(), "css\\('(--[a-z-]+)'\\)"));
-  CHECK(used.erase("--fill") == 1);  // sliders set their own
+  CHECK(used.erase("--fill") == 1);  // set by sliders
   CHECK(used == light);
 }
 
@@ -96,7 +96,7 @@ TEST_CASE("colours that scripts read are plain hexadecimal in both themes", "[pl
   }
 }
 
-TEST_CASE("no rule is for a class or a name that the page never has", "[player_style]") {
+TEST_CASE("every class and id in a rule exists in the page", "[player_style]") {
   const std::string page = kPlayerBody + clothctl_test::all_scripts();
   std::set<std::string> classes;
   for (const std::string& list : all_matches(page, "class(?:Name)?(?:=| = )[\"']([^\"']*)")) {
@@ -117,7 +117,7 @@ TEST_CASE("no rule is for a class or a name that the page never has", "[player_s
   CHECK(found > 50);
 }
 
-TEST_CASE("what stands in the page's grid has its area, wide and narrow", "[player_style]") {
+TEST_CASE("the page's grid has all its areas in wide and narrow windows", "[player_style]") {
   const std::set<std::string> areas = distinct_matches(kStyle, "grid-area: ([a-z]+);");
   CHECK(areas == std::set<std::string>{"head", "plot", "side", "stage"});
   for (const std::string& grid : all_matches(kStyle, "grid-template: ([^;]*);")) {

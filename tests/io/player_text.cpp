@@ -1,5 +1,4 @@
-// Text inside a page: nothing that is put in can end the element that holds it, and all of it is
-// well-formed UTF-8.
+// Text inside a page: no text can end its element, and all output is well-formed UTF-8.
 
 #include "clothctl/io/detail/player_text.hpp"
 
@@ -32,8 +31,7 @@ TEST_CASE("markup is escaped", "[player_text]") {
         "\"\\u003c/script\\u003e\\u003c!--\\u0026\\\"\\\\\\u000a\\u0001\"");
 }
 
-TEST_CASE("well-formed UTF-8 passes and everything else is replaced byte by byte",
-          "[player_text]") {
+TEST_CASE("well-formed UTF-8 passes and other bytes are replaced one by one", "[player_text]") {
   const std::string good = "ünïcödé – 日本 🧵 \xed\x9f\xbf\xee\x80\x80\xf4\x8f\xbf\xbf";
   CHECK(html(good) == good);
   CHECK(json(good) == "\"" + good + "\"");
@@ -47,7 +45,7 @@ TEST_CASE("well-formed UTF-8 passes and everything else is replaced byte by byte
   CHECK(html("\xe6\x97<") == mark + mark + "&lt;");
 }
 
-TEST_CASE("no bytes whatsoever leave an element", "[player_text]") {
+TEST_CASE("no sequence of bytes can end its element", "[player_text]") {
   std::mt19937 engine(4);
   std::uniform_int_distribution<int> byte(0, 255);
   for (int trial = 0; trial < 500; ++trial) {

@@ -1,5 +1,5 @@
-// Programs as files hold them: what an empty one is, how frames correspond, which bounds cross, and
-// which sizes are too many.
+// Programs as files describe them: the empty program, shifts between frames, crossed bounds, and
+// sizes that are too large.
 
 #include "clothctl/io/qp_problem.hpp"
 
@@ -13,12 +13,12 @@ using clothctl::Index;
 using clothctl::kLargestQpSide;
 using clothctl::QpProblem;
 using clothctl::QpSequenceFrame;
-using clothctl::detail::judge_qp_size;
+using clothctl::detail::validate_qp_size;
 using Vector = Eigen::VectorXd;
 
 namespace {
 
-/// A frame of three unknowns and two rows, all within 0 to 1.
+/// A frame of three unknowns and two rows, with all bounds 0 and 1.
 QpSequenceFrame frame() {
   return {Vector::Zero(3), Vector::Zero(2), Vector::Ones(2), Vector::Zero(3), Vector::Ones(3), {}};
 }
@@ -33,7 +33,7 @@ QpProblem sized(Index n, Index m, Index shift = 0) {
 
 }  // namespace
 
-TEST_CASE("a program that nothing was read into is empty and states nothing", "[qp_problem]") {
+TEST_CASE("a default program is empty", "[qp_problem]") {
   const QpProblem problem;
   CHECK(problem.n() == 0);
   CHECK(problem.m() == 0);
@@ -61,7 +61,7 @@ TEST_CASE("a program that nothing was read into is empty and states nothing", "[
   CHECK(entry.line == 0);
 }
 
-TEST_CASE("unknowns are counted by the gradient, rows by their lower bounds", "[qp_problem]") {
+TEST_CASE("unknowns are counted by the gradient, and rows by their lower bounds", "[qp_problem]") {
   CHECK(sized(5, 3).n() == 5);
   CHECK(sized(5, 3).m() == 3);
   CHECK(sized(5, 0).m() == 0);
@@ -71,23 +71,23 @@ TEST_CASE("rows shift by as many stages as unknowns do", "[qp_problem]") {
   CHECK(sized(12, 8, 3).row_shift() == 2);   // four stages of three unknowns and two rows
   CHECK(sized(12, 24, 3).row_shift() == 6);  // more rows than unknowns
   CHECK(sized(12, 8, 12).row_shift() == 8);  // all of them
-  CHECK(sized(12, 8, 0).row_shift() == 0);   // as they stand
+  CHECK(sized(12, 8, 0).row_shift() == 0);   // no shift
   CHECK(sized(12, 0, 3).row_shift() == 0);   // no rows
-  CHECK(sized(2, 1, 1).row_shift() == 0);    // half a row: down
+  CHECK(sized(2, 1, 1).row_shift() == 0);    // half a row: rounded down
   CHECK(sized(10, 7, 4).row_shift() == 2);   // 2.8
   CHECK(sized(0, 4, 3).row_shift() == 0);    // no unknowns
   CHECK(sized(kLargestQpSide, kLargestQpSide, kLargestQpSide - 1).row_shift() ==
         kLargestQpSide - 1);
 }
 
-TEST_CASE("the first bound that lies above its partner is found, unknowns before rows",
+TEST_CASE("the first lower bound above its upper bound is found, unknowns before rows",
           "[qp_problem]") {
   CHECK(first_crossed_bound(frame()) == -1);
   for (Index k = 0; k < 5; ++k) {
     QpSequenceFrame crossed = frame();
     (k < 3 ? crossed.lb[k] : crossed.rl[k - 3]) = 1 + 1e-15;
     CHECK(first_crossed_bound(crossed) == k);
-    // Another one behind it changes nothing, one before it does.
+    // A later crossed bound changes nothing, an earlier one does.
     crossed.ru[1] = -1;
     CHECK(first_crossed_bound(crossed) == k);
     crossed.ub[0] = -1;
@@ -95,7 +95,7 @@ TEST_CASE("the first bound that lies above its partner is found, unknowns before
   }
 }
 
-TEST_CASE("equal and missing bounds do not cross", "[qp_problem]") {
+TEST_CASE("equal bounds and missing bounds do not cross", "[qp_problem]") {
   const double infinity = clothctl::scalar_traits<double>::infinity();
   QpSequenceFrame open = frame();
   open.lb = open.ub;
@@ -114,7 +114,7 @@ TEST_CASE("equal and missing bounds do not cross", "[qp_problem]") {
   CHECK(first_crossed_bound(open) == 4);
 }
 
-TEST_CASE("a sequence is judged frame by frame, apart from its base", "[qp_problem]") {
+TEST_CASE("frames of a sequence are checked one by one, separately from the base", "[qp_problem]") {
   QpProblem problem;
   static_cast<QpSequenceFrame&>(problem) = frame();
   problem.frames = {frame(), frame()};
@@ -124,24 +124,24 @@ TEST_CASE("a sequence is judged frame by frame, apart from its base", "[qp_probl
   CHECK(first_crossed_bound(problem.frames[1]) == 2);
 }
 
-TEST_CASE("programs are judged by their sides and by the entries of H and A together",
+TEST_CASE("sizes are limited by the sides and by the sum of the entries of H and A",
           "[qp_problem]") {
   using Size = std::pair<Index, Index>;
   for (const auto& [n, m] : {Size(0, 0), Size(1, 0), Size(1, kLargestQpSide), Size(8192, 0),
                              Size(5792, 5792), Size(2927, 20000)})
-    CHECK(judge_qp_size(n, m).empty());
-  CHECK(judge_qp_size(8192, 1) ==
+    CHECK(validate_qp_size(n, m).empty());
+  CHECK(validate_qp_size(8192, 1) ==
         "8192 unknowns and 1 rows are too many: at most 20000 of each and 67108864 entries in H "
         "and A");
   for (const auto& [n, m] :
        {Size(8193, 0), Size(5793, 5793), Size(2928, 20000), Size(20000, 0), Size(20001, 0),
         Size(1, 20001), Size(0, 20001), Size(Index(1) << 40, 0), Size(1, Index(1) << 40)}) {
-    const std::string wrong = judge_qp_size(n, m);
+    const std::string wrong = validate_qp_size(n, m);
     INFO(wrong);
     CHECK(wrong.rfind(
               std::to_string(n) + " unknowns and " + std::to_string(m) + " rows are too many: ",
               0) == 0);
   }
-  // No product of sides may wrap round to a small one.
-  CHECK_FALSE(judge_qp_size(Index(1) << 32, Index(1) << 32).empty());
+  // A product of sides must not wrap to a small number.
+  CHECK_FALSE(validate_qp_size(Index(1) << 32, Index(1) << 32).empty());
 }

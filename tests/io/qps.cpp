@@ -1,5 +1,5 @@
-// QPS: every section and convention against matrices written by hand, both forms, what is refused,
-// and hostile text.
+// QPS: every section and convention compared with matrices written by hand, both forms, refusals,
+// and random text.
 
 #include "clothctl/io/qps.hpp"
 
@@ -55,7 +55,7 @@ QpProblem parsed(const std::string& text, QpsForm form = QpsForm::Detect) {
   return value_of(parse_qps(text, "f.qps", form));
 }
 
-/// A program of unknowns x, y (0 ≤) and one row, with further lines.
+/// A program of unknowns x, y (0 ≤) and one row, with additional lines.
 std::string small(const std::string& bounds, const std::string& rest = "") {
   return "NAME\nROWS\n N o\n L r\nCOLUMNS\n x o 1 r 1\n y o 1 r 1\nRHS\n r 1\n" + bounds + rest +
          "ENDATA\n";
@@ -92,7 +92,7 @@ TEST_CASE("QPS: every section is read by the format's conventions", "[qps]") {
   CHECK(p.H == H);
 }
 
-TEST_CASE("QPS: QMATRIX gives both triangles, QSECTION one", "[qps]") {
+TEST_CASE("QPS: QMATRIX gives both triangles and QSECTION one", "[qps]") {
   const QpProblem both = parsed(small("", "QMATRIX\n x x 8\n x y 2\n y x 2\n y y 10\n"));
   const QpProblem one = parsed(small("", "QSECTION o\n x x 8\n x y 2\n y y 10\n"));
   CHECK(both.H == (Matrix(2, 2) << 8, 2, 2, 10).finished());
@@ -118,7 +118,8 @@ TEST_CASE("QPS: a maximum is the minimum of the negated objective", "[qps]") {
   CHECK(refusal("OBJSENSE UP\n") == "f.qps:1: OBJSENSE: 'UP' is not MIN or MAX");
 }
 
-TEST_CASE("QPS: bounds: sides, sets, their order, and what a negative upper bound does", "[qps]") {
+TEST_CASE("QPS: bounds follow the rules for sides, sets, order and negative upper bounds",
+          "[qps]") {
   const auto bounds = [](const std::string& lines) {
     const QpProblem p = parsed(small("BOUNDS\n" + lines));
     return std::pair<double, double>(p.lb[0], p.ub[0]);
@@ -129,7 +130,7 @@ TEST_CASE("QPS: bounds: sides, sets, their order, and what a negative upper boun
   CHECK(bounds(" UP s x -2\n") == Pair(-kInfinity, -2));
   CHECK(bounds(" LO s x -5\n UP s x -2\n") == Pair(-5, -2));
   CHECK(bounds(" UP s x -2\n LO s x -5\n") == Pair(-5, -2));
-  CHECK(bounds(" UP s x -2\n LO s x 0\n") == Pair(0, -2));  // asked for: infeasible
+  CHECK(bounds(" UP s x -2\n LO s x 0\n") == Pair(0, -2));  // infeasible, as the file says
   CHECK(bounds(" MI s x\n UP s x 4\n") == Pair(-kInfinity, 4));
   CHECK(bounds(" FR x\n") == Pair(-kInfinity, kInfinity));
   CHECK(bounds(" FR s x 0\n LO s x 1\n") == Pair(1, kInfinity));
@@ -147,7 +148,7 @@ TEST_CASE("QPS: bounds: sides, sets, their order, and what a negative upper boun
   CHECK(refusal(small("BOUNDS\n UP s w 1\n")) == "f.qps:11: BOUNDS: 'w' is not a column");
 }
 
-TEST_CASE("QPS: right-hand sides and ranges", "[qps]") {
+TEST_CASE("QPS: right-hand sides and ranges give the rows' bounds", "[qps]") {
   for (const std::string type : {"L", "G", "E"}) {
     for (const double range : {2.0, -2.0}) {
       const QpProblem p =
@@ -159,7 +160,7 @@ TEST_CASE("QPS: right-hand sides and ranges", "[qps]") {
     }
   }
   const QpProblem none =
-      parsed("ROWS\n E r\nCOLUMNS\n x r 1\nRANGES\n r 0\nENDATA\n");  // no objective, no RHS
+      parsed("ROWS\n E r\nCOLUMNS\n x r 1\nRANGES\n r 0\nENDATA\n");  // neither objective nor RHS
   CHECK(none.rl[0] == 0);
   CHECK(none.ru[0] == 0);
   CHECK(none.g[0] == 0);
@@ -170,7 +171,7 @@ TEST_CASE("QPS: right-hand sides and ranges", "[qps]") {
         "f.qps:27: row 'least': lower bound 1e+30");
 }
 
-TEST_CASE("QPS: fixed form: names with blanks, empty set names", "[qps]") {
+TEST_CASE("QPS: fixed form allows names with blanks and empty set names", "[qps]") {
   const std::string fixed =
       "NAME          MY NAME\n"
       "ROWS\n"
@@ -206,7 +207,7 @@ TEST_CASE("QPS: fixed form: names with blanks, empty set names", "[qps]") {
             .find("f.qps:9: RHS: '12' stands between the columns of the fields") == 0);
 }
 
-TEST_CASE("QPS: what is wrong is named with file, line and value", "[qps]") {
+TEST_CASE("QPS: errors are named with file, line and value", "[qps]") {
   CHECK(refusal("") == "f.qps:1: the file ends without ENDATA");
   CHECK(refusal("NAME x\nENDATA\n") == "f.qps:2: no column before ENDATA");
   CHECK(refusal(" x y 1\n") == "f.qps:1: 'x y 1' stands in no section");
@@ -230,7 +231,9 @@ TEST_CASE("QPS: what is wrong is named with file, line and value", "[qps]") {
   CHECK(refusal(with(" b b 3", "ROWS")) == "f.qps:47: ROWS is given twice");
 }
 
-TEST_CASE("QPS: a missing end is told at the last line, a line break begins one more", "[qps]") {
+TEST_CASE(
+    "QPS: a missing end is reported at the last line, and a final line break begins another line",
+    "[qps]") {
   const std::string what = "the file ends without ENDATA";
   CHECK(refusal("ROWS") == "f.qps:1: " + what);
   CHECK(refusal("ROWS\n N o") == "f.qps:2: " + what);
@@ -253,7 +256,7 @@ TEST_CASE("QPS: a section's name is shown short and printable", "[qps]") {
         "f.qps:1: ROWS: '" + longest.substr(0, 40) + "…' stands in the section's first line");
 }
 
-TEST_CASE("QPS: a number that is refused is shown as it stands in the file", "[qps]") {
+TEST_CASE("QPS: a refused number is shown as it stands in the file", "[qps]") {
   const auto refused = [](const std::string& number) {
     return refusal(with("a least 2", "a least " + number));
   };
@@ -269,7 +272,7 @@ TEST_CASE("QPS: a number that is refused is shown as it stands in the file", "[q
         "f.qps:4: COLUMNS: 'o': found an empty cell, expected a number");
 }
 
-TEST_CASE("QPS: fields that nothing asks for are refused in both forms", "[qps]") {
+TEST_CASE("QPS: superfluous fields are refused in both forms", "[qps]") {
   const std::string fixed =
       "ROWS\n N  o         @\n L  r\nCOLUMNS\n    x         o                  1.0\n"
       "BOUNDS\n UP bnd       x                  5.0   #\nENDATA\n";
@@ -296,7 +299,8 @@ TEST_CASE("QPS: a QPS program written as QPT is the same program", "[qps]") {
   check_same(value_of(clothctl::parse_qpt(clothctl::qpt_text(p), "f.qpt")), p);
 }
 
-TEST_CASE("QPS: no prefix and no spoilt byte crashes the reader of QPS", "[qps]") {
+TEST_CASE("QPS: the reader refuses or accepts truncated and damaged texts without crashing",
+          "[qps]") {
   const auto judged = [](const std::string& text) {
     for (const QpsForm form : {QpsForm::Detect, QpsForm::Fixed}) {
       const std::string message = refusal(text, form);

@@ -1,5 +1,5 @@
-// Fields of a line of QPS: words in free form, columns in fixed form, which may be left out, and
-// what is said of wrong ones.
+// Fields of a QPS line: words in free form, columns in fixed form, optional fields, and messages
+// about wrong ones.
 
 #include "clothctl/io/detail/qps_fields.hpp"
 
@@ -23,7 +23,7 @@ namespace {
 
 using Splitter = std::string(const std::string&, std::string_view, QpsFields&);
 
-/// The fields as one text: type, name, then each pair; or what is wrong.
+/// The fields as one text (type, name, then each pair), or the error.
 std::string fields(Splitter& split, const std::string& section, std::string_view line) {
   QpsFields f;
   if (const std::string wrong = split(section, line, f); !wrong.empty()) return wrong;
@@ -39,7 +39,7 @@ std::string fixed_fields(const std::string& section, std::string_view line) {
   return fields(qps_fixed_fields, section, line);
 }
 
-/// A line with texts from the given columns on, the first is 1.
+/// A line with texts starting at the given columns, where the first column is 1.
 std::string line_of(const std::vector<std::pair<std::size_t, std::string>>& texts) {
   std::string line;
   for (const auto& [column, text] : texts) {
@@ -49,7 +49,7 @@ std::string line_of(const std::vector<std::pair<std::size_t, std::string>>& text
   return line;
 }
 
-/// All fields of a bound and of two pairs in fixed form, each as wide as it may be.
+/// All fields of a bound and of two pairs in fixed form, each at its largest width.
 const std::string kBound =
     line_of({{2, "UP"}, {5, "NAME5678"}, {15, "KEY45678"}, {25, "123456789012"}});
 const std::string kPairs = line_of({{5, "NAME5678"},
@@ -60,24 +60,24 @@ const std::string kPairs = line_of({{5, "NAME5678"},
 
 }  // namespace
 
-TEST_CASE("a line's words stand between blanks of any kind", "[qps_fields]") {
+TEST_CASE("a line's words are separated by blanks of any kind", "[qps_fields]") {
   const std::string line = " \tone  two\v3\fa,b\r";
   const QpsWords words(line);
   CHECK(words.count == 4);
   CHECK(words.word == std::array<std::string_view, 6>{"one", "two", "3", "a,b", "", ""});
-  CHECK(words.word[0].data() == line.data() + 2);  // a view, no copy
+  CHECK(words.word[0].data() == line.data() + 2);  // a view, not a copy
   CHECK(QpsWords("").count == 0);
   CHECK(QpsWords(" \t ").count == 0);
   CHECK(QpsWords("x").count == 1);
 }
 
-TEST_CASE("words beyond the sixth are counted, not kept", "[qps_fields]") {
+TEST_CASE("words after the sixth are counted but not kept", "[qps_fields]") {
   const QpsWords words("a b c d e f g h");
   CHECK(words.count == 8);
   CHECK(words.word == std::array<std::string_view, 6>{"a", "b", "c", "d", "e", "f"});
 }
 
-TEST_CASE("bounds that open a side come without a number", "[qps_fields]") {
+TEST_CASE("bounds that open a side have no number", "[qps_fields]") {
   for (const std::string_view type : {"FR", "MI", "PL"}) CHECK_FALSE(qps_bound_has_value(type));
   for (const std::string_view type : {"LO", "UP", "FX", "BV", "fr", "F", "FRX", ""})
     CHECK(qps_bound_has_value(type));
@@ -91,7 +91,7 @@ TEST_CASE("free form: rows have a type and a name", "[qps_fields]") {
   CHECK(free_fields("ROWS", " N MY COST") == "expected a type and a name, found 3 fields");
 }
 
-TEST_CASE("free form: columns and entries of matrices have a name and one or two pairs",
+TEST_CASE("free form: columns and matrix entries have a name and one or two pairs",
           "[qps_fields]") {
   for (const std::string section : {"COLUMNS", "QUADOBJ", "QMATRIX", "QSECTION"}) {
     CHECK(free_fields(section, " x r1 1.5") == "|x|r1=1.5");
@@ -108,8 +108,7 @@ TEST_CASE("free form: columns and entries of matrices have a name and one or two
   }
 }
 
-TEST_CASE("free form: right-hand sides and ranges may leave out the name of the set",
-          "[qps_fields]") {
+TEST_CASE("free form: right-hand sides and ranges may omit the name of the set", "[qps_fields]") {
   for (const std::string section : {"RHS", "RANGES"}) {
     CHECK(free_fields(section, " set r1 1") == "|set|r1=1");
     CHECK(free_fields(section, " set r1 1 r2 2") == "|set|r1=1|r2=2");
@@ -122,14 +121,14 @@ TEST_CASE("free form: right-hand sides and ranges may leave out the name of the 
   }
 }
 
-TEST_CASE("free form: bounds may leave out the name of the set and, where none counts, the number",
+TEST_CASE("free form: bounds may omit the name of the set and a number that is not needed",
           "[qps_fields]") {
   CHECK(free_fields("BOUNDS", " UP set x 4") == "UP|set|x=4");
   CHECK(free_fields("BOUNDS", " UP x 4") == "UP||x=4");
   CHECK(free_fields("BOUNDS", " FR set x") == "FR|set|x=");
   CHECK(free_fields("BOUNDS", " FR x") == "FR||x=");
   CHECK(free_fields("BOUNDS", " MI set x 0") == "MI|set|x=");
-  CHECK(free_fields("BOUNDS", " XX set x 4") == "XX|set|x=4");  // the type is judged elsewhere
+  CHECK(free_fields("BOUNDS", " XX set x 4") == "XX|set|x=4");  // the type is checked later
   const std::string expected = "expected a type, a set, a column and a value, found ";
   CHECK(free_fields("BOUNDS", " ") == expected + "0 fields");
   CHECK(free_fields("BOUNDS", " FR") == expected + "1 fields");
@@ -143,12 +142,11 @@ TEST_CASE("fixed form: fields fill their columns to the last", "[qps_fields]") {
   CHECK(fixed_fields("COLUMNS", kPairs) == "|NAME5678|KEY45678=123456789012|SECOND78=210987654321");
   QpsFields f;
   REQUIRE(qps_fixed_fields("COLUMNS", kPairs, f).empty());
-  CHECK(f.value[1].data() == kPairs.data() + 49);  // a view, no copy
+  CHECK(f.value[1].data() == kPairs.data() + 49);  // a view, not a copy
   CHECK(fixed_fields("RHS", line_of({{15, "KEY45678"}, {25, "1"}})) == "||KEY45678=1");
 }
 
-TEST_CASE("fixed form: blanks around fields are no part of them, those within are",
-          "[qps_fields]") {
+TEST_CASE("fixed form: blanks around fields are dropped, blanks within are kept", "[qps_fields]") {
   const std::string line =
       line_of({{5, " COL A"}, {15, "MY  ROW"}, {33, "-1.5"}, {41, "B  C"}, {61, "2"}});
   CHECK(fixed_fields("COLUMNS", line) == "|COL A|MY  ROW=-1.5|B  C=2");
@@ -159,7 +157,7 @@ TEST_CASE("fixed form: blanks around fields are no part of them, those within ar
   }
 }
 
-TEST_CASE("fixed form: there is a second pair where either half of it is", "[qps_fields]") {
+TEST_CASE("fixed form: a second pair exists if either half of it does", "[qps_fields]") {
   const std::string one = line_of({{5, "X"}, {15, "R1"}, {25, "1"}});
   CHECK(fixed_fields("COLUMNS", one) == "|X|R1=1");
   CHECK(fixed_fields("COLUMNS", one + std::string(60, ' ')) == "|X|R1=1");
@@ -167,7 +165,7 @@ TEST_CASE("fixed form: there is a second pair where either half of it is", "[qps
   CHECK(fixed_fields("COLUMNS", one + line_of({{25, "2"}})) == "|X|R1=1|=2");
 }
 
-TEST_CASE("fixed form: nothing may stand between the columns of the fields", "[qps_fields]") {
+TEST_CASE("fixed form: text between the columns of the fields is refused", "[qps_fields]") {
   constexpr std::size_t kBetween[] = {1, 4, 13, 14, 23, 24, 37, 38, 39, 48, 49, 62, 80, 200};
   for (const std::size_t column : kBetween) {
     std::string line = kPairs;
@@ -176,7 +174,7 @@ TEST_CASE("fixed form: nothing may stand between the columns of the fields", "[q
     line[column - 1] = '#';
     INFO("column " << column);
     CHECK(fixed_fields("COLUMNS", line) == "'#' stands between the columns of the fields");
-    // Also where the line ends there.
+    // Also if the line ends there.
     CHECK(fixed_fields("COLUMNS", line.substr(0, column)) ==
           "'#' stands between the columns of the fields");
   }
@@ -200,11 +198,11 @@ TEST_CASE("fixed form: a row ends with its name, a bound with its value", "[qps_
     CHECK(fixed_fields("ROWS", row + more.substr(row.size())) == wrong);
     if (k >= 2) CHECK(fixed_fields("BOUNDS", kBound + more.substr(kBound.size())) == wrong);
   }
-  // As in free form, a bound that opens a side may come with a number.
+  // As in free form, a bound that opens a side may have a number.
   CHECK(fixed_fields("BOUNDS", line_of({{2, "FR"}, {15, "X"}, {25, "0"}})) == "FR||X=0");
 }
 
-TEST_CASE("fixed form: rows and bounds have a type, other lines have none", "[qps_fields]") {
+TEST_CASE("fixed form: rows and bounds have a type, and other lines have none", "[qps_fields]") {
   const std::string typed = line_of({{2, "UP"}, {5, "NAME"}}), plain = line_of({{5, "NAME"}});
   for (const std::string section : {"ROWS", "BOUNDS"}) {
     CHECK(fixed_fields(section, typed) == "UP|NAME|=");
@@ -218,7 +216,7 @@ TEST_CASE("fixed form: rows and bounds have a type, other lines have none", "[qp
   }
 }
 
-TEST_CASE("fixed form: a line that ends early holds what stands before its end", "[qps_fields]") {
+TEST_CASE("fixed form: a short line has the fields before its end", "[qps_fields]") {
   const std::size_t first[] = {1, 4, 14, 24, 39, 49}, end[] = {3, 12, 22, 36, 47, 61};
   for (const auto& [section, line] :
        {std::pair<std::string, std::string>("BOUNDS", kBound), {"COLUMNS", kPairs}}) {

@@ -1,4 +1,4 @@
-// QPT: every section is read into its place, what is wrong is named, and no text whatever crashes.
+// QPT: every section is read, errors are named, and no text crashes the reader.
 
 #include "clothctl/io/qpt.hpp"
 
@@ -38,7 +38,7 @@ std::string with(const std::string& from, const std::string& to) {
   return replaced(kSingleProgram, from, to);
 }
 
-/// Either accepted, or refused with a line that says where.
+/// Accepted, or refused with a message that names the line.
 void check_judged(const std::string& text) {
   const std::string message = refusal(text);
   if (message != "accepted") check_refusal(message, "f.qpt", text);
@@ -54,11 +54,11 @@ TEST_CASE("QPT: every section of a single program is read", "[qpt]") {
   CHECK_FALSE(p.maximise);
 }
 
-TEST_CASE("QPT: frames take from the base program what they do not give", "[qpt]") {
+TEST_CASE("QPT: frames take omitted parts from the base program", "[qpt]") {
   check_same(value_of(parse_qpt(kSequence, "f.qpt")), program_sequence());
 }
 
-TEST_CASE("QPT: proofs are read, crossed bounds are taken, matrices and rows may be left out",
+TEST_CASE("QPT: certificates and crossed bounds are read; matrices and rows may be omitted",
           "[qpt]") {
   const QpProblem p =
       value_of(parse_qpt("qpt 1 n 2 m 1 A 1 0 0 1 rows 1 3 2 cols 2 0 1 5 inf status infeasible "
@@ -78,7 +78,7 @@ TEST_CASE("QPT: proofs are read, crossed bounds are taken, matrices and rows may
   CHECK(q.ub[1] == 0);
 }
 
-TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
+TEST_CASE("QPT: errors are named with file, line and value", "[qpt]") {
   CHECK(refusal("") == "f.qpt:1: the file ends in section 'the head', without 'end'");
   CHECK(refusal("NAME x\n") == "f.qpt:1: 'NAME' found, expected qpt");
   CHECK(refusal("qpt 2\n") == "f.qpt:1: qpt: version 2 is unknown, expected 1");
@@ -126,7 +126,7 @@ TEST_CASE("QPT: what is wrong is named with file, line and value", "[qpt]") {
   CHECK(refusal("qpt 1 n 1 cols 1 0 1 A 1 0 0 1 end") == "f.qpt:1: A: '1' is not 0");
 }
 
-TEST_CASE("QPT: what is wrong in a sequence is named", "[qpt]") {
+TEST_CASE("QPT: errors in a sequence are named", "[qpt]") {
   const auto changed = [](const std::string& from, const std::string& to) {
     return refusal(replaced(kSequence, from, to));
   };
@@ -142,7 +142,7 @@ TEST_CASE("QPT: what is wrong in a sequence is named", "[qpt]") {
   CHECK(changed("frame 0\n", "frame 0\nx 2 0 0\n") == "f.qpt:21: 'x' does not belong into a frame");
 }
 
-TEST_CASE("QPT: frames that would fill the memory are refused", "[qpt]") {
+TEST_CASE("QPT: frames that need too much memory are refused", "[qpt]") {
   std::string text = "qpt 1 n 5000 cols 5000";
   for (int i = 0; i < 5000; ++i) text += " 0 1";
   text += " frames 1000000";
@@ -150,7 +150,7 @@ TEST_CASE("QPT: frames that would fill the memory are refused", "[qpt]") {
   CHECK(refusal(text).find("numbers in frames") != std::string::npos);
 }
 
-TEST_CASE("QPT: a solution holds answers of any status, and no data", "[qpt]") {
+TEST_CASE("QPT: a solution has answers with any status and no data", "[qpt]") {
   const QpSolution one = value_of(parse_qpt_solution(
       "qpt 1 name p n 2 m 1 status time_limit objective -0.5 x 2 1 2 y 1 3 z 2 4 5 end", "s.txt"));
   CHECK(one.name == "p");
@@ -180,7 +180,8 @@ TEST_CASE("QPT: a solution holds answers of any status, and no data", "[qpt]") {
   CHECK(refused("qpt 1 end") == "s.txt:1: 'end' comes before 'n'");
 }
 
-TEST_CASE("QPT: no prefix and no spoilt byte crashes the reader", "[qpt]") {
+TEST_CASE("QPT: the reader refuses or accepts truncated and damaged texts without crashing",
+          "[qpt]") {
   const std::string bytes = "0123456789-+.einfNaH g\n\t\0\xff"s;
   for (const std::string& text : {kSingleProgram, kSequence}) {
     for_each_prefix(text, [](const std::string& prefix) {
@@ -191,7 +192,7 @@ TEST_CASE("QPT: no prefix and no spoilt byte crashes the reader", "[qpt]") {
   }
 }
 
-TEST_CASE("QPT: the reference data have the sizes that their index gives", "[qpt]") {
+TEST_CASE("QPT: the reference programs have the sizes listed in their index", "[qpt]") {
   const std::string folder = shared_path("data/qp");
   if (folder.empty()) {
     WARN("no shared data: the reference programs are not read");

@@ -1,7 +1,7 @@
 #pragma once
 
-// Two small programs, for the readers and writers of programs, and the comparison of all that QPT
-// can say of one.
+// Two small programs for tests of readers and writers, and the comparison of everything that QPT
+// can express.
 
 #include <cstddef>
 #include <string>
@@ -15,7 +15,7 @@ namespace clothctl_test {
 
 inline const double kInfinity = clothctl::scalar_traits<double>::infinity();
 
-/// Three unknowns, two rows, bounds of every kind, a whole answer.
+/// Three unknowns, two rows, bounds of every kind, a complete answer.
 inline clothctl::QpProblem single_program() {
   clothctl::QpProblem p;
   p.name = "tiny";
@@ -47,7 +47,7 @@ inline const std::string kSingleProgram =
     "status optimal\nobjective -7.25\nunique 1\n"
     "x 3\n1 2 -0.5\ny 2\n0 -1\nz 3\n0 0 0.5\nend\n";
 
-/// Two unknowns, one row; frames that change nothing, gradient and rows, and bounds.
+/// Two unknowns and one row. One frame changes nothing, one the gradient and rows, one the bounds.
 inline clothctl::QpProblem program_sequence() {
   clothctl::QpProblem p;
   p.name = "moves";
@@ -71,7 +71,7 @@ inline clothctl::QpProblem program_sequence() {
   return p;
 }
 
-/// Checks that two matrices have one size and the same entries.
+/// Checks that two matrices have the same size and entries.
 template <class Matrix>
 void check_equal(const char* name, const Matrix& a, const Matrix& b) {
   INFO(name);
@@ -80,7 +80,7 @@ void check_equal(const char* name, const Matrix& a, const Matrix& b) {
   CHECK(a == b);
 }
 
-/// Checks that two answers, frames, programs or solutions are the same.
+/// Checks that two answers, frames, programs or solutions are equal.
 inline void check_same(const clothctl::QpReference& a, const clothctl::QpReference& b) {
   CHECK(a.status == b.status);
   CHECK(a.objective == b.objective);

@@ -1,5 +1,5 @@
-// Programs and solutions as QPT text: which words are written, that zeros and what frames share are
-// left out, and that the reader finds the same numbers again.
+// Programs and solutions as QPT text: the written words, omitted zeros and shared parts, and exact
+// round trips.
 
 #include "clothctl/io/detail/qpt_text.hpp"
 
@@ -28,7 +28,7 @@ using Vector = Eigen::VectorXd;
 
 namespace {
 
-/// Where the bounds of a frame stand.
+/// Places of a frame's bounds.
 constexpr Vector QpSequenceFrame::*kSides[] = {&QpSequenceFrame::rl, &QpSequenceFrame::ru,
                                                &QpSequenceFrame::lb, &QpSequenceFrame::ub};
 
@@ -56,11 +56,11 @@ QpSolution solution() {
 
 }  // namespace
 
-TEST_CASE("a program is written section by section, without its zeros", "[qpt_text]") {
+TEST_CASE("a program is written section by section without zeros", "[qpt_text]") {
   CHECK(qpt_text(single_program()) == replaced(kSingleProgram, "1e-3", "0.001"));
 }
 
-TEST_CASE("a sequence writes of each frame its gradient and what differs from the base",
+TEST_CASE("a sequence writes for each frame its gradient and the differences from the base",
           "[qpt_text]") {
   CHECK(qpt_text(program_sequence()) ==
         "qpt 1\nname moves\nn 2\nm 1\nr 0\nH 3\n0 0 2\n0 1 1\n1 1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 "
@@ -71,7 +71,7 @@ TEST_CASE("a sequence writes of each frame its gradient and what differs from th
         "frame 2\ng 1\n1 5\ncols 2\n0 0\n0 0\nobjective -4\nend\n");
 }
 
-TEST_CASE("each of a frame's bounds that differs is written", "[qpt_text]") {
+TEST_CASE("each bound of a frame that differs is written", "[qpt_text]") {
   for (Vector QpSequenceFrame::*side : kSides) {
     QpProblem p = program_sequence();
     p.frames.resize(1);
@@ -80,7 +80,7 @@ TEST_CASE("each of a frame's bounds that differs is written", "[qpt_text]") {
   }
 }
 
-TEST_CASE("the least program has an unknown and its bounds", "[qpt_text]") {
+TEST_CASE("the smallest program has one unknown and its bounds", "[qpt_text]") {
   QpProblem p;
   p.H.setZero(1, 1);
   p.g.setZero(1);
@@ -92,7 +92,7 @@ TEST_CASE("the least program has an unknown and its bounds", "[qpt_text]") {
   check_reads_back(p);
 }
 
-TEST_CASE("a proof is written with the status it proves", "[qpt_text]") {
+TEST_CASE("a certificate is written with its status", "[qpt_text]") {
   QpSolution s{"p", 2, 1, {}, {}};
   s.reference.status = "infeasible";
   s.reference.farkas_y = Vector::Constant(1, -1);
@@ -108,7 +108,7 @@ TEST_CASE("a proof is written with the status it proves", "[qpt_text]") {
         "qpt 1\nname p\nn 2\nm 1\nstatus unbounded\nunique 0\nx 2\n0 0\nray 2\n0.5 -1\nend\n");
 }
 
-TEST_CASE("the solution of a sequence holds the answer of each frame", "[qpt_text]") {
+TEST_CASE("the solution of a sequence has the answer of each frame", "[qpt_text]") {
   QpSolution s{"p", 1, 0, {}, {}};
   s.frames.resize(3);
   s.frames[0].status = "solved";
@@ -119,7 +119,8 @@ TEST_CASE("the solution of a sequence holds the answer of each frame", "[qpt_tex
         "2\nx 1\n1\nend\n");
 }
 
-TEST_CASE("white space in a name becomes an underscore, no name a word", "[qpt_text]") {
+TEST_CASE("white space in a name becomes an underscore, and an empty name is omitted",
+          "[qpt_text]") {
   const auto written = [](const std::string& name) {
     const std::string text = qpt_solution_text({name, 1, 0, {}, {}});
     REQUIRE(text.rfind("qpt 1\nname ", 0) == 0);
@@ -134,7 +135,7 @@ TEST_CASE("white space in a name becomes an underscore, no name a word", "[qpt_t
   check_reads_back(QpSolution{"end", 1, 0, {}, {}});
 }
 
-TEST_CASE("written programs, sequences and solutions read back as they were", "[qpt_text]") {
+TEST_CASE("written programs, sequences and solutions read back the same", "[qpt_text]") {
   check_reads_back(single_program());
   check_reads_back(program_sequence());
   check_reads_back(solution());
@@ -200,7 +201,7 @@ TEST_CASE("no frame takes over an answer of the base program that it does not ha
     check_same(p.frames, read.frames);
     return read;
   };
-  const QpProblem no_status = frames_read_back();  // the last frame has none
+  const QpProblem no_status = frames_read_back();  // the last frame has no status
   CHECK(no_status.reference.status.empty());
   CHECK(no_status.reference.objective == 12);
   CHECK(no_status.reference.unique == true);
@@ -216,7 +217,7 @@ TEST_CASE("no frame takes over an answer of the base program that it does not ha
   CHECK_FALSE(no_objective.reference.objective.has_value());
 }
 
-TEST_CASE("what the format has no words for is lost, as documented", "[qpt_text]") {
+TEST_CASE("what the format cannot express is lost as documented", "[qpt_text]") {
   QpProblem p = single_program();
   p.maximise = true;
   p.shift = 2;
@@ -265,8 +266,7 @@ TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
     p.A = Matrix::NullaryExpr(m, n, draw);
     p.H = Matrix::NullaryExpr(n, n, draw);
     p.H.triangularView<Eigen::StrictlyLower>() = p.H.transpose();
-    // A lower bound may be anything that is no +inf to the reader, an upper one anything that is no
-    // -inf.
+    // The reader accepts any lower bound except +inf, and any upper bound except -inf.
     const auto low = [&] { return trial % 3 == 0 ? -kInfinity : std::min(draw(), 1e20); };
     const auto high = [&] { return trial % 4 == 0 ? kInfinity : std::max(draw(), -1e20); };
     p.rl = Vector::NullaryExpr(m, low);

@@ -1,7 +1,7 @@
 #pragma once
 
-// Helpers for the texts of the player page: names that occur in them, and running its scripts under
-// node, if there is one, against a small stand-in for the browser.
+// Helpers for tests of the player page: finds names in its texts, and runs its scripts in node (if
+// installed) with a small stand-in for the browser.
 
 #include <cstdlib>
 #include <filesystem>
@@ -18,7 +18,7 @@
 
 namespace clothctl_test {
 
-/// What the first group of `pattern` matches, as often as it occurs.
+/// Returns every match of the first group of `pattern`.
 inline std::vector<std::string> all_matches(const std::string& text, const std::string& pattern) {
   const std::regex expression(pattern);
   std::vector<std::string> out;
@@ -27,7 +27,7 @@ inline std::vector<std::string> all_matches(const std::string& text, const std::
   return out;
 }
 
-/// The same without repetition.
+/// Returns the matches without repetition.
 inline std::set<std::string> distinct_matches(const std::string& text, const std::string& pattern) {
   const std::vector<std::string> all = all_matches(text, pattern);
   return {all.begin(), all.end()};
@@ -39,15 +39,15 @@ inline std::string joined(std::initializer_list<const char*> parts) {
   return out;
 }
 
-/// All scripts in the order of the page.
+/// Returns all scripts in the order of the page.
 inline std::string all_scripts() {
   using namespace clothctl::detail;
   return joined({kPlayerDataScript, kPlayerShaders, kPlayerGeometryScript, kPlayerRenderScript,
                  kPlayerPlotScript, kPlayerControlScript});
 }
 
-/// Checks that a text of the page neither asks for anything from outside, nor ends or hides the
-/// element that holds it, nor turns texts into code.
+/// Checks that a text of the page makes no outside request, cannot end or hide its own element, and
+/// does not turn text into code.
 inline void check_stays_inside(const std::string& text) {
   for (const char* part :
        {"http:",       "https:",     "src=",          "srcset",         "@import",
@@ -60,8 +60,8 @@ inline void check_stays_inside(const std::string& text) {
   }
 }
 
-/// Vertices of `swinging_sheet`: 3×3, 0.1 m apart, hanging from z = 0.7, 0.02 m further along y in
-/// each frame.
+/// Vertices of `swinging_sheet`: 3×3, 0.1 m apart, hanging from z = 0.7. Each frame moves them 0.02
+/// m along y.
 inline clothctl::Points<double> sheet_at(int frame) {
   clothctl::Points<double> x(3, 9);
   for (clothctl::Index i = 0; i < 9; ++i)
@@ -69,8 +69,8 @@ inline clothctl::Points<double> sheet_at(int frame) {
   return x;
 }
 
-/// The first two vertices stand 0.02 m and 0.04 m above their targets, an arrow of 2 + frame pulls
-/// the last one up: 5 frames.
+/// Records 5 frames. The first two vertices are 0.02 m and 0.04 m above their targets. An arrow of
+/// length 2 + frame pulls the last vertex up.
 inline clothctl::PlayerRecorder swinging_sheet(clothctl::PlayerScene scene = {}) {
   if (scene.triangles.empty() && scene.segments.empty()) {
     for (int v : {0, 1, 3, 4}) {
@@ -90,14 +90,14 @@ inline clothctl::PlayerRecorder swinging_sheet(clothctl::PlayerScene scene = {})
   return recorder;
 }
 
-/// The page of that sheet in a scene.
+/// Returns the page of that sheet in a scene.
 inline std::string page_of(clothctl::PlayerScene scene = {}) {
   return *swinging_sheet(std::move(scene)).page();
 }
 
-/// A stand-in for the browser: reads `pageText` into elements (and insists on matching tags), and
-/// offers what the scripts use. `screen()` lets a screen refresh pass. `check` and `near` note what
-/// fails; `finish` prints it.
+/// A stand-in for the browser. It reads `pageText` into elements, requires matching tags, and
+/// provides what the scripts use. `screen()` runs a screen refresh, `check` and `near` collect
+/// failures, and `finish` prints them.
 inline constexpr char kBrowser[] = R"js(
 const failures = [];
 const check = (what, holds) => { if (holds !== true) failures.push(what); };
@@ -119,14 +119,17 @@ class Target {
   }
 }
 class Element extends Target {
-  attributes = {}; nodes = []; dataset = {}; hidden = false; value = ''; clientWidth = 800; clientHeight = 150;
+  attributes = {}; nodes = []; dataset = {}; hidden = false; value = '';
+  clientWidth = 800; clientHeight = 150;
   box = { left: 0, top: 0, width: 800, height: 600 };
   style = { setProperty(name, value) { this[name] = value; } };
   captured = new Set();
   constructor(tagName) { super(); this.tagName = tagName; }
   get children() { return this.nodes.filter(n => n instanceof Element); }
   get options() { return this.children; }
-  get textContent() { return this.nodes.map(n => n instanceof Element ? n.textContent : n).join(''); }
+  get textContent() {
+    return this.nodes.map(n => n instanceof Element ? n.textContent : n).join('');
+  }
   set textContent(text) { this.nodes = [String(text)]; }
   append(...nodes) { this.nodes.push(...nodes.map(n => n instanceof Element ? n : String(n))); }
   insertAdjacentHTML(where, html) { pasted.push(html); }
@@ -147,14 +150,16 @@ class Element extends Target {
 }
 const parse = text => {
   const root = new Element('#document'), open = [root], top = () => open[open.length - 1];
-  const tag = /<(\/?)([a-z][\w-]*)((?:\s+[\w:-]+(?:="[^"]*")?)*)\s*(\/?)>|<!doctype html>|([^<]+)/gyi;
+  const tag =
+    /<(\/?)([a-z][\w-]*)((?:\s+[\w:-]+(?:="[^"]*")?)*)\s*(\/?)>|<!doctype html>|([^<]+)/gyi;
   while (tag.lastIndex < text.length) {
     const at = tag.lastIndex, found = tag.exec(text);
     if (!found) throw new Error('no markup: ' + text.slice(at, at + 60));
     const [, slash, name, attributes, alone, words] = found;
     if (words !== undefined) { top().append(words); continue; }
     if (!name) continue;
-    const drawn = name === 'svg' || open.some(e => e.tagName === 'svg'), shown = drawn ? name : name.toUpperCase();
+    const drawn = name === 'svg' || open.some(e => e.tagName === 'svg');
+    const shown = drawn ? name : name.toUpperCase();
     if (slash) {
       if (open.pop().tagName !== shown) throw new Error('unexpected end of ' + name);
       continue;
@@ -178,19 +183,33 @@ const parse = text => {
 const page = parse(pageText), elements = [];
 page.walk(e => elements.push(e));
 const themes = {};
-for (const [, dark, rules] of elements.find(e => e.tagName === 'STYLE').textContent.matchAll(/:root(\[data-theme="dark"\])?\s*\{([^}]*)\}/g)) {
-  themes[dark ? 'dark' : 'light'] = Object.fromEntries([...rules.matchAll(/(--[\w-]+):([^;]*);/g)].map(m => [m[1], m[2]]));
+const sheet = elements.find(e => e.tagName === 'STYLE').textContent;
+for (const [, dark, rules] of sheet.matchAll(/:root(\[data-theme="dark"\])?\s*\{([^}]*)\}/g)) {
+  const variables = [...rules.matchAll(/(--[\w-]+):([^;]*);/g)];
+  themes[dark ? 'dark' : 'light'] = Object.fromEntries(variables.map(m => [m[1], m[2]]));
 }
-// A pen that notes what is called, with the colour of the moment.
+// A pen that records each call with the current colour.
 const pen2d = new Proxy({ calls: [], measureText: text => ({ width: 6 * text.length }) }, {
-  get: (pen, name) => name in pen ? pen[name] : (...values) => void pen.calls.push([name, ...values, pen.strokeStyle]),
+  get: (pen, name) => {
+    if (name in pen) return pen[name];
+    return (...values) => void pen.calls.push([name, ...values, pen.strokeStyle]);
+  }
 });
 const contexts = { '2d': pen2d };
 const document = {
-  documentElement: elements.find(e => e.tagName === 'HTML'), body: elements.find(e => e.tagName === 'BODY'), title: '',
-  getElementById(id) { let found = null; page.walk(e => { if (e.id === id) found ??= e; }); return found; },
+  documentElement: elements.find(e => e.tagName === 'HTML'),
+  body: elements.find(e => e.tagName === 'BODY'), title: '',
+  getElementById(id) {
+    let found = null;
+    page.walk(e => { if (e.id === id) found ??= e; });
+    return found;
+  },
   createElement: name => new Element(name.toUpperCase()),
-  querySelectorAll(what) { const all = []; page.walk(e => { if (what === '[data-feature]' && 'feature' in e.dataset) all.push(e); }); return all; }
+  querySelectorAll(what) {
+    const all = [];
+    page.walk(e => { if (what === '[data-feature]' && 'feature' in e.dataset) all.push(e); });
+    return all;
+  }
 };
 const media = {};
 const window = Object.assign(new Target(), {
@@ -198,17 +217,27 @@ const window = Object.assign(new Target(), {
   matchMedia: query => media[query] ??= Object.assign(new Target(), { matches: false })
 });
 const location = { hash: '' };
-const getComputedStyle = () => ({ fontFamily: 'sans', getPropertyValue: name => themes[document.documentElement.dataset.theme][name] ?? themes.light[name] });
-class Option extends Element { constructor(text, value) { super('OPTION'); this.append(text); this.value = String(value); } }
+const getComputedStyle = () => {
+  const theme = themes[document.documentElement.dataset.theme];
+  return { fontFamily: 'sans', getPropertyValue: name => theme[name] ?? themes.light[name] };
+};
+class Option extends Element {
+  constructor(text, value) { super('OPTION'); this.append(text); this.value = String(value); }
+}
 const observers = [];
 class ResizeObserver { constructor(f) { observers.push(f); } observe() {} }
 let waiting = [];
 const requestAnimationFrame = f => waiting.push(f);
-const screen = (now = 0) => { const due = waiting; waiting = []; for (const f of due) f(now); return due.length; };
+const screen = (now = 0) => {
+  const due = waiting;
+  waiting = [];
+  for (const f of due) f(now);
+  return due.length;
+};
 )js";
 
-/// Runs `script` behind a page's stand-in for the browser, within a function as in the page.
-/// Answers with what was printed.
+/// Runs `script` with a page's stand-in for the browser, inside a function as in the page. Returns
+/// what was printed.
 inline std::string run_in_page(const std::string& page, const std::string& script) {
   std::string text = "const pageText = ";
   clothctl::detail::append_json(page, text);
@@ -225,8 +254,7 @@ inline std::string run_in_page(const std::string& page, const std::string& scrip
   return (code == 0 ? "" : "node stopped: ") + (output ? *output : output.error());
 }
 
-/// Checks that `script` passes all of its own checks in the page; says so where there is no node to
-/// run it.
+/// Checks that all checks inside `script` pass. Warns and returns if node is missing.
 inline void check_in_page(const std::string& page, const std::string& script) {
   static const bool there = [] {
     const int code = std::system("node -e \"atob(String())\" > clothctl_script.txt 2>&1");
@@ -235,8 +263,8 @@ inline void check_in_page(const std::string& page, const std::string& script) {
   }();
   if (!there) {
     WARN(
-        "skipped: the scripts of the player page are run with node (16 or newer), which is not "
-        "there");
+        "skipped: running the scripts of the player page needs node (16 or newer), which is not "
+        "installed");
     return;
   }
   CHECK(run_in_page(page, script) == "fine\n");

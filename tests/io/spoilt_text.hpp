@@ -1,8 +1,8 @@
 #pragma once
 
-// Texts that suffered on their way, for readers of any format: cut short, or with bytes put in,
-// replaced or lost. And what a reader may say of them: one short line that starts with the file and
-// a line of it and holds no control characters.
+// Damaged texts for readers of any format: truncated, or with bytes inserted, replaced or removed.
+// A reader must answer with one short line without control characters, which starts with the file
+// and a line number of the text.
 
 #include <algorithm>
 #include <cstddef>
@@ -13,16 +13,16 @@
 
 namespace clothctl_test {
 
-/// Calls `judge` with every prefix of a text, from nothing to all but its last character and the
-/// line break behind it.
+/// Calls `judge` with every prefix of a text, from the empty one to all but its last character and
+/// the line break after it.
 template <class Judge>
 void for_each_prefix(const std::string& text, const Judge& judge) {
   for (std::size_t length = 0; length + 1 < text.size(); ++length) judge(text.substr(0, length));
 }
 
-/// Calls `judge` with `trials` copies of a text (of 20 bytes or more), each spoilt in one to four
-/// places: a byte put in or replaced, by one out of `bytes` or by any, or up to five bytes lost.
-/// The same seed spoils alike.
+/// Calls `judge` with `trials` copies of a text of at least 20 bytes. Each is damaged in one to
+/// four places: a byte is inserted or replaced, by one of `bytes` or by any byte, or up to five
+/// bytes are removed. The same seed gives the same texts.
 template <class Judge>
 void for_each_spoilt(const std::string& text, const std::string& bytes, unsigned seed, int trials,
                      const Judge& judge) {
@@ -43,8 +43,8 @@ void for_each_spoilt(const std::string& text, const std::string& bytes, unsigned
   }
 }
 
-/// Checks that what a reader says of `text` is one short printable line, `file:line: what is
-/// wrong`, whose line the text has.
+/// Checks that a message about `text` is one short printable line `file:line: error`, and that the
+/// text has that line.
 inline void check_refusal(const std::string& message, const std::string& file,
                           const std::string& text) {
   INFO(message);

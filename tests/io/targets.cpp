@@ -1,4 +1,4 @@
-// Target curves: the two forms of files, recorded ones among them, and everything that is refused.
+// Target curves: both forms of files, the recorded ones, and every refusal.
 
 #include "clothctl/io/targets.hpp"
 
@@ -16,7 +16,7 @@ using clothctl::TargetCurves;
 
 namespace {
 
-// A file in the temporary folder that is removed at the end of its scope.
+// A temporary file, which is removed at the end of its scope.
 class TemporaryFile {
  public:
   TemporaryFile(const std::string& name, const std::string& content)
@@ -32,7 +32,7 @@ class TemporaryFile {
   std::string path_;
 };
 
-// The error for a file with this content, the path in it replaced by "f".
+// Returns the error for a file with this content, with "f" instead of its path.
 std::string refusal(const std::string& content) {
   const TemporaryFile file("refused.csv", content);
   const Result<TargetCurves> curves = read_targets(file.path());
@@ -56,7 +56,7 @@ TEST_CASE("one file with a header gives a curve for each feature", "[targets]") 
   CHECK(curves->features[1].col(0) == Eigen::Vector3d(4, 5, 6));
 }
 
-TEST_CASE("any number of features may be named in the header", "[targets]") {
+TEST_CASE("the header may name any number of features", "[targets]") {
   const TemporaryFile one("one.csv", "t,ballx,bally,ballz\n-1,1,2,3\n1,4,5,6\n");
   const Result<TargetCurves> ball = read_targets(one.path());
   REQUIRE(ball.has_value());
@@ -81,7 +81,7 @@ TEST_CASE("bad headers are refused", "[targets]") {
   CHECK(refusal("t,,,\n0,1,2,3\n1,1,2,3\n") == "f:1: header has ''" + expected);
 }
 
-TEST_CASE("tables made by hand whose parts do not fit together are refused", "[targets]") {
+TEST_CASE("tables with inconsistent parts are refused", "[targets]") {
   using clothctl::CsvTable;
   using clothctl::targets_from_table;
   CsvTable good;
@@ -136,7 +136,8 @@ TEST_CASE("bad rows are refused with file, line and value", "[targets]") {
   CHECK(read_targets("no_such.csv").error().rfind("no_such.csv: cannot be opened", 0) == 0);
 }
 
-TEST_CASE("a pair of files without header gives left and right at even times", "[targets]") {
+TEST_CASE("a pair of files without headers gives left and right at evenly spaced times",
+          "[targets]") {
   const TemporaryFile left("left.csv", "1,2,3\n4,5,6\n7,8,9"),
       right("right.csv", "0,0,1\r\n0,0,2\r\n0,0,3\r\n");
   const Result<TargetCurves> curves = read_target_pair(left.path(), right.path(), 0.25);
@@ -147,7 +148,7 @@ TEST_CASE("a pair of files without header gives left and right at even times", "
   CHECK(curves->features[1].row(2) == Eigen::RowVector3d(1, 2, 3));
 }
 
-TEST_CASE("bad pairs are refused", "[targets]") {
+TEST_CASE("bad pairs of files are refused", "[targets]") {
   const TemporaryFile two("two.csv", "1,2,3\n4,5,6\n"), three("three.csv", "1,2,3\n4,5,6\n7,8,9\n"),
       one("one_row.csv", "1,2,3\n"), wide("wide.csv", "1,2,3,4\n1,2,3,4\n"),
       named("named.csv", "x,y,z\n1,2,3\n4,5,6\n");

@@ -1,5 +1,4 @@
-// Tokens between white space: which they are and in which line, which numbers are taken, and what
-// is said of the others.
+// Tokens between white space: their text and line, accepted numbers, and messages about the others.
 
 #include "clothctl/io/detail/token_reader.hpp"
 
@@ -17,7 +16,7 @@ using namespace std::string_literals;
 
 namespace {
 
-/// What is said when `text` is read as a whole number.
+/// Returns the message when `text` is read as a whole number.
 std::string count_refusal(const std::string& text, Index least, Index most) {
   TokenReader reader(text, "f");
   Index value = 0;
@@ -48,7 +47,7 @@ double number(const std::string& text, bool open) {
 
 }  // namespace
 
-TEST_CASE("tokens stand between any white space, each with its line", "[token_reader]") {
+TEST_CASE("tokens are separated by any white space and know their line", "[token_reader]") {
   TokenReader reader(" \r\n one\ttwo\n\n\vthree\f\r\nfo-ur,5\n", "f");
   std::string_view token;
   const std::vector<std::pair<std::string, Index>> expected{
@@ -64,7 +63,8 @@ TEST_CASE("tokens stand between any white space, each with its line", "[token_re
   CHECK(reader.error() == "f:6: the file ends in section 'here', without 'end'");
 }
 
-TEST_CASE("a token may hold any byte but white space, and end with the text", "[token_reader]") {
+TEST_CASE("a token may contain any byte but white space, and may end with the text",
+          "[token_reader]") {
   const std::string text = "a\0b \xff\xfe\x01 last"s;
   TokenReader reader(text, "f");
   std::string_view token;
@@ -86,7 +86,7 @@ TEST_CASE("an empty text ends in its first line", "[token_reader]") {
   }
 }
 
-TEST_CASE("the first error is kept, with the line of the token it was about", "[token_reader]") {
+TEST_CASE("the first error is kept with the line of its token", "[token_reader]") {
   TokenReader reader("one\ntwo three", "dir/file.qpt");
   std::string_view token;
   REQUIRE(reader.next(token, "here"));
@@ -99,7 +99,7 @@ TEST_CASE("the first error is kept, with the line of the token it was about", "[
   CHECK(reader.error() == "dir/file.qpt:2: H: 'two' is odd");
 }
 
-TEST_CASE("whole numbers are taken from the least to the most", "[token_reader]") {
+TEST_CASE("whole numbers within the range are accepted", "[token_reader]") {
   CHECK(counted("3", 3, 5) == 3);
   CHECK(counted("5", 3, 5) == 5);
   CHECK(counted("-4\n", -4, 0) == -4);
@@ -117,7 +117,8 @@ TEST_CASE("whole numbers are taken from the least to the most", "[token_reader]"
         "f:1: size: '0' is not possible where there is nothing to index");
 }
 
-TEST_CASE("whole numbers that no integer holds are out of range, not garbled", "[token_reader]") {
+TEST_CASE("whole numbers too large for any integer are reported as out of range",
+          "[token_reader]") {
   const Index largest = std::numeric_limits<Index>::max(),
               smallest = std::numeric_limits<Index>::min();
   for (const std::string text :
@@ -130,7 +131,7 @@ TEST_CASE("whole numbers that no integer holds are out of range, not garbled", "
   }
 }
 
-TEST_CASE("what is no whole number is refused by name", "[token_reader]") {
+TEST_CASE("text that is not a whole number is refused with a message", "[token_reader]") {
   for (const std::string text :
        {"x", "2.5", "2.", "1e3", "0x10", "+3", "--3", "-", "3,", "3;4", "inf", "nan"})
     CHECK(count_refusal(text, -1000, 1000) == "f:1: size: '" + text + "' is not a whole number");
@@ -138,7 +139,7 @@ TEST_CASE("what is no whole number is refused by name", "[token_reader]") {
   CHECK(count_refusal("3\0"s, 0, 5) == "f:1: size: '3?' is not a whole number");
 }
 
-TEST_CASE("a range in words", "[token_reader]") {
+TEST_CASE("ranges are described in words", "[token_reader]") {
   CHECK(TokenReader::bounds(-2, 7) == "within -2 to 7");
   CHECK(TokenReader::bounds(0, 1) == "within 0 to 1");
   CHECK(TokenReader::bounds(7, 7) == "7");
@@ -175,7 +176,7 @@ TEST_CASE("numbers may be infinite only where that is allowed, and only as inf",
     CHECK(number_refusal(text, true) == "f:1: weight: '" + text + "' is not finite");
 }
 
-TEST_CASE("numbers follow each other", "[token_reader]") {
+TEST_CASE("numbers are read one after the other", "[token_reader]") {
   TokenReader reader("3 0.5\n-inf name", "f");
   Index count = 0;
   double value = 0, bound = 0;
@@ -195,7 +196,7 @@ TEST_CASE("numbers follow each other", "[token_reader]") {
   CHECK(reader.error() == "f:2: the file ends in section 'd', without 'end'");
 }
 
-TEST_CASE("what follows the end is named", "[token_reader]") {
+TEST_CASE("text after the end is named", "[token_reader]") {
   const auto after_end = [](const std::string& rest) {
     const std::string text = "end" + rest;
     TokenReader reader(text, "f");

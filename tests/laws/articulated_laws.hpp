@@ -1,16 +1,18 @@
 #pragma once
 
-// What any robot must obey. Call check_articulated_laws(model, q, qd, qdd, frames, tolerance) for
-// kinematics and check_articulated_dynamics_laws(model, q, qd, qdd, tolerance) for dynamics inside
-// a TEST_CASE; q is within the limits.
+// The laws that every robot must obey. Inside a TEST_CASE, call
+// check_articulated_laws(model, q, qd, qdd, frames, tolerance) for kinematics and
+// check_articulated_dynamics_laws(model, q, qd, qdd, tolerance) for dynamics, with q within limits.
 //
-//   sizes        limits are as long as positions, advance by nothing stays
-//   there        advance(q, difference(q, p)) = p, up to the sign of quaternions: difference of the
-//   two is zero rotation     RᵀR = 1, det R = 1 derivative   the Jacobian times qd is the motion of
-//   point and frame along advance, to second order const        a second workspace at the same q
-//   tells the same bits inverse      forward dynamics undo inverse dynamics diagonal     with a
-//   diagonal d they answer (M + d) q̈ = τ - C - g symmetric    columns of M, got one by one, make a
-//   symmetric and definite matrix power        M is the kinetic energy's: q̇ᵀ M q̇ > 0
+//   sizes        there is a limit for each position; advance by zero changes nothing
+//   there        advance(q, difference(q, p)) = p, up to the sign of quaternions
+//   rotation     RᵀR = 1 and det R = 1
+//   derivative   the Jacobian times qd is the velocity of point and frame, to second order
+//   const        a second workspace at the same q gives the same bits
+//   inverse      forward dynamics undoes inverse dynamics
+//   diagonal     with an added diagonal d, forward dynamics solves (M + d) q̈ = τ - C - g
+//   symmetric    the columns of M, computed one by one, form a symmetric matrix
+//   power        M is positive definite: q̇ᵀ M q̇ > 0
 
 #include <Eigen/Dense>
 
@@ -19,8 +21,7 @@
 
 namespace clothctl_test {
 
-/// Holds a robot's kinematics to the laws; differences are taken with steps of the cube root of the
-/// tolerance's scale.
+/// Checks the laws of kinematics. The steps of finite differences are the cube root of `tolerance`.
 template <class Model, class Scalar>
 requires clothctl::ArticulatedModel<Model, Scalar>
 void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>& q,
@@ -77,7 +78,8 @@ void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>&
         ((p_after + R_after * local) - (p_before + R_before * local)) / (Scalar(2) * h);
     const clothctl::Matrix3<Scalar> turn = (R_after - R_before) * R.transpose() / (Scalar(2) * h);
     const clothctl::Vector3<Scalar> angular(turn(2, 1), turn(0, 2), turn(1, 0));
-    // Central differences: h² times the third derivative, some cubes of the speed.
+    // The error of central differences is h² times the third derivative, which grows with the cube
+    // of the speed.
     const Scalar speed = qd.cwiseAbs().sum();
     const Scalar allowed = h * h * (Scalar(1) + speed * speed * speed);
     CHECK((velocity - twist.template head<3>()).cwiseAbs().maxCoeff() <= allowed);
@@ -85,7 +87,7 @@ void check_articulated_laws(const Model& model, const clothctl::VectorX<Scalar>&
   }
 }
 
-/// Holds a robot's dynamics to the laws; errors are relative.
+/// Checks the laws of dynamics. Errors are relative.
 template <class Model, class Scalar>
 requires clothctl::ArticulatedDynamics<Model, Scalar>
 void check_articulated_dynamics_laws(const Model& model, const clothctl::VectorX<Scalar>& q,
@@ -116,7 +118,7 @@ void check_articulated_dynamics_laws(const Model& model, const clothctl::VectorX
   CHECK((M * qdd + bias - torques).cwiseAbs().maxCoeff() <=
         tolerance * (torques.cwiseAbs().maxCoeff() + size));
 
-  // As torques, since accelerations of ill-conditioned M have no digits to spare.
+  // Compared as torques: if M is ill-conditioned, accelerations have no correct digits.
   REQUIRE(Traits::forward_dynamics(model, qd, torques, none, work, answer) < 0);
   CHECK((M * (answer - qdd)).cwiseAbs().maxCoeff() <=
         tolerance * (torques.cwiseAbs().maxCoeff() + size));

@@ -1,4 +1,4 @@
-// The law suite judged: a small lawful model passes it, and each of its broken sisters fails.
+// Tests of the law suite itself: a small correct model passes, and each faulty variant of it fails.
 
 #include "laws/cloth_laws.hpp"
 
@@ -25,8 +25,8 @@ enum class Fault {
   Allocates
 };
 
-// Particles on springs to their neighbours in a row, by implicit Euler with the spring forces of
-// the start of the step.
+// Particles in a row, joined to their neighbours by springs. Implicit Euler, with the spring forces
+// of the start of the step.
 template <class Scalar>
 class ParticleRow {
  public:
@@ -120,40 +120,44 @@ void judge(Fault fault) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a lawful model passes the laws of cloth", "[laws]", float, double) {
+TEMPLATE_TEST_CASE("a correct small model passes the laws of cloth", "[laws]", float, double) {
   judge<TestType>(Fault::None);
 }
 
-// Each of these must fail; Catch counts a failure as a success here, and a pass as a failure.
-TEST_CASE("laws notice: bad input moves the state", "[laws][!shouldfail]") {
+// Each of these must fail: with [!shouldfail] Catch counts a failure as a success and a pass as a
+// failure.
+TEST_CASE("the laws of cloth detect that bad input changes the state", "[laws][!shouldfail]") {
   judge<double>(Fault::MovesOnBadInput);
 }
-TEST_CASE("laws notice: a bad state is accepted", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect that a bad state is accepted", "[laws][!shouldfail]") {
   judge<double>(Fault::IgnoresBadState);
 }
-TEST_CASE("laws notice: the workspace remembers", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect that the workspace affects the next step",
+          "[laws][!shouldfail]") {
   judge<double>(Fault::RemembersLastStep);
 }
-TEST_CASE("laws notice: a driven vertex misses", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect that a driven vertex misses its position",
+          "[laws][!shouldfail]") {
   judge<double>(Fault::MissesDrivenTarget);
 }
-TEST_CASE("laws notice: the origin attracts", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect a dependence on the distance from the origin",
+          "[laws][!shouldfail]") {
   judge<double>(Fault::LovesTheOrigin);
 }
-TEST_CASE("laws notice: one direction is preferred", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect a dependence on direction", "[laws][!shouldfail]") {
   judge<double>(Fault::LeansEast);
 }
-TEST_CASE("laws notice: momentum is lost", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect that momentum is lost", "[laws][!shouldfail]") {
   judge<double>(Fault::LosesMomentum);
 }
-TEST_CASE("laws notice: positions lag behind velocities", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect that positions lag behind velocities", "[laws][!shouldfail]") {
   judge<double>(Fault::FallsHalfway);
 }
-TEST_CASE("laws notice: absolute speed matters", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect a dependence on absolute speed", "[laws][!shouldfail]") {
   judge<double>(Fault::MindsSpeed);
 }
 
-TEST_CASE("laws notice: a step allocates", "[laws][!shouldfail]") {
+TEST_CASE("the laws of cloth detect that a step allocates", "[laws][!shouldfail]") {
   judge<double>(Fault::Allocates);
   if (!clothctl_test::allocation_counting_works())
     FAIL("allocations cannot be counted in this build");

@@ -1,20 +1,20 @@
 #pragma once
 
-// Laws that every ClothModel must obey, whatever its equations. Call check_cloth_laws(model, laws)
-// inside a TEST_CASE, with the facts about the model. A fact that does not hold (the sheet is free,
-// Verlet damping is off) switches off the laws that need it.
+// The laws that every ClothModel must obey, whatever its equations. Call
+// check_cloth_laws(model, laws) inside a TEST_CASE, where `laws` describes the model. A property
+// that the model lacks (a free sheet, no Verlet damping) switches off the laws that need it.
 //
-//   refusals    bad input or state gives the right status and leaves the state bitwise unchanged
-//   repeats     the same state and input give the same bits, with a new workspace and with one that
-//               has just done another step
+//   refusals    bad input or state gives the right status and leaves the state's bits unchanged
+//   repeats     the same state and input give the same bits, with a new workspace and with one
+//               that has just done another step
 //   driven      a driven vertex ends exactly at its prescribed position, with the velocity
 //               (prescribed - start)/dt
 //   symmetry    shifting the world, or turning it about the axis of gravity, shifts or turns the
 //               result
 //   momentum    of a free sheet without air: Σ m v⁺ = (Σ m v + dt (Σ m g + Σ f)) / (1 + α dt)
-//   free fall   the centre of mass falls by implicit Euler: v_n = n h g, x_n = x_0 + n (n + 1)/2 h²
-//   g galilean    of a free sheet without drag: adding u to all velocities and to the wind adds u
-//   to
+//   free fall   the centre of mass falls by implicit Euler: v_n = n h g and
+//               x_n = x_0 + n (n + 1)/2 h² g
+//   galilean    of a free sheet without drag: adding u to all velocities and to the wind adds u to
 //               v⁺ and u dt to x⁺
 //   memory      a step does not allocate
 
@@ -33,13 +33,13 @@
 
 namespace clothctl_test {
 
-/// The scalar of a model, taken from its rest state.
+/// The scalar type of a model, taken from its rest state.
 template <class Model>
 using model_scalar_t =
     typename decltype(clothctl::cloth_traits<Model>::rest_state(std::declval<const Model&>())
                           .positions)::Scalar;
 
-/// The facts about a model, and the tolerances of the laws.
+/// The properties of a model, and the tolerances of the laws.
 template <class Scalar>
 struct ClothLaws {
   /// Step length, s.
@@ -51,10 +51,11 @@ struct ClothLaws {
   clothctl::VectorX<Scalar> mass;
   /// Mass-proportional drag α, 1/s.
   Scalar drag = Scalar(0);
-  /// Number of equal parts of a step, each a step of implicit Euler (position-based substeps).
+  /// Number of equal parts of a step, where each part is a step of implicit Euler (position-based
+  /// substeps).
   int substeps = 1;
-  /// False for models that damp or hold the whole sheet (pins, Verlet damping, air). It switches
-  /// off the laws of momentum, free fall and galilean invariance.
+  /// False for models that damp or hold the whole sheet (pins, Verlet damping, air). Switches off
+  /// the laws of momentum, free fall and galilean invariance.
   bool momentum_known = true;
   /// Vertices that the model pins. The laws neither drive nor push them.
   std::vector<int> pinned = {};
@@ -65,10 +66,10 @@ struct ClothLaws {
   /// Size of the applied forces, N.
   Scalar force = Scalar(0.01);
   /// Largest error of velocities, m/s, in the laws of symmetry, momentum and galilean invariance.
-  /// An iterative step is only as exact as its tolerance. The largest error of positions is dt
-  /// times this plus rounding.
+  /// An iterative step is only as accurate as its tolerance. Positions may be off by dt times this,
+  /// plus rounding.
   Scalar tolerance = std::is_same_v<Scalar, float> ? Scalar(2e-4) : Scalar(1e-9);
-  /// Number of steps in the laws that take several.
+  /// Number of steps, in laws that take several.
   int steps = 5;
 };
 
@@ -91,7 +92,7 @@ Scalar largest_difference(const clothctl::Points<Scalar>& a, const clothctl::Poi
   return a.cols() == 0 ? Scalar(0) : (a - b).cwiseAbs().maxCoeff();
 }
 
-// A smooth, uneven pattern without a random source.
+// A smooth, irregular pattern, without a random source.
 template <class Scalar>
 clothctl::Points<Scalar> pattern(clothctl::Index n, double phase, Scalar size) {
   clothctl::Points<Scalar> out(3, n);
@@ -105,7 +106,7 @@ clothctl::Points<Scalar> pattern(clothctl::Index n, double phase, Scalar size) {
   return out;
 }
 
-/// A model together with its facts.
+/// A model together with its properties.
 template <class Model, class Scalar>
 struct Bench {
   using Traits = clothctl::cloth_traits<Model>;
@@ -125,7 +126,7 @@ struct Bench {
     return state;
   }
 
-  // The first `count` vertices, counted from the end, that the model does not pin.
+  // Returns `count` vertices that the model does not pin, counted from the end.
   std::vector<int> free_vertices(int count) const {
     std::vector<int> out;
     for (clothctl::Index i = n; i-- > 0 && static_cast<int>(out.size()) < count;) {
@@ -165,7 +166,7 @@ struct Bench {
     return Traits::step(model, state, input, laws.dt, ws);
   }
 
-  /// One step that is expected to succeed, with a workspace of its own.
+  /// Takes one step with its own workspace, and requires that it succeeds.
   State after(State state, const Input& input) const {
     Workspace ws = workspace();
     const clothctl::StepReport<Scalar> report = step(state, input, ws);
@@ -240,7 +241,7 @@ void check_refusals(const Bench<Model, Scalar>& bench) {
   small.velocities.conservativeResize(3, bench.n - 1);
   refuse("state of another size", small, Input{}, bench.laws.dt, StepStatus::InvalidState);
 
-  // After all that, the workspace still serves.
+  // The workspace must still work after all refusals.
   INFO("a good step after the refusals");
   State state = good;
   CHECK(bench.step(state, bench.pushed(), ws).advanced);
@@ -352,7 +353,7 @@ void check_symmetry(const Bench<Model, Scalar>& bench) {
       move(expected.positions);
       expected.velocities = (change.turn * expected.velocities).eval();
       const State got = bench.after(moved, moved_input);
-      // Rounding of the moved positions turns into velocity by way of 1/dt.
+      // An error of a position causes an error of the velocity, divided by dt.
       const Scalar extent = Scalar(1) + expected.positions.cwiseAbs().maxCoeff();
       const Scalar rounding = Scalar(64) * clothctl::scalar_traits<Scalar>::epsilon() * extent;
       CHECK(largest_difference(got.velocities, expected.velocities) <=
@@ -370,7 +371,7 @@ void check_momentum(const Bench<Model, Scalar>& bench) {
   const Scalar total = laws.mass.sum();
   State state = bench.start();
   auto ws = bench.workspace();
-  // Σ m v of the formula above, with the drag of each part of the step.
+  // Σ m v from the formula above, with drag in each part of the step.
   const Scalar part = laws.dt / static_cast<Scalar>(laws.substeps);
   for (int k = 0; k < laws.steps; ++k) {
     INFO("law: momentum");
@@ -449,7 +450,7 @@ void check_memory(const Bench<Model, Scalar>& bench) {
 
 }  // namespace law_detail
 
-/// Holds a model to all laws of this file; every breach is a failed CHECK that names its law.
+/// Checks all laws of this file. A failed CHECK names the law.
 template <class Model>
 void check_cloth_laws(const Model& model, const ClothLaws<model_scalar_t<Model>>& laws = {}) {
   using Scalar = model_scalar_t<Model>;

@@ -1,7 +1,7 @@
 #pragma once
 
-// What any ClothRollout must obey, beside the laws of ClothModel (cloth_laws.hpp). Call
-// check_cloth_rollout_laws(model, state, held, laws) inside a TEST_CASE.
+// The laws that every ClothRollout must obey, in addition to those of ClothModel (cloth_laws.hpp).
+// Call check_cloth_rollout_laws(model, state, held, laws) inside a TEST_CASE.
 //
 //   guess      with many Newton steps, step_from ends where step ends, whatever the guess
 //   holding    the forces that held driven vertices on their path, applied instead of it, end at
@@ -20,14 +20,14 @@
 
 namespace clothctl_test {
 
-/// The facts that a model was set up with, and how closely it is held to them.
+/// The properties of a model, and the tolerance of the laws.
 template <class Scalar>
 struct ClothRolloutLaws {
   /// Step length, s.
   Scalar dt = Scalar(0.02);
-  /// Newton steps that converge from a guess nearby.
+  /// A number of Newton steps that converges from any guess near the solution.
   int newton_steps = 30;
-  /// Velocities of the guess differ from those of the state by up to this, m/s.
+  /// Largest difference between the velocities of the guess and of the state, m/s.
   Scalar guess = Scalar(0.1);
   /// How far the driven vertices move in the step, m.
   Scalar move = Scalar(0.004);
@@ -35,7 +35,7 @@ struct ClothRolloutLaws {
   Scalar tolerance = std::is_same_v<Scalar, float> ? Scalar(1e-3) : Scalar(1e-8);
 };
 
-/// Holds a model to the laws from `state`, with the vertices `held` driven.
+/// Checks the laws from `state`, with the vertices `held` driven.
 template <class Model, class Scalar>
 void check_cloth_rollout_laws(const Model& model, const clothctl::ClothState<Scalar>& state,
                               const std::vector<int>& held,
@@ -89,7 +89,7 @@ void check_cloth_rollout_laws(const Model& model, const clothctl::ClothState<Sca
     CHECK((ended.velocities - guessed.velocities).cwiseAbs().maxCoeff() <= laws.tolerance);
     CHECK((ended.positions - guessed.positions).cwiseAbs().maxCoeff() <=
           laws.dt * laws.tolerance + Scalar(8) * scalar_traits<Scalar>::epsilon());
-    // The forces matter: without them the vertices end elsewhere.
+    // The forces have an effect: without them, the vertices end elsewhere.
     pushed.forces.setZero();
     ClothState<Scalar> free = state;
     REQUIRE(Traits::step(model, free, pushed, laws.dt, workspace).advanced);

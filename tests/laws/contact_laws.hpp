@@ -1,7 +1,7 @@
 #pragma once
 
-// What any ContactModel must obey. Call check_contact_laws<Scalar>(model, tolerance) inside a
-// TEST_CASE.
+// The laws that every ContactModel must obey. Call check_contact_laws<Scalar>(model, tolerance)
+// inside a TEST_CASE.
 //
 //   layout     a generator acts on vertices of the finger; its rows of all other vertices are zero
 //   shares     on a flat patch, generator i adds s_i > 0 to the normal force Σ_j n_j·f_j
@@ -29,8 +29,8 @@ struct ContactPatch {
   clothctl::Points<Scalar> points, normals;
 };
 
-/// Returns m vertices 10 mm apart near the plane z = 0. Their normals are (0, 0, 1), or lean by up
-/// to about 0.1 rad where `curved`.
+/// Returns m vertices 10 mm apart near the plane z = 0. Their normals are (0, 0, 1), or tilt by up
+/// to about 0.1 rad if `curved`.
 template <class Scalar>
 ContactPatch<Scalar> contact_patch(clothctl::Index m, bool curved) {
   ContactPatch<Scalar> patch{clothctl::Points<Scalar>::Zero(3, m),
@@ -43,7 +43,7 @@ ContactPatch<Scalar> contact_patch(clothctl::Index m, bool curved) {
   return patch;
 }
 
-/// Returns the adhesion of a model, N; 0 where the optional hook is missing.
+/// Returns the adhesion of a model, N; 0 if the optional hook is missing.
 template <class Scalar, class Model>
 Scalar adhesion_of(const Model& model) {
   if constexpr (requires { clothctl::contact_traits<Model>::adhesion(model); })
@@ -73,7 +73,7 @@ void check_generators(const Model& model, clothctl::Index m, Scalar tolerance) {
   const ContactPatch<Scalar> patch = contact_patch<Scalar>(m, false);
   const Index count = Traits::generators(model, m);
   REQUIRE(count >= 1);
-  // Out is a block of a larger matrix, as the planner has it, and full of old values.
+  // As in the planner, the output is a block of a larger matrix that holds old values.
   clothctl::MatrixX<Scalar> store =
       clothctl::MatrixX<Scalar>::Constant(3 * m + 2, count + 1, Scalar(7));
   Traits::fill(model, patch.points, patch.normals, store.topLeftCorner(3 * m, count));
@@ -112,7 +112,9 @@ void check_forces(const Model& model, const ContactPatch<Scalar>& patch, Scalar 
     clothctl::VectorX<Scalar> d(count);
     Scalar pressed(0);
     for (Index i = 0; i < count; ++i) {
-      const bool used = trial % 3 != 0 || i % 3 == trial % 2;  // sparse ones lie at the border
+      const bool used =
+          trial % 3 != 0 ||
+          i % 3 == trial % 2;  // with few coefficients, forces lie on the border of the cone
       d[i] = used ? Scalar(uniform(random)) : Scalar(0);
       pressed += d[i] * Traits::normal_share(model, m, i);
     }
@@ -159,8 +161,8 @@ void check_refusals(const Model& model, const ContactPatch<Scalar>& patch) {
 
 }  // namespace law_detail
 
-/// Holds a model to all laws of this file, on patches of one, two and six vertices; errors are
-/// relative to the forces and at most `tolerance`.
+/// Checks all laws of this file on patches of one, two and six vertices. Errors are relative to the
+/// forces and at most `tolerance`.
 template <class Scalar, class Model>
 void check_contact_laws(const Model& model, Scalar tolerance) {
   static_assert(clothctl::ContactModel<Model, Scalar>);

@@ -1,12 +1,14 @@
 #pragma once
 
-// What any FeatureMap must obey. Call check_feature_laws<Scalar>(map, vertex_count) inside a
-// TEST_CASE.
+// The laws that every FeatureMap must obey. Call check_feature_laws<Scalar>(map, vertex_count)
+// inside a TEST_CASE.
 //
-//   on the mesh   every term names a vertex of the mesh and a finite weight; validate_features has
-//   nothing to say repeats       a feature names the same terms in the same order each time it is
-//   asked linear        φ(a x + b y) = a φ(x) + b φ(y) translation   φ(x + 1 dᵀ) = φ(x) + (Σ w) d
-//   memory        evaluating allocates nothing
+//   on the mesh   every term names a vertex of the mesh and a finite weight, and
+//                 validate_features finds no error
+//   repeats       a feature names the same terms in the same order at each call
+//   linear        φ(a x + b y) = a φ(x) + b φ(y)
+//   translation   φ(x + 1 dᵀ) = φ(x) + (Σ w) d
+//   memory        evaluating does not allocate
 
 #include <cmath>
 #include <random>
@@ -19,7 +21,7 @@
 
 namespace clothctl_test {
 
-/// Checks the laws of feature maps on a mesh of `vertex_count` vertices.
+/// Checks the laws on a mesh of `vertex_count` vertices.
 template <class Scalar, class Map>
 void check_feature_laws(const Map& map, clothctl::Index vertex_count) {
   using namespace clothctl;

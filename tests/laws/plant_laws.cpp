@@ -1,4 +1,4 @@
-// Our models as plants obey the laws of plants.
+// The simulators of this library, used as plants, obey the laws of plants.
 
 #include "laws/plant_laws.hpp"
 
@@ -21,8 +21,8 @@ ModelPlant<Model> sheet_plant() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a model as a plant obeys the laws of plants", "[laws]", MassSpring<double>,
-                   MassSpring<float>, PositionBased<double>) {
+TEMPLATE_TEST_CASE("the library's models as plants obey the laws of plants", "[laws]",
+                   MassSpring<double>, MassSpring<float>, PositionBased<double>) {
   using Scalar = typename TestType::Scalar;
   clothctl_test::check_plant_laws<Scalar>([] { return sheet_plant<TestType>(); }, Scalar(0.02));
 }

@@ -1,7 +1,7 @@
 #pragma once
 
-// What any ClothPlant must obey: equal plants under equal input stay equal to the bit, and a plant
-// that does not advance stands as before.
+// The laws that every ClothPlant must obey: equal plants with equal input stay equal to the bit,
+// and a plant that does not advance keeps its state.
 
 #include <limits>
 
@@ -10,7 +10,7 @@
 
 namespace clothctl_test {
 
-/// Checks the laws on plants that `make()` returns, all alike; vertex 0 is free.
+/// Checks the laws on plants made by `make()`, which must all be equal. Vertex 0 must be free.
 template <class Scalar, class Make>
 requires clothctl::ClothPlant<decltype(std::declval<Make>()()), Scalar>
 void check_plant_laws(const Make& make, Scalar dt) {

@@ -1,14 +1,15 @@
 #pragma once
 
-// What any Predictor must obey. Call check_predictor_laws(make, state, held, laws) inside a
-// TEST_CASE: `make()` gives a new predictor for the sheet whose state is given.
+// The laws that every Predictor must obey. Call check_predictor_laws(make, state, held, laws)
+// inside a TEST_CASE, where `make()` returns a new predictor for the sheet in `state`.
 //
-//   finite        free and impulse are finite, and of the sizes that the request implies
-//   repeats       a new predictor gives the same bits, and so does one that has been reset
-//   plan          where `linear`: moving the plan by δ moves free by Σ T_{k-j} δ_j, and leaves T as
-//   it is causal        an input of frame j changes no output before frame j start         outputs
-//   that nothing moves yet begin at their measured place: |y_1 - y_0| is bounded by speed and force
-//   memory        predicting allocates nothing after reserve
+//   finite     free and impulse responses are finite and have the sizes that the request implies
+//   repeats    a new predictor gives the same bits, and so does one after reset
+//   plan       if `linear`: changing the plan by δ changes the free response by Σ T_{k-j} δ_j and
+//              leaves T unchanged
+//   causal     an input of frame j changes no output before frame j
+//   start      outputs begin at their measured position: |y_1 - y_0| is at most `first_move`
+//   memory     predicting does not allocate after reserve
 
 #include <cmath>
 #include <random>
@@ -22,20 +23,21 @@
 
 namespace clothctl_test {
 
-/// What is known of a predictor.
+/// The properties of a predictor, and the tolerances of the laws.
 template <class Scalar>
 struct PredictorLaws {
-  /// Whether `free` is an affine function of the plan with the impulse response as its slope.
+  /// Whether `free` is an affine function of the plan, with the impulse response as its slope.
   bool linear = true;
-  /// Relative error of that.
+  /// Largest relative deviation from that function.
   Scalar tolerance = Scalar(1e-9);
   /// Frames of the window.
   clothctl::Index horizon = 6;
-  /// Furthest that an output travels in the first frame, m.
+  /// Largest distance that an output moves in the first frame, m.
   Scalar first_step = Scalar(0.2);
 };
 
-/// Checks the laws for forces on and velocities of the vertices `held`.
+/// Checks the laws, once with forces on the vertices `held` and once with their velocities as
+/// inputs.
 template <class Make, class Scalar>
 void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& state,
                           const std::vector<int>& held, const PredictorLaws<Scalar>& laws) {
@@ -62,7 +64,7 @@ void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& 
     WindowResponse<Scalar> first, second;
     P predictor = make();
     predictor.reserve(request, first);
-    first.plan = request.plan;  // as a planner leaves it
+    first.plan = request.plan;  // the state in which a planner leaves it
     REQUIRE(predictor.predict(state.positions, state.velocities, request, first));
     const Index columns = request.inputs() * laws.horizon;
     REQUIRE((first.free_response.rows() == request.output_rows() &&

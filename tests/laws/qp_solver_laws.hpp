@@ -1,18 +1,18 @@
 #pragma once
 
-// What any QP solver must obey, and random problems with known solutions to show it on.
+// The laws that every QP solver must obey, and random problems with known solutions to check them
+// on.
 //
-//   solved       Solved means that the independent check of the unscaled optimality conditions
-//   passes, and the objective is
-//                the one the problem was built around
-//   repeats      the same problem twice: the second time 0 iterations; two solvers with the same
-//   history: the same bits refusals     NaN, crossed bounds, asymmetric or concave Hessian, broken
-//   rows, broken warm start: refused, and the next solve
-//                is as if it had not happened (0 iterations)
-//   recovery     an infeasible or unbounded problem leaves the next solve as good as a cold one
-//   memory       repeated solves of one size allocate nothing
+//   solved       if the status is Solved, the independent check of the unscaled optimality
+//                conditions passes, and the objective is the known one
+//   repeats      solving the same problem again takes 0 iterations
+//   history      two solvers with the same history give the same bits
+//   refusals     NaN, crossed bounds, an asymmetric or concave Hessian, bad rows and a bad warm
+//                start are refused, and the next solve is not affected (0 iterations)
+//   recovery     the solve after an infeasible or unbounded problem is as good as a cold one
+//   memory       repeated solves of one size do not allocate
 //
-// Each law answers with an empty string, or with the name of what broke.
+// Each law returns an empty string, or a text that names what failed.
 
 #include <cmath>
 #include <limits>
@@ -26,8 +26,8 @@
 
 namespace clothctl_test {
 
-/// A solver with the optional hooks of warm starts. Axiom: the same problem twice takes 0
-/// iterations the second time.
+/// A solver with the optional hooks of warm starts. Axiom: solving the same problem again takes 0
+/// iterations.
 template <class Solver, class Scalar = double>
 concept WarmStartable =
     (clothctl::BoxQpSolver<Solver, Scalar> ||
@@ -49,7 +49,7 @@ using clothctl::MatrixX;
 using clothctl::QpStatus;
 using clothctl::VectorX;
 
-/// A problem and the optimal triple that it was built around.
+/// A problem together with its known optimal x, y and z.
 template <class Scalar>
 struct KnownQp {
   MatrixX<Scalar> H, A;
@@ -60,26 +60,25 @@ struct KnownQp {
   Scalar objective() const { return x.dot(Scalar(0.5) * (H * x) + g); }
 };
 
-/// What a random problem should look like.
+/// The properties of a random problem.
 struct QpFamily {
   /// Unknowns and rows.
   Index n = 10, m = 0;
-  /// Rank of H over n: 1 strictly convex, 0 a linear program.
+  /// Rank of H divided by n: 1 is strictly convex, 0 a linear program.
   double rank = 1.0;
-  /// Part of the unknowns that sit at a bound, and of the rows that are active.
+  /// Share of the unknowns that lie at a bound, and share of the rows that are active.
   double active = 0.5;
-  /// Part of the active ones with a zero multiplier.
+  /// Share of the active bounds and rows whose multiplier is zero.
   double degenerate = 0.0;
-  /// Part of the rows that are equalities.
+  /// Share of the rows that are equalities.
   double equalities = 0.2;
-  /// Part of the rows that repeat an earlier row, scaled.
+  /// Share of the rows that are multiples of an earlier row.
   double copies = 0.0;
   /// Columns are scaled by 2^±spread at random.
   int spread = 0;
 };
 
-/// Draws a problem. Linear programs get enough active bounds that their solution is a vertex or
-/// face with the known value.
+/// Draws a problem. A linear program gets so many active bounds that its known solution is optimal.
 template <class Scalar>
 KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
   std::normal_distribution<double> normal;
@@ -130,7 +129,7 @@ KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
     z[j] *= scale[j];
   }
   // Values are rounded to Scalar before rows and gradient are formed, so that the known solution
-  // stays consistent.
+  // stays exact.
   const Eigen::VectorXd Ax = A * x;
   for (Index i = 0; i < m; ++i) {
     place(Ax[i], 1.0, rl[i], ru[i], y[i], true);
@@ -154,7 +153,7 @@ KnownQp<Scalar> draw_qp(const QpFamily& family, std::mt19937& random) {
   return q;
 }
 
-/// Calls a solver through its trait, with rows where it takes them.
+/// Calls a solver through its trait; passes rows if the solver takes them.
 template <class Scalar, class Solver>
 class QpSession {
  public:
@@ -162,7 +161,7 @@ class QpSession {
   using SolverResult = typename Traits::result_type;
   static constexpr bool kRows = clothctl::QpSolver<Solver, Scalar>;
 
-  /// Makes room and sets the matrices.
+  /// Reserves memory and sets the matrices.
   QpStatus set(const KnownQp<Scalar>& q) {
     if constexpr (kRows) {
       Traits::reserve(solver, q.H.rows(), q.A.rows());
@@ -174,7 +173,7 @@ class QpSession {
       return Traits::set_hessian(solver, q.H);
     }
   }
-  /// Solves with the vectors of q.
+  /// Solves q.
   QpStatus solve(const KnownQp<Scalar>& q) {
     if constexpr (kRows) {
       return Traits::solve(solver, q.g, q.lb, q.ub, q.rl, q.ru, result);
@@ -182,7 +181,7 @@ class QpSession {
       return Traits::solve(solver, q.g, q.lb, q.ub, result);
     }
   }
-  /// Residuals of the last result on q.
+  /// Returns the residuals of the last result for q.
   clothctl::KktResiduals<Scalar> residuals(const KnownQp<Scalar>& q) const {
     VectorX<Scalar> y(q.A.rows());
     if constexpr (kRows) y = Traits::row_multipliers(result);
@@ -195,7 +194,7 @@ class QpSession {
   SolverResult result;
 };
 
-/// Law "solved" on one problem.
+/// Law "solved", for one problem.
 template <class Scalar, class Session>
 std::string qp_law_solved(Session& session, const KnownQp<Scalar>& q, double tolerance) {
   using std::abs;
@@ -211,7 +210,7 @@ std::string qp_law_solved(Session& session, const KnownQp<Scalar>& q, double tol
   return {};
 }
 
-/// Laws "repeats", "refusals" and "memory" on one problem that the session has not seen.
+/// Laws "repeats", "history", "refusals" and "memory", for one problem that is new to the session.
 template <class Scalar, class Solver>
 std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   QpSession<Scalar, Solver> first, second;
@@ -307,7 +306,7 @@ std::string qp_law_history(const KnownQp<Scalar>& q, double tolerance) {
   return {};
 }
 
-/// Law "recovery": a row solver meets q, then q with contradicting rows, then q without bounds or
+/// Law "recovery": a row solver solves q, then q with contradicting rows, then q without bounds or
 /// curvature.
 template <class Scalar, class Solver>
 std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
@@ -315,7 +314,7 @@ std::string qp_law_recovery(const KnownQp<Scalar>& q, double tolerance) {
   if (session.set(q) != QpStatus::Solved) return "recovery: matrices were refused";
   std::string broken = qp_law_solved(session, q, tolerance);
   if (!broken.empty()) return broken;
-  KnownQp<Scalar> bad = q;  // the row is pushed beyond what the box allows
+  KnownQp<Scalar> bad = q;  // the row demands more than the bounds allow
   bad.lb = bad.x.array() - Scalar(1);
   bad.ub = bad.x.array() + Scalar(1);
   const Scalar reach = q.A.row(0).cwiseAbs().sum();

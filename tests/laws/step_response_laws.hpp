@@ -1,8 +1,8 @@
 #pragma once
 
-// Laws that every StepResponse must obey, whatever its equations. Call
+// The laws that every StepResponse must obey, whatever its equations. Call
 // check_step_response_laws(response, x, v, wind, dt, driven, tolerance) inside a TEST_CASE. The
-// laws compute A w = (1 + h α) M w + R w from what the response returns.
+// laws compute A w = (1 + h α) M w + R w from the functions of the response.
 //
 //   shapes      mass, force and held have one entry for each vertex; driven vertices are held
 //   linear      K and R are linear
@@ -22,7 +22,7 @@
 
 namespace clothctl_test {
 
-/// {K w, R w} of a response.
+/// Returns {K w, R w}.
 template <int kLanes, class Response, class Scalar = typename Response::Scalar>
 std::pair<clothctl::Lanes<Scalar, kLanes>, clothctl::Lanes<Scalar, kLanes>> multiply(
     const Response& response, const clothctl::Lanes<Scalar, kLanes>& w) {
@@ -33,8 +33,8 @@ std::pair<clothctl::Lanes<Scalar, kLanes>, clothctl::Lanes<Scalar, kLanes>> mult
   return out;
 }
 
-/// Tests all laws of this file on a response at one state. Errors are relative to the largest entry
-/// and at most `tolerance`.
+/// Checks all laws of this file at one state. Errors are relative to the largest entry and at most
+/// `tolerance`.
 template <clothctl::StepResponse Response, class Scalar = typename Response::Scalar>
 void check_step_response_laws(Response& response, const clothctl::Points<Scalar>& x,
                               const clothctl::Points<Scalar>& v,

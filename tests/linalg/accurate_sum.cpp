@@ -9,12 +9,13 @@
 using namespace clothctl;
 using clothctl::AccurateSum;
 
-TEMPLATE_TEST_CASE("sums of products that cancel keep their last digit", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("sums of cancelling products are accurate to the last digit", "[qp]", float,
+                   double) {
   using S = TestType;
   REQUIRE(has_accurate_sums<S>());
   const int most = sizeof(S) == sizeof(float)
                        ? 1 << 20
-                       : 1 << 30;  // products and sums are exact in 64 bits, not in S
+                       : 1 << 30;  // products and sums are exact in 64 bits but not in S
   std::mt19937 random(5);
   std::uniform_int_distribution<int> large(-most, most), small(-9, 9);
   for (int trial = 0; trial < 100; ++trial) {
@@ -39,7 +40,7 @@ TEMPLATE_TEST_CASE("sums of products that cancel keep their last digit", "[qp]",
   }
 }
 
-TEST_CASE("a product's own rounding is in the sum", "[qp]") {
+TEST_CASE("a sum includes the rounding error of each product", "[qp]") {
   AccurateSum<double> sum;
   const double a = 1.0 + std::ldexp(1.0, -30);
   sum.add_product(a, a);  // 1 + 2^-29 + 2^-60
@@ -47,7 +48,7 @@ TEST_CASE("a product's own rounding is in the sum", "[qp]") {
   CHECK(sum.value() == std::ldexp(1.0, -60));
 }
 
-TEST_CASE("a sum that is not finite says so", "[qp]") {
+TEST_CASE("a sum that is not finite reports it", "[qp]") {
   AccurateSum<double> sum;
   sum.add_product(1e300, 1e300);
   CHECK_FALSE(is_finite(sum.value()));

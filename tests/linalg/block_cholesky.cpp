@@ -15,8 +15,8 @@ using namespace clothctl_test;
 
 namespace {
 
-/// Binary dissection of the index range, with the vertices that couple both halves on top: valid
-/// for any graph, and made here so that this test stands without the mesh folder.
+/// Bisects the index range, and puts the vertices that couple both halves on top. Valid for any
+/// graph, and written here so that this test does not need the mesh folder.
 struct IndexDissection {
   const BlockSymmetric<double>& pattern;
   int leaf;
@@ -75,7 +75,7 @@ std::vector<Graph> graphs(std::mt19937& random) {
 template <class Scalar>
 constexpr int native_lanes_of = detail::native_lanes<Scalar>();
 
-/// Largest relative error over the lanes against a dense solve in double.
+/// Largest relative error over the lanes, compared with a dense solve in double.
 template <int kLanes, class Scalar>
 double solve_error(BlockCholesky<Scalar>& factor, const Eigen::MatrixXd& full) {
   Lanes<Scalar, kLanes> x = Lanes<Scalar, kLanes>::Random(kLanes, full.rows());
@@ -114,7 +114,7 @@ TEST_CASE("Solves agree with a dense factorisation") {
   }
 }
 
-TEST_CASE("No rows") {
+TEST_CASE("A matrix without rows is factored and solved") {
   BlockCholesky<double> none;
   CHECK(none.factorize(BlockSymmetric<double>()));
   Lanes<double, 4> x(4, 0);
@@ -122,14 +122,14 @@ TEST_CASE("No rows") {
   CHECK(none.factor_entries() == 0);
 }
 
-TEST_CASE("Held vertices: the rest is solved without them, they come back bit for bit") {
+TEST_CASE("Solves with held vertices solve the rest and return held entries bit for bit") {
   std::mt19937 random(52);
   std::bernoulli_distribution coin(0.3);
   for (const Graph& graph : graphs(random)) {
     const BlockSymmetric<double> matrix = random_spd<double>(graph, random);
     const Eigen::MatrixXd full = dense(matrix);
     BlockCholesky<double> factor(matrix, tree_of(graph, 6));
-    // One object through many masks: none, all, some, others, none again.
+    // One object with many masks: none, all, some, others, none again.
     for (int trial = 0; trial < 6; ++trial) {
       std::vector<unsigned char> held(static_cast<std::size_t>(graph.size()), trial == 1 ? 1 : 0);
       if (trial > 1 && trial < 5) {
@@ -166,7 +166,7 @@ TEST_CASE("Held vertices: the rest is solved without them, they come back bit fo
   }
 }
 
-TEST_CASE("A held vertex may hide what is wrong with the matrix") {
+TEST_CASE("A held vertex may hide an error of the matrix") {
   std::mt19937 random(53);
   const Graph graph = sheet_graph(6, 6, true);
   BlockSymmetric<double> matrix = random_spd<double>(graph, random);
@@ -198,8 +198,8 @@ TEST_CASE(
       CHECK_FALSE(factor.factorize(matrix));
     }
   }
-  // A number that is not finite is noticed wherever it stands, in diagonal blocks above the
-  // diagonal too.
+  // A number that is not finite is detected at any place, also above the diagonal of diagonal
+  // blocks.
   for (const float value : {bad[1], bad[2], bad[3]}) {
     for (Index r = 0; r < 3; ++r) {
       for (Index c = 0; c < 3; ++c) {
@@ -224,13 +224,13 @@ TEST_CASE(
   singular.diagonal(0).setIdentity();
   BlockCholesky<float> small(singular, tree_of(rope_graph(2), 1));
   CHECK_FALSE(small.factorize(singular));
-  // Stale values of a failure leave no trace.
+  // Values left by a failure have no effect.
   REQUIRE(factor.factorize(good));
   CHECK(solve_error<16>(factor, dense(good)) < 1e-3);
   CHECK(solve_error<1>(factor, dense(good)) < 1e-3);
 }
 
-TEST_CASE("Factorising and solving allocate nothing and repeat bit for bit") {
+TEST_CASE("Factorising and solving do not allocate and repeat bit for bit") {
   std::mt19937 random(55);
   const Graph graph = sheet_graph(17, 17, true);
   const BlockSymmetric<double> matrix = random_spd<double>(graph, random);
@@ -255,7 +255,7 @@ TEST_CASE("Factorising and solving allocate nothing and repeat bit for bit") {
   Lanes<double, 13> y = b;
   again.solve(y);
   CHECK(x == y);
-  // A copy stands on its own.
+  // A copy is independent.
   BlockCholesky<double> copy = factor;
   REQUIRE(factor.factorize(matrix));
   y = b;
@@ -263,10 +263,10 @@ TEST_CASE("Factorising and solving allocate nothing and repeat bit for bit") {
   CHECK(x == y);
 }
 
-TEST_CASE("Entries are counted") {
+TEST_CASE("The entries of a factor are counted") {
   const Graph graph = rope_graph(4);
   const BlockSymmetric<double> pattern(4, graph.pairs);
-  // One dense front of 12 rows; then leaves {0}, {3} and the middle on top of both.
+  // One dense front of 12 rows; then leaves {0}, {3} and the middle above both.
   CHECK(BlockCholesky<double>(pattern, {{0, 1, 2, 3}, {0, 4}, {-1}}).factor_entries() == 78);
   BlockSymmetric<double> chain(4, {{0, 1}, {1, 2}, {2, 3}});
   const EliminationTree tree{{0, 3, 1, 2}, {0, 1, 2, 4}, {2, 2, -1}};

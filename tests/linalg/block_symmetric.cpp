@@ -8,7 +8,7 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
-TEST_CASE("A pattern drops repeats, self-couplings and the order of a pair") {
+TEST_CASE("A pattern drops repeated pairs, self-couplings and the order of a pair") {
   const BlockSymmetric<double> matrix(4, {{0, 2}, {2, 0}, {1, 1}, {3, 0}, {2, 1}, {0, 3}});
   CHECK(matrix.rows() == 4);
   CHECK(matrix.lower_count() == 3);
@@ -24,7 +24,7 @@ TEST_CASE("A pattern drops repeats, self-couplings and the order of a pair") {
   }
 }
 
-TEST_CASE("No rows, one row") {
+TEST_CASE("Matrices of no row and of one row work") {
   BlockSymmetric<float> none;
   Lanes<float, 4> empty(4, 0), out(4, 0);
   none.multiply(empty, out);
@@ -57,7 +57,7 @@ void check_product(const Graph& graph, std::mt19937& random, double tolerance) {
 
 }  // namespace
 
-TEST_CASE("Products agree with the dense matrix, whatever was in y") {
+TEST_CASE("Products agree with the dense matrix and overwrite y") {
   std::mt19937 random(11);
   for (const Graph& graph : {sheet_graph(5, 7, true), rope_graph(9), random_graph(20, 60, random),
                              random_graph(3, 0, random)}) {
@@ -73,7 +73,7 @@ TEST_CASE("Products agree with the dense matrix, whatever was in y") {
   }
 }
 
-TEST_CASE("Zero, and sums of matrices of one pattern") {
+TEST_CASE("Setting zero and adding matrices of one pattern work") {
   std::mt19937 random(12);
   const Graph graph = sheet_graph(4, 4, true);
   BlockSymmetric<double> a = random_spd<double>(graph, random);
@@ -85,8 +85,7 @@ TEST_CASE("Zero, and sums of matrices of one pattern") {
   CHECK(dense(a).norm() == 0.0);
 }
 
-TEST_CASE(
-    "A pair off the rows, an index off the rows and vectors of another size are a caller's bug") {
+TEST_CASE("Bad indices and vectors of another size stop at an assert") {
   const BlockSymmetric<double> matrix(3, {{0, 1}, {2, 1}});
   CHECK(is_let_through([] { BlockSymmetric<double>(3, {{2, 0}}); }));
   CHECK(is_stopped([] { BlockSymmetric<double>(3, {{3, 0}}); }));

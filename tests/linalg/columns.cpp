@@ -21,8 +21,8 @@ MatrixX<S> drawn(Index rows, Index columns, double share, std::mt19937& random) 
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("products by columns are those of the matrix, listed or not", "[qp]", float,
-                   double) {
+TEMPLATE_TEST_CASE("products by columns agree with the matrix, with and without lists of nonzeros",
+                   "[qp]", float, double) {
   using S = TestType;
   std::mt19937 random(3);
   for (const double share : {0.0, 0.05, 0.2, 0.9}) {
@@ -56,7 +56,7 @@ TEMPLATE_TEST_CASE("products by columns are those of the matrix, listed or not",
   }
 }
 
-TEST_CASE("a quarter of nonzeros is listed, one more is not", "[qp]") {
+TEST_CASE("a quarter of nonzeros is listed, and one more is not", "[qp]") {
   Columns<double> columns;
   columns.reserve(4, 4);
   MatrixX<double> M = MatrixX<double>::Identity(4, 4);
@@ -74,7 +74,7 @@ TEST_CASE("a quarter of nonzeros is listed, one more is not", "[qp]") {
   CHECK_FALSE(columns.sparse());
 }
 
-TEST_CASE("listing does not allocate within what was reserved", "[qp]") {
+TEST_CASE("listing does not allocate within the reserved size", "[qp]") {
   Columns<double> columns;
   columns.reserve(30, 30);
   const MatrixX<double> M = MatrixX<double>::Identity(30, 20);

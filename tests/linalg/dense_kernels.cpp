@@ -28,7 +28,7 @@ void check_front(Index pivots, Index border, bool fresh, std::mt19937& random, d
   Eigen::MatrixXd a = random_spd_dense(n, random);
   if (fresh) a.bottomRightCorner(border, border).setZero();
   MatrixX<Scalar> f =
-      MatrixX<Scalar>::Zero(ld, pivots + 1);  // a spare column: the padding that may be read
+      MatrixX<Scalar>::Zero(ld, pivots + 1);  // a spare column, since the kernels may read padding
   f.topLeftCorner(n, pivots) = a.leftCols(pivots).cast<Scalar>();
   f.topLeftCorner(pivots, pivots)
       .template triangularView<Eigen::StrictlyUpper>()
@@ -39,7 +39,7 @@ void check_front(Index pivots, Index border, bool fresh, std::mt19937& random, d
 
   const Eigen::MatrixXd l = a.topLeftCorner(pivots, pivots).llt().matrixL();
   Eigen::MatrixXd v(border, pivots);
-  // Eigen's triangular solve of no right-hand sides binds a reference to a null pointer.
+  // With no right-hand sides, Eigen's triangular solve binds a reference to a null pointer.
   if (border > 0) {
     v = l.triangularView<Eigen::Lower>()
             .solve(Eigen::MatrixXd(a.bottomLeftCorner(border, pivots).transpose()))
@@ -51,7 +51,7 @@ void check_front(Index pivots, Index border, bool fresh, std::mt19937& random, d
   const Eigen::MatrixXd difference =
       u.topLeftCorner(border, border).template cast<double>() - schur;
   CHECK(Eigen::MatrixXd(difference.triangularView<Eigen::Lower>()).norm() <= scale);
-  // Off the diagonal panels stands L, on them its inverse with zeros above.
+  // Off the diagonal panels there is L, on them its inverse with zeros above.
   const Panels panels(pivots);
   for (int p = 0; p < panels.count; ++p) {
     const Index first = panels.begin(p), width = panels.begin(p + 1) - first, below = first + width;
@@ -96,7 +96,7 @@ TEST_CASE("An eliminated front holds the factor and the Schur complement") {
   check_front<long double>(15, 21, false, random, 1e-13);
 }
 
-TEST_CASE("Packing keeps each row panel's columns up to its diagonal") {
+TEST_CASE("Packing keeps the columns of each row panel up to its diagonal") {
   for (const Index pivots : {3, 15, 36}) {
     for (const Index border : {0, 6, 27}) {
       const Index ld = pivots + border;
@@ -137,7 +137,7 @@ TEST_CASE("A front that is not positive definite is refused") {
   }
 }
 
-TEST_CASE("Runs are added one by one") {
+TEST_CASE("Runs of rows are added one by one") {
   for (Index count = 0; count < 40; ++count) {
     std::vector<float> target(static_cast<std::size_t>(count + 1), 1.0f),
         source(static_cast<std::size_t>(count + 1), 2.0f);

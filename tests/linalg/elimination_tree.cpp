@@ -8,7 +8,7 @@
 
 using namespace clothctl;
 
-TEST_CASE("a tree that is written by hand serves a factorisation", "[linalg]") {
+TEST_CASE("an elimination tree written by hand works in a factorisation", "[linalg]") {
   // The path 0 - 1 - 2: both ends are leaves, the middle is the root.
   BlockSymmetric<double> matrix(3, {{0, 1}, {1, 2}});
   for (Index i = 0; i < 3; ++i) matrix.diagonal(i) = 4.0 * Matrix3<double>::Identity();

@@ -9,8 +9,8 @@ using namespace clothctl_test;
 
 namespace {
 
-/// A rope of seven with couplings to the next but one: two pairs at the ends, two pairs between,
-/// the middle on top.
+/// A rope of seven vertices with couplings to the next but one: two pairs at the ends, two pairs
+/// between, the middle on top.
 struct Rope {
   BlockSymmetric<double> pattern;
   EliminationTree tree{{0, 1, 6, 5, 2, 3, 4}, {0, 2, 4, 7}, {2, 2, -1}};
@@ -23,7 +23,7 @@ struct Rope {
 
 }  // namespace
 
-TEST_CASE("Fronts hold their pivots and what these couple to above") {
+TEST_CASE("Fronts contain their pivots and the vertices above that these couple to") {
   const Rope rope;
   const FrontLayout layout(rope.pattern, rope.tree, 8);
   REQUIRE(layout.fronts.size() == 3);
@@ -54,7 +54,7 @@ TEST_CASE("Fronts hold their pivots and what these couple to above") {
   }
 }
 
-TEST_CASE("Each block of the matrix goes to one place below or on the diagonal") {
+TEST_CASE("Each block of the matrix has one place, below or on the diagonal") {
   const Rope rope;
   const FrontLayout layout(rope.pattern, rope.tree, 4);
   int diagonal = 0;
@@ -82,7 +82,7 @@ TEST_CASE("Each block of the matrix goes to one place below or on the diagonal")
   CHECK(seen == std::vector<int>(seen.size(), 1));
 }
 
-TEST_CASE("Children's rows are found again in the parent, as long runs") {
+TEST_CASE("The rows of children are found in the parent as long runs") {
   const Rope rope;
   const FrontLayout layout(rope.pattern, rope.tree, 1);
   const Front& top = layout.fronts[2];
@@ -100,7 +100,8 @@ TEST_CASE("Children's rows are found again in the parent, as long runs") {
 }
 
 TEST_CASE("A run ends where the parent's border begins") {
-  // 0 couples to 1 and 2; 1 reports to 2: in the front of 1, row 1 is a pivot and row 2 is border.
+  // 0 couples to 1 and 2, and 1 is a child of 2. In the front of 1, row 1 is a pivot and row 2 is
+  // border.
   const BlockSymmetric<double> pattern(3, {{0, 1}, {0, 2}});
   const FrontLayout layout(pattern, {{0, 1, 2}, {0, 1, 2, 3}, {1, 2, -1}}, 1);
   const FrontChild& child = layout.children[static_cast<std::size_t>(layout.fronts[1].child_begin)];
@@ -109,9 +110,9 @@ TEST_CASE("A run ends where the parent's border begins") {
   CHECK(layout.runs[static_cast<std::size_t>(child.run_begin) + 1].target == 3);
 }
 
-TEST_CASE("Each front lists its children in ascending order, however many nodes there are") {
-  // Combs: vertex 2i hangs on vertex 2i+1, and those follow one another; every seventh tooth is
-  // loose.
+TEST_CASE("Each front lists its children in ascending order for any number of nodes") {
+  // Combs: vertex 2i is a child of vertex 2i+1, and those form a chain. Every seventh tooth is
+  // disconnected.
   const int teeth = 20000, n = 2 * teeth;
   std::vector<std::pair<int, int>> pairs;
   EliminationTree tree;
@@ -141,8 +142,8 @@ TEST_CASE("Each front lists its children in ascending order, however many nodes 
   CHECK(right);
 }
 
-TEST_CASE("Update matrices that live at the same time do not overlap, and memory is used again") {
-  // Six leaves of one vertex round a hub of four: all wait for the hub.
+TEST_CASE("Update matrices that exist at the same time do not overlap, and memory is reused") {
+  // Six leaves of one vertex around a hub of four: all are kept until the hub.
   std::vector<std::pair<int, int>> pairs;
   for (int leaf = 0; leaf < 6; ++leaf) {
     for (int hub = 0; hub <= leaf % 4; ++hub) pairs.push_back({leaf, 6 + hub});
@@ -160,7 +161,7 @@ TEST_CASE("Update matrices that live at the same time do not overlap, and memory
       CHECK(apart);
     }
   }
-  // A chain: only a vertex and the one before it live together.
+  // A chain: only a vertex and the previous one exist together.
   const BlockSymmetric<double> chain(6, {{0, 1}, {1, 2}, {2, 3}, {3, 4}, {4, 5}});
   const FrontLayout links(chain, {{0, 1, 2, 3, 4, 5}, {0, 1, 2, 3, 4, 5, 6}, {1, 2, 3, 4, 5, -1}},
                           1);

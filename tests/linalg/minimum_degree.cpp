@@ -28,7 +28,7 @@ bool order(detail::MinimumDegree& degree, const Graph& g, double work = 1e18,
   return degree.order(work, fill);
 }
 
-// Eliminates by the definition and answers the number of entries of each column.
+// Eliminates by definition and returns the number of entries in each column.
 std::vector<int> eliminate(Graph g, const std::vector<int>& order) {
   std::vector<int> columns(g.size());
   for (int p : order) {
@@ -61,7 +61,7 @@ std::vector<int> order_of(const detail::MinimumDegree& degree, std::size_t nodes
 
 }  // namespace
 
-TEST_CASE("the order is a permutation and the columns are those of eliminating in it", "[qp]") {
+TEST_CASE("the order is a permutation, and its column counts match an elimination", "[qp]") {
   std::mt19937 random(12);
   detail::MinimumDegree degree;
   degree.reserve(60, 60 * 60, 60 * 60);
@@ -88,8 +88,8 @@ TEST_CASE("the order is a permutation and the columns are those of eliminating i
 }
 
 TEST_CASE(
-    "a tree has no fill, an arrow gives up its head last, and a grid fills far less than in its "
-    "own order",
+    "minimum degree fills nothing in trees and arrows, and far less in grids than the natural "
+    "order",
     "[qp]") {
   detail::MinimumDegree degree;
   degree.reserve(900, 4000, 100000);
@@ -113,7 +113,7 @@ TEST_CASE(
   CHECK(degree.fill() < banded / 2);
 }
 
-TEST_CASE("too much fill or work is refused, the next graph is not", "[qp]") {
+TEST_CASE("too much fill or work is refused, and the next graph is accepted", "[qp]") {
   detail::MinimumDegree degree;
   degree.reserve(40, 40 * 40, 300);
   Graph full(40);
@@ -131,7 +131,7 @@ TEST_CASE("too much fill or work is refused, the next graph is not", "[qp]") {
   CHECK(order(degree, sheet, 1e18, fill));
 }
 
-TEST_CASE("the same graph gets the same order, without allocating", "[qp]") {
+TEST_CASE("the same graph gets the same order without allocating", "[qp]") {
   detail::MinimumDegree degree;
   degree.reserve(400, 2000, 20000);
   const Graph sheet = grid(20);

@@ -17,8 +17,8 @@ BlockSymmetric<double> pattern_of(const Graph& graph) {
   return BlockSymmetric<double>(graph.size(), graph.pairs);
 }
 
-/// A permutation, nodes that cover it, children before parents, and no coupling but along the way
-/// to a root.
+/// Checks that the order is a permutation, nodes cover it, children precede parents, and couplings
+/// only lead towards a root.
 void check_tree(const EliminationTree& tree, const Graph& graph) {
   const std::size_t n = static_cast<std::size_t>(graph.size()), nodes = tree.parent.size();
   REQUIRE(tree.permutation.size() == n);
@@ -67,14 +67,14 @@ TEST_CASE("Orders of sheets, ropes, solids and random graphs are valid eliminati
   }
 }
 
-TEST_CASE("No vertices give no nodes") {
+TEST_CASE("An empty graph has an order without nodes") {
   const EliminationTree tree = nested_dissection(BlockSymmetric<double>(), Points<double>(3, 0));
   CHECK(tree.parent.empty());
   CHECK(tree.permutation.empty());
   CHECK(tree.node_begin == std::vector<int>{0});
 }
 
-TEST_CASE("A sheet falls into halves along a line of vertices") {
+TEST_CASE("A sheet is divided into halves along a line of vertices") {
   const Graph springs = sheet_graph(17, 17, false), bent = sheet_graph(17, 17, true);
   const EliminationTree one = nested_dissection(pattern_of(springs), springs.positions);
   const EliminationTree two = nested_dissection(pattern_of(bent), bent.positions);
@@ -96,7 +96,7 @@ TEST_CASE("Separate bodies need no common ancestor") {
   CHECK(std::count(tree.parent.begin(), tree.parent.end(), -1) >= 2);
 }
 
-TEST_CASE("Vertices in one place are still ordered") {
+TEST_CASE("Coincident vertices are ordered") {
   Graph graph = sheet_graph(10, 10, true);
   graph.positions.setZero();
   check_tree(nested_dissection(pattern_of(graph), graph.positions), graph);
@@ -112,7 +112,7 @@ TEST_CASE("The same input gives the same order") {
   CHECK(a.parent == b.parent);
 }
 
-TEST_CASE("Positions that are not finite are a caller's bug, but never an order that is none") {
+TEST_CASE("Positions that are not finite stop at an assert, or still give a valid order") {
   std::mt19937 random(43);
   Graph graph = cloud_graph(200, 0.3, random);
   const double bad[] = {std::numeric_limits<double>::quiet_NaN(),
@@ -123,7 +123,7 @@ TEST_CASE("Positions that are not finite are a caller's bug, but never an order 
   const BlockSymmetric<double> pattern = pattern_of(graph);
   const PointsView<double> positions(graph.positions);
   check_tree(detail::Dissection<double>(pattern, positions, 4).take(), graph);
-  // All of them: the order is then that of the indices.
+  // If no position is finite, the order is that of the indices.
   graph.positions.setConstant(bad[0]);
   check_tree(detail::Dissection<double>(pattern, positions, 4).take(), graph);
 }

@@ -11,7 +11,7 @@ namespace {
 
 template <class Scalar, int kLanes>
 void check_pack() {
-  // One number past an aligned address: packs take any.
+  // An unaligned address, which packs must accept.
   std::vector<Scalar> memory(static_cast<std::size_t>(2 * kLanes + 2), Scalar(-1));
   Scalar* from = memory.data() + 1;
   for (int i = 0; i < kLanes; ++i) from[i] = Scalar(i + 1);
@@ -53,7 +53,7 @@ TEST_CASE("Packs of any width do lane arithmetic") {
   check_packs<long double>();
 }
 
-TEST_CASE("Memory that packs walk over is laid out alike for every instruction set") {
+TEST_CASE("Memory of packs has the same layout for every instruction set") {
   STATIC_REQUIRE(padded_lanes<float>() == 16);
   STATIC_REQUIRE(padded_lanes<double>() == 8);
   STATIC_REQUIRE(padded_lanes<long double>() == 1);
@@ -61,8 +61,8 @@ TEST_CASE("Memory that packs walk over is laid out alike for every instruction s
   STATIC_REQUIRE(padded_lanes<double>() % native_lanes<double>() == 0);
 }
 
-TEST_CASE("What depends on the instruction set carries its name") {
-  // The same name spelled in full: it exists only where the inline namespace does.
+TEST_CASE("Names that depend on the instruction set contain its name") {
+  // The full name exists only if the inline namespace has it.
   STATIC_REQUIRE(std::is_same_v<Pack<float, 8>, clothctl::CLOTHCTL_ABI::detail::Pack<float, 8>>);
   STATIC_REQUIRE(&kVectorBytes == &clothctl::CLOTHCTL_ABI::detail::kVectorBytes);
 }

@@ -6,7 +6,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("the row factor solves the regularised optimality system over changing sets",
+TEMPLATE_TEST_CASE("the row factor solves the regularised optimality system on changing sets",
                    "[qp]", float, double) {
   using S = TestType;
   const Index n = 40, m = 25;
@@ -24,7 +24,7 @@ TEMPLATE_TEST_CASE("the row factor solves the regularised optimality system over
   factor.reserve(n, m);
   std::vector<bool> free(static_cast<std::size_t>(n)), active(static_cast<std::size_t>(m));
   for (int round = 0; round < 30; ++round) {
-    // Many changes at first, then single ones, then rows only.
+    // First many changes, then single ones, then changes of rows only.
     const int changes = round < 5 ? 20 : round < 15 ? 1 : 0;
     for (int k = 0; k < changes; ++k) free[random() % free.size()].flip();
     for (int k = 0; k < 3; ++k) active[random() % active.size()].flip();
@@ -46,7 +46,7 @@ TEMPLATE_TEST_CASE("the row factor solves the regularised optimality system over
       REQUIRE(factor.has_row(i) == active[static_cast<std::size_t>(i)]);
       if (active[static_cast<std::size_t>(i)]) worst = std::max(worst, std::abs(second[i]));
     }
-    // Both equations, to rounding times the size of what was summed.
+    // Both equations hold, to rounding times the size of the terms.
     const S size = S(1) + p.cwiseAbs().maxCoeff() + S(n) * delta.cwiseAbs().maxCoeff();
     CHECK(worst < S(5e3) * scalar_traits<S>::epsilon() * size);
     bool again = true;

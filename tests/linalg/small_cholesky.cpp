@@ -8,7 +8,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("small systems are solved from the lower triangle alone", "[math]", float,
+TEMPLATE_TEST_CASE("small systems are solved from the lower triangle only", "[math]", float,
                    double) {
   using S = TestType;
   std::mt19937 random(4);
@@ -34,7 +34,7 @@ TEMPLATE_TEST_CASE("small systems are solved from the lower triangle alone", "[m
   }
 }
 
-TEST_CASE("the first pivot that is not positive is named", "[math]") {
+TEST_CASE("the index of the first pivot that is not positive is returned", "[math]") {
   SmallCholesky<double> small(3);
   small.resize(3);
   const auto fill = [&](double first, double last) {
@@ -50,7 +50,7 @@ TEST_CASE("the first pivot that is not positive is named", "[math]") {
   fill(std::nan(""), 1.0);
   CHECK(small.solve(x) == 0);
   CHECK(x == VectorX<double>::Ones(3));
-  // What a failure leaves behind does not reach the next matrix.
+  // A failure has no effect on the next matrix.
   fill(4.0, 1.0);
   CHECK(small.solve(x) == -1);
   CHECK(x == Vector3<double>(0.25, 1.0, 1.0));

@@ -11,7 +11,7 @@ using namespace clothctl::detail;
 
 namespace {
 
-/// An eliminated and packed random front with its dense factor: L (pivots×pivots) over V
+/// An eliminated and packed random front with its dense factor: L (pivots×pivots) above V
 /// (border×pivots).
 struct Sample {
   Index pivots, border;
@@ -35,7 +35,7 @@ struct Sample {
     pack_front(f.data(), ld, pivots, border, packed.data());
     l = a.topLeftCorner(pivots, pivots).llt().matrixL();
     v.resize(border, pivots);
-    // Eigen's triangular solve of no right-hand sides binds a reference to a null pointer.
+    // With no right-hand sides, Eigen's triangular solve binds a reference to a null pointer.
     if (border > 0) {
       v = l.triangularView<Eigen::Lower>()
               .solve(Eigen::MatrixXd(a.bottomLeftCorner(border, pivots).transpose()))
@@ -46,7 +46,7 @@ struct Sample {
 
 template <int kLanes>
 void check_passes(const Sample& s) {
-  // Rows of right-hand sides, kLanes wide, one after the other: pivots, then border.
+  // Rows of right-hand sides, kLanes wide: the pivots, then the border.
   Lanes<double, kLanes> x = Lanes<double, kLanes>::Random(kLanes, s.pivots + s.border);
   const Eigen::MatrixXd start = x.transpose();
   double* below = x.data() + s.pivots * kLanes;

@@ -17,20 +17,20 @@ namespace {
 template <class S>
 ListedMatrices<S> drawn_matrices(Index n, Index m, std::mt19937& random) {
   std::normal_distribution<double> normal;
-  const auto scatter = [&](auto&& entries) {  // three of them
+  const auto scatter = [&](auto&& entries) {  // three entries
     for (int k = 0; k < 3; ++k)
       entries[static_cast<Index>(random() % static_cast<unsigned>(n))] =
           static_cast<S>(normal(random));
   };
   MatrixX<S> H = MatrixX<S>::Zero(n, n), A = MatrixX<S>::Zero(m, n);
   for (Index i = 0; i < n;
-       ++i) {  // a sum of squares of three entries each, and some unknowns without curvature
+       ++i) {  // sums of squares of three entries each, and some unknowns without curvature
     VectorX<S> v = VectorX<S>::Zero(n);
     scatter(v);
     if (i % 2 == 0) H += v * v.transpose();
   }
   for (Index i = 0; i < m; ++i) scatter(A.row(i));
-  if (m > 3) A.row(3) = A.row(2);  // the same row twice
+  if (m > 3) A.row(3) = A.row(2);  // a repeated row
   return {std::move(H), std::move(A)};
 }
 
@@ -44,7 +44,7 @@ VectorX<S> drawn(Index size, std::mt19937& random) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("the sparse factor solves the regularised optimality system over changing sets",
+TEMPLATE_TEST_CASE("the sparse factor solves the regularised optimality system on changing sets",
                    "[qp]", float, double) {
   using S = TestType;
   std::mt19937 random(8);
@@ -108,8 +108,8 @@ TEMPLATE_TEST_CASE("the sparse factor solves the regularised optimality system o
   }
 }
 
-TEST_CASE("columns that continue each other are eliminated together to the same result", "[qp]") {
-  // One row over all unknowns makes a clique of them: every column continues the one before.
+TEST_CASE("columns with the same structure are eliminated together with the same result", "[qp]") {
+  // One row with all unknowns couples all of them, so that all columns have the same structure.
   for (const Index n : {Index(2), Index(3), Index(4), Index(5), Index(9), Index(14)}) {
     MatrixX<double> H = MatrixX<double>::Zero(4 * n, 4 * n), A = MatrixX<double>::Zero(4, 4 * n);
     for (Index i = 0; i < 4 * n; ++i) H(i, i) = 1.0 + 0.1 * static_cast<double>(i);
@@ -134,7 +134,7 @@ TEST_CASE("columns that continue each other are eliminated together to the same 
   }
 }
 
-TEST_CASE("an unknown of negative curvature and numbers that are not finite fail where they stand",
+TEST_CASE("negative curvature and numbers that are not finite are reported with their place",
           "[qp]") {
   std::mt19937 random(4);
   ListedMatrices<double> q = drawn_matrices<double>(50, 20, random);
@@ -149,7 +149,7 @@ TEST_CASE("an unknown of negative curvature and numbers that are not finite fail
   CHECK_FALSE(factor.sync(1e-3, 1e-2, all, all, changed));
   CHECK(factor.free_failed());
   factor.clear();
-  CHECK(factor.sync(10.0, 1e-2, all, all, changed));  // enough weight mends it
+  CHECK(factor.sync(10.0, 1e-2, all, all, changed));  // a large enough weight makes it definite
   factor.touch();
   CHECK_FALSE(factor.sync(10.0, std::numeric_limits<double>::quiet_NaN(), all, all, changed));
   factor.clear();

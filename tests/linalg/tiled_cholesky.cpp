@@ -20,7 +20,7 @@ MatrixX<S> draw(Index rows, Index cols, unsigned seed) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("tiled kernels agree with plain products at sizes around the tile", "[qp]",
+TEMPLATE_TEST_CASE("tiled kernels agree with plain products at sizes around the tile size", "[qp]",
                    float, double) {
   using S = TestType;
   const S eps = scalar_traits<S>::epsilon();
@@ -51,7 +51,7 @@ TEST_CASE("factoring stops at the first pivot that is too small", "[qp]") {
   CHECK(cholesky_in_place<double>(A, scale, 1e-11) == rank);
 }
 
-TEST_CASE("large tiled work takes nothing from the heap", "[qp]") {
+TEST_CASE("large tiled factorisations do not allocate", "[qp]") {
   if (!clothctl_test::allocation_counting_works()) return;
   const Index n = 400;
   const MatrixX<double> J = draw<double>(n, n, 4);

@@ -21,7 +21,7 @@ MatrixX<S> random_hessian(Index n, Index rank, unsigned seed) {
   return H.cast<S>();
 }
 
-// Largest error of L Lᵀ against the submatrix that the factor claims to hold.
+// Largest difference between L Lᵀ and the submatrix of the factor's set.
 template <class S>
 S factor_error(const UpdatableCholesky<S>& factor, const MatrixX<S>& H, S shift) {
   const Index f = factor.size();
@@ -65,8 +65,8 @@ TEMPLATE_TEST_CASE("appending and removing in any order keeps L Lᵀ = H_FF + s 
   CHECK(factor_error(factor, H, shift) < tolerance);
 }
 
-TEMPLATE_TEST_CASE("rebuilding in tiles gives the factor of the wanted set and solves with it",
-                   "[qp]", float, double) {
+TEMPLATE_TEST_CASE("rebuilding in tiles gives the factor of the new set and solves with it", "[qp]",
+                   float, double) {
   using S = TestType;
   const Index n = 200;
   const MatrixX<S> H = random_hessian<S>(n, 2 * n, 5);
@@ -91,7 +91,7 @@ TEMPLATE_TEST_CASE("rebuilding in tiles gives the factor of the wanted set and s
   }
 }
 
-TEST_CASE("dependent unknowns are refused, negative curvature shows in the pivot", "[qp]") {
+TEST_CASE("dependent unknowns are refused, and negative curvature shows in the pivot", "[qp]") {
   const Index n = 100, rank = 70;
   const MatrixX<double> H = random_hessian<double>(n, rank, 6);
   UpdatableCholesky<double> factor;

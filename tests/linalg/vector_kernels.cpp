@@ -5,8 +5,9 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("a column sum is the product with the weights, whatever their number and zeros",
-                   "[linalg]", float, double) {
+TEMPLATE_TEST_CASE(
+    "a column sum is the product with the weights, for any number of weights and zeros", "[linalg]",
+    float, double) {
   using S = TestType;
   const MatrixX<S> M = MatrixX<S>::Random(9, 20);
   for (Index count = 0; count <= 20; ++count) {
@@ -19,7 +20,7 @@ TEMPLATE_TEST_CASE("a column sum is the product with the weights, whatever their
     ColumnSum<S> columns(M.data(), M.outerStride(), 9, sum.data());
     for (Index i = 0; i < 20; ++i) columns.add((7 * i) % 20, w[(7 * i) % 20]);
     columns.finish();
-    columns.finish();  // nothing is added twice
+    columns.finish();  // a second call adds nothing
     const long taken = clothctl_test::allocations() - before;
     if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
     CHECK((sum.head(9) - VectorX<S>::Ones(9) - M * w).cwiseAbs().maxCoeff() <
@@ -28,7 +29,7 @@ TEMPLATE_TEST_CASE("a column sum is the product with the weights, whatever their
   }
 }
 
-TEMPLATE_TEST_CASE("kernels agree with Eigen for every length and touch nothing behind it",
+TEMPLATE_TEST_CASE("kernels agree with Eigen for every length and write nothing beyond it",
                    "[linalg]", float, double) {
   using S = TestType;
   const S tolerance = S(100) * scalar_traits<S>::epsilon();

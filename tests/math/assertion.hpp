@@ -1,7 +1,7 @@
 #pragma once
 
-// Whether an assert stops a call. Where asserts are compiled out, or processes cannot be forked,
-// the answer is not known.
+// Finds out whether an assert stops a call. The answer is unknown if asserts are compiled out or
+// processes cannot be forked.
 
 #if !defined(NDEBUG) && (defined(__unix__) || defined(__APPLE__)) && !defined(__EMSCRIPTEN__)
 #define CLOTHCTL_TEST_SEES_ASSERTS 1
@@ -13,10 +13,10 @@
 
 namespace clothctl_test {
 
-/// What became of a call.
+/// The outcome of a call.
 enum class Fate { Returned, Stopped, Unknown };
 
-/// Makes the call in a process of its own and tells whether it was stopped by an assert.
+/// Makes the call in its own process and returns whether an assert stopped it.
 template <class Call>
 Fate fate_of([[maybe_unused]] Call&& call) {
 #ifdef CLOTHCTL_TEST_SEES_ASSERTS
@@ -37,13 +37,13 @@ Fate fate_of([[maybe_unused]] Call&& call) {
 #endif
 }
 
-/// True where the call is stopped by an assert, or where that cannot be known.
+/// True if an assert stops the call, or if that is unknown.
 template <class Call>
 bool is_stopped(Call&& call) {
   return fate_of(call) != Fate::Returned;
 }
 
-/// True where the call returns, or where that cannot be known.
+/// True if the call returns, or if that is unknown.
 template <class Call>
 bool is_let_through(Call&& call) {
   return fate_of(call) != Fate::Stopped;

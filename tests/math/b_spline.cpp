@@ -1,4 +1,4 @@
-// CubicBSpline: laws of the basis, exactness on cubics and at samples, smoothness, order of
+// CubicBSpline: properties of the basis, exactness on cubics and at samples, smoothness, order of
 // convergence, errors.
 
 #include "clothctl/math/b_spline.hpp"
@@ -71,7 +71,7 @@ TEMPLATE_TEST_CASE("equal control points give a constant curve", "[b_spline]", f
   }
 }
 
-TEMPLATE_TEST_CASE("an affine map of the control points maps the curve", "[b_spline]", float,
+TEMPLATE_TEST_CASE("an affine map of the control points applies to the curve", "[b_spline]", float,
                    double) {
   using Scalar = TestType;
   const Points<Scalar> control = random_points<Scalar>(11, 3);
@@ -109,9 +109,9 @@ TEST_CASE("four control points are a Bézier curve", "[b_spline]") {
 TEMPLATE_TEST_CASE("control points from polar forms reproduce any cubic", "[b_spline]", float,
                    double) {
   using Scalar = TestType;
-  // p(t) = a + b t + c t² + d t³ has polar form a + b (u+v+w)/3 + c (uv+vw+wu)/3 + d uvw; its
-  // values at three successive knots are the control points on any knots. Here: uniform clamped
-  // knots on [0, 3] with 7 control points.
+  // p(t) = a + b t + c t² + d t³ has the polar form a + b (u+v+w)/3 + c (uv+vw+wu)/3 + d uvw. Its
+  // values at three successive knots are the control points. Here: uniform clamped knots on [0, 3]
+  // with 7 control points.
   const Points<Scalar> coefficient = random_points<Scalar>(4, 6);
   const double tau[] = {0, 0, 0, 0, 0.75, 1.5, 2.25, 3, 3, 3, 3};
   Points<Scalar> control(3, 7);
@@ -138,7 +138,7 @@ TEMPLATE_TEST_CASE("control points from polar forms reproduce any cubic", "[b_sp
   }
 }
 
-TEMPLATE_TEST_CASE("interpolation passes through every sample and ends without bending",
+TEMPLATE_TEST_CASE("interpolation passes through every sample, with zero curvature at the ends",
                    "[b_spline]", float, double) {
   using Scalar = TestType;
   for (Index n : {2, 3, 4, 7, 250}) {
@@ -178,7 +178,7 @@ TEST_CASE("position, velocity and acceleration are continuous across knots", "[b
   const auto curve = CubicBSpline<double>::interpolate(times, random_points<double>(30, 10));
   const double step = 1e-9;
   for (Index i = 1; i < 29; ++i) {
-    const double scale = 1 + 1e3;  // third derivatives of such data stay below a few thousand
+    const double scale = 1 + 1e3;  // third derivatives of these data are below a few thousand
     const double left = times[i] - step, right = times[i] + step;
     CHECK((curve->position(right) - curve->position(left)).norm() < 1e-6);
     CHECK((curve->velocity(right) - curve->velocity(left)).norm() < 10 * step * scale);
@@ -209,7 +209,7 @@ TEST_CASE("the error of interpolation falls with the fourth power of the spacing
     Points<double> samples(3, n);
     for (Index i = 0; i < n; ++i) samples.col(i) = exact(times[i]);
     const auto curve = CubicBSpline<double>::interpolate(times, samples);
-    double error = 0;  // away from the ends, where the natural condition costs two orders
+    double error = 0;  // the natural end condition costs two orders, so not near the ends
     for (double t = 2; t <= 4; t += 0.0037)
       error = std::max(error, (curve->position(t) - exact(t)).norm());
     if (previous > 0) {
@@ -221,7 +221,7 @@ TEST_CASE("the error of interpolation falls with the fourth power of the spacing
   }
 }
 
-TEST_CASE("outside its interval the curve rests", "[b_spline]") {
+TEST_CASE("outside its interval the curve is constant", "[b_spline]") {
   const Points<double> control = random_points<double>(6, 12);
   const auto curve = CubicBSpline<double>::from_control_points(control, 1.0, 2.0);
   for (double t : {-1e300, 0.0, 0.999999}) {
@@ -240,7 +240,7 @@ TEST_CASE("outside its interval the curve rests", "[b_spline]") {
         1e-12);  // 3 spans: 3·3·Δc
 }
 
-TEST_CASE("translate moves every point and leaves velocities", "[b_spline]") {
+TEST_CASE("translate moves every point and keeps velocities", "[b_spline]") {
   auto curve = CubicBSpline<double>::from_control_points(random_points<double>(8, 13), 0.0, 1.0);
   const auto before = *curve;
   const Vector3<double> offset(0.1, -0.2, 5);
@@ -264,7 +264,7 @@ TEST_CASE("evaluation does not allocate", "[b_spline]") {
   CHECK(clothctl::all_finite(sum));
 }
 
-TEMPLATE_TEST_CASE("bad data is refused with its index and value", "[b_spline]", float, double) {
+TEMPLATE_TEST_CASE("bad data are refused with index and value", "[b_spline]", float, double) {
   using Scalar = TestType;
   using Curve = CubicBSpline<Scalar>;
   const Scalar nan = std::numeric_limits<Scalar>::quiet_NaN();
@@ -297,8 +297,8 @@ TEMPLATE_TEST_CASE("bad data is refused with its index and value", "[b_spline]",
   CHECK(contains(Curve::interpolate(times, points).error(), "sample 3: time is inf"));
 }
 
-TEST_CASE("knots that coincide in the scalar are refused by name", "[b_spline]") {
-  // Near 1e7 neighbouring floats are 1 apart, and 37 spans do not fit into 4 s.
+TEST_CASE("knots that are equal in the scalar type are refused with a message", "[b_spline]") {
+  // Near 1e7, neighbouring floats are 1 apart, so 37 spans do not fit into 4 s.
   const auto curve =
       CubicBSpline<float>::from_control_points(random_points<float>(40, 17), 1e7f, 1e7f + 4.0f);
   REQUIRE_FALSE(curve.has_value());
@@ -306,7 +306,7 @@ TEST_CASE("knots that coincide in the scalar are refused by name", "[b_spline]")
         "knot 4: time 1e+07 does not come after 1e+07, too many control points for the interval");
   CHECK(CubicBSpline<double>::from_control_points(random_points<double>(40, 17), 1e7, 1e7 + 4.0)
             .has_value());
-  // As many knots as there are floats in between.
+  // The number of knots equals the number of floats in between.
   const auto full =
       CubicBSpline<float>::from_control_points(random_points<float>(7, 18), 1e7f, 1e7f + 4.0f);
   REQUIRE(full.has_value());

@@ -1,6 +1,6 @@
-// Absolute orientation: exact motions come back, no rotation does better (against an SVD of another
-// hand, Horn's own matrix and turned answers), and what points leave free is told, and stays where
-// the reference has it.
+// Absolute orientation. Exact motions are recovered, and no rotation is better than the answer
+// (compared with an independent SVD, Horn's own matrix and rotated answers). Free rotations are
+// reported and follow the reference.
 
 #include "clothctl/math/horn.hpp"
 
@@ -39,7 +39,7 @@ constexpr double eps() {
   return static_cast<double>(std::numeric_limits<Scalar>::epsilon());
 }
 
-/// Draws what the tests need.
+/// Random data for the tests.
 class Draw {
  public:
   explicit Draw(unsigned seed) : engine_(seed) {}
@@ -57,7 +57,7 @@ class Draw {
     const double w = normal(), x = normal(), y = normal(), z = normal();
     return Eigen::Quaterniond(w, x, y, z).normalized();
   }
-  /// n points, normal along three axes of given deviations, turned.
+  /// n normally distributed points with the given deviations along three axes, rotated.
   Points<double> cloud(Index n, const Vector3<double>& deviations) {
     const Matrix3<double> axes = rotation().toRotationMatrix();
     Points<double> x(3, n);
@@ -78,12 +78,12 @@ Points<Scalar> moved(const Points<Scalar>& x, const Matrix3<Scalar>& R, const Ve
   return (R * x).colwise() + t;
 }
 
-/// The angle between two rotations (rad), exact for small ones.
+/// The angle between two rotations (rad), accurate for small ones.
 double angle(const Matrix3<double>& R, const Matrix3<double>& Q) {
   return 2 * std::asin(std::min(1.0, (R - Q).norm() / std::sqrt(8.0)));
 }
 
-/// A proper rotation, the same as matrix and as quaternion.
+/// A rotation, as matrix and as quaternion.
 template <class Scalar>
 bool is_rotation(const HornResult<Scalar>& r) {
   const Matrix3<double> R = r.R.template cast<double>();
@@ -105,7 +105,8 @@ double rms(const Points<double>& a, const Points<double>& b, const VectorX<doubl
   return std::sqrt(sum / total);
 }
 
-/// The answer of another hand: by Eigen's SVD, the last column turned round where it would reflect.
+/// An independent answer by Eigen's SVD. The sign of the last column is changed to avoid a
+/// reflection.
 struct Oracle {
   Matrix3<double> S = Matrix3<double>::Zero(), R;
   Vector3<double> t, centre_a = Vector3<double>::Zero(), centre_b = Vector3<double>::Zero();
@@ -137,7 +138,7 @@ struct Oracle {
   }
 };
 
-/// A pair of sets of some kind, in double.
+/// A pair of sets with a name, in double.
 struct Pair {
   std::string name;
   Points<double> a, b;
@@ -155,7 +156,7 @@ Points<double> tetrahedron() {
   return x;
 }
 
-/// One pair of every kind of set, moved at random, with noise.
+/// One pair of every kind, moved at random, with noise.
 std::vector<Pair> pairs_of_all_kinds(Draw& draw, double noise) {
   std::vector<Pair> pairs;
   const Matrix3<double> R = draw.rotation().toRotationMatrix();
@@ -200,7 +201,7 @@ std::vector<Scalar> no_numbers() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("exact motions of random sets come back", "[horn]", float, double) {
+TEMPLATE_TEST_CASE("exact motions of random sets are recovered", "[horn]", float, double) {
   using Scalar = TestType;
   Draw draw(1);
   const int count = clothctl_test::trials(3000, 100000);
@@ -219,8 +220,8 @@ TEMPLATE_TEST_CASE("exact motions of random sets come back", "[horn]", float, do
     INFO("trial " << trial << ", " << a.cols() << " points, gap " << r.gap);
     REQUIRE(r.status == HornStatus::Unique);
     REQUIRE(is_rotation(r));
-    // Rounding of the data turns R by its size over the width, rounding of S by its size over the
-    // gap.
+    // Rounding of the data rotates R by the data's size divided by the width; rounding of S by the
+    // size of S divided by the gap.
     const double off = angle(r.R.template cast<double>(), R), gap = static_cast<double>(r.gap);
     REQUIRE(off <= 30 * eps<Scalar>() / gap);
     REQUIRE((r.t.template cast<double>() - t).norm() <= 60 * eps<Scalar>() / gap);
@@ -233,7 +234,7 @@ TEMPLATE_TEST_CASE("exact motions of random sets come back", "[horn]", float, do
   }
 }
 
-TEST_CASE("no rotation does better than the answer, on sets of every kind", "[horn]") {
+TEST_CASE("no rotation is better than the answer for sets of every kind", "[horn]") {
   Draw draw(2);
   const int count = clothctl_test::trials(200, 5000);
   HornSettings<double> strict;
@@ -254,11 +255,11 @@ TEST_CASE("no rotation does better than the answer, on sets of every kind", "[ho
       REQUIRE(is_rotation(tight));
       REQUIRE(is_rotation(loose));
       REQUIRE(tight.rotation.dot(reference) >= -1e-15);
-      // Of exact sets that are nearly lines the rounding of S shows.
+      // For exact, nearly collinear sets, the rounding of S is visible.
       const double rounding =
           2e-14 + (noise <= 0 && tight.gap > 1e-12 ? 4e-15 / std::sqrt(tight.gap) : 0);
       REQUIRE(rms(pair.a, pair.b, w, tight.R, tight.t) <= (1 + 1e-12) * least + rounding);
-      // What a tie gives away is no more than the tolerance says.
+      // Where rotations tie, the loss is within the tolerance.
       const Eigen::Vector4d lambda = oracle.eigenvalues();
       const double largest = std::max(lambda[3], -lambda[0]);
       const double given = HornSettings<double>().tie_tolerance * 2 * largest / oracle.total;
@@ -278,7 +279,7 @@ TEST_CASE("no rotation does better than the answer, on sets of every kind", "[ho
   }
 }
 
-TEST_CASE("turning the answer makes the residual larger, by the curvature reported", "[horn]") {
+TEST_CASE("rotating the answer increases the residual by the reported curvature", "[horn]") {
   Draw draw(3);
   for (int trial = 0; trial < 300; ++trial) {
     const Points<double> a = draw.cloud(12, {1, 0.3, 0.1});
@@ -299,7 +300,7 @@ TEST_CASE("turning the answer makes the residual larger, by the curvature report
   }
 }
 
-TEST_CASE("of exact sets the width is the rms distance from their long axis", "[horn]") {
+TEST_CASE("the width of an exact set is its rms distance from its long axis", "[horn]") {
   Points<double> a(3, 4);
   a << 10, 10, -10, -10, 0.1, -0.1, 0.1, -0.1, 0, 0, 0, 0;
   a *= 1e-3;
@@ -313,7 +314,7 @@ TEST_CASE("of exact sets the width is the rms distance from their long axis", "[
   CHECK(horn<double>(cube(), cube()).gap == Approx(4.0 / 3).epsilon(1e-12));
 }
 
-TEST_CASE("the expected rotation error is that of many trials", "[horn]") {
+TEST_CASE("the expected rotation error agrees with many trials", "[horn]") {
   Draw draw(4);
   for (const bool given : {false, true}) {
     double ratio = 0;
@@ -346,13 +347,13 @@ TEST_CASE("the expected rotation error is that of many trials", "[horn]") {
     CHECK(double(inside) / count > 0.63);
     CHECK(double(inside) / count < 0.71);
   }
-  // Nothing is expected of what residuals cannot show.
+  // If residuals show no noise, the expected error is zero.
   CHECK(horn<double>(draw.noise(2, 1), draw.noise(2, 1)).rotation_error == Approx(kPi));
   CHECK(horn<double>(draw.cloud(9, {1, 0, 0}), draw.cloud(9, {1, 0, 0})).rotation_error ==
         Approx(kPi));
 }
 
-TEST_CASE("collinear points take the shortest turn between their lines", "[horn]") {
+TEST_CASE("collinear points get the shortest rotation between their lines", "[horn]") {
   Draw draw(5);
   const int count = clothctl_test::trials(2000, 100000);
   for (int trial = 0; trial < count; ++trial) {
@@ -371,7 +372,7 @@ TEST_CASE("collinear points take the shortest turn between their lines", "[horn]
     const Eigen::Quaterniond reference = refer ? draw.rotation() : Eigen::Quaterniond::Identity();
     const Vector3<double> start = reference * from;
     if (start.dot(to) < -0.9)
-      continue;  // nearly opposite: which turn is shortest hangs on rounding
+      continue;  // nearly opposite: rounding decides which rotation is shortest
     const Matrix3<double> shortest =
         Eigen::Quaterniond::FromTwoVectors(start, to).toRotationMatrix() *
         reference.toRotationMatrix();
@@ -387,7 +388,7 @@ TEST_CASE("collinear points take the shortest turn between their lines", "[horn]
   }
 }
 
-TEST_CASE("opposite lines give some half turn, always the same", "[horn]") {
+TEST_CASE("opposite lines get a half turn, always the same one", "[horn]") {
   Draw draw(6);
   for (int trial = 0; trial < 200; ++trial) {
     const Points<double> a = draw.direction() * draw.noise(5, 1).row(0);
@@ -401,7 +402,7 @@ TEST_CASE("opposite lines give some half turn, always the same", "[horn]") {
   }
 }
 
-TEMPLATE_TEST_CASE("points at one place leave the reference as it is", "[horn]", float, double) {
+TEMPLATE_TEST_CASE("coincident points keep the reference", "[horn]", float, double) {
   using Scalar = TestType;
   Draw draw(7);
   const Scalar close = static_cast<Scalar>(8 * eps<Scalar>());
@@ -428,10 +429,10 @@ TEMPLATE_TEST_CASE("points at one place leave the reference as it is", "[horn]",
       CHECK((r.R - reference.toRotationMatrix()).norm() <= close);
       if (n > 0) CHECK((r.R * from + r.t - to).norm() <= close * Scalar(4));
     }
-    // One side alone is enough.
+    // It suffices if one of the sets is coincident,
     CHECK(horn<Scalar>(a, wide).status == HornStatus::Free);
     CHECK(horn<Scalar>(wide, b).status == HornStatus::Free);
-    // So is a lack of weight.
+    // or if all weights are zero.
     const HornResult<Scalar> weightless =
         horn<Scalar>(wide, wide, VectorX<Scalar>::Constant(n, Scalar(0)), reference);
     CHECK(weightless.status == HornStatus::Free);
@@ -441,8 +442,8 @@ TEMPLATE_TEST_CASE("points at one place leave the reference as it is", "[horn]",
   }
 }
 
-TEST_CASE("sets that have nothing to do with each other leave all free", "[horn]") {
-  // Each corner of a square goes to the same place once and to the opposite one once.
+TEST_CASE("unrelated sets leave all rotations free", "[horn]") {
+  // Each corner of a square is mapped to the same corner once and to the opposite one once.
   Points<double> a(3, 8), b(3, 8);
   a << 1, -1, 1, -1, 1, -1, 1, -1, 1, 1, -1, -1, 1, 1, -1, -1, 0, 0, 0, 0, 0, 0, 0, 0;
   b << a.leftCols(4), -a.leftCols(4);
@@ -452,7 +453,7 @@ TEST_CASE("sets that have nothing to do with each other leave all free", "[horn]
   CHECK(r.R == Matrix3<double>::Identity());
 }
 
-TEST_CASE("points in a plane are unique, and no mirror image", "[horn]") {
+TEST_CASE("points in a plane have a unique rotation and are not mirrored", "[horn]") {
   Draw draw(9);
   for (int trial = 0; trial < 300; ++trial) {
     const Points<double> a = draw.cloud(draw.integer(3, 9), {1, 0.7, 0});
@@ -461,7 +462,7 @@ TEST_CASE("points in a plane are unique, and no mirror image", "[horn]") {
     if (r.gap < 1e-4) continue;
     CHECK(r.status == HornStatus::Unique);
     CHECK((r.R - R).norm() < 1e-10);
-    // A reflection in the origin is a half turn in the plane.
+    // A reflection in the origin is a half turn within the plane.
     const HornResult<double> back = horn<double>(a, Points<double>(-a));
     CHECK(back.status == HornStatus::Unique);
     CHECK(back.largest_residual < 1e-11);
@@ -469,20 +470,20 @@ TEST_CASE("points in a plane are unique, and no mirror image", "[horn]") {
   }
 }
 
-TEST_CASE("mirrored sets are told, and never answered by a reflection", "[horn]") {
+TEST_CASE("mirrored sets are reported and never answered by a reflection", "[horn]") {
   Draw draw(10);
   for (int trial = 0; trial < 500; ++trial) {
     const Matrix3<double> R = draw.rotation().toRotationMatrix();
     Points<double> box = Vector3<double>(3, 2, 1).asDiagonal() * cube();
     const HornResult<double> r = horn<double>(box, Points<double>(-R * box));
-    // The thinnest direction is given up: R times the half turn about it.
+    // The thinnest direction is sacrificed: R times the half turn about it.
     CHECK(r.status == HornStatus::Mirrored);
     CHECK(r.free_turns == 0);
     CHECK(is_rotation(r));
     CHECK((r.R - R * Vector3<double>(-1, -1, 1).asDiagonal()).norm() < 1e-12);
     CHECK(r.largest_residual == Approx(2).epsilon(1e-12));
 
-    // Two equal thin directions leave a turn free.
+    // With two equally thin directions, one rotation is free.
     const Points<double> beam = Vector3<double>(3, 1, 1).asDiagonal() * cube();
     const Eigen::Quaterniond reference = draw.rotation();
     const HornResult<double> turning =
@@ -499,7 +500,7 @@ TEST_CASE("mirrored sets are told, and never answered by a reflection", "[horn]"
   }
 }
 
-TEST_CASE("symmetric sets", "[horn]") {
+TEST_CASE("symmetric sets report their free rotations", "[horn]") {
   Draw draw(11);
   for (const Points<double>& set : {cube(), tetrahedron()}) {
     for (int trial = 0; trial < 200; ++trial) {
@@ -509,8 +510,8 @@ TEST_CASE("symmetric sets", "[horn]") {
       CHECK(r.status == HornStatus::Unique);
       CHECK((r.R - R).norm() < 1e-13);
 
-      // Mirrored in a point, any half turn (after R) is as good: the closest one to a reference (w,
-      // v) is that about v.
+      // For sets mirrored in a point, R times any half turn is equally good. The closest one to a
+      // reference (w, v) is the half turn about v.
       const HornResult<double> m =
           horn<double>(set, Points<double>(-R * set), VectorX<double>(), q * reference);
       CHECK(m.status == HornStatus::Mirrored);
@@ -521,7 +522,7 @@ TEST_CASE("symmetric sets", "[horn]") {
       if (reference.vec().norm() < 0.05) continue;
       CHECK((m.R - R * Eigen::AngleAxisd(kPi, v).toRotationMatrix()).norm() < 1e-12);
     }
-    // Identity is farthest from all of them: some half turn.
+    // The identity is equally far from all half turns, so any is right.
     const HornResult<double> m = horn<double>(set, Points<double>(-set));
     CHECK(m.free_turns == 2);
     CHECK(is_rotation(m));
@@ -529,7 +530,7 @@ TEST_CASE("symmetric sets", "[horn]") {
   }
 }
 
-TEST_CASE("a reference that is as good as any comes back", "[horn]") {
+TEST_CASE("a reference that is among the best rotations is returned", "[horn]") {
   Draw draw(12);
   for (int trial = 0; trial < 500; ++trial) {
     const Points<double> a =
@@ -548,7 +549,7 @@ TEST_CASE("a reference that is as good as any comes back", "[horn]") {
   }
 }
 
-TEST_CASE("with the last answer as reference a moving line turns without jumps", "[horn]") {
+TEST_CASE("with the last answer as reference, a moving line rotates without jumps", "[horn]") {
   Draw draw(13);
   const Points<double> a = draw.cloud(5, {1, 0, 0});
   const Vector3<double> along = (a.col(1) - a.col(0)).normalized();
@@ -567,7 +568,7 @@ TEST_CASE("with the last answer as reference a moving line turns without jumps",
   }
 }
 
-TEST_CASE("pairs of weight zero are not there", "[horn]") {
+TEST_CASE("pairs of weight zero have no effect", "[horn]") {
   Draw draw(14);
   for (int trial = 0; trial < 200; ++trial) {
     const Points<double> a = draw.noise(6, 0.1), b = draw.noise(6, 0.1);
@@ -588,7 +589,7 @@ TEST_CASE("pairs of weight zero are not there", "[horn]") {
   }
 }
 
-TEST_CASE("weights count like points given more than once", "[horn]") {
+TEST_CASE("an integer weight equals repeating the pair", "[horn]") {
   Draw draw(15);
   for (int trial = 0; trial < 300; ++trial) {
     const Points<double> a = draw.noise(6, 1);
@@ -613,7 +614,7 @@ TEST_CASE("weights count like points given more than once", "[horn]") {
     CHECK(r.largest_residual == Approx(many.largest_residual).epsilon(1e-12));
     CHECK(r.gap == Approx(many.gap).epsilon(1e-11));
     CHECK(r.rms_width == Approx(many.rms_width).epsilon(1e-11));
-    // Only their ratios matter, down to the bits for powers of two.
+    // Only ratios of weights matter; for powers of two, even the bits are equal.
     for (const double factor : {std::ldexp(1.0, -60), std::ldexp(1.0, 55)}) {
       const HornResult<double> scaled = horn<double>(a, b, factor * w);
       CHECK(scaled.R == r.R);
@@ -626,8 +627,10 @@ TEST_CASE("weights count like points given more than once", "[horn]") {
   }
 }
 
-TEMPLATE_TEST_CASE("lengths scale to the bit, from nanometres to a million kilometres", "[horn]",
-                   float, double) {
+TEMPLATE_TEST_CASE(
+    "scaling lengths by powers of two scales results bit for bit, from nanometres to a million "
+    "kilometres",
+    "[horn]", float, double) {
   using Scalar = TestType;
   Draw draw(16);
   for (int trial = 0; trial < 100; ++trial) {
@@ -649,7 +652,7 @@ TEMPLATE_TEST_CASE("lengths scale to the bit, from nanometres to a million kilom
       REQUIRE(scaled.rms_width == scale * r.rms_width);
       REQUIRE(scaled.gap == r.gap);
       REQUIRE(scaled.rotation_error == r.rotation_error);
-      // Sets of different size still have a best rotation.
+      // Sets of different sizes still have a best rotation.
       REQUIRE(horn<Scalar>(scale * a, b).R == r.R);
     }
   }
@@ -670,7 +673,7 @@ TEST_CASE("far from the origin only the rounding of the coordinates is lost", "[
     CHECK(angle(r.R, R) < 5 * rounding / size);
     CHECK(r.largest_residual < 3 * rounding);
     CHECK((r.R * far_a + r.t - far_b).norm() < 1e-9);
-    // Exact offsets (small integers) at one far place lose nothing.
+    // Exact offsets (small integers) far away lose nothing.
     Points<double> steps = 4 * tetrahedron();
     steps.col(0) *= 3;
     const Points<double> shifted = steps.colwise() + Vector3<double>(1e15, -1e15, 3e14);
@@ -678,7 +681,7 @@ TEST_CASE("far from the origin only the rounding of the coordinates is lost", "[
   }
 }
 
-TEST_CASE("what far coordinates were rounded by determines nothing", "[horn]") {
+TEST_CASE("differences within the rounding of far coordinates determine no rotation", "[horn]") {
   Draw draw(18);
   HornSettings<double> strict;
   strict.tie_tolerance = 1e-15;
@@ -698,13 +701,13 @@ TEST_CASE("what far coordinates were rounded by determines nothing", "[horn]") {
     CHECK(horn<double>(at(speck_a, far_a), at(speck_b, far_b), VectorX<double>(),
                        Eigen::Quaterniond::Identity(), strict)
               .status == HornStatus::Free);
-    // At the origin the same specks are as good as any points.
+    // At the origin, equally small sets determine a rotation.
     CHECK(horn<double>(speck_a, speck_a, VectorX<double>(), Eigen::Quaterniond::Identity(), strict)
               .status == HornStatus::Unique);
   }
 }
 
-TEMPLATE_TEST_CASE("the tolerance parts strips from lines", "[horn]", float, double) {
+TEMPLATE_TEST_CASE("the tolerance separates thin strips from lines", "[horn]", float, double) {
   using Scalar = TestType;
   const auto strip = [](double width) {
     Points<double> x(3, 4);
@@ -730,7 +733,7 @@ TEMPLATE_TEST_CASE("the tolerance parts strips from lines", "[horn]", float, dou
   }
 }
 
-TEST_CASE("about given centroids", "[horn]") {
+TEST_CASE("fits about given centroids agree with fits about computed ones", "[horn]") {
   Draw draw(19);
   for (int trial = 0; trial < 300; ++trial) {
     const Points<double> a = draw.noise(8, 0.1), b = draw.noise(8, 0.1);
@@ -740,7 +743,7 @@ TEST_CASE("about given centroids", "[horn]") {
     const HornResult<double> r = horn_about<double>(a, b, centre_a, centre_b, w);
     REQUIRE(is_rotation(r));
     CHECK((r.R * centre_a + r.t - centre_b).norm() < 1e-14 * 10);
-    // Each pair with its mirror image in the centres has them as centroids.
+    // Each pair and its mirror image have the given centres as centroids.
     Points<double> both_a(3, 16), both_b(3, 16);
     both_a << a, (-a).colwise() + 2 * centre_a;
     both_b << b, (-b).colwise() + 2 * centre_b;
@@ -751,20 +754,20 @@ TEST_CASE("about given centroids", "[horn]") {
     CHECK(r.rms_residual == Approx(both.rms_residual).epsilon(1e-12));
     CHECK(r.gap == Approx(both.gap).epsilon(1e-9).margin(1e-13));
     CHECK(r.status == both.status);
-    // About the sets' own centroids it is horn.
+    // With the sets' own centroids, the result equals horn.
     const Vector3<double> own_a = a * w / w.sum(), own_b = b * w / w.sum();
     const HornResult<double> own = horn_about<double>(a, b, own_a, own_b, w),
                              free = horn<double>(a, b, w);
     CHECK((own.R - free.R).norm() < 1e-10);
     CHECK((own.t - free.t).norm() < 1e-10);
     CHECK(own.rotation_error == Approx(free.rotation_error * std::sqrt(18.0 / 21.0)).epsilon(1e-9));
-    // One point is a line from its centroid.
+    // One point and its centroid form a line.
     const HornResult<double> one =
         horn_about<double>(a.leftCols(1), b.leftCols(1), centre_a, centre_b);
     CHECK(one.status == HornStatus::FreeTurn);
     CHECK((one.R * (a.col(0) - centre_a).normalized() - (b.col(0) - centre_b).normalized()).norm() <
           1e-13);
-    // None leaves the reference about the centroids.
+    // No points: the reference about the centroids.
     const HornResult<double> none =
         horn_about<double>(Points<double>(3, 0), Points<double>(3, 0), centre_a, centre_b);
     CHECK(none.status == HornStatus::Free);
@@ -772,7 +775,7 @@ TEST_CASE("about given centroids", "[horn]") {
   }
 }
 
-TEMPLATE_TEST_CASE("what is no input is refused, and told", "[horn]", float, double) {
+TEMPLATE_TEST_CASE("bad input is refused with a message", "[horn]", float, double) {
   using Scalar = TestType;
   Draw draw(20);
   const Points<Scalar> a = draw.noise(5, 1).cast<Scalar>(), b = draw.noise(5, 1).cast<Scalar>();
@@ -820,7 +823,7 @@ TEMPLATE_TEST_CASE("what is no input is refused, and told", "[horn]", float, dou
       worse.coeffs()[k] = value;
       refused(horn<Scalar>(a, b, ones, worse), "reference ", false);
     }
-    // Weight zero does not make a number of it.
+    // Even with weight zero, NaN is refused.
     VectorX<Scalar> w = ones;
     w[2] = Scalar(0);
     Points<Scalar> worse = a;
@@ -848,7 +851,7 @@ TEMPLATE_TEST_CASE("what is no input is refused, and told", "[horn]", float, dou
   CHECK(horn<Scalar>(a, b, ones, reference, settings).status != HornStatus::InvalidInput);
 }
 
-TEMPLATE_TEST_CASE("fits never allocate, and give the same bits again", "[horn]", float, double) {
+TEMPLATE_TEST_CASE("fits do not allocate and repeat bit for bit", "[horn]", float, double) {
   using Scalar = TestType;
   Draw draw(21);
   std::vector<std::pair<Points<Scalar>, Points<Scalar>>> sets;

@@ -25,7 +25,7 @@ double rounding() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("the cross-product matrix multiplies as the cross product does", "[rotation]",
+TEMPLATE_TEST_CASE("the cross-product matrix multiplies like the cross product", "[rotation]",
                    float, double) {
   using S = TestType;
   std::mt19937 random(1);
@@ -60,7 +60,8 @@ TEMPLATE_TEST_CASE("exp agrees with Rodrigues' formula and is a rotation at ever
   }
 }
 
-TEST_CASE("exp of a small rotation vector keeps its first order to the last digit", "[rotation]") {
+TEST_CASE("exp of a small rotation vector has its first order accurate to the last digit",
+          "[rotation]") {
   for (const double angle : {1e-4, 1e-5, 1e-8, 1e-15, 1e-100}) {
     const Vector3<double> w = angle * Vector3<double>(0.6, 0.0, 0.8);
     const Matrix3<double> R = rotation_exp<double>(w);
@@ -70,16 +71,17 @@ TEST_CASE("exp of a small rotation vector keeps its first order to the last digi
   }
 }
 
-TEST_CASE("the series of exp meets the closed form where they change over", "[rotation]") {
-  const double limit = 2 * std::pow(scalar_traits<double>::epsilon(), 0.25);  // angle, not half
+TEST_CASE("the series of exp meets the closed form at the switch", "[rotation]") {
+  const double limit =
+      2 * std::pow(scalar_traits<double>::epsilon(), 0.25);  // the full angle, not half of it
   for (const double angle : {limit * (1 - 1e-12), limit * (1 + 1e-12)}) {
     const QuaternionWxyz<double> q = quaternion_exp<double>(Vector3<double>(angle, 0, 0));
     CHECK(std::abs(q[1] / std::sin(0.5 * angle) - 1.0) < 4e-16);
   }
 }
 
-TEMPLATE_TEST_CASE("log undoes exp up to half a turn, also next to zero and next to pi",
-                   "[rotation]", float, double) {
+TEMPLATE_TEST_CASE("log inverts exp up to half a turn, also near zero and near pi", "[rotation]",
+                   float, double) {
   using S = TestType;
   std::mt19937 random(3);
   const double pi = std::acos(-1.0);
@@ -109,7 +111,7 @@ TEMPLATE_TEST_CASE("log of a half turn is one of its two vectors", "[rotation]",
   }
 }
 
-TEST_CASE("log takes the shorter turn and any length of quaternion", "[rotation]") {
+TEST_CASE("log takes the shorter rotation and accepts a quaternion of any length", "[rotation]") {
   const double pi = std::acos(-1.0);
   const Vector3<double> w(0, 0, 1.5 * pi);
   const QuaternionWxyz<double> q = quaternion_exp<double>(w);
@@ -120,7 +122,7 @@ TEST_CASE("log takes the shorter turn and any length of quaternion", "[rotation]
   CHECK(quaternion_log<double>(QuaternionWxyz<double>::Zero()) == Vector3<double>::Zero());
 }
 
-TEMPLATE_TEST_CASE("matrices and quaternions go over into each other", "[rotation]", float,
+TEMPLATE_TEST_CASE("matrices and quaternions convert into each other", "[rotation]", float,
                    double) {
   using S = TestType;
   std::mt19937 random(5);
@@ -141,7 +143,7 @@ TEMPLATE_TEST_CASE("matrices and quaternions go over into each other", "[rotatio
   }
 }
 
-TEST_CASE("products compose rotations, the conjugate undoes them", "[rotation]") {
+TEST_CASE("products compose rotations and the conjugate inverts them", "[rotation]") {
   std::mt19937 random(6);
   for (int k = 0; k < 20; ++k) {
     const QuaternionWxyz<double> a = quaternion_exp<double>(2.0 * random_axis<double>(random)),
@@ -156,7 +158,7 @@ TEST_CASE("products compose rotations, the conjugate undoes them", "[rotation]")
   }
 }
 
-TEMPLATE_TEST_CASE("the shortest rotation between directions arrives, also between opposite ones",
+TEMPLATE_TEST_CASE("the shortest rotation maps one direction to the other, also opposite ones",
                    "[rotation]", float, double) {
   using S = TestType;
   std::mt19937 random(7);
@@ -171,7 +173,7 @@ TEMPLATE_TEST_CASE("the shortest rotation between directions arrives, also betwe
   }
 }
 
-TEST_CASE("roll, pitch and yaw turn about fixed x, y and z", "[rotation]") {
+TEST_CASE("roll, pitch and yaw rotate about fixed x, y and z", "[rotation]") {
   const double roll = 0.3, pitch = -0.8, yaw = 2.1;
   const Matrix3<double> wanted = rotation_exp<double>(Vector3<double>(0, 0, yaw)) *
                                  rotation_exp<double>(Vector3<double>(0, pitch, 0)) *

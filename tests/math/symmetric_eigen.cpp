@@ -33,7 +33,7 @@ Vector3<double> sorted(const Vector3<S>& values) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("values and vectors rebuild the matrix, and vectors are orthonormal",
+TEMPLATE_TEST_CASE("values and vectors give the matrix, and vectors are orthonormal",
                    "[symmetric_eigen]", float, double) {
   using S = TestType;
   const double eps = static_cast<double>(scalar_traits<S>::epsilon());
@@ -57,8 +57,8 @@ TEMPLATE_TEST_CASE("values and vectors rebuild the matrix, and vectors are ortho
   }
 }
 
-TEST_CASE("small eigenvalues of a graded matrix keep their digits", "[symmetric_eigen]") {
-  // D M D with M well conditioned: each eigenvalue is determined to rounding by the entries.
+TEST_CASE("small eigenvalues of a graded matrix are accurate", "[symmetric_eigen]") {
+  // D M D with M well conditioned: the entries determine each eigenvalue to rounding.
   const Vector3<double> d(1.0, 1e-5, 1e-10);
   Matrix3<double> M;
   M << 1, 0.3, 0.2, 0.3, 1, 0.4, 0.2, 0.4, 1;
@@ -68,15 +68,16 @@ TEST_CASE("small eigenvalues of a graded matrix keep their digits", "[symmetric_
   CHECK(std::abs(values.prod() / determinant - 1.0) < 1e-14);
 }
 
-TEST_CASE("a diagonal matrix is left as it is", "[symmetric_eigen]") {
+TEST_CASE("a diagonal matrix stays unchanged", "[symmetric_eigen]") {
   const SymmetricEigen<double> eigen =
       symmetric_eigen<double>(Vector3<double>(3, 1, 2).asDiagonal());
   CHECK(eigen.values == Vector3<double>(3, 1, 2));
   CHECK(eigen.vectors == Matrix3<double>::Identity());
 }
 
-TEST_CASE("a Jacobi rotation makes two columns orthogonal and turns by at most an eighth",
-          "[symmetric_eigen]") {
+TEST_CASE(
+    "a Jacobi rotation makes two columns orthogonal and rotates by at most an eighth of a turn",
+    "[symmetric_eigen]") {
   std::mt19937 random(2);
   std::normal_distribution<double> normal;
   for (int k = 0; k < 100; ++k) {
@@ -92,7 +93,25 @@ TEST_CASE("a Jacobi rotation makes two columns orthogonal and turns by at most a
   }
 }
 
-TEST_CASE("not-a-number ends and shows, and nothing allocates", "[symmetric_eigen]") {
+TEMPLATE_TEST_CASE("eigenvalues are right near the ends of the scalar's range", "[symmetric_eigen]",
+                   float, double) {
+  using S = TestType;
+  const bool single = std::is_same_v<S, float>;
+  for (const S size : {S(single ? 1e-18 : 1e-160), S(single ? 1e-15 : 1e-100), S(1),
+                       S(single ? 1e20 : 1e160), S(single ? 1e30 : 1e290)}) {
+    CAPTURE(size);
+    Matrix3<S> A;
+    A << S(2), S(1), S(0), S(1), S(2), S(0), S(0), S(0), S(1);
+    const Vector3<S> values = symmetric_eigen<S>(size * A).values / size;
+    const Vector3<double> v = sorted<S>(values);
+    CHECK(v[0] == Approx(1.0));
+    CHECK(v[1] == Approx(1.0));
+    CHECK(v[2] == Approx(3.0));
+  }
+}
+
+TEST_CASE("NaN in the matrix ends the iteration with NaN, and nothing allocates",
+          "[symmetric_eigen]") {
   Matrix3<double> A = Matrix3<double>::Identity();
   A(0, 1) = A(1, 0) = std::numeric_limits<double>::quiet_NaN();
   const SymmetricEigen<double> eigen = symmetric_eigen<double>(A);

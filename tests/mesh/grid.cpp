@@ -6,7 +6,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("a grid of 65 by 65 has the paper's resolution", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("a 65×65 grid has the paper's resolution", "[mesh]", float, double) {
   using S = TestType;
   const auto made = make_grid<S>(65, 65, S(1), S(1));
   REQUIRE(made);
@@ -16,8 +16,8 @@ TEMPLATE_TEST_CASE("a grid of 65 by 65 has the paper's resolution", "[mesh]", fl
   CHECK(mesh.vertex(64, 64) == 4224);
 }
 
-TEMPLATE_TEST_CASE("row 0 is the bottom, column 0 the left, and the top edge lies at z = 0",
-                   "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("row 0 is the bottom, column 0 the left, and the top edge is at z = 0", "[mesh]",
+                   float, double) {
   using S = TestType;
   const auto made = make_grid<S>(4, 6, S(0.5), S(0.3));
   REQUIRE(made);
@@ -43,7 +43,7 @@ TEMPLATE_TEST_CASE("row 0 is the bottom, column 0 the left, and the top edge lie
   CHECK(static_cast<double>(mesh.column_spacing()) == Approx(0.1));
 }
 
-TEMPLATE_TEST_CASE("the triangles tile the sheet and all show -y", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("the triangles tile the sheet and face -y", "[mesh]", float, double) {
   using S = TestType;
   const auto made = make_grid<S>(5, 9, S(0.8), S(0.6));
   REQUIRE(made);
@@ -59,10 +59,11 @@ TEMPLATE_TEST_CASE("the triangles tile the sheet and all show -y", "[mesh]", flo
   CHECK(area == Approx(0.48).epsilon(1e-5));
 }
 
-TEST_CASE("a grid with an even number of cells a row is cut like its mirror image", "[mesh]") {
+TEST_CASE("a grid with an even number of cells in a row is divided mirror-symmetrically",
+          "[mesh]") {
   const auto made = make_grid<double>(4, 5, 1.0, 1.0);
   REQUIRE(made);
-  // Area of the triangles at a vertex, compared with that of its mirror image.
+  // Compares the triangle area at each vertex with that at its mirror image.
   std::vector<int> touching(20, 0);
   for (const auto& t : made->triangles) {
     for (int v : t) ++touching[static_cast<std::size_t>(v)];
@@ -75,7 +76,7 @@ TEST_CASE("a grid with an even number of cells a row is cut like its mirror imag
   }
 }
 
-TEMPLATE_TEST_CASE("a grid refuses bad sizes and names them", "[mesh]", float, double) {
+TEMPLATE_TEST_CASE("a grid refuses bad sizes with a message", "[mesh]", float, double) {
   using S = TestType;
   CHECK(make_grid<S>(1, 5, S(1), S(1)).error() == "grid needs at least 2 rows, got 1");
   CHECK(make_grid<S>(5, -3, S(1), S(1)).error() == "grid needs at least 2 columns, got -3");

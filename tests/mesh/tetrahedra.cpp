@@ -11,7 +11,7 @@ using namespace clothctl;
 
 namespace {
 
-/// Volume under an outward surface: Σ det(a, b, c) / 6.
+/// Volume inside an outward-facing surface: Σ det(a, b, c) / 6.
 template <class S>
 double enclosed_volume(const TetMesh<S>& mesh) {
   double sum = 0;
@@ -27,8 +27,8 @@ double enclosed_volume(const TetMesh<S>& mesh) {
   return sum;
 }
 
-/// Every face belongs to one or two tetrahedra, and the surface is closed, oriented and of the
-/// topology of a sphere.
+/// Checks that every face belongs to one or two tetrahedra, and that the surface is closed,
+/// oriented and a topological sphere.
 template <class S>
 void check_conforming(const TetMesh<S>& mesh) {
   std::map<std::array<int, 3>, int> faces;
@@ -59,7 +59,7 @@ void check_conforming(const TetMesh<S>& mesh) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere", "[mesh]", float,
+TEMPLATE_TEST_CASE("a ball is a conforming mesh with its surface on the sphere", "[mesh]", float,
                    double) {
   using S = TestType;
   const double loose = std::is_same_v<S, float> ? 1e-5 : 1e-13;
@@ -75,7 +75,7 @@ TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere
     check_conforming(mesh);
     const VectorX<S> volumes = tetrahedron_volumes(mesh);
     CHECK(volumes.minCoeff() > S(0));
-    // No slivers, however fine the mesh.
+    // No slivers at any resolution.
     CHECK(volumes.minCoeff() > S(0.15) * volumes.maxCoeff());
     std::vector<bool> outer(static_cast<std::size_t>(mesh.positions.cols()), false);
     for (const auto& t : surface_triangles(mesh)) {
@@ -99,8 +99,7 @@ TEMPLATE_TEST_CASE("a ball is a conforming mesh whose surface lies on the sphere
   CHECK(short_of_ball < 0.025);
 }
 
-TEMPLATE_TEST_CASE("a ball's poles and centre are where they are said to be", "[mesh]", float,
-                   double) {
+TEMPLATE_TEST_CASE("a ball's poles and centre are where documented", "[mesh]", float, double) {
   using S = TestType;
   const auto made = make_ball<S>(S(0.1), 4, Vector3<S>::Zero());
   REQUIRE(made);
@@ -128,7 +127,7 @@ TEMPLATE_TEST_CASE("a box is a conforming mesh of equal tetrahedra", "[mesh]", f
   CHECK(made->positions.rowwise().minCoeff() == Vector3<S>(S(-0.5), S(-0.75), S(-0.4)));
 }
 
-TEMPLATE_TEST_CASE("bad tetrahedral meshes and sizes are refused by name", "[mesh]", float,
+TEMPLATE_TEST_CASE("bad tetrahedral meshes and sizes are refused with a message", "[mesh]", float,
                    double) {
   using S = TestType;
   const Vector3<S> zero = Vector3<S>::Zero(), one = Vector3<S>::Ones();

@@ -12,7 +12,7 @@ namespace {
 
 using Triangles = std::vector<std::array<int, 3>>;
 
-/// Edges by brute force.
+/// Finds edges by brute force.
 std::set<std::pair<int, int>> all_edges(const Triangles& triangles) {
   std::set<std::pair<int, int>> edges;
   for (const auto& t : triangles) {
@@ -23,7 +23,7 @@ std::set<std::pair<int, int>> all_edges(const Triangles& triangles) {
 
 }  // namespace
 
-TEST_CASE("the topology of a grid obeys Euler's formula and lists every edge once", "[mesh]") {
+TEST_CASE("the topology of a grid satisfies Euler's formula and lists every edge once", "[mesh]") {
   const auto mesh = make_grid<double>(7, 5, 1.0, 1.0);
   REQUIRE(mesh);
   const auto made = make_topology(35, mesh->triangles);
@@ -43,7 +43,7 @@ TEST_CASE("the topology of a grid obeys Euler's formula and lists every edge onc
   CHECK(topology.consistently_oriented);
 }
 
-TEST_CASE("hinges and boundary edges hold the right vertices", "[mesh]") {
+TEST_CASE("hinges and boundary edges have the right vertices", "[mesh]") {
   //  3---2
   //  | / |
   //  0---1
@@ -88,7 +88,8 @@ TEST_CASE("neighbours are symmetric, ascending and complete", "[mesh]") {
   CHECK(pairs == 2 * edges.size());
 }
 
-TEST_CASE("a turned triangle is noticed, a closed surface has no border", "[mesh]") {
+TEST_CASE("a triangle of opposite orientation is detected, and a closed surface has no border",
+          "[mesh]") {
   const auto turned = make_topology(4, {{0, 1, 2}, {0, 3, 2}});
   REQUIRE(turned);
   CHECK_FALSE(turned->consistently_oriented);
@@ -102,7 +103,7 @@ TEST_CASE("a turned triangle is noticed, a closed surface has no border", "[mesh
   CHECK(empty->edges.empty());
 }
 
-TEST_CASE("bad triangles are refused by name", "[mesh]") {
+TEST_CASE("bad triangles are refused with a message", "[mesh]") {
   CHECK(make_topology(3, {{0, 1, 2}, {0, 2, 3}}).error() ==
         "triangle 1 holds vertex 3 off the mesh of 3 vertices");
   CHECK(make_topology(3, {{0, -1, 2}}).error() ==
@@ -116,7 +117,7 @@ TEST_CASE("bad triangles are refused by name", "[mesh]") {
   CHECK(make_topology(3, {{0, 1, 2}, {2, 1, 0}}).error() == "triangle 1 repeats triangle 0");
 }
 
-TEST_CASE("counts that ints cannot number are refused by value", "[mesh]") {
+TEST_CASE("counts too large for int are refused with their value", "[mesh]") {
   CHECK(make_topology(-1, {}).error() == "vertex count must not be negative, got -1");
   CHECK(make_topology(-7, {{0, 1, 2}}).error() == "vertex count must not be negative, got -7");
   CHECK(make_topology(2147483648, {}).error() ==

@@ -1,4 +1,4 @@
-// Condensing against products of the big matrices that it avoids.
+// Condensing, compared with products of the large matrices that it avoids.
 
 #include "clothctl/mpc/detail/condense.hpp"
 
@@ -21,7 +21,7 @@ MatrixX<Scalar> random_matrix(Index rows, Index cols, std::mt19937& random) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window", "[mpc]", float,
+TEMPLATE_TEST_CASE("condensing gives the normal equations of the whole window", "[mpc]", float,
                    double) {
   std::mt19937 random(11);
   const TestType tolerance = std::is_same_v<TestType, float> ? TestType(1e-4) : TestType(1e-12);
@@ -53,7 +53,7 @@ TEMPLATE_TEST_CASE("condensing equals the normal equations of the whole window",
   }
 }
 
-TEST_CASE("a window without rows condenses to nothing", "[mpc]") {
+TEST_CASE("a window without rows condenses to zero", "[mpc]") {
   MatrixX<double> hessian = MatrixX<double>::Ones(12, 12);
   VectorX<double> gradient = VectorX<double>::Ones(12);
   detail::condense<double>(MatrixX<double>(0, 12), MatrixX<double>(0, 4), hessian, gradient);

@@ -1,10 +1,10 @@
 #pragma once
 
-// The linearised step of a spring network once more, dense and straight from its definition: what
-// sparse predictors are judged by.
+// The linearised step of a spring network, written once more with dense matrices, straight from its
+// definition. Tests compare sparse predictors with it.
 //
-//   A v⁺ = M v + h ( f - K q + E u + G (w - w_1) ),   A = (1 + h α) M + h (D + C) + h² K,   x⁺ = x
-//   + h v⁺
+//   A v⁺ = M v + h ( f - K q + E u + G (w - w_1) ),   x⁺ = x + h v⁺,
+//   A = (1 + h α) M + h (D + C) + h² K
 
 #include <Eigen/Dense>
 #include <cmath>
@@ -20,7 +20,7 @@ struct DenseStep {
   Eigen::VectorXd mass, f;           // 3n each
   std::vector<bool> held;
 
-  /// Linearises about (x, v) in air that moves at `wind`; `driven` and pinned vertices are
+  /// Linearises about (x, v) in air that moves at `wind`. `driven` and pinned vertices are
   /// prescribed.
   DenseStep(const clothctl::MassSpring<double>& model, const clothctl::Points<double>& x,
             const clothctl::Points<double>& v, const Eigen::Vector3d& wind, double h,
@@ -88,9 +88,9 @@ struct DenseStep {
     free_ = Eigen::LLT<Eigen::MatrixXd>(reduced(A));
   }
 
-  /// Vertex positions at the end of frames 1 … K from (x, v): 3n × K. `u` (3·inputs.size() × K) are
-  /// the forces on the vertices `inputs` or, where those are held, their velocities; `wind` (3×K)
-  /// blows instead of that linearised at.
+  /// Returns the vertex positions at the end of frames 1 … K from (x, v): 3n × K. `u`
+  /// (3·inputs.size() × K) holds the forces on the vertices `inputs` or, if those are held, their
+  /// velocities. `wind` (3×K) replaces the wind of the linearisation.
   Eigen::MatrixXd rollout(const clothctl::Points<double>& x, const clothctl::Points<double>& v,
                           const std::vector<int>& inputs, const Eigen::MatrixXd& u,
                           const Eigen::MatrixXd& wind) const {
@@ -110,7 +110,7 @@ struct DenseStep {
           rhs.segment<3>(3 * inputs[j]) += dt * given;
         }
       }
-      rhs -= A * next;  // prescribed columns to the right
+      rhs -= A * next;  // moves the prescribed columns to the right-hand side
       const Eigen::VectorXd solved = free_.solve(gather(rhs));
       Eigen::Index row = 0;
       for (std::size_t i = 0; i < held.size(); ++i) {

@@ -1,4 +1,4 @@
-// Features: sums of vertices, what is refused, and maps of other engines.
+// Features as sums of vertices, refused features, and foreign feature maps.
 
 #include "clothctl/mpc/features.hpp"
 
@@ -19,7 +19,7 @@ TEMPLATE_TEST_CASE("points, centroids and sums obey the laws of feature maps", "
   clothctl_test::check_feature_laws<TestType>(features, 8);
 }
 
-TEST_CASE("features are evaluated as they were added", "[mpc]") {
+TEST_CASE("features have the values that they were added with", "[mpc]") {
   PointFeatures<double> features;
   features.add_point(2);
   features.add_centroid({0, 1, 2});
@@ -33,7 +33,8 @@ TEST_CASE("features are evaluated as they were added", "[mpc]") {
   CHECK((y.col(2) - Vector3<double>(0.0, -3.0, -1.0)).norm() < 1e-15);
 }
 
-TEST_CASE("features off the mesh, without terms or without weight are refused by name", "[mpc]") {
+TEST_CASE("features off the mesh, without terms or without weight are refused with a message",
+          "[mpc]") {
   PointFeatures<double> none;
   CHECK(validate_features<double>(none, 5) == "there are no features");
   PointFeatures<double> off;

@@ -10,7 +10,7 @@ using namespace clothctl;
 
 namespace {
 
-// Fingers of one contact on the vertices of a patch, with all that a planner keeps beside them.
+// Fingers of one contact model on a patch, and the planner's data for them.
 template <class Contact>
 struct Fixture {
   std::vector<Grip<double, Contact>> grips;
@@ -47,7 +47,7 @@ void check_basis(const Contact& contact) {
   const long made = clothctl_test::allocations() - before;
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
 
-  // The forces of the fingers add up to B d + r0.
+  // The sum of the fingers' forces is B d + r0.
   VectorX<double> sum = VectorX<double>::Zero(f.B.rows());
   for (const FingerForce<double>& force : forces) {
     const std::size_t slot = f.held.slot(static_cast<std::size_t>(force.grip), force.vertex);
@@ -72,13 +72,13 @@ void check_basis(const Contact& contact) {
     }
     CHECK(f.basis.normal_force(f.grips, columns, d) == Approx(pressed));
     CHECK(contact_traits<Contact>::violation(contact, points, normals, own, 1e6) <= 1e-14);
-    // One coefficient at its bound alone reaches the finger's limit.
+    // A single coefficient at its bound reaches the finger's limit.
     VectorX<double> alone = VectorX<double>::Zero(d.size());
     alone[columns.column] = upper[columns.column];
     CHECK(f.basis.normal_force(f.grips, columns, alone) ==
           Approx(f.basis.finger(f.grips, columns).max_normal_force));
   }
-  // A column has entries in the rows that it names, and no others.
+  // A column has nonzeros in the rows that it names only.
   for (Index c = 0; c < f.B.cols(); ++c) {
     const detail::RowRange rows = f.columns[static_cast<std::size_t>(c)];
     CHECK(f.B.col(c).segment(rows.first, rows.second).squaredNorm() ==
@@ -88,20 +88,20 @@ void check_basis(const Contact& contact) {
 
 }  // namespace
 
-TEST_CASE("columns and offset of a force basis make the fingers' forces", "[mpc]") {
+TEST_CASE("columns and offset of a force basis give the fingers' forces", "[mpc]") {
   SECTION("frictionless") { check_basis(Frictionless<double>()); }
   SECTION("hard finger") { check_basis(HardFinger<double>{0.6, 5}); }
   SECTION("soft finger") { check_basis(SoftFinger<double>{0.6, 0.005, 4}); }
   SECTION("adhesive finger") { check_basis(AdhesiveFinger<double>{{0.6, 4}, 2.0}); }
 }
 
-TEST_CASE("the offset is the adhesion of all fingers, shared by their vertices", "[mpc]") {
+TEST_CASE("the offset is the adhesion of all fingers, divided among their vertices", "[mpc]") {
   const AdhesiveFinger<double> sticky{{0.6, 4}, 3.0};
   Fixture<AdhesiveFinger<double>> f(sticky);
-  CHECK(f.offset.norm() <= 1e-15);  // opposed fingers of one strength cancel
+  CHECK(f.offset.norm() <= 1e-15);  // opposed fingers of equal adhesion cancel
   f.grips[0].fingers[1].contact.strength = 0.0;
   f.basis.update(f.grips, f.held, {}, f.x, f.B, f.offset);
-  // Without triangles the fallback normal (0, 1, 0) stands in: each vertex is pulled by 1 N.
+  // Without triangles, the fallback normal (0, 1, 0) is used: each vertex is pulled by 1 N.
   for (Index slot = 0; slot < 3; ++slot)
     CHECK((f.offset.segment<3>(3 * slot) - Vector3<double>(0, -1, 0)).norm() <= 1e-15);
   CHECK(f.offset.tail<3>().norm() <= 1e-15);

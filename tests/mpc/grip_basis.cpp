@@ -1,4 +1,4 @@
-// The map from the QP's unknowns to forces and velocities of the held vertices.
+// The map from the QP's unknowns to forces or velocities of the held vertices.
 
 #include "clothctl/mpc/detail/grip_basis.hpp"
 
@@ -30,7 +30,8 @@ VectorX<double> random_vector(Index n, std::mt19937& random) {
 
 }  // namespace
 
-TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[mpc]") {
+TEST_CASE("coefficients give the sum of the finger forces, each inside its friction cone",
+          "[mpc]") {
   std::mt19937 random(3);
   std::vector<Grip<double>> grips{patch_grip(0, 2), patch_grip(1, 1)};
   grips[0].fingers[1].contact.pyramid = 6;
@@ -67,7 +68,7 @@ TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[
       sum.segment<3>(3 * slot) += f.force;
       CHECK(f.normal.norm() == Approx(1.0));
       CHECK(cone_violation<double>(f.force, f.normal, finger.contact.friction, 1e9) < 1e-14);
-      // d = 1 on one generator gives the normal part 1/√(1+μ²).
+      // For one generator with d = 1, the normal part is 1/√(1+μ²).
       const Index pyramid = finger.contact.pyramid;
       const double share =
           d.segment(columns.column + static_cast<Index>(j) * pyramid, pyramid).sum() /
@@ -78,7 +79,7 @@ TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[
     CHECK(basis.normal_force(columns, d) == Approx(normal));
   }
   CHECK((basis.matrix() * d - sum).norm() < 1e-13);
-  // A column touches the rows that it says and no others.
+  // A column has nonzeros in the rows that it names only.
   for (Index c = 0; c < basis.unknowns(); ++c) {
     const std::pair<Index, Index> rows = basis.rows(c);
     CHECK(basis.matrix().col(c).segment(rows.first, rows.second).norm() == Approx(1.0));
@@ -86,14 +87,14 @@ TEST_CASE("coefficients make the sum of finger forces, each inside its cone", "[
   }
 }
 
-TEST_CASE("opposed fingers stand on opposite sides of the sheet", "[mpc]") {
+TEST_CASE("opposed fingers press from opposite sides of the sheet", "[mpc]") {
   detail::GripBasis<double> basis({patch_grip(0, 1)}, sheet().network.triangles, GripInput::Force);
   basis.update(sheet().network.rest_positions);  // the plane y = 0, front towards -y
   std::vector<FingerForce<double>> forces(2);
   basis.finger_forces(VectorX<double>::Ones(8), forces);
   CHECK((forces[0].normal - Vector3<double>(0.0, -1.0, 0.0)).norm() < 1e-12);
   CHECK((forces[1].normal - Vector3<double>(0.0, 1.0, 0.0)).norm() < 1e-12);
-  // Without triangles the fallback stands in.
+  // Without triangles, the fallback normal is used.
   Grip<double> grip = patch_grip(0, 1);
   grip.fallback_normal = Vector3<double>(0.0, 0.0, 1.0);
   detail::GripBasis<double> rope({grip}, {}, GripInput::Force);
@@ -120,18 +121,18 @@ TEST_CASE("the pose of a grip moves its vertices as a rigid body", "[mpc]") {
   CHECK((r.tail<3>() - u.tail<3>()).norm() < 1e-15);
 }
 
-TEST_CASE("bounds keep limits and steps", "[mpc]") {
+TEST_CASE("bounds follow from force limits and largest steps", "[mpc]") {
   const Points<double> x = sheet().state.positions;
   detail::GripBasis<double> forces({patch_grip(0, 2)}, sheet().network.triangles, GripInput::Force);
   VectorX<double> lower(forces.unknowns()), upper(forces.unknowns());
   forces.bounds(x, 0.05, 0.02, lower, upper);
   CHECK(lower.norm() == 0.0);
-  // One coefficient at its bound makes the whole limit of its finger.
+  // A single coefficient at its bound reaches its finger's limit.
   CHECK(upper.minCoeff() == Approx(2.0 * std::sqrt(1.0 + 0.16)));
   CHECK(upper.maxCoeff() == Approx(upper.minCoeff()));
 
-  // Whatever the corner of the box: the centre moves at most max_step along each axis, and turning
-  // adds at most as much.
+  // At any corner of the box, the centre moves at most max_step along each axis, and rotation adds
+  // at most as much.
   detail::GripBasis<double> poses({patch_grip(0, 3)}, sheet().network.triangles, GripInput::Pose);
   poses.update(x);
   lower.resize(6);

@@ -1,4 +1,4 @@
-// The hand anchor's moving average, on motions whose average is known.
+// The moving average of the hand anchor, for motions whose average is known.
 
 #include "clothctl/mpc/hand_anchor.hpp"
 
@@ -19,7 +19,7 @@ HandAnchor<double> anchor_of(std::vector<double> weights, const V& offset) {
   return anchor;
 }
 
-// Two features on a line along x, moved as one.
+// Two features on a line along x that move together.
 template <class Motion>
 auto line(const Motion& motion) {
   return [motion](Index i, double t) { return V(V(i == 0 ? -0.25 : 0.25, 0.0, 0.0) + motion(t)); };
@@ -37,7 +37,7 @@ TEST_CASE("a constant target gives a constant hand", "[mpc]") {
   }
 }
 
-TEST_CASE("the hand of a steady motion moves steadily", "[mpc]") {
+TEST_CASE("a steady motion of the target gives a steady motion of the hand", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const V velocity(0.2, -0.4, 0.1);
   for (const HeavyChainAxes heavy_chain_axes :
@@ -48,9 +48,9 @@ TEST_CASE("the hand of a steady motion moves steadily", "[mpc]") {
   }
 }
 
-TEST_CASE("the hand leads a constant acceleration by that of a hanging chain", "[mpc]") {
-  // The mean of (t + τ sin a)² is t² + τ²/2, so with ȳ = ½ b t² the hand stands b τ²/4 = b L/g
-  // ahead: tan(angle) = b/g.
+TEST_CASE("under constant acceleration the hand leads as a hanging chain requires", "[mpc]") {
+  // The mean of (t + τ sin a)² is t² + τ²/2. For ȳ = ½ b t², the hand is therefore b τ²/4 = b L/g
+  // ahead, and tan(angle) = b/g.
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.4));
   const double b = 1.7;
   const V p = anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81,
@@ -78,7 +78,7 @@ TEST_CASE("a sinusoid is attenuated by the Bessel function of its frequency", "[
   }
 }
 
-TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]") {
+TEST_CASE("only directions in which the sheet swings are averaged", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const auto motion = [](double t) {
     return V(std::sin(5.0 * t), std::sin(5.0 * t), std::sin(5.0 * t));
@@ -95,7 +95,7 @@ TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]")
   CHECK(pendulum[1] == Approx(sheet[1]));
   CHECK(pendulum[2] == Approx(now + 0.5));
 
-  // Nothing hangs below the hand, or no line to stand across: no average.
+  // There is no average if nothing hangs below the hand, or if the features form no line.
   HandAnchor<double> flat = anchor;
   flat.hanging_length = 0.0;
   CHECK((anchor_position(flat, HeavyChainAxes::Horizontal, 9.81, line(motion), t) - none).norm() <
@@ -104,15 +104,15 @@ TEST_CASE("only the directions in which the sheet swings are averaged", "[mpc]")
   CHECK((anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, together, t) - none).norm() <
         1e-14);
 
-  // One feature makes no line: what hangs from one point swings both ways.
+  // With a single feature there is no line: the sheet swings in both directions.
   const HandAnchor<double> single = anchor_of({1.0}, V(0.0, 0.0, 0.5));
   CHECK((anchor_position(single, HeavyChainAxes::SheetNormal, 9.81, together, t) -
          anchor_position(single, HeavyChainAxes::Horizontal, 9.81, together, t))
             .norm() < 1e-14);
 }
 
-TEST_CASE("the average turns with the line between the features", "[mpc]") {
-  // The same motion across the line, seen from above under another angle.
+TEST_CASE("the average rotates with the line between the features", "[mpc]") {
+  // The same motion across the line, rotated about the vertical.
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const double angle = 0.6;
   const V along(std::cos(angle), std::sin(angle), 0.0),
@@ -127,7 +127,7 @@ TEST_CASE("the average turns with the line between the features", "[mpc]") {
   CHECK(p.dot(along) == Approx(0.0).margin(1e-14));
 }
 
-TEST_CASE("an anchor allocates nothing", "[mpc]") {
+TEST_CASE("a hand anchor does not allocate", "[mpc]") {
   const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.5));
   const auto target = line([](double t) { return V(t, t * t, 0.0); });
   const long before = clothctl_test::allocations();
@@ -137,7 +137,7 @@ TEST_CASE("an anchor allocates nothing", "[mpc]") {
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
 }
 
-TEST_CASE("made anchors keep the hands where they start", "[mpc]") {
+TEST_CASE("anchors made from a start leave the hands there", "[mpc]") {
   Points<double> features(3, 2), hands(3, 2);
   features << -0.2, 0.2, 0.0, 0.01, 0.1, 0.12;
   hands << -0.25, 0.24, 0.02, 0.0, 0.6, 0.05;
@@ -153,9 +153,8 @@ TEST_CASE("made anchors keep the hands where they start", "[mpc]") {
       CHECK((anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, still(features), 0.0) -
              held.col(g))
                 .norm() < 1e-14);
-      CHECK(
-          anchor.hanging_length ==
-          std::max(0.0, anchor.offset[2]));  // a hand below its feature has nothing hanging from it
+      CHECK(anchor.hanging_length ==
+            std::max(0.0, anchor.offset[2]));  // nothing hangs from a hand below its feature
     }
   }
   CHECK(make_anchors(features, hands)[1].feature_weights == std::vector<double>{0.0, 1.0});

@@ -1,4 +1,4 @@
-// Patches: which sets of vertices fingers hold, and what non-affine motion is measured on them.
+// Patches: the sets of vertices that fingers hold, and their non-affine motion.
 
 #include "clothctl/mpc/detail/held_patches.hpp"
 
@@ -7,7 +7,7 @@
 
 using namespace clothctl;
 
-TEST_CASE("fingers on the same vertices share a patch, in whatever order they list them", "[mpc]") {
+TEST_CASE("fingers on the same vertices share a patch in any order of vertices", "[mpc]") {
   Grip<double> first;
   first.fingers.push_back({{7, 2, 5}, 1.0});
   first.fingers.push_back({{5, 7, 2}, -1.0});
@@ -22,7 +22,7 @@ TEST_CASE("fingers on the same vertices share a patch, in whatever order they li
   CHECK(patches[2].held_slots == std::vector<Index>{4});
 }
 
-TEST_CASE("a non-affine mode is blind to affine motion and sees everything else", "[mpc]") {
+TEST_CASE("non-affine modes are zero for affine motion and span all other motion", "[mpc]") {
   const clothctl_test::HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 5);
   const detail::GripBasis<double> basis({make_pinch<double>(sheet.corner_patch(0, 3), 0.5, 1.0)},
                                         sheet.network.triangles, GripInput::Force);

@@ -6,7 +6,7 @@
 
 using namespace clothctl;
 
-TEST_CASE("held vertices stand grip by grip", "[mpc]") {
+TEST_CASE("held vertices are ordered by grip", "[mpc]") {
   detail::HeldVertices<double> held;
   CHECK(held.grip_count() == 0);
   held.add_grip({2, 5, 7});
@@ -23,7 +23,7 @@ TEST_CASE("held vertices stand grip by grip", "[mpc]") {
   CHECK(held.vertex_share(3) == 1.0);
 }
 
-TEST_CASE("a grip has a centroid, and a radius about it", "[mpc]") {
+TEST_CASE("a grip has a centroid and a radius", "[mpc]") {
   detail::HeldVertices<double> held;
   held.add_grip({0, 2});
   held.add_grip({1});

@@ -1,6 +1,6 @@
 #pragma once
 
-// The planners that most tests of this folder use, compiled once (instances.cpp).
+// The planners that most tests of this folder use, those that CLOTHCTL_PRECOMPILED compiles once.
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/mpc/linearised_predictor.hpp"
@@ -15,15 +15,3 @@ using RollingPredictor = clothctl::RolloutPredictor<clothctl::MassSpring<double>
 using RollingPlanner = clothctl::Planner<RollingPredictor>;
 
 }  // namespace clothctl_test
-
-#ifndef CLOTHCTL_TEST_INSTANCES
-extern template class clothctl::BoxActiveSet<double>;
-extern template class clothctl::ActiveSet<double>;
-extern template class clothctl::MassSpring<double>;
-extern template class clothctl::MassSpringResponse<float>;
-extern template class clothctl::LinearisedPredictor<clothctl::MassSpringResponse<float>, double>;
-extern template class clothctl::RolloutPredictor<clothctl::MassSpring<double>,
-                                                 clothctl_test::FrozenPredictor>;
-extern template class clothctl::Planner<clothctl_test::FrozenPredictor>;
-extern template class clothctl::Planner<clothctl_test::RollingPredictor>;
-#endif

@@ -1,5 +1,5 @@
-// The exact predictor against an independent dense rollout of the linearised step, and against the
-// plant itself.
+// The linearised predictor, compared with an independent dense rollout of the linearised step and
+// with the plant itself.
 
 #include "clothctl/mpc/linearised_predictor.hpp"
 
@@ -21,8 +21,8 @@ namespace {
 
 constexpr double kDt = clothctl_test::kFrame;
 
-// Outputs: both lower corners, a centroid of three that includes a held one, a single held one, a
-// signed sum with a pinned one, and the held vertices themselves: seven points, more lanes than one
+// Outputs: both lower corners, a centroid of three vertices with a held one, a single held vertex,
+// a signed sum with a pinned vertex, and the held vertices. These are seven points, more than one
 // pass takes in double.
 WindowRequest<double> request_for(const HangingSheet& sheet, GripInput kind, Index horizon) {
   WindowRequest<double> request;
@@ -67,14 +67,14 @@ MatrixX<double> outputs_of(const WindowRequest<double>& request, const MatrixX<d
   return y;
 }
 
-// A response whose internal forces do not feel a translation of the whole sheet, and says so.
+// A response that declares its internal forces independent of translation.
 template <class Scalar>
 struct FloatingResponse : MassSpringResponse<Scalar> {
   using MassSpringResponse<Scalar>::MassSpringResponse;
   bool translation_free() const { return true; }
 };
 
-// Largest error over the largest distance that an output travels.
+// Largest error divided by the largest distance that an output moves.
 double relative_error(const WindowRequest<double>& request, const ClothState<double>& state,
                       const MatrixX<double>& predicted, const MatrixX<double>& positions) {
   const MatrixX<double> y = outputs_of(request, positions);
@@ -84,7 +84,7 @@ double relative_error(const WindowRequest<double>& request, const ClothState<dou
   return (predicted - y).cwiseAbs().maxCoeff() / (y.colwise() - start.col(0)).cwiseAbs().maxCoeff();
 }
 
-// One step of the plant itself under the first column of the plan.
+// One step of the plant under the first column of the plan.
 MatrixX<double> plant_step(const MassSpring<double>& model, const ClothState<double>& start,
                            const WindowRequest<double>& request) {
   auto workspace = model.make_workspace();
@@ -136,7 +136,7 @@ void compare(const HangingSheet& sheet, Index horizon, int trials, double tolera
     CHECK(relative_error(request, state, response.free_response.col(0),
                          plant_step(model, state, request)) < tolerance);
 
-    // The impulse response: the same window about another plan.
+    // The impulse response: the same window with another plan.
     WindowRequest<double> other = request;
     randomise(other, 50 + seed, 0.3, false, false);
     other.wind = request.wind;
@@ -156,10 +156,10 @@ void compare(const HangingSheet& sheet, Index horizon, int trials, double tolera
 
 }  // namespace
 
-TEST_CASE("the dense step's forces and stiffness are the slopes of the spring energy", "[mpc]") {
+TEST_CASE("forces and stiffness of the dense step are derivatives of the spring energy", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 0);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
-  // Stretched by a fifth, so that no stiffness block needs its projection.
+  // Stretched by a fifth, so that no stiffness block is projected.
   Points<double> x = 1.2 * sheet.network.rest_positions;
   x += clothctl_test::shaken({0.0 * x, 0.0 * x}, 3, 1e-3, 0.0).positions;
   const Points<double> v = Points<double>::Zero(3, x.cols());
@@ -181,18 +181,19 @@ TEST_CASE("the dense step's forces and stiffness are the slopes of the spring en
   }
 }
 
-TEST_CASE("the exact predictor is the plant's own linear step, frame by frame", "[mpc]") {
+TEST_CASE("the linearised prediction equals the plant's own linear step in each frame", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   compare<MassSpringResponse<double>>(sheet, 20, 12, 1e-10);
   compare<MassSpringResponse<double>>(sheet, 1, 4, 1e-10);
   compare<FloatingResponse<double>>(sheet, 20, 12, 1e-10);
 }
 
-TEST_CASE("a single-precision recursion predicts to single precision", "[mpc]") {
+TEST_CASE("a single-precision prediction has single-precision accuracy", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   compare<FloatingResponse<float>>(sheet, 20, 12, 5e-4);
 
-  // On a finer sheet the products K w of a near-translation w are where single precision is lost.
+  // On a finer sheet, single precision loses digits in products K w where w is nearly a
+  // translation.
   const HangingSheet fine = clothctl_test::hanging_sheet(17, 1, 20);
   const MassSpring<double> model = fine.model(Integration::LinearlyImplicit);
   const ClothState<double> state = clothctl_test::shaken(fine.state, 1, 0.005, 0.3);
@@ -208,7 +209,7 @@ TEST_CASE("a single-precision recursion predicts to single precision", "[mpc]") 
         2e-3 * exact.impulse_response.cwiseAbs().maxCoeff());
 }
 
-TEST_CASE("one frame ahead of a finer sheet the predictor equals the plant", "[mpc]") {
+TEST_CASE("one frame ahead on a finer sheet, the prediction equals the plant", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(17, 1, 10);
   for (int trial = 0; trial < 4; ++trial) {
     const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, trial >= 2);
@@ -227,7 +228,7 @@ TEST_CASE("one frame ahead of a finer sheet the predictor equals the plant", "[m
   }
 }
 
-TEST_CASE("known outer forces enter the prediction", "[mpc]") {
+TEST_CASE("known external forces enter the prediction", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
   const ClothState<double> state = clothctl_test::shaken(sheet.state, 5);
@@ -250,9 +251,9 @@ TEST_CASE("known outer forces enter the prediction", "[mpc]") {
   CHECK(relative_error(request, state, response.free_response, rolled) < 1e-10);
 }
 
-TEST_CASE("a measured force stands in for the model's", "[mpc]") {
-  // Every vertex of the plant is pushed alike, which the model does not know; with the measured
-  // force the prediction knows.
+TEST_CASE("a measured force replaces the model's force", "[mpc]") {
+  // Every vertex of the plant is pushed by the same force. The model does not know it; with the
+  // measured force the prediction includes it.
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 60);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
   auto workspace = model.make_workspace();
@@ -288,9 +289,8 @@ TEST_CASE("a measured force stands in for the model's", "[mpc]") {
   CHECK(error[1] < 0.5 * error[0]);
 }
 
-TEST_CASE("a measured force counts air and dampers once, and follows a change of the wind",
-          "[mpc]") {
-  // A flat sheet drifts freely.
+TEST_CASE("a measured force counts air and dampers once and follows changes of the wind", "[mpc]") {
+  // A flat sheet moves freely.
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 60);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   auto workspace = model.make_workspace();
@@ -322,11 +322,11 @@ TEST_CASE("a measured force counts air and dampers once, and follows a change of
   }
   CAPTURE(error[0], error[1]);
   CHECK(error[0] < 1e-12);
-  CHECK(error[1] < 6e-4);  // air takes 6 mm of a step's 60; what is left is that springs answer to
-                           // its differences
+  CHECK(error[1] < 6e-4);  // air takes 6 mm of 60; springs react to differences of air and leave a
+                           // small error its differences
 }
 
-TEST_CASE("in single precision a prediction does not depend on the place", "[mpc]") {
+TEST_CASE("in single precision the prediction does not depend on position", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 1, 60);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   const ClothState<double> state = clothctl_test::shaken(sheet.state, 4);
@@ -376,7 +376,7 @@ TEST_CASE("states of another size and held vertices off the mesh are refused", "
   CHECK(RolloutSettings{-1}.validate().find("newton_steps is -1") == 0);
 }
 
-TEST_CASE("predictions allocate nothing and repeat bit by bit", "[mpc]") {
+TEST_CASE("predicting does not allocate and repeats bit by bit", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 10);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   const ClothState<double> state = clothctl_test::shaken(sheet.state, 1);
@@ -399,7 +399,7 @@ TEST_CASE("predictions allocate nothing and repeat bit by bit", "[mpc]") {
   }
 }
 
-TEST_CASE("exact predictions obey the laws of predictors", "[mpc]") {
+TEST_CASE("linearised predictions obey the laws of predictors", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   clothctl_test::check_predictor_laws(

@@ -1,4 +1,4 @@
-// The profile of plants that are not the predictor.
+// The profile for plants that differ from the predictor.
 
 #include "clothctl/mpc/loose_plant.hpp"
 
@@ -6,20 +6,21 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("the profile passes every check and holds the hands firmly", "[mpc]", float,
+TEMPLATE_TEST_CASE("the profile loose_plant is valid and holds the hands firmly", "[mpc]", float,
                    double) {
   using S = TestType;
   for (const WeightBearing weight : {WeightBearing::Tension, WeightBearing::Elongation}) {
     const LoosePlantProfile<S> profile = loose_plant<S>(weight);
     CHECK(profile.planner.validate() == "");
     CHECK(profile.predictor.validate() == "");
+    CHECK(profile.planner.input == GripInput::Pose);
     CHECK(profile.planner.weights.anchor == S(100));
     CHECK(profile.planner.weights.smooth == S(10));
     CHECK(profile.planner.weights.feature == PlannerSettings<S>().weights.feature);
   }
 }
 
-TEST_CASE("a sheet that its elongation carries is predicted with less tension", "[mpc]") {
+TEST_CASE("a sheet stretched by its own weight is predicted with less tension", "[mpc]") {
   const auto tension = loose_plant<double>(),
              elongation = loose_plant<double>(WeightBearing::Elongation);
   CHECK(tension.response.scale.geometric == 1.0f);

@@ -1,5 +1,4 @@
-// What a planner is made for, checked before it is made, and what a frame that was not planned yet
-// answers.
+// Validation of a planner's setup, and the result of a frame that was not planned yet.
 
 #include "clothctl/mpc/plan_types.hpp"
 
@@ -14,7 +13,7 @@ namespace {
 
 constexpr Index kVertices = 9;
 
-/// A 3×3 sheet whose lower corners follow targets, held at its upper ones.
+/// A 3×3 sheet. Its lower corners follow targets, its upper ones are held.
 template <class S>
 PlannerSetup<S> setup() {
   PlannerSetup<S> out;
@@ -35,7 +34,7 @@ PlannerSetup<S> anchored() {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a setup that fits its sheet passes, with or without triangles and anchors",
+TEMPLATE_TEST_CASE("a setup that fits its sheet is valid with or without triangles and anchors",
                    "[mpc][plan_types]", float, double) {
   using S = TestType;
   CHECK(setup<S>().validate(kVertices) == "");
@@ -46,8 +45,8 @@ TEMPLATE_TEST_CASE("a setup that fits its sheet passes, with or without triangle
   CHECK(rope.validate(kVertices) == "");
 }
 
-TEMPLATE_TEST_CASE("features and grips that do not fit are named", "[mpc][plan_types]", float,
-                   double) {
+TEMPLATE_TEST_CASE("features and grips that do not fit the sheet are refused with a message",
+                   "[mpc][plan_types]", float, double) {
   using S = TestType;
   PlannerSetup<S> s = setup<S>();
   s.features.add_point(9);
@@ -79,13 +78,13 @@ TEMPLATE_TEST_CASE("the first triangle off the mesh is named with its vertex", "
     }
   }
   PlannerSetup<S> s = setup<S>();
-  s.triangles[2] = {4, 78, -2};  // of several wrong vertices the first
+  s.triangles[2] = {4, 78, -2};  // names the first of several wrong vertices
   CHECK(s.validate(kVertices) == "triangle 2 holds vertex 78 off the mesh");
   s.triangles[0] = {77, 78, 79};
   CHECK(s.validate(kVertices) == "triangle 0 holds vertex 77 off the mesh");
 }
 
-TEMPLATE_TEST_CASE("there are as many anchors as grips, or none", "[mpc][plan_types]", float,
+TEMPLATE_TEST_CASE("the number of anchors is zero or that of the grips", "[mpc][plan_types]", float,
                    double) {
   using S = TestType;
   PlannerSetup<S> s = anchored<S>();
@@ -98,8 +97,8 @@ TEMPLATE_TEST_CASE("there are as many anchors as grips, or none", "[mpc][plan_ty
   CHECK(s.validate(kVertices) == "there are 3 anchors for 1 grips");
 }
 
-TEMPLATE_TEST_CASE("the first anchor that is wrong is named with what is wrong",
-                   "[mpc][plan_types]", float, double) {
+TEMPLATE_TEST_CASE("the first wrong anchor is named with its error", "[mpc][plan_types]", float,
+                   double) {
   using S = TestType;
   for (std::size_t i = 0; i < 2; ++i) {
     const auto refusal = [i](const auto& spoil) {
@@ -129,12 +128,12 @@ TEMPLATE_TEST_CASE("the first anchor that is wrong is named with what is wrong",
   low.anchors[0].hanging_length = S(0);
   low.anchors[1].offset << S(0.1), S(-2), S(-3);
   CHECK(low.validate(kVertices) == "");
-  // Weights are counted by features, not by grips.
+  // There is a weight for each feature, not for each grip.
   low.features.add_centroid({3, 4, 5});
   CHECK(low.validate(kVertices) == "anchor 0 has 2 weights for 3 features");
 }
 
-TEST_CASE("of several wrongs the first is named: features, grips, triangles, anchors",
+TEST_CASE("of several errors the first is named, in the order features, grips, triangles, anchors",
           "[mpc][plan_types]") {
   PlannerSetup<double> s = anchored<double>();
   s.anchors[1].feature_weights.clear();
@@ -149,8 +148,8 @@ TEST_CASE("of several wrongs the first is named: features, grips, triangles, anc
   CHECK(s.validate(kVertices) == "feature 2 uses vertex -1, off a mesh of 9 vertices");
 }
 
-TEMPLATE_TEST_CASE("a frame that was not planned says so, and claims no error", "[mpc][plan_types]",
-                   float, double) {
+TEMPLATE_TEST_CASE("the result of a frame that was not planned says so and reports no error",
+                   "[mpc][plan_types]", float, double) {
   using S = TestType;
   const PlanResult<S> result;
   CHECK(result.status == PlanStatus::Failed);

@@ -1,5 +1,5 @@
-// The planner as a component: what it refuses, what it leaves alone, and that it repeats. Closed
-// loops are judged in planner_forces.cpp, planner_patches.cpp and planner_tracking.cpp.
+// The planner as a component: what it refuses, what it leaves unchanged, and that it repeats.
+// Closed loops are in planner_forces.cpp, planner_patches.cpp and planner_tracking.cpp.
 
 #include "clothctl/mpc/planner.hpp"
 
@@ -86,7 +86,7 @@ Plant started() {
 
 }  // namespace
 
-TEST_CASE("what cannot be planned for is refused with a line that names it", "[mpc]") {
+TEST_CASE("setups that cannot be planned for are refused with a message", "[mpc]") {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto refusal = [](const PlannerSetup<double>& s, const PlannerSettings<double>& p,
                           const Points<double>& start) {
@@ -99,7 +99,7 @@ TEST_CASE("what cannot be planned for is refused with a line that names it", "[m
     CAPTURE(text, part);
     CHECK(text.find(part) != std::string::npos);
   };
-  // The setup is judged for the sheet that stands at `start` (plan_types.cpp).
+  // The setup is validated for the sheet at `start` (plan_types.cpp).
   PlannerSetup<double> s = setup();
   s.features.add_point(49);
   names(refusal(s, settings(), start), "vertex 49");
@@ -124,8 +124,7 @@ TEST_CASE("what cannot be planned for is refused with a line that names it", "[m
   names(refusal(setup(), settings(), broken), "not finite");
 }
 
-TEST_CASE("hostile input changes nothing, and the next good frame is as if it had not been",
-          "[mpc]") {
+TEST_CASE("invalid input changes nothing, not even the next valid frame", "[mpc]") {
   const double nan = std::numeric_limits<double>::quiet_NaN(),
                inf = std::numeric_limits<double>::infinity();
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
@@ -180,7 +179,7 @@ TEST_CASE("positions or velocities of another sheet are refused", "[mpc]") {
   CHECK(planner.plan(x, sheet().state.velocities, 0.0, target, result) == PlanStatus::Planned);
 }
 
-TEST_CASE("why input was not taken is told: what, where, which value", "[mpc]") {
+TEST_CASE("check_input reports which input is wrong, where, and its value", "[mpc]") {
   PlannerSettings<double> swinging = settings();
   swinging.heavy_chain_axes = HeavyChainAxes::Horizontal;
   Planning planner = planner_for(setup(), swinging);
@@ -210,14 +209,14 @@ TEST_CASE("why input was not taken is told: what, where, which value", "[mpc]") 
   };
   CHECK(planner.check_input(x, v, 0.0, lost, result) ==
         "the target of feature 1 at 0.06 s is (-inf, 0, 0), must be finite and within 1e+06 m");
-  // Finite, but no place for a sheet: once planned as a zero force and called applicable.
+  // Finite, but beyond any sheet. Once this was planned as a zero force and called applicable.
   const auto away = [&](Index i, double t) {
     return i == 1 && t > 0.05 ? V(0.0, 1e30, 0.0) : target(i, t);
   };
   CHECK(planner.plan(x, v, 0.0, away, result) == PlanStatus::InvalidInput);
   CHECK(planner.check_input(x, v, 0.0, away, result) ==
         "the target of feature 1 at 0.06 s is (0, 1e+30, 0), must be finite and within 1e+06 m");
-  // Beyond the window, where a hand looks ahead.
+  // After the window, where an anchor looks ahead.
   const auto later = [&](Index i, double t) { return t > 0.2 ? V(nan, nan, nan) : target(i, t); };
   CHECK(planner.plan(x, v, 0.0, later, result) == PlanStatus::InvalidInput);
   CHECK(planner.check_input(x, v, 0.0, later, result).find("where grip 0 belongs at 0.02 s") == 0);
@@ -231,7 +230,7 @@ TEST_CASE("any weight but that of the features may be zero", "[mpc]") {
       &Weights::force,  &Weights::cone,  &Weights::velocity, &Weights::smooth, &Weights::shape,
       &Weights::anchor, &Weights::patch, &Weights::jerk,     &Weights::step};
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    for (std::size_t zero = 0; zero <= members.size(); ++zero) {  // the last time: all of them
+    for (std::size_t zero = 0; zero <= members.size(); ++zero) {  // the last time, all of them
       CAPTURE(static_cast<int>(input), zero);
       PlannerSettings<double> weighed = settings(input);
       for (std::size_t i = 0; i < members.size(); ++i) {
@@ -256,14 +255,14 @@ TEST_CASE("any weight but that of the features may be zero", "[mpc]") {
   }
 }
 
-TEST_CASE("planning allocates nothing", "[mpc]") {
+TEST_CASE("planning does not allocate", "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   struct Case {
     GripInput input;
     PlantCommand command;
     double limit;
   };
-  // The last stands in frames where grip limits bind, so the row solver runs.
+  // The last case runs in frames with active grip limits, so that the row solver runs.
   for (const Case& c : {Case{GripInput::Force, PlantCommand::Force, 20.0},
                         Case{GripInput::Force, PlantCommand::Position, 20.0},
                         Case{GripInput::Pose, PlantCommand::Force, 20.0},
@@ -292,7 +291,7 @@ TEST_CASE("planning allocates nothing", "[mpc]") {
   }
 }
 
-TEST_CASE("planning with hard patches allocates nothing, not even where their rows cannot be met",
+TEST_CASE("planning with hard patches does not allocate, even if their rows cannot be satisfied",
           "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   for (const double limit : {20.0, 0.3}) {
@@ -326,7 +325,7 @@ TEST_CASE("planning with hard patches allocates nothing, not even where their ro
 
 namespace {
 
-// A predictor that can be told to fail.
+// A predictor that fails on request.
 struct Moody {
   using Scalar = double;
   Predicting inner;
@@ -363,7 +362,7 @@ TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
       const auto plan = [&](int k) {
         return planner.plan(plant.positions(), plant.velocities(), k * kDt, target, result);
       };
-      // Before there is a plan: no force and no motion.
+      // Before the first plan: no force and no motion.
       fails = true;
       CHECK(plan(0) == PlanStatus::Failed);
       CHECK(result.plan.isZero());
@@ -386,7 +385,7 @@ TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
           const Eigen::Map<const Points<double>> promised(last.plan.col(k - 3).data(), 3, 2);
           CHECK((result.input.forces - promised).norm() < 1e-12);
         } else {
-          // The hands go on as planned.
+          // The hands continue as planned.
           for (Index j = 0; j < 2; ++j) {
             const V step = result.input.driven_positions.col(j) -
                            plant.positions().col(planner.held()[static_cast<std::size_t>(j)]);
@@ -406,7 +405,7 @@ TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
   }
 }
 
-TEST_CASE("positions sent for planned forces keep the largest step", "[mpc]") {
+TEST_CASE("positions sent for planned forces keep to the largest step", "[mpc]") {
   for (const double most : {0.05, 2e-4}) {
     PlannerSettings<double> p = settings();
     p.command = PlantCommand::Position;
@@ -432,8 +431,8 @@ TEST_CASE("positions sent for planned forces keep the largest step", "[mpc]") {
   }
 }
 
-TEST_CASE("a change of forces that throws the hands about is damped", "[mpc]") {
-  // After the first frame the target jumps by 5 cm; without a limit the plan follows at once.
+TEST_CASE("a change of forces that would move the hands abruptly is damped", "[mpc]") {
+  // After the first frame the target jumps by 5 cm. Without a limit, the plan follows at once.
   double shift = 0.0;
   const auto jump = [&](Index i, double) {
     const V place =
@@ -463,12 +462,13 @@ TEST_CASE("a change of forces that throws the hands about is damped", "[mpc]") {
 
 namespace other_engine {
 
-// A solver by projected coordinate descent that knows nothing of warm starts; what it answers can
-// be spoilt.
+// A solver by projected coordinate descent without warm starts. Its answers can be corrupted on
+// request.
 struct Descent {
   using result_type = QpResult<double>;
   MatrixX<double> h;
   static inline bool spoilt = false;
+  static inline double shift = 0;  // added to the answer
   void reserve(Index) {}
   QpStatus set_hessian(const MatrixX<double>& hessian) {
     h = hessian;
@@ -485,6 +485,7 @@ struct Descent {
         result.x[i] = std::min(ub[i], std::max(lb[i], free));
       }
     }
+    result.x.array() += shift;
     if (spoilt) result.x[3] = std::numeric_limits<double>::quiet_NaN();
     return QpStatus::IterationLimit;
   }
@@ -493,7 +494,8 @@ static_assert(BoxQpSolver<Descent>);
 
 }  // namespace other_engine
 
-TEST_CASE("a box solver from another engine plans too, and what it spoils is not sent", "[mpc]") {
+TEST_CASE("a foreign box solver works in the planner, and its corrupted answers are not sent",
+          "[mpc]") {
   using Foreign = Planner<Predicting, PlannerSetup<double>, other_engine::Descent>;
   PlannerSettings<double> p = settings(GripInput::Pose);
   p.horizon = 3;
@@ -517,7 +519,31 @@ TEST_CASE("a box solver from another engine plans too, and what it spoils is not
   CHECK(a.input.driven_positions.allFinite());
 }
 
-TEST_CASE("equal planners give equal bits, and a reset planner is a new one", "[mpc]") {
+TEST_CASE("a finger never pulls, whatever a foreign box solver answers", "[mpc]") {
+  using Foreign = Planner<Predicting, PlannerSetup<double>, other_engine::Descent>;
+  PlannerSettings<double> p = settings(GripInput::Force);
+  p.horizon = 3;
+  Foreign foreign =
+      Foreign::create(
+          setup(), p,
+          Predicting(MassSpringResponse<float>(sheet().model(Integration::LinearlyImplicit))),
+          sheet().state.positions)
+          .value();
+  PlanResult<double> a = foreign.make_result();
+  const AsyncTarget target(sheet());
+  other_engine::Descent::shift = -1.0;
+  const PlanStatus status =
+      foreign.plan(sheet().state.positions, sheet().state.velocities, 0.2, target, a);
+  other_engine::Descent::shift = 0.0;
+  REQUIRE(can_apply(status));
+  for (const FingerForce<double>& f : a.finger_forces) {
+    CHECK(f.force.dot(f.normal) >= 0.0);
+    const double slide = (f.force - f.force.dot(f.normal) * f.normal).norm();
+    CHECK(slide <= 0.5 * f.force.dot(f.normal) + 1e-12);
+  }
+}
+
+TEST_CASE("equal planners give equal bits, and reset makes a planner like new", "[mpc]") {
   for (const double limit : {20.0, 0.28}) {
     Planning first = planner_for(setup(limit), settings()),
              second = planner_for(setup(limit), settings());
@@ -548,15 +574,15 @@ TEST_CASE("equal planners give equal bits, and a reset planner is a new one", "[
   }
 }
 
-TEST_CASE("a known outer force enters the plan", "[mpc]") {
-  // Lifting half of the sheet's weight from outside halves what the hands must carry at rest.
+TEST_CASE("a known external force enters the plan", "[mpc]") {
+  // An external force of half the weight halves the force of the hands at rest.
   Planning planner = planner_for(setup(), settings()), lifted = planner_for(setup(), settings());
   PlanResult<double> a = planner.make_result(), b = lifted.make_result();
   Points<double> push = Points<double>::Zero(3, sheet().state.positions.cols());
   push.row(2) = 0.5 * 9.81 * sheet().network.mass.transpose();
   CHECK(lifted.set_outer_force(push));
   CHECK_FALSE(lifted.set_outer_force(
-      Points<double>::Zero(3, 5)));  // another sheet's: refused, the first stays
+      Points<double>::Zero(3, 5)));  // for another sheet: refused, the first stays
   Points<double> broken = push;
   broken(0, 3) = std::numeric_limits<double>::quiet_NaN();
   CHECK_FALSE(lifted.set_outer_force(broken));
@@ -572,7 +598,7 @@ TEST_CASE("a known outer force enters the plan", "[mpc]") {
   CHECK(b.input.forces.row(2).sum() < 0.75 * a.input.forces.row(2).sum());
 }
 
-TEST_CASE("a single-precision planner plans what a double one does", "[mpc]") {
+TEST_CASE("a single-precision planner plans the same as a double-precision one", "[mpc]") {
   using SingleResponse = MassSpringResponse<float>;
   const GripInput input = GENERATE(GripInput::Force, GripInput::Pose);
   const PlannerSettings<double> p = settings(input);

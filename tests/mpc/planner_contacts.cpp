@@ -1,4 +1,4 @@
-// Closed loops of planners with other contacts than hard fingers, and with a foreign feature map.
+// Closed loops with contacts other than hard fingers, and with a foreign feature map.
 
 #include <algorithm>
 #include <vector>
@@ -12,7 +12,7 @@
 
 namespace other_engine {
 
-// Tracked points of another engine: each lies on an edge of the sheet.
+// Another engine's tracked points, each on an edge of the sheet.
 struct EdgePoint {
   int from, to;
   float along;
@@ -53,13 +53,13 @@ const HangingSheet& sheet(int patch) {
   return patch == 1 ? single : wide;
 }
 
-// What a loop saw.
+// Extremes over a loop.
 struct Seen {
   double mean_error = 0, violation = 0, least_normal = 0, torsion = 0;
 };
 
-// The largest violation of any finger's contact law, the least normal force and the largest torsion
-// of a finger, by one frame's forces that were planned at positions x.
+// Largest violation of a contact law, least normal force and largest torsion of any finger, for one
+// frame's forces, planned at positions x.
 template <class AnyPlanner>
 void judge(const AnyPlanner& planner, const PlanResult<double>& plan, const Points<double>& x,
            Seen& seen) {
@@ -124,7 +124,7 @@ Seen run_sheet(const HangingSheet& from, const Setup& setup, const Points<double
 
 }  // namespace
 
-TEST_CASE("soft fingers carry and move a sheet within their contact law", "[mpc]") {
+TEST_CASE("soft fingers hold and move a sheet within their contact law", "[mpc]") {
   const HangingSheet& from = sheet(2);
   PlannerSetup<double, Soft> setup;
   setup.triangles = from.network.triangles;
@@ -138,10 +138,10 @@ TEST_CASE("soft fingers carry and move a sheet within their contact law", "[mpc]
   CAPTURE(seen.mean_error, seen.torsion);
   CHECK(seen.violation <= 1e-9);
   CHECK(seen.mean_error < 0.02);
-  CHECK(seen.torsion > 1e-5);  // it is used
+  CHECK(seen.torsion > 1e-5);  // torsion is used
 }
 
-TEST_CASE("one sticky finger a corner moves foreign features, and pulls", "[mpc]") {
+TEST_CASE("one adhesive finger at each corner moves foreign features, and pulls", "[mpc]") {
   const HangingSheet& from = sheet(1);
   PlannerSetup<double, Sticky, other_engine::Tracker> setup;
   setup.triangles = from.network.triangles;
@@ -159,6 +159,6 @@ TEST_CASE("one sticky finger a corner moves foreign features, and pulls", "[mpc]
   CAPTURE(seen.mean_error, seen.least_normal);
   CHECK(seen.violation <= 1e-9);
   CHECK(seen.mean_error < 0.02);
-  CHECK(seen.least_normal < -0.01);  // no finger without adhesion could do this alone
+  CHECK(seen.least_normal < -0.01);  // a single finger cannot pull without adhesion
   CHECK(seen.least_normal >= -4.0);
 }

@@ -1,5 +1,5 @@
-// Planned forces in closed loops: every finger inside its friction cone and under its limit on
-// every frame, whatever the solver that found them; and what the plant receives is their sum.
+// Planned forces in closed loops, with each solver. Every finger must be inside its friction cone
+// and below its limit in every frame, and the plant must receive the sum of the fingers' forces.
 
 #include "mpc/planner_loops.hpp"
 #include "support/catch.hpp"
@@ -38,7 +38,7 @@ ForceLoop run(const HangingSheet& sheet, int patch, double friction, double limi
           out.worst_low = std::max(out.worst_low, -f_n);
           normal[static_cast<std::size_t>(f.grip)][static_cast<std::size_t>(f.finger)] += f_n;
           if (f_n > 1e-3 && f_t > 0.7 * friction * f_n)
-            ++out.at_cone;  // the pyramid of four generators
+            ++out.at_cone;  // of the pyramid with four generators
           for (Index j = 0; j < sum.cols(); ++j) {
             if (result.input.force_vertices[static_cast<std::size_t>(j)] == f.vertex)
               sum.col(j) += f.force;
@@ -65,7 +65,7 @@ void check(const ForceLoop& loop) {
 
 }  // namespace
 
-TEST_CASE("forces stay inside cones and limits where both are far", "[mpc]") {
+TEST_CASE("forces are inside cones and limits that are not active", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9);
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     const ForceLoop loop = run(sheet, 1, 0.5, 20.0, integration, 60);
@@ -74,9 +74,9 @@ TEST_CASE("forces stay inside cones and limits where both are far", "[mpc]") {
   }
 }
 
-TEST_CASE("forces stay inside cones and limits where both are tight", "[mpc]") {
+TEST_CASE("forces are inside cones and limits that are active", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9);
-  // Half of the weight, 0.25 N a hand, hangs on the friction of two fingers.
+  // Two fingers carry half of the weight, 0.25 N for each hand, by friction.
   for (const double friction : {0.3, 0.8}) {
     const double limit = 1.15 * 0.5 * 0.5 * sheet.gravity_load()[2] / friction;
     CAPTURE(friction, limit);
@@ -86,13 +86,13 @@ TEST_CASE("forces stay inside cones and limits where both are tight", "[mpc]") {
     CHECK(loop.at_limit > 0);
     CHECK(loop.at_cone > 0);
   }
-  // Too weak to carry the sheet: it falls, within its limits.
+  // Too weak to hold the sheet: it falls, and the forces stay within their limits.
   const ForceLoop falling = run(sheet, 1, 0.5, 0.1, Integration::LinearlyImplicit, 15);
   check(falling);
   CHECK(falling.at_limit > 10);
 }
 
-TEST_CASE("hard patches keep cones and limits too", "[mpc]") {
+TEST_CASE("with hard patches too, forces are inside cones and limits", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2);
   for (const double limit : {20.0, 0.3}) {
     const ForceLoop loop =
@@ -102,7 +102,7 @@ TEST_CASE("hard patches keep cones and limits too", "[mpc]") {
   }
 }
 
-TEST_CASE("patches share the limit of their finger", "[mpc]") {
+TEST_CASE("patches with the same finger share its limit", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2);
   for (const double limit : {20.0, 0.3}) {
     const ForceLoop loop =
@@ -111,7 +111,7 @@ TEST_CASE("patches share the limit of their finger", "[mpc]") {
   }
 }
 
-TEST_CASE("forces stay inside cones and limits on a finer sheet and for longer", "[mpc]") {
+TEST_CASE("in a longer run with a finer sheet, forces are inside cones and limits", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(17, 1, 60);
   const ForceLoop tight = run(sheet, 1, 0.5, 0.3, Integration::LinearlyImplicit,
                               clothctl_test::trials(20, 250), PatchMode::Soft, 12);

@@ -1,6 +1,6 @@
 #pragma once
 
-// Planners and plants of closed-loop tests, and the foreign engine that some of them control.
+// Planners and plants of the closed-loop tests, and a foreign engine that some of them control.
 
 #include <memory>
 #include <utility>
@@ -14,7 +14,7 @@ namespace clothctl_test {
 
 using SheetPlant = clothctl::ModelPlant<clothctl::MassSpring<double>>;
 
-/// Lower corners as features, one pinch of patch×patch vertices at each upper corner.
+/// Features are the lower corners. A pinch of patch×patch vertices holds each upper corner.
 inline clothctl::PlannerSetup<double> corner_setup(const HangingSheet& sheet, int patch = 1,
                                                    double friction = 0.5, double limit = 20.0) {
   clothctl::PlannerSetup<double> out;

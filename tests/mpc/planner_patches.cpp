@@ -1,4 +1,4 @@
-// Patches of held vertices in closed loops: soft and hard relaxed rigidity of planned forces, rigid
+// Patches of held vertices in closed loops: soft and hard patches under planned forces, rigid
 // motion of planned poses, and planned forces that are sent as positions.
 
 #include "clothctl/mpc/detail/held_patches.hpp"
@@ -33,7 +33,7 @@ double largest_residual(const HangingSheet& sheet, int patch,
 
 }  // namespace
 
-TEST_CASE("hard patches move affinely, soft ones the more so the more it costs", "[mpc]") {
+TEST_CASE("hard patches move affinely, and soft ones nearly so at a high cost", "[mpc]") {
   for (const int patch : {2, 3}) {
     const HangingSheet sheet = clothctl_test::hanging_sheet(9, patch, 60);
     PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Force, 5);
@@ -55,14 +55,14 @@ TEST_CASE("hard patches move affinely, soft ones the more so the more it costs",
   }
 }
 
-TEST_CASE("hard rows that a grip limit stands against are relaxed, and it is said", "[mpc]") {
+TEST_CASE("hard rows that contradict a grip limit are relaxed, and the status says so", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 3, 60);
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Force, 4);
   settings.patch = PatchMode::Hard;
   auto planner = clothctl_test::frozen_planner(
       sheet, clothctl_test::corner_setup(sheet, 3, 0.5, 0.05), settings);
   auto result = planner.make_result();
-  // A patch whose vertices fly apart: fingers of 0.05 N cannot hold it together.
+  // The vertices of a patch fly apart, and fingers of 0.05 N cannot hold them together.
   const Points<double> v = clothctl_test::shaken(sheet.state, 3, 0.0, 3.0).velocities;
   const PlanStatus status = planner.plan(sheet.state.positions, v, 0.0, AsyncTarget(sheet), result);
   CAPTURE(to_string(status));
@@ -72,8 +72,7 @@ TEST_CASE("hard rows that a grip limit stands against are relaxed, and it is sai
     CHECK(cone_violation<double>(f.force, f.normal, 0.5, 0.05) <= 1e-9);
 }
 
-TEST_CASE("a commanded pose moves its patch as a rigid body, and no further than allowed",
-          "[mpc]") {
+TEST_CASE("a commanded pose moves its patch as a rigid body within the largest step", "[mpc]") {
   for (const int patch : {1, 2, 3}) {
     const HangingSheet sheet = clothctl_test::hanging_sheet(9, patch, 60);
     PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Pose, 10);
@@ -115,12 +114,12 @@ TEST_CASE("a commanded pose moves its patch as a rigid body, and no further than
       CHECK(stats.failures == 0);
       CHECK(worst_distance < 1e-12);
       CHECK(worst_step < max_step * (1.0 + 1e-9));
-      if (max_step < 0.01) CHECK(worst_step > 0.99 * max_step);  // the bound was met
+      if (max_step < 0.01) CHECK(worst_step > 0.99 * max_step);  // the bound was active
     }
   }
 }
 
-TEST_CASE("a capped change of plan keeps the pose rigid and the cap", "[mpc]") {
+TEST_CASE("with a limited change of plan, poses stay rigid and within the limit", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 2, 60);
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Pose, 10);
   settings.max_change = 0.01;
@@ -133,7 +132,7 @@ TEST_CASE("a capped change of plan keeps the pose rigid and the cap", "[mpc]") {
   clothctl_test::run_loop(
       planner, plant, 25, clothctl_test::corners(sheet), AsyncTarget(sheet, 2.0),
       clothctl_test::NoWind(), [&](int k, const PlanResult<double>& result) {
-        // The first plan has none before it to keep to.
+        // The first plan has no earlier plan to stay close to.
         if (k > 0) largest = std::max(largest, (result.plan - last).cwiseAbs().maxCoeff());
         last.leftCols(9) = result.plan.rightCols(9);
         last.col(9) = result.plan.col(9);
@@ -152,15 +151,16 @@ TEST_CASE("a capped change of plan keeps the pose rigid and the cap", "[mpc]") {
       });
   CHECK(largest < 0.01 * (1.0 + 1e-9));
   CHECK(rigid < 1e-12);
-  CHECK(promise < 1e-4);  // what is sent is the plan's first frame, to second order in its rotation
+  CHECK(promise <
+        1e-4);  // the command is the plan's first frame, up to second order in its rotation
 }
 
 TEST_CASE("planned forces can be sent as the positions that they lead to", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9);
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet, GripInput::Force, 20);
   settings.command = PlantCommand::Position;
-  settings.max_step = 1.0;  // the jump is to be made
-  // One frame: what the plant does under the planned forces is what the command says.
+  settings.max_step = 1.0;  // so that the jump is allowed
+  // One frame: under the planned forces, the plant moves to the commanded positions.
   using Exact = LinearisedPredictor<MassSpringResponse<double>, double>;
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
   auto made =
@@ -185,7 +185,7 @@ TEST_CASE("planned forces can be sent as the positions that they lead to", "[mpc
            state.positions.col(exact.held()[static_cast<std::size_t>(j)]))
               .norm() < 1e-11);
   }
-  // A loop of them tracks, on either plant.
+  // A closed loop with such commands tracks on either plant.
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     auto planner =
         clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);

@@ -1,4 +1,4 @@
-// Settings: defaults and profiles are valid, every broken value is refused.
+// Default settings and profiles are valid, and every bad value is refused.
 
 #include "clothctl/mpc/planner_settings.hpp"
 
@@ -20,7 +20,7 @@ TEMPLATE_TEST_CASE("default settings and profiles are valid", "[mpc]", float, do
   CHECK(paper.weights.anchor == TestType(0));
 }
 
-TEST_CASE("every broken setting is refused", "[mpc]") {
+TEST_CASE("every bad setting is refused", "[mpc]") {
   using Settings = PlannerSettings<double>;
   const auto refused = [](auto&& breaking) {
     Settings s;

@@ -1,4 +1,5 @@
-// The recorded spline targets on a 17×17 sheet of half a metre: whole curves, full tier.
+// The recorded spline targets on a 17×17 sheet of half a metre. Whole curves run in the full tier
+// only.
 
 #include <fstream>
 #include <sstream>
@@ -16,7 +17,8 @@ using V = Vector3<double>;
 
 namespace {
 
-// Rows of numbers of a file with a header; an empty list where it cannot be read.
+// Reads the rows of numbers of a file with a header. Returns an empty list if the file cannot be
+// read.
 std::vector<std::vector<double>> read_rows(const std::string& path) {
   std::vector<std::vector<double>> rows;
   std::ifstream in(path);
@@ -50,7 +52,7 @@ Curves read_curves(const std::string& path) {
           CubicBSpline<double>::interpolate(t, r).value(), n};
 }
 
-// Mean error over `frames` frames, or up to the last K rows where frames is 0.
+// Mean error over `frames` frames, or up to the last K rows if frames is 0.
 double mean_error(const HangingSheet& sheet, const std::string& path, GripInput input,
                   Integration integration, int frames) {
   const Curves curves = read_curves(path);
@@ -80,7 +82,7 @@ double mean_error(const HangingSheet& sheet, const std::string& path, GripInput 
 
 }  // namespace
 
-TEST_CASE("the recorded splines are tracked to the paper's accuracy", "[mpc]") {
+TEST_CASE("the recorded splines are tracked with the paper's accuracy", "[mpc]") {
   const std::string folder = "data/trajectories/splines/";
   const std::string pose = clothctl_test::shared_path(folder + "initial_pose_17x17.csv");
   if (pose.empty()) {
@@ -106,8 +108,8 @@ TEST_CASE("the recorded splines are tracked to the paper's accuracy", "[mpc]") {
           REQUIRE_FALSE(path.empty());
           mean += mean_error(sheet, path, input, integration, full ? 0 : 80) / curves;
         }
-        // The quick tier sees the first 1.6 s, in which the targets hardly leave the start: hands
-        // that stand still are 24 mm off.
+        // In the first 1.6 s, the only part that the quick tier runs, the targets stay near the
+        // start: motionless hands have an error of 24 mm.
         const double bound = !full                                          ? 0.008
                              : kind == "random"                             ? 0.016
                              : integration == Integration::LinearlyImplicit ? 0.010

@@ -1,4 +1,4 @@
-// Closed loops: how well features follow their targets, and what makes the difference.
+// Closed loops: how well features follow their targets, and the effect of each component.
 
 #include "mpc/planner_loops.hpp"
 #include "support/catch.hpp"
@@ -11,8 +11,8 @@ using V = Vector3<double>;
 
 namespace other_engine {
 
-// Another engine's cloth: interleaved single particles in its own order (mirrored), centimetres,
-// its own stepping. It knows nothing of clothctl's concepts.
+// Another engine's cloth, which does not know clothctl's concepts: interleaved particles in its own
+// order (mirrored), centimetres, and its own stepping.
 struct Particle {
   double cm[3];
   double cm_per_s[3];
@@ -68,7 +68,7 @@ struct Cloth {
 
 }  // namespace other_engine
 
-// All that it takes for the other engine's cloth to be controlled.
+// All that the planner needs to control the other engine's cloth.
 template <>
 struct clothctl::plant_traits<other_engine::Cloth> {
   static Index vertex_count(const other_engine::Cloth& cloth) {
@@ -144,7 +144,7 @@ TEST_CASE("forces and poses track on both implicit plants", "[mpc]") {
   }
 }
 
-TEST_CASE("without the hand anchor the track is worse on a converged plant", "[mpc]") {
+TEST_CASE("without the hand anchor tracking on a converged plant is worse", "[mpc]") {
   PlannerSettings<double> settings = clothctl_test::corner_settings(sheet9(), GripInput::Pose);
   const LoopStats with = track(sheet9(), settings, Integration::Newton, 120, 1.5);
   settings.weights.anchor = 0.0;
@@ -153,12 +153,12 @@ TEST_CASE("without the hand anchor the track is worse on a converged plant", "[m
   CHECK(with.mean_error < 0.7 * without.mean_error);
 }
 
-TEST_CASE("the paper's own cost runs", "[mpc]") {
+TEST_CASE("the paper's own cost works", "[mpc]") {
   PlannerSettings<double> settings = clothctl_test::corner_settings(
       sheet9(), GripInput::Force, 20, PlannerSettings<double>::paper());
   settings.gravity_load.setZero();  // the paper's effort is the whole force
   const LoopStats stats = track(sheet9(), settings, Integration::LinearlyImplicit, 80);
-  // Hands that stand still, for comparison.
+  // Hands that do not move, for comparison.
   const AsyncTarget target(sheet9());
   double still = 0.0;
   for (int k = 1; k <= 80; ++k) {
@@ -173,7 +173,7 @@ TEST_CASE("the paper's own cost runs", "[mpc]") {
   CHECK(stats.mean_error < 0.8 * still);
 }
 
-TEST_CASE("a plant from another engine is controlled through its trait alone", "[mpc]") {
+TEST_CASE("a foreign plant is controlled through its trait alone", "[mpc]") {
   const HangingSheet& sheet = sheet9();
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
     const MassSpring<double> solver = sheet.model(Integration::LinearlyImplicit);
@@ -196,11 +196,11 @@ TEST_CASE("a plant from another engine is controlled through its trait alone", "
     CHECK(there.failures == 0);
     CHECK(there.mean_error < 0.012);
     CHECK(there.mean_error ==
-          Approx(here.mean_error).epsilon(1e-3));  // the same sheet, but for the units
+          Approx(here.mean_error).epsilon(1e-3));  // the same sheet in other units
   }
 }
 
-TEST_CASE("agreement is one on the predictor's own plant and falls with the difference", "[mpc]") {
+TEST_CASE("agreement is 1 on the predictor's own plant and falls with the difference", "[mpc]") {
   using Exact = LinearisedPredictor<MassSpringResponse<double>, double>;
   const HangingSheet& sheet = sheet9();
   const auto agreement = [&](const MassSpring<double>& truth) {
@@ -235,7 +235,7 @@ TEST_CASE("agreement is one on the predictor's own plant and falls with the diff
   CHECK(other[2] > 1e-5);
 }
 
-TEST_CASE("a known wind is planned for", "[mpc]") {
+TEST_CASE("a known wind is taken into account", "[mpc]") {
   const HangingSheet& sheet = sheet9();
   const auto wind = [](double t) { return V(0.0, 3.0 * std::sin(4.0 * t), 0.0); };
   const auto stay = [&](Index i, double) {

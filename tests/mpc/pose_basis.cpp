@@ -26,7 +26,7 @@ struct Fixture {
 
 }  // namespace
 
-TEST_CASE("a grip has six unknowns, or three on one vertex", "[mpc]") {
+TEST_CASE("a grip has six unknowns, or three if it holds one vertex", "[mpc]") {
   const Fixture f;
   REQUIRE(f.columns.size() == 9);
   CHECK(f.columns[0] == std::pair<Index, Index>(0, 9));
@@ -47,7 +47,7 @@ TEST_CASE("the columns of a pose are v + ω × r", "[mpc]") {
   CHECK((r.tail<3>() - u.tail<3>()).norm() == 0.0);
 }
 
-TEST_CASE("turning moves no held vertex further than the bound of a step", "[mpc]") {
+TEST_CASE("rotation moves no held vertex further than the bound of a step", "[mpc]") {
   const Fixture f;
   VectorX<double> upper(9);
   detail::PoseBasis<double>::upper_bounds(f.held, f.x, 0.01, 0.02, upper);
@@ -58,7 +58,7 @@ TEST_CASE("turning moves no held vertex further than the bound of a step", "[mpc
     for (int i = 0; i < 3; ++i) u[3 + i] = ((corner >> i) & 1) != 0 ? -upper[3 + i] : upper[3 + i];
     CHECK((0.02 * (f.B * u)).cwiseAbs().maxCoeff() <= 0.01 * (1 + 1e-12));
   }
-  // Vertices at one point cannot turn.
+  // Vertices at one point cannot rotate.
   Points<double> together = f.x;
   together.leftCols(3).setZero();
   detail::PoseBasis<double>::upper_bounds(f.held, together, 0.01, 0.02, upper);

@@ -1,4 +1,4 @@
-// Equality rows that cannot be met are relaxed by the least amount; those that can be met are met.
+// Equality rows that cannot be satisfied are relaxed by the least amount; the others are satisfied.
 
 #include "clothctl/mpc/detail/relaxed_qp.hpp"
 
@@ -34,22 +34,22 @@ VectorX<double> relaxed(double b) {
 
 }  // namespace
 
-TEST_CASE("rows that can be met are met exactly", "[mpc]") {
+TEST_CASE("rows that can be satisfied hold exactly", "[mpc]") {
   const VectorX<double> x = relaxed(0.5);
   CHECK(x[0] == Approx(0.55));
   CHECK(x[1] == Approx(0.05));
   CHECK(x.tail(2).cwiseAbs().maxCoeff() <= 1e-9);
 }
 
-TEST_CASE("a row that bounds stand against is missed by as little as possible", "[mpc]") {
-  const VectorX<double> x = relaxed(3.0);  // u_0 - u_1 reaches 1 at most
+TEST_CASE("a row that contradicts bounds is missed by as little as possible", "[mpc]") {
+  const VectorX<double> x = relaxed(3.0);  // u_0 - u_1 is at most 1
   CHECK(x[0] == Approx(1.0));
   CHECK(std::abs(x[1]) <= 1e-9);
   CHECK(x[2] - x[3] == Approx(2.0));
   CHECK(x[0] - x[1] + x[2] - x[3] == Approx(3.0));
 }
 
-TEST_CASE("a patch row without bounds gets no slack, a result without iterations counts none",
+TEST_CASE("a patch row without bounds gets no slack, and a result without iterations counts none",
           "[mpc]") {
   detail::RelaxedQp<double, ActiveSet<double>> qp;
   qp.reserve(2, 2, 1);

@@ -1,4 +1,4 @@
-// Rigid motion of held vertices: exact for velocities that are rigid, and rigid for any.
+// Rigid motion of held vertices: exact for rigid velocities, and rigid for any velocities.
 
 #include "clothctl/mpc/detail/rigid_motion.hpp"
 
@@ -29,7 +29,7 @@ Points<S> moved(const Points<S>& points, const Points<S>& velocities, S dt) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a rigid motion is made exactly", "[mpc]", float, double) {
+TEMPLATE_TEST_CASE("a rigid motion is reproduced exactly", "[mpc]", float, double) {
   using S = TestType;
   const S tolerance = S(64) * scalar_traits<S>::epsilon();
   const Points<S> points = random_points<S>(1, 9);
@@ -47,7 +47,8 @@ TEMPLATE_TEST_CASE("a rigid motion is made exactly", "[mpc]", float, double) {
   }
 }
 
-TEMPLATE_TEST_CASE("any velocities give a rigid motion with their mean", "[mpc]", float, double) {
+TEMPLATE_TEST_CASE("any velocities give a rigid motion with the same mean velocity", "[mpc]", float,
+                   double) {
   using S = TestType;
   const S tolerance = S(64) * scalar_traits<S>::epsilon();
   for (const Index n : {1, 2, 3, 4, 12}) {
@@ -65,11 +66,11 @@ TEMPLATE_TEST_CASE("any velocities give a rigid motion with their mean", "[mpc]"
   }
 }
 
-TEST_CASE("points on a line do not turn about it, and points in one place do not turn", "[mpc]") {
+TEST_CASE("points on a line do not rotate about it, and coincident points do not rotate", "[mpc]") {
   Points<double> line(3, 3);
   line << -0.1, 0.0, 0.1, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0;
   Points<double> velocities = Points<double>::Zero(3, 3);
-  velocities.row(2) << -1.0, 0.0, 1.0;  // turns about -y
+  velocities.row(2) << -1.0, 0.0, 1.0;  // rotates about -y
   const Points<double> out = moved<double>(line, velocities, 0.02);
   CHECK(out.row(1).isApproxToConstant(0.2));
   CHECK(std::atan2(out(2, 2), out(0, 2)) == Approx(0.02 * 10.0));
@@ -78,7 +79,7 @@ TEST_CASE("points on a line do not turn about it, and points in one place do not
   for (Index j = 1; j < 4; ++j) CHECK(kept.col(j) == kept.col(0));
 }
 
-TEST_CASE("moving rigidly allocates nothing", "[mpc]") {
+TEST_CASE("moving rigidly does not allocate", "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   const Points<double> points = random_points<double>(1, 9),
                        velocities = random_points<double>(2, 9);

@@ -1,4 +1,5 @@
-// The rolled-out free response against the steps that it stands for, and what it gains in the loop.
+// The free response of rollouts, compared with the model's own steps, and its effect in closed
+// loops.
 
 #include "clothctl/mpc/rollout_predictor.hpp"
 
@@ -73,7 +74,7 @@ MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& 
 
 }  // namespace
 
-TEST_CASE("one frame ahead a rollout of linear steps is the exact prediction", "[mpc]") {
+TEST_CASE("one frame ahead, a rollout of linear steps equals the linearised prediction", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
@@ -90,33 +91,33 @@ TEST_CASE("one frame ahead a rollout of linear steps is the exact prediction", "
       CHECK(rolled.impulse_response == exact.impulse_response);
       CHECK((rolled.free_response.col(0) - exact.free_response.col(0)).norm() < 1e-12);
       CHECK((rolled.free_response.col(7) - exact.free_response.col(7)).norm() >
-            1e-6);  // later frames know that the sheet is not linear
+            1e-6);  // in later frames the sheet is nonlinear
     }
   }
 }
 
-TEST_CASE("a rollout with many Newton steps is the converged plant's own", "[mpc]") {
+TEST_CASE("a rollout with many Newton steps equals the converged plant's motion", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   const MassSpring<double> newton = sheet.model(Integration::Newton, true),
                            one = sheet.model(Integration::LinearlyImplicit, true);
   WindowRequest<double> request = request_for(sheet, GripInput::Pose, 8);
   const MatrixX<double> expected = roll(newton, sheet.state, request);
   WindowResponse<double> response;
-  // A model that is set to one linear solve: the first prediction takes it, later ones take Newton
-  // steps from it.
+  // With a model set to one linear solve, the first prediction uses that solve and later ones start
+  // Newton steps from it.
   Rolling predictor = rolling(one, 60);
   predictor.reserve(request, response);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
   CHECK((response.free_response - roll(one, sheet.state, request)).norm() < 1e-12);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
   CHECK((response.free_response - expected).cwiseAbs().maxCoeff() < 2e-6);
-  // Forgetting brings the linear one back.
+  // After reset, the linear prediction returns.
   predictor.reset();
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
   CHECK((response.free_response - roll(one, sheet.state, request)).norm() < 1e-12);
 }
 
-TEST_CASE("known outer forces act in a rollout too", "[mpc]") {
+TEST_CASE("known external forces enter a rollout", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
   WindowRequest<double> request = request_for(sheet, GripInput::Pose, 6);
@@ -136,7 +137,7 @@ TEST_CASE("known outer forces act in a rollout too", "[mpc]") {
   CHECK((rolled.free_response - without.free_response).norm() > 1e-4);
 }
 
-TEST_CASE("rolled predictions obey the laws of predictors", "[mpc]") {
+TEST_CASE("rollout predictions obey the laws of predictors", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   clothctl_test::PredictorLaws<double> laws;
@@ -149,7 +150,7 @@ TEST_CASE("rolled predictions obey the laws of predictors", "[mpc]") {
       sheet.state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, laws);
 }
 
-TEST_CASE("on a converged plant the rolled prediction tracks better than the frozen one", "[mpc]") {
+TEST_CASE("on a converged plant, rollouts track better than the linearised prediction", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(13);
   const int frames = clothctl_test::trials(60, 200);
   const AsyncTarget target(sheet, 1.5);
@@ -181,8 +182,7 @@ TEST_CASE("on a converged plant the rolled prediction tracks better than the fro
   CHECK(rolled.mean_error < plain.mean_error);
 }
 
-TEST_CASE("the forces of a rollout move the model along the path that they were made for",
-          "[mpc]") {
+TEST_CASE("the forces of a rollout move the model along the rollout's path", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     const MassSpring<double> model = sheet.model(integration, true);
@@ -222,12 +222,13 @@ TEST_CASE("the forces of a rollout move the model along the path that they were 
     CAPTURE(integration == Integration::Newton, worst, off_path);
     CHECK(worst < (integration == Integration::Newton ? 1e-5 : 1e-9));
     CHECK(off_path < (integration == Integration::Newton ? 1e-5 : 1e-9));
-    CHECK((response.plan - request.plan).norm() > 0.1);  // other forces than the request's
+    CHECK((response.plan - request.plan).norm() > 0.1);  // the forces differ from the request's
   }
 }
 
-TEST_CASE("planned forces track a converged plant better with rollouts, inside their cones",
-          "[mpc]") {
+TEST_CASE(
+    "with rollouts, planned forces track a converged plant better and stay inside their cones",
+    "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(13);
   const int frames = clothctl_test::trials(80, 250);
   const AsyncTarget target(sheet, 1.5);

@@ -1,7 +1,9 @@
-// One frame of control: what it calls, what it refuses, what it measures. Planner and plant are
-// stand-ins that count their calls.
+// One frame of control: its calls, refusals and measurements. Planner and plant are stand-ins that
+// count their calls.
 
 #include "clothctl/mpc/run_frame.hpp"
+
+#include <limits>
 
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -12,7 +14,7 @@ namespace {
 
 using V = Vector3<double>;
 
-// Drives vertex 1 by 0.1 m along x in each frame.
+// Moves vertex 1 by 0.1 m along x in each frame.
 struct CountingPlanner {
   using Scalar = double;
   PlannerSettings<double> values;
@@ -49,7 +51,7 @@ struct CountingPlanner {
   }
 };
 
-// Two vertices that stand where they are put.
+// Two vertices that stay where they are put.
 struct PlainPlant {
   Points<double> x = Points<double>::Zero(3, 2), v = x;
   ClothInput<double> input = {};
@@ -77,7 +79,7 @@ struct HookedPlant : PlainPlant {
   double time_step() const { return step; }
 };
 
-// Returns its positions by value, as a plant does that converts them.
+// Returns positions by value, as a plant does that converts them.
 struct ConvertingPlant : PlainPlant {
   Points<double> positions() const { return x; }
 };
@@ -90,7 +92,7 @@ TEST_CASE("a frame plans, applies, advances and measures", "[mpc]") {
   CountingPlanner planner;
   PlainPlant plant;
   PlanResult<double> result = CountingPlanner::make_result();
-  plant.input = result.input;  // makes room
+  plant.input = result.input;  // allocates the memory
   const auto gust = [](double t) { return V(t, 1, 2); };
   const long before = clothctl_test::allocations();
   const FrameReport<double> report = run_frame(planner, plant, 0.0, target, gust, result);
@@ -102,8 +104,8 @@ TEST_CASE("a frame plans, applies, advances and measures", "[mpc]") {
   CHECK((planner.plans == 1 && plant.applied == 1 && plant.advanced == 1));
   CHECK(plant.input.wind == V(0, 1, 2));
   CHECK(planner.air == V(0, 1, 2));
-  // Vertex 1 stands at x = 0.1, the centroid at 0.05; the targets at the end of the frame are
-  // (0.1, 0.003, 0) and (0.1, 0.001, 0).
+  // Vertex 1 is at x = 0.1 and the centroid at 0.05. The targets at the end of the frame are (0.1,
+  // 0.003, 0) and (0.1, 0.001, 0).
   const double first = 0.003, second = std::hypot(0.05, 0.001);
   CHECK(report.mean_error == Approx((first + second) / 2));
   CHECK(report.max_error == Approx(second));
@@ -113,7 +115,7 @@ TEST_CASE("a frame plans, applies, advances and measures", "[mpc]") {
   CHECK(plant.input.wind == V::Zero());
 }
 
-TEST_CASE("a plant that returns its positions by value is measured too", "[mpc]") {
+TEST_CASE("run_frame measures a plant that returns its positions by value", "[mpc]") {
   CountingPlanner planner;
   ConvertingPlant plant;
   PlanResult<double> result = CountingPlanner::make_result();
@@ -122,7 +124,7 @@ TEST_CASE("a plant that returns its positions by value is measured too", "[mpc]"
   CHECK(report.mean_error == Approx((0.003 + std::hypot(0.05, 0.001)) / 2));
 }
 
-TEST_CASE("a plan that is not to be applied leaves the plant as it was", "[mpc]") {
+TEST_CASE("a plan that must not be applied leaves the plant unchanged", "[mpc]") {
   for (const PlanStatus bad : {PlanStatus::InvalidInput, PlanStatus::Failed}) {
     CountingPlanner planner;
     planner.answer = bad;
@@ -143,7 +145,7 @@ TEST_CASE("a plan that is not to be applied leaves the plant as it was", "[mpc]"
   }
 }
 
-TEST_CASE("a plant that does not advance is reported with its step", "[mpc]") {
+TEST_CASE("run_frame reports the step of a plant that does not advance", "[mpc]") {
   CountingPlanner planner;
   PlainPlant plant;
   plant.works = false;
@@ -155,7 +157,7 @@ TEST_CASE("a plant that does not advance is reported with its step", "[mpc]") {
   CHECK(report.max_error == Approx(0.1).epsilon(0.01));  // still measured
 }
 
-TEST_CASE("planner and plant that disagree are refused with nothing done", "[mpc]") {
+TEST_CASE("planner and plant that disagree are refused before anything changes", "[mpc]") {
   const auto refused = [](CountingPlanner planner, auto plant, const std::string& part) {
     INFO(part);
     PlanResult<double> result = CountingPlanner::make_result();
@@ -190,7 +192,23 @@ TEST_CASE("planner and plant that disagree are refused with nothing done", "[mpc
   }
 }
 
-TEST_CASE("a gravity load matters where forces are planned and a load was given", "[mpc]") {
+TEST_CASE("a position that is not a number shows in the errors, and statuses have names", "[mpc]") {
+  CountingPlanner planner;
+  HookedPlant plant;
+  PlanResult<double> result = CountingPlanner::make_result();
+  plant.x(0, 0) = std::numeric_limits<double>::quiet_NaN();
+  const auto target = [](Index, double) { return V(0, 0, 0); };
+  const FrameReport<double> report = run_frame(planner, plant, 0.0, target, result);
+  CHECK(report.advanced());
+  CHECK_FALSE(is_finite(report.max_error));
+  CHECK_FALSE(is_finite(report.mean_error));
+  CHECK(to_string(FrameStatus::Advanced) == "advanced");
+  CHECK(to_string(FrameStatus::PlantMismatch) == "plant_mismatch");
+  CHECK(to_string(FrameStatus::NotPlanned) == "not_planned");
+  CHECK(to_string(FrameStatus::NotAdvanced) == "not_advanced");
+}
+
+TEST_CASE("the gravity load is compared only if forces are planned and a load was given", "[mpc]") {
   HookedPlant heavy;
   heavy.load = {0, 0, 30};
   CountingPlanner poses;

@@ -1,4 +1,4 @@
-// Stacked, weighted time differences against their definition.
+// Stacked, weighted time differences, compared with their definition.
 
 #include "clothctl/mpc/detail/term_stack.hpp"
 
@@ -18,7 +18,7 @@ WindowResponse<double> random_window() {
   return window;
 }
 
-// Differences by repeated subtraction of neighbours, of a series that starts with the three past
+// Differences by repeated subtraction of neighbours, for a series that starts with the three past
 // values, oldest first.
 MatrixX<double> differences(MatrixX<double> series, int order) {
   for (int i = 0; i < order; ++i)
@@ -28,7 +28,8 @@ MatrixX<double> differences(MatrixX<double> series, int order) {
 
 }  // namespace
 
-TEST_CASE("stacked rows are the differences of the point, at the plan and beside it", "[mpc]") {
+TEST_CASE("stacked rows are the differences of the point, for the plan and for nearby plans",
+          "[mpc]") {
   const WindowResponse<double> window = random_window();
   const std::vector<detail::OutputTerm<double>> point{{1, 0.7}, {3, -1.2}};
   const std::array<Vector3<double>, 3> past{Vector3<double>(0.1, 0.2, 0.3),
@@ -75,7 +76,7 @@ TEST_CASE("stacked rows are the differences of the point, at the plan and beside
   }
 }
 
-TEST_CASE("a term without weight takes no rows, and clearing takes all", "[mpc]") {
+TEST_CASE("a term without weight takes no rows, and clear removes all rows", "[mpc]") {
   const WindowResponse<double> window = random_window();
   const std::vector<detail::OutputTerm<double>> point{{0, 1.0}};
   const std::array<Vector3<double>, 3> past{Vector3<double>::Zero(), Vector3<double>::Zero(),
@@ -87,7 +88,7 @@ TEST_CASE("a term without weight takes no rows, and clearing takes all", "[mpc]"
   CHECK(stack.rows() == 0);
   stack.add(window, point, past, 0, 1.0, none);
   CHECK(stack.rows() == 3);
-  // What an earlier window left in the rows does not shine through.
+  // Rows of an earlier window leave no trace.
   const MatrixX<double> first = stack.blocks();
   stack.clear();
   stack.add(window, point, past, 3, 9.0, none);

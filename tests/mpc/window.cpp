@@ -1,4 +1,4 @@
-// Moving a prediction from the plan zero to a plan.
+// Moves a prediction from the zero plan to another plan.
 
 #include "clothctl/mpc/window.hpp"
 

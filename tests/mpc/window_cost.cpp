@@ -1,5 +1,5 @@
-// The stacked rows of a window against the sum that planner_settings.hpp writes out, at plans
-// beside the predicted one.
+// The stacked rows of a window, compared with the cost in planner_settings.hpp at plans near the
+// predicted one.
 
 #include "clothctl/mpc/detail/window_cost.hpp"
 
@@ -34,8 +34,8 @@ PlannerSettings<double> window_settings() {
   return settings;
 }
 
-/// Two grips of four vertices each on a small sheet, and everything that the window's cost is
-/// stacked from, at random.
+/// Two grips of four vertices each on a small sheet, and random data for everything that the
+/// window's cost depends on.
 struct Window {
   clothctl_test::HangingSheet sheet = clothctl_test::hanging_sheet(5, 2, 5);
   detail::WindowProblem<double> problem;
@@ -70,14 +70,14 @@ struct Window {
   }
   Window(const Window&) = delete;
 
-  /// When the window starts, s.
+  /// Start time of the window, s.
   static constexpr double start = 0.37;
 
   static V target(Index feature, double t) {
     return {std::sin(3 * t + double(feature)), t, 0.2 * t * t};
   }
 
-  /// The outputs when the plan changes by `change` (inputs × K), 3·outputs × K.
+  /// The outputs after the plan changes by `change` (inputs × K): 3·outputs × K.
   MatrixX<double> outputs(const MatrixX<double>& change) const {
     MatrixX<double> y = response.free_response;
     for (Index k = 0; k < kHorizon; ++k) {
@@ -145,7 +145,7 @@ struct Window {
   }
 };
 
-/// The stacked rows' sum of squares when the plan changes.
+/// The sum of squares of the stacked rows after the plan changes.
 double stacked(const detail::TermStack<double>& stack, const MatrixX<double>& change) {
   MatrixX<double> rows = stack.residual();
   for (Index k = 0; k < kHorizon; ++k) {
@@ -158,7 +158,7 @@ double stacked(const detail::TermStack<double>& stack, const MatrixX<double>& ch
 
 }  // namespace
 
-TEST_CASE("the stacked rows are the cost of the settings", "[mpc][window_cost]") {
+TEST_CASE("the stacked rows give the cost of the settings", "[mpc][window_cost]") {
   Window window;
   detail::WindowCost<double> cost;
   cost.reserve(window.problem, window.anchors);
@@ -176,7 +176,7 @@ TEST_CASE("the stacked rows are the cost of the settings", "[mpc][window_cost]")
   }
 }
 
-TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_cost]") {
+TEST_CASE("each weight of the cost has its own rows", "[mpc][window_cost]") {
   Window window;
   const MatrixX<double> change = MatrixX<double>::Random(window.problem.basis.inputs(), kHorizon);
   const PlannerWeights<double> zero{
@@ -205,7 +205,8 @@ TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_
   check(w, 0.0, 18);
   (w = zero).patch = 2.0;
   check(w, 0.0, 2 * 3 * window.problem.patches[0].affine.non_affine_count());
-  // Rows of a hard patch are no cost, and a commanded pose keeps its patch by itself.
+  // Rows of a hard patch are not part of the cost, and a commanded pose keeps its patch rigid
+  // anyway.
   window.settings.patch = PatchMode::Hard;
   const auto rows = [&] {
     detail::WindowCost<double> cost;
@@ -219,7 +220,8 @@ TEST_CASE("each weight of the cost stands in the rows by itself", "[mpc][window_
   CHECK(rows() == 0);
 }
 
-TEST_CASE("a target that is not finite is told, whoever follows it", "[mpc][window_cost]") {
+TEST_CASE("a target that is not finite is reported for any feature or anchor",
+          "[mpc][window_cost]") {
   Window window;
   detail::WindowCost<double> cost;
   cost.reserve(window.problem, window.anchors);
@@ -231,12 +233,12 @@ TEST_CASE("a target that is not finite is told, whoever follows it", "[mpc][wind
   };
   CHECK(cost.sample(window.problem, 0.0, broken_after(1.001 * end)));
   CHECK_FALSE(cost.sample(window.problem, 0.0, broken_after(0.999 * end)));
-  // Nor is one that no sheet can reach.
+  // So is a target that no sheet can reach.
   for (double far_away : {1.1e6, -1e30, 1e300}) {
     const auto away = [&](Index, double t) { return V(0, t, far_away); };
     CHECK_FALSE(cost.sample(window.problem, 0.0, away));
   }
-  // A swinging anchor looks further ahead than the window.
+  // An anchor of a swinging sheet looks further ahead than the window.
   window.settings.heavy_chain_axes = HeavyChainAxes::Horizontal;
   for (HandAnchor<double>& anchor : window.anchors) anchor.hanging_length = 0.5;
   cost.reserve(window.problem, window.anchors);

@@ -1,4 +1,4 @@
-// What the parts of a planner share: the request to the predictor, made from grips and features.
+// The request to the predictor, made from grips and features. The parts of a planner share it.
 
 #include "clothctl/mpc/detail/window_problem.hpp"
 
@@ -24,7 +24,7 @@ detail::WindowProblem<double> problem_of(GripInput input) {
 
 }  // namespace
 
-TEST_CASE("a request predicts the features, then the held vertices", "[mpc]") {
+TEST_CASE("a request predicts the features and then the held vertices", "[mpc]") {
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
     const detail::WindowProblem<double> problem = problem_of(input);
     const WindowRequest<double>& request = problem.request;
@@ -52,7 +52,7 @@ TEST_CASE("a request predicts the features, then the held vertices", "[mpc]") {
   }
 }
 
-TEST_CASE("held vertices share the gravity load of planned forces", "[mpc]") {
+TEST_CASE("the gravity load of planned forces is divided among the held vertices", "[mpc]") {
   CHECK(problem_of(GripInput::Force).force_share == Vector3<double>(0.0, 0.0, 2.0));
   CHECK(problem_of(GripInput::Pose).force_share == Vector3<double>::Zero());
 }

@@ -1,4 +1,4 @@
-// The QP of a planning frame against its cost, written out once more and simulated frame by frame.
+// The QP of a planning frame, compared with its cost, which is written once more and simulated.
 
 #include "clothctl/mpc/detail/window_qp.hpp"
 
@@ -22,12 +22,12 @@ namespace {
 
 constexpr double kDt = clothctl_test::kFrame;
 
-// The solvers of the planner, which tell what they were asked and what they answered.
+// The planner's solvers, which record problems and answers.
 struct Told {
   MatrixX<double> H, A;
   VectorX<double> g, lb, ub, rl, ru;
   QpResult<double> answer;
-  int solves = 0, iterations = 0;  // since they were set to zero
+  int solves = 0, iterations = 0;  // since the last reset of the counters
 
   void take(const QpResult<double>& result) {
     answer = result;
@@ -89,7 +89,7 @@ struct Frame {
   PlannerSettings<double> settings;
   clothctl_test::AsyncTarget target;
   ClothState<double> state;
-  Points<double> before;    // velocities of all vertices a frame ago
+  Points<double> before;    // velocities of all vertices in the previous frame
   MatrixX<double> shifted;  // the plan that the frame started from
   double t = 0;
   PlanResult<double> result = {};
@@ -112,7 +112,7 @@ struct Frame {
   V wind(double s) const { return V(0.5, 2.0 * std::sin(3.0 * s), 0.1); }
   V wanted(Index i, double s) const { return target(i, s); }
 
-  // Plans `frames` frames of a closed loop and keeps the last.
+  // Plans `frames` frames of a closed loop and keeps the last one.
   void run(int frames) {
     auto made = TellingPlanner::create(
         setup, settings, Predicting(MassSpringResponse<double>(model)), sheet.state.positions);
@@ -157,7 +157,7 @@ struct Frame {
     return out;
   }
 
-  // Positions over the window under the unknowns u.
+  // Positions over the window for the unknowns u.
   MatrixX<double> simulate(const clothctl_test::DenseStep& dense, const VectorX<double>& u,
                            MatrixX<double>& raw) const {
     const MatrixX<double> b = basis();
@@ -180,8 +180,8 @@ struct Frame {
     return clothctl_test::DenseStep(model, state.positions, state.velocities, wind(t), kDt, driven);
   }
 
-  // Distances of a patch's vertices from the best affine image of where they stand now (rows: one a
-  // coordinate).
+  // Distances of a patch's vertices from the best affine image of their present positions (a row
+  // for each coordinate).
   MatrixX<double> non_affine(const std::vector<int>& patch,
                              const Eigen::Ref<const VectorX<double>>& positions) const {
     MatrixX<double> regressors(static_cast<Index>(patch.size()), 4),
@@ -201,7 +201,7 @@ struct Frame {
     return rest;
   }
 
-  // L: least-squares linear map of the patch from its present shape, on the span of that shape.
+  // L: the least-squares linear map of the patch from its present shape, on the span of that shape.
   Matrix3<double> linear_map(const std::vector<int>& patch,
                              const Eigen::Ref<const VectorX<double>>& positions) const {
     const Index m = static_cast<Index>(patch.size());
@@ -259,13 +259,13 @@ struct Frame {
           for (int v : grips[g]) c += p.segment<3>(3 * v);
           return V(c / static_cast<double>(grips[g].size()));
         };
-        const auto velocity =
-            [&](Index frame) {  // ċ at the end of that frame; -1: measured now, -2: a frame ago
-              if (frame >= 0) return V((centroid(frame) - centroid(frame - 1)) / kDt);
-              V c = V::Zero();
-              for (int v : grips[g]) c += (frame == -1 ? state.velocities : before).col(v);
-              return V(c / static_cast<double>(grips[g].size()));
-            };
+        const auto velocity = [&](Index frame) {  // ċ at the end of that frame; -1: measured now,
+                                                  // -2: in the previous frame
+          if (frame >= 0) return V((centroid(frame) - centroid(frame - 1)) / kDt);
+          V c = V::Zero();
+          for (int v : grips[g]) c += (frame == -1 ? state.velocities : before).col(v);
+          return V(c / static_cast<double>(grips[g].size()));
+        };
         HandAnchor<double> anchor;
         anchor.feature_weights = {g == 0 ? 1.0 : 0.0, g == 0 ? 0.0 : 1.0};
         V home = V::Zero();
@@ -290,8 +290,7 @@ struct Frame {
   }
 };
 
-// The quadratic that the solver was given is the cost, and its answer is the cost's constrained
-// minimum.
+// The solver's quadratic function must be the cost, and its answer the cost's constrained minimum.
 void check_frame(Frame& frame, int frames) {
   frame.run(frames);
   const clothctl_test::DenseStep dense = frame.dense();
@@ -316,11 +315,11 @@ void check_frame(Frame& frame, int frames) {
                     told.answer.row_multipliers, told.answer.bound_multipliers);
   CHECK(kkt.worst() < 1e-7);
 
-  // The plan that came out is the solver's answer...
+  // The plan is the solver's answer,
   MatrixX<double> raw;
   const MatrixX<double> positions = frame.simulate(dense, x, raw);
   CHECK((frame.result.plan - raw).norm() < 1e-9 * (1.0 + raw.norm()));
-  // ... its promise is what the linear window does under it ...
+  // its prediction is what the linear window does under it,
   Points<double> y(3, 2);
   for (Index k = 0; k < frame.settings.horizon; ++k) {
     const VectorX<double> xk = positions.col(k);
@@ -330,7 +329,7 @@ void check_frame(Frame& frame, int frames) {
         (y - Eigen::Map<const Points<double>>(frame.result.predicted.col(k).data(), 3, 2)).norm() <
         1e-9);
   }
-  // ... and no feasible plan beside it costs less.
+  // and no feasible plan near it costs less.
   const double best = frame.cost(dense, x);
   for (int trial = 0; trial < 30; ++trial) {
     VectorX<double> u = x;
@@ -368,8 +367,7 @@ TEST_CASE("planned forces of single vertices minimise the cost", "[mpc]") {
 }
 
 TEST_CASE("planned forces under grip limits minimise the cost", "[mpc]") {
-  // The weight alone is carried by friction, which takes a normal force beyond this limit or near
-  // it.
+  // Friction carries the weight, which needs a normal force near or above this limit.
   Frame frame(single(), PlannerSettings<double>(), 1, 0.35, 0.8);
   check_frame(frame, 4);
   CHECK(frame.result.used_rows);
@@ -378,7 +376,7 @@ TEST_CASE("planned forces under grip limits minimise the cost", "[mpc]") {
 
 TEST_CASE("a frame counts the iterations of all its QPs", "[mpc]") {
   PlannerSettings<double> settings;
-  settings.max_change = 1e-6;  // hardly any: the forces are planned again and again
+  settings.max_change = 1e-6;  // almost zero, so that the forces are planned repeatedly
   Frame frame(single(), settings, 1, 20.0, 0.5);
   frame.run(3);
   CHECK(told.solves == 5);
@@ -395,7 +393,7 @@ TEST_CASE("planned forces of soft patches minimise the cost", "[mpc]") {
   }
 }
 
-TEST_CASE("hard rows say that the patch moves affinely", "[mpc]") {
+TEST_CASE("hard rows require that the patch moves affinely", "[mpc]") {
   PlannerSettings<double> settings;
   settings.patch = PatchMode::Hard;
   Frame frame(patched(), settings, 2, 20.0, 0.5);

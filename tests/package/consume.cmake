@@ -1,4 +1,5 @@
-# Configures, builds and runs one consumer project (KIND) in WORK_DIR. Stops with an error at the first step that fails.
+# Configures, builds and runs one consumer project (KIND) in WORK_DIR. Stops with an error at the
+# first step that fails.
 
 function(run)
   execute_process(COMMAND ${ARGN} RESULT_VARIABLE code)
@@ -32,7 +33,7 @@ if(KIND STREQUAL "pkg_config")
   return()
 endif()
 
-# What a linker merges shows only in optimised code.
+# Errors from merged functions appear in optimised code only.
 set(build_type Debug)
 if(KIND STREQUAL "two_units")
   set(build_type Release)
@@ -40,11 +41,21 @@ endif()
 set(arguments -S ${SOURCE_DIR}/tests/package/${KIND} -B ${WORK_DIR}/build -G ${GENERATOR}
     -DCMAKE_BUILD_TYPE=${build_type} -DCMAKE_CXX_COMPILER=${COMPILER} -DEigen3_DIR=${EIGEN_DIR})
 if(KIND STREQUAL "find_package")
-  # Installed into a prefix of its own; the source tree is not on any search path.
+  # Installed into its own prefix; the source tree is not on any search path.
   run(${CMAKE_COMMAND} --install ${BINARY_DIR} --prefix ${WORK_DIR}/prefix)
   list(APPEND arguments -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
+elseif(KIND STREQUAL "precompiled")
+  # Configured with the compiled library, built, and installed.
+  run(${CMAKE_COMMAND} -S ${SOURCE_DIR} -B ${WORK_DIR}/library -G ${GENERATOR}
+      -DCMAKE_BUILD_TYPE=${build_type} -DCMAKE_CXX_FLAGS_DEBUG=-O0
+      -DCMAKE_CXX_COMPILER=${COMPILER} -DEigen3_DIR=${EIGEN_DIR} -DCLOTHCTL_PRECOMPILED=ON
+      -DCLOTHCTL_BUILD_TESTS=OFF -DCLOTHCTL_BUILD_EXAMPLES=OFF -DCLOTHCTL_BUILD_BENCH=OFF)
+  run(${CMAKE_COMMAND} --build ${WORK_DIR}/library)
+  run(${CMAKE_COMMAND} --install ${WORK_DIR}/library --prefix ${WORK_DIR}/prefix)
+  list(APPEND arguments -DCMAKE_PREFIX_PATH=${WORK_DIR}/prefix)
 elseif(KIND STREQUAL "fetch_content")
-  # The consumer names a remote; here it is overridden by the tree at hand, so no network is needed.
+  # The consumer names a remote repository. Here this source tree replaces it, so no network is
+  # needed.
   list(APPEND arguments -DFETCHCONTENT_SOURCE_DIR_CLOTHCTL=${SOURCE_DIR}
        -DFETCHCONTENT_FULLY_DISCONNECTED=ON)
 else()

@@ -1,4 +1,4 @@
-// What a user's first program might be: the umbrella header, one object, one line of output.
+// A user's first program: all headers, one object, one line of output.
 
 #include <clothctl/clothctl.hpp>
 #include <cstdio>

@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Runs the example programs as a user would: short runs of every plant and grip, their files and figures, and bad input,
-which must end with exit code 2 and one line that names the item.
+"""Runs the example programs as a user would.
+
+Checks short runs with every plant and grip, their files and figures, and bad input, which must end
+with exit code 2 and one line that names the item.
 
     check_programs.py --programs FOLDER_WITH_THE_BINARIES
 """
@@ -14,7 +16,8 @@ import subprocess
 import sys
 import tempfile
 
-KEYS = ["status", "frames", "mean_error_m", "p95_error_m", "max_error_m", "frame_ms_median", "frame_ms_p99", "plant_ms_median",
+KEYS = ["status", "frames", "mean_error_m", "p95_error_m", "max_error_m", "frame_ms_median",
+        "frame_ms_p99", "plant_ms_median",
         "agreement", "qp_iterations_median", "cone_violation_max", "hand_speed_max"]
 failures = []
 
@@ -26,12 +29,13 @@ def check(condition, what):
 
 
 def run(program, *arguments):
-    done = subprocess.run([str(program), *map(str, arguments)], capture_output=True, text=True, timeout=600)
+    done = subprocess.run([str(program), *map(str, arguments)], capture_output=True, text=True,
+                          timeout=600)
     return done.returncode, done.stdout, done.stderr
 
 
 def targets(seconds, header="t,Lx,Ly,Lz,Rx,Ry,Rz", spoil=None):
-    """A gentle motion of two corners, half a metre apart; `spoil(rows)` may change the lines."""
+    """Returns a slow motion of two corners as CSV; `spoil(rows)` may change the lines."""
     rows = [header] if header else []
     for i in range(round(seconds / 0.02) + 1):
         t = 0.02 * i
@@ -54,8 +58,10 @@ def check_runs(programs, folder):
     curve.write_text(targets(1.0))
     sheet = ["--cloth", 7, "--size", 0.4, "--json"]
     small = [*sheet, "--horizon", 10]
-    for plant, grips, bound in (("linear-implicit", ("force", "position", "planned-position"), 0.02),
-                                ("newton", ("force", "position"), 0.02), ("xpbd", ("position",), 0.1)):
+    for plant, grips, bound in (("linear-implicit", ("force", "position", "planned-position"),
+                                 0.02),
+                                ("newton", ("force", "position"), 0.02),
+                                ("xpbd", ("position",), 0.1)):
         for grip in grips:
             name = f"handkerchief --plant {plant} --grip {grip}"
             out = folder / f"{plant}_{grip}"
@@ -65,55 +71,77 @@ def check_runs(programs, folder):
             if code != 0:
                 continue
             summary = json.loads(text.strip().split("\n")[-1])
-            check(list(summary)[:len(KEYS)] == KEYS or all(k in summary for k in KEYS), f"{name}: keys {list(summary)}")
-            check(summary["status"] == "finished" and summary["frames"] == 50, f"{name}: {summary['status']}")
-            check(0 < summary["mean_error_m"] < bound, f"{name}: mean error {summary['mean_error_m']}")
+            check(list(summary)[:len(KEYS)] == KEYS or all(k in summary for k in KEYS),
+                  f"{name}: keys {list(summary)}")
+            check(summary["status"] == "finished" and summary["frames"] == 50,
+                  f"{name}: {summary['status']}")
+            check(0 < summary["mean_error_m"] < bound,
+                  f"{name}: mean error {summary['mean_error_m']}")
             check(summary["mean_error_m"] <= summary["max_error_m"], f"{name}: mean over max")
-            check(summary["cone_violation_max"] <= 1e-9, f"{name}: cone violation {summary['cone_violation_max']}")
-            check(summary["scored_frames"] == 40 and summary["setup"]["targets"] == str(curve), f"{name}: {summary}")
-            check(summary["setup"]["predictor"] == ("linearised" if plant == "xpbd" else "rollout"), f"{name}: predictor not told")
+            check(summary["cone_violation_max"] <= 1e-9,
+                  f"{name}: cone violation {summary['cone_violation_max']}")
+            check(summary["scored_frames"] == 40 and summary["setup"]["targets"] == str(curve),
+                  f"{name}: {summary}")
+            check(summary["setup"]["predictor"] == ("linearised" if plant == "xpbd" else "rollout"),
+                  f"{name}: predictor not told")
             check(summary["setup"]["plant"] == plant, f"{name}: plant not told")
-            check(json.loads((out / "summary.json").read_text()) == summary, f"{name}: summary.json differs from the printed line")
+            check(json.loads((out / "summary.json").read_text()) == summary,
+                  f"{name}: summary.json differs from the printed line")
             table = (out / "trajectory.csv").read_text().strip().split("\n")
             check(len(table) == 52, f"{name}: trajectory.csv has {len(table)} lines")
-            check(len({line.count(",") for line in table}) == 1, f"{name}: rows of trajectory.csv differ in length")
+            check(len({line.count(",") for line in table}) == 1,
+                  f"{name}: rows of trajectory.csv differ in length")
             page = (out / "player.html").read_text()
-            check(page.lower().startswith("<!doctype html>") and not re.search(r"(src|href|url)\s*[=(]\s*.?https?:", page),
+            check(page.lower().startswith("<!doctype html>")
+                  and not re.search(r"(src|href|url)\s*[=(]\s*.?https?:", page),
                   f"{name}: player.html is not self-contained")
             again = json.loads(run(hand, *arguments)[1].strip().split("\n")[-1])
             check(without_times(again) == without_times(summary), f"{name}: two runs differ")
     for task in ("async", "circle", "wind"):
         code, text, _ = run(hand, *small, "--task", task, "--plant", "one-solve")
-        check(code == 0 and json.loads(text)["mean_error_m"] < 0.03, f"handkerchief --task {task}: exit {code}: {text}")
-    # The earlier words for a plant and a predictor still work; the summary has the new ones, and --help shows them alone.
+        check(code == 0 and json.loads(text)["mean_error_m"] < 0.03,
+              f"handkerchief --task {task}: exit {code}: {text}")
+    # The earlier words for a plant and a predictor still work. The summary and --help have only the
+    # new ones.
     old = run(hand, *small, "--targets", curve, "--plant", "one-solve", "--predictor", "frozen")
-    new = run(hand, *small, "--targets", curve, "--plant", "linear-implicit", "--predictor", "linearised")
-    check(old[0] == new[0] == 0 and without_times(json.loads(old[1])) == without_times(json.loads(new[1])),
+    new = run(hand, *small, "--targets", curve, "--plant", "linear-implicit", "--predictor",
+              "linearised")
+    check(old[0] == new[0] == 0
+          and without_times(json.loads(old[1])) == without_times(json.loads(new[1])),
           f"earlier words: exit {old[0]} and {new[0]}")
     shown = run(hand, "--help")[1]
-    check("linear-implicit" in shown and "linearised" in shown and "one-solve" not in shown and "frozen" not in shown,
+    check("linear-implicit" in shown and "linearised" in shown and "one-solve" not in shown
+          and "frozen" not in shown,
           "handkerchief --help shows earlier words")
     left, right = folder / "left.csv", folder / "right.csv"
     left.write_text(targets(1.0, header=""))
     right.write_text(targets(1.0, header=""))
-    code, text, _ = run(hand, *small, "--targets", f"{left},{right}", "--dt", 0.02, "--plant", "one-solve", "--grip", "position")
-    check(code == 0 and json.loads(text)["frames"] == 50, f"handkerchief --targets LEFT,RIGHT: exit {code}")
+    code, text, _ = run(hand, *small, "--targets", f"{left},{right}", "--dt", 0.02, "--plant",
+                        "one-solve", "--grip", "position")
+    check(code == 0 and json.loads(text)["frames"] == 50,
+          f"handkerchief --targets LEFT,RIGHT: exit {code}")
     for patch in ("soft", "hard"):
-        code, text, _ = run(hand, *sheet, "--horizon", 4, "--targets", curve, "--plant", "one-solve", "--patch", patch, "--patch-size",
+        code, text, _ = run(hand, *sheet, "--horizon", 4, "--targets", curve, "--plant",
+                            "one-solve", "--patch", patch, "--patch-size",
                             3)
-        check(code == 0 and json.loads(text)["mean_error_m"] < 0.05, f"handkerchief --patch {patch}: exit {code}")
+        check(code == 0 and json.loads(text)["mean_error_m"] < 0.05,
+              f"handkerchief --patch {patch}: exit {code}")
     for plant in ("one-solve", "newton"):
         for grip in ("force", "position"):
             code, text, _ = run(programs / "rope_ball", "--plant", plant, "--grip", grip, "--json")
-            check(code == 0 and json.loads(text)["mean_error_m"] < 0.01, f"rope_ball {plant} {grip}: exit {code}: {text}")
+            check(code == 0 and json.loads(text)["mean_error_m"] < 0.01,
+                  f"rope_ball {plant} {grip}: exit {code}: {text}")
     for name, material in (("light", '{"area_density": 1e-12}'), ("stiff", '{"bending": 1e6}')):
         path = folder / f"{name}.json"
         path.write_text(material)
         code, text, errors = run(hand, *small, "--material", path, "--targets", curve)
-        check(code in (0, 1, 2) and (code == 2 or json.loads(text.strip().split("\n")[-1])["status"]), f"{name} sheet: exit {code}: {errors}")
+        check(code in (0, 1, 2)
+              and (code == 2 or json.loads(text.strip().split("\n")[-1])["status"]),
+              f"{name} sheet: exit {code}: {errors}")
     code, text, errors = run(hand, *small, "--limit", 0.001, "--plant", "one-solve")
     check(code == 1 and "warning" in errors and json.loads(text)["status"] != "finished" and
-          json.loads(text)["scored_frames"] <= json.loads(text)["frames"], f"no grip: exit {code}: {text} {errors}")
+          json.loads(text)["scored_frames"] <= json.loads(text)["frames"],
+          f"no grip: exit {code}: {text} {errors}")
     code, text, _ = run(programs / "quickstart")
     check(code == 0 and text.strip(), f"quickstart: exit {code}")
     code, text, _ = run(programs / "foreign_plant")
@@ -202,23 +230,27 @@ status infeasible
 end
 """
 
-QP_KEYS = ["status", "objective", "kkt_stationarity", "kkt_feasibility", "kkt_complementarity", "iterations", "seconds"]
+QP_KEYS = ["status", "objective", "kkt_stationarity", "kkt_feasibility", "kkt_complementarity",
+           "iterations", "seconds"]
 
 
 def check_tiny_solution(path, name):
-    """The optimality conditions of TINY_QPT, from the numbers in the file alone."""
+    """Checks the optimality conditions of TINY_QPT with the numbers in the file."""
     lines = path.read_text().split("\n")
-    values = {k: list(map(float, lines[i + 1].split())) for i, line in enumerate(lines) for k in "xyz" if line.startswith(k + " ")}
+    values = {k: list(map(float, lines[i + 1].split()))
+              for i, line in enumerate(lines) for k in "xyz" if line.startswith(k + " ")}
     check("status optimal" in lines and lines[-2:] == ["end", ""], f"{name}: {lines}")
     (x0, x1), (y,), (z0, z1) = values["x"], values["y"], values["z"]
     check(abs(x0 - 1) + abs(x1 - 1.5) < 1e-8, f"{name}: x is {values['x']}")
-    check(abs(2 * x0 - 2 - y - z0) + abs(2 * x1 - 5 - 2 * y - z1) < 1e-8, f"{name}: not stationary: {values}")
+    check(abs(2 * x0 - 2 - y - z0) + abs(2 * x1 - 5 - 2 * y - z1) < 1e-8,
+          f"{name}: not stationary: {values}")
     check(y <= 1e-9 and z1 < -1.9 and abs(z0) < 1e-8, f"{name}: multipliers {values}")
 
 
 def check_qp_runs(programs, folder):
     solve = programs / "qp_solve"
-    for file, text in (("tiny.qpt", TINY_QPT), ("tiny.qps", TINY_QPS), ("tiny.txt", TINY_QPT), ("tiny.dat", TINY_QPS)):
+    for file, text in (("tiny.qpt", TINY_QPT), ("tiny.qps", TINY_QPS), ("tiny.txt", TINY_QPT),
+                       ("tiny.dat", TINY_QPS)):
         path, solution, out = folder / file, folder / (file + ".solution"), folder / (file + ".csv")
         path.write_text(text)
         code, shown, errors = run(solve, path, "--json", "--solution", solution, "--out", out)
@@ -227,67 +259,93 @@ def check_qp_runs(programs, folder):
             continue
         figures = json.loads(shown)
         check(all(k in figures for k in QP_KEYS), f"qp_solve {file}: keys {list(figures)}")
-        check(figures["status"] == "solved" and abs(figures["objective"] + 5.75) < 1e-9, f"qp_solve {file}: {figures}")
-        check(max(figures[k] for k in figures if k.startswith("kkt_")) < 1e-8, f"qp_solve {file}: residuals {figures}")
+        check(figures["status"] == "solved" and abs(figures["objective"] + 5.75) < 1e-9,
+              f"qp_solve {file}: {figures}")
+        check(max(figures[k] for k in figures if k.startswith("kkt_")) < 1e-8,
+              f"qp_solve {file}: residuals {figures}")
         check_tiny_solution(solution, f"qp_solve {file} --solution")
         check(out.read_text().count("\n") == 2, f"qp_solve {file} --out: {out.read_text()!r}")
         code, shown, _ = run(solve, path)
         words = dict(line.split(None, 1) for line in shown.strip().split("\n"))
-        check(code == 0 and words["status"] == "solved" and all(k in words for k in QP_KEYS), f"qp_solve {file}: {shown!r}")
+        check(code == 0 and words["status"] == "solved" and all(k in words for k in QP_KEYS),
+              f"qp_solve {file}: {shown!r}")
 
     def file(name, text):
         path = folder / name
         path.write_text(text)
         return path
 
-    biggest = TINY_QPS.replace("ROWS", "OBJSENSE MAX\nROWS", 1).replace("cost -2", "cost 2").replace("cost -5", "cost 5")
+    biggest = TINY_QPS.replace("ROWS", "OBJSENSE MAX\nROWS", 1)
+    biggest = biggest.replace("cost -2", "cost 2").replace("cost -5", "cost 5")
     biggest = biggest.replace("rhs cost -0.5", "rhs cost 0.5").replace(" 2\n y y 2", " -2\n y y -2")
     code, shown, _ = run(solve, file("max.qps", biggest), "--json")
-    check(code == 0 and abs(json.loads(shown)["objective"] - 5.75) < 1e-9, f"qp_solve OBJSENSE MAX: exit {code}: {shown}")
+    check(code == 0 and abs(json.loads(shown)["objective"] - 5.75) < 1e-9,
+          f"qp_solve OBJSENSE MAX: exit {code}: {shown}")
 
-    # A wrong expectation is told by the exit code.
+    # If the file expects a wrong answer, the exit code is 1.
     code, shown, _ = run(solve, file("wrong.qpt", TINY_QPT.replace("-5.75", "-5.76")), "--json")
-    check(code == 1 and json.loads(shown)["right"] is False, f"qp_solve, wrong objective: exit {code}: {shown}")
-    code, shown, _ = run(solve, file("wrong.qpt", TINY_QPT.replace("optimal", "infeasible")), "--json")
-    check(code == 1 and json.loads(shown)["status"] == "solved", f"qp_solve, wrong status: exit {code}: {shown}")
+    check(code == 1 and json.loads(shown)["right"] is False,
+          f"qp_solve, wrong objective: exit {code}: {shown}")
+    code, shown, _ = run(solve, file("wrong.qpt", TINY_QPT.replace("optimal", "infeasible")),
+                         "--json")
+    check(code == 1 and json.loads(shown)["status"] == "solved",
+          f"qp_solve, wrong status: exit {code}: {shown}")
 
-    # x0 + 2 x1 >= 6 within x0 <= 1, x1 <= 1.5 is contradictory; with row and bounds away nothing stops x1.
-    contradiction = TINY_QPT.replace("-inf 6", "6 inf").replace("0 inf", "0 1").replace("optimal\nobjective -5.75", "infeasible")
+    # x0 + 2 x1 >= 6 contradicts x0 <= 1, x1 <= 1.5. Without row and bounds, x1 is unbounded.
+    contradiction = TINY_QPT.replace("-inf 6", "6 inf").replace("0 inf", "0 1")
+    contradiction = contradiction.replace("optimal\nobjective -5.75", "infeasible")
     solution = folder / "proof.txt"
-    code, shown, _ = run(solve, file("infeasible.qpt", contradiction), "--json", "--solution", solution)
+    code, shown, _ = run(solve, file("infeasible.qpt", contradiction), "--json", "--solution",
+                         solution)
     figures = json.loads(shown)
-    check(code == 0 and figures["status"] == "primal_infeasible", f"qp_solve, infeasible: exit {code}: {shown}")
-    check(figures["objective"] is None and figures["proof_residual"] < 1e-12 and figures["proof_value"] < 0,
+    check(code == 0 and figures["status"] == "primal_infeasible",
+          f"qp_solve, infeasible: exit {code}: {shown}")
+    check(figures["objective"] is None and figures["proof_residual"] < 1e-12
+          and figures["proof_value"] < 0,
           f"qp_solve, infeasible: {figures}")
-    check("status infeasible" in solution.read_text() and "farkas_y 1" in solution.read_text(), "qp_solve: no Farkas pair")
-    check("shift_norm" not in figures and "\nx " not in solution.read_text(), f"qp_solve, infeasible: {figures}")
-    code, shown, _ = run(solve, file("infeasible.qpt", contradiction), "--json", "--closest-point", "--solution", solution)
+    check("status infeasible" in solution.read_text() and "farkas_y 1" in solution.read_text(),
+          "qp_solve: no Farkas pair")
+    check("shift_norm" not in figures and "\nx " not in solution.read_text(),
+          f"qp_solve, infeasible: {figures}")
+    code, shown, _ = run(solve, file("infeasible.qpt", contradiction), "--json", "--closest-point",
+                         "--solution", solution)
     figures = json.loads(shown)
-    check(code == 0 and abs(figures["shift_norm"] - 2) < 1e-9 and "note" not in figures, f"qp_solve --closest-point: {shown}")
-    check("x 2\n1 1.5\n" in solution.read_text() and "farkas_y 1" in solution.read_text(), "qp_solve --closest-point: no point")
+    check(code == 0 and abs(figures["shift_norm"] - 2) < 1e-9 and "note" not in figures,
+          f"qp_solve --closest-point: {shown}")
+    check("x 2\n1 1.5\n" in solution.read_text() and "farkas_y 1" in solution.read_text(),
+          "qp_solve --closest-point: no point")
     crossed = contradiction.replace("0 1\n0 1.5", "0 1\n2 1.5")
     code, shown, _ = run(solve, file("crossed.qpt", crossed), "--json")
-    check(code == 0 and json.loads(shown)["status"] == "primal_infeasible" and "unknown 1" in json.loads(shown)["note"],
+    check(code == 0 and json.loads(shown)["status"] == "primal_infeasible"
+          and "unknown 1" in json.loads(shown)["note"],
           f"qp_solve, crossed bounds: exit {code}: {shown}")
     falling = TINY_QPT.replace("H 2\n0 0 2\n1 1 2", "H 1\n1 1 2").replace("-inf 6", "-6 inf")
     falling = falling.replace("optimal\nobjective -5.75", "unbounded")
     code, shown, _ = run(solve, file("unbounded.qpt", falling), "--json", "--solution", solution)
-    check(code == 0 and json.loads(shown)["status"] == "dual_infeasible", f"qp_solve, unbounded: exit {code}: {shown}")
-    check("status unbounded" in solution.read_text() and "ray 2" in solution.read_text(), "qp_solve: no ray")
+    check(code == 0 and json.loads(shown)["status"] == "dual_infeasible",
+          f"qp_solve, unbounded: exit {code}: {shown}")
+    check("status unbounded" in solution.read_text() and "ray 2" in solution.read_text(),
+          "qp_solve: no ray")
     code, shown, _ = run(solve, file("concave.qpt", TINY_QPT.replace("1 1 2", "1 1 -2")), "--json")
-    check(code == 1 and json.loads(shown)["status"] == "non_convex" and "H(1,1) is -2" in json.loads(shown)["note"],
+    check(code == 1 and json.loads(shown)["status"] == "non_convex"
+          and "H(1,1) is -2" in json.loads(shown)["note"],
           f"qp_solve, concave: exit {code}: {shown}")
 
-    # A budget that runs out: the best iterate, within its bounds, and its residuals.
-    chain = "".join(f"{i} {i} 2\n" + (f"{i} {i + 1} -0.99\n" if i < 199 else "") for i in range(200))
+    # At a limit of iterations or time, the best iterate is within its bounds, with its residuals.
+    chain = "".join(f"{i} {i} 2\n" + (f"{i} {i + 1} -0.99\n" if i < 199 else "")
+                    for i in range(200))
     pulls = "".join(f"{i} {math.sin(0.3 * i * i):.6f}\n" for i in range(200))
-    long = file("long.qpt", f"qpt 1 n 200 H 399 {chain} g 200 {pulls} cols 200 {'-0.2 0.2 ' * 200} end")
-    for option, value, status in (("--max-iterations", 1, "iteration_limit"), ("--time-limit", 1e-6, "time_limit")):
+    long = file("long.qpt",
+                f"qpt 1 n 200 H 399 {chain} g 200 {pulls} cols 200 {'-0.2 0.2 ' * 200} end")
+    for option, value, status in (("--max-iterations", 1, "iteration_limit"),
+                                  ("--time-limit", 1e-6, "time_limit")):
         code, shown, errors = run(solve, long, "--json", option, value, "--solution", solution)
         figures = json.loads(shown)
-        check(code == 1 and not errors and figures["status"] == status and figures["right"] is False,
+        check(code == 1 and not errors and figures["status"] == status
+              and figures["right"] is False,
               f"qp_solve {option} {value}: exit {code}: {shown}")
-        check(figures["kkt_feasibility"] == 0 and figures["objective"] is not None, f"qp_solve {option} {value}: {shown}")
+        check(figures["kkt_feasibility"] == 0 and figures["objective"] is not None,
+              f"qp_solve {option} {value}: {shown}")
         check(f"status {status}\n" in solution.read_text(), f"qp_solve {option} {value} --solution")
     check(run(solve, long, "--json", "--time-limit", 60)[0] == 0, "qp_solve --time-limit 60")
 
@@ -296,22 +354,28 @@ def check_qp_runs(programs, folder):
     check(code == 0 and not errors, f"qp_solve, sequence: exit {code}: {shown} {errors}")
     if code == 0:
         figures = json.loads(shown)
-        check(figures["frames"] == 3 and figures["cold_right"] == 3 and figures["warm_right"] == 3, f"qp_solve, sequence: {figures}")
+        check(figures["frames"] == 3 and figures["cold_right"] == 3 and figures["warm_right"] == 3,
+              f"qp_solve, sequence: {figures}")
         for key in ("cold_median_ms", "cold_p99_ms", "warm_median_ms", "warm_p99_ms"):
             check(figures[key] > 0, f"qp_solve, sequence: {key} is {figures[key]}")
         rows = [line.split(",") for line in out.read_text().strip().split("\n")]
-        check(rows[0][:5] == ["frame", "objective", "status", "iterations", "ms"] and len({len(r) for r in rows}) == 1,
+        check(rows[0][:5] == ["frame", "objective", "status", "iterations", "ms"]
+              and len({len(r) for r in rows}) == 1,
               f"qp_solve, sequence --out: {rows}")
-        check([r[2] for r in rows[1:]] == ["solved", "solved", "primal_infeasible"], f"qp_solve, sequence --out: {rows}")
-        check([round(float(r[1]), 9) for r in rows[1:3]] == [-2.625, -5.125], f"qp_solve, sequence --out: {rows}")
+        check([r[2] for r in rows[1:]] == ["solved", "solved", "primal_infeasible"],
+              f"qp_solve, sequence --out: {rows}")
+        check([round(float(r[1]), 9) for r in rows[1:3]] == [-2.625, -5.125],
+              f"qp_solve, sequence --out: {rows}")
         check(solution.read_text().count("\nframe ") == 3, "qp_solve, sequence --solution")
     code, shown, _ = run(solve, file("moves.qpt", SEQUENCE.replace("-5.125", "-5")), "--json")
     figures = json.loads(shown)
-    check(code == 1 and figures["frames_right"] == 2 and "frame 1" in figures["note"], f"qp_solve, sequence: exit {code}: {shown}")
+    check(code == 1 and figures["frames_right"] == 2 and "frame 1" in figures["note"],
+          f"qp_solve, sequence: exit {code}: {shown}")
 
     code, text, errors = run(programs / "qp_in_your_loop")
     words = re.search(r"error after 5 s: ([0-9.]+) mm.*: ([0-9]+) warm, ([0-9]+) cold", text)
-    check(code == 0 and not errors and words and float(words[1]) < 50 and int(words[2]) < int(words[3]), f"qp_in_your_loop: {text}")
+    check(code == 0 and not errors and words and float(words[1]) < 50
+          and int(words[2]) < int(words[3]), f"qp_in_your_loop: {text}")
 
 
 def check_bad_qp(programs, bad, file):
@@ -321,24 +385,36 @@ def check_bad_qp(programs, bad, file):
     bad("missing program", ["none.qpt"], "none.qpt", program=solve)
     bad("folder for a program", [str(good.parent)], good.parent, program=solve)
     bad("empty program", ["empty.qpt:1"], file("empty.qpt", ""), program=solve)
-    bad("bad token", ["token.qpt:8", "2x"], file("token.qpt", TINY_QPT.replace("1 1 2\ng", "1 1 2x\ng")), program=solve)
-    bad("index off the matrix", ["index.qpt:14", "'2'"], file("index.qpt", TINY_QPT.replace("0 1 2\nrows", "0 2 2\nrows")),
+    bad("bad token", ["token.qpt:8", "2x"],
+        file("token.qpt", TINY_QPT.replace("1 1 2\ng", "1 1 2x\ng")), program=solve)
+    bad("index off the matrix", ["index.qpt:14", "'2'"],
+        file("index.qpt", TINY_QPT.replace("0 1 2\nrows", "0 2 2\nrows")),
         program=solve)
-    bad("NaN in a program", ["nan.qpt:10", "nan"], file("nan.qpt", TINY_QPT.replace("0 -2", "0 nan")), program=solve)
-    bad("cut program", ["cut.qpt", "cols"], file("cut.qpt", TINY_QPT[:TINY_QPT.index("0 1.5")]), program=solve)
-    bad("huge program", ["huge.qpt:3", "999999999"], file("huge.qpt", TINY_QPT.replace("n 2", "n 999999999")), program=solve)
-    bad("bad QPS row", ["row.qps:6", "raw"], file("row.qps", TINY_QPS.replace("-2 row 1", "-2 raw 1")), program=solve)
-    bad("integer QPS", ["integer.qps:11", "BV"], file("integer.qps", TINY_QPS.replace("UP bnd y 1.5", "BV bnd y")), program=solve)
-    bad("QPS without end", ["end.qps", "ENDATA"], file("end.qps", TINY_QPS.replace("ENDATA", "")), program=solve)
+    bad("NaN in a program", ["nan.qpt:10", "nan"],
+        file("nan.qpt", TINY_QPT.replace("0 -2", "0 nan")), program=solve)
+    bad("cut program", ["cut.qpt", "cols"], file("cut.qpt", TINY_QPT[:TINY_QPT.index("0 1.5")]),
+        program=solve)
+    bad("huge program", ["huge.qpt:3", "999999999"],
+        file("huge.qpt", TINY_QPT.replace("n 2", "n 999999999")), program=solve)
+    bad("bad QPS row", ["row.qps:6", "raw"],
+        file("row.qps", TINY_QPS.replace("-2 row 1", "-2 raw 1")), program=solve)
+    bad("integer QPS", ["integer.qps:11", "BV"],
+        file("integer.qps", TINY_QPS.replace("UP bnd y 1.5", "BV bnd y")), program=solve)
+    bad("QPS without end", ["end.qps", "ENDATA"], file("end.qps", TINY_QPS.replace("ENDATA", "")),
+        program=solve)
     bad("neither format", ["page.html:1", "<html>"], file("page.html", "<html>\n"), program=solve)
     bad("tolerance 0", ["--tolerance", "0"], good, "--tolerance", 0, program=solve)
     bad("no time", ["--time-limit", "-1"], good, "--time-limit", -1, program=solve)
-    bad("solution onto the program", ["--solution", "same file"], good, "--solution", good, program=solve)
+    bad("solution onto the program", ["--solution", "same file"], good, "--solution", good,
+        program=solve)
     check(good.read_text() == TINY_QPT, "qp_solve: the program was overwritten")
-    bad("table onto the program", ["--out", "same file"], good, "--out", good.parent / "." / good.name, program=solve)
+    bad("table onto the program", ["--out", "same file"], good, "--out",
+        good.parent / "." / good.name, program=solve)
     bad("no iterations", ["--max-iterations", "0"], good, "--max-iterations", 0, program=solve)
-    bad("solution in a folder that is missing", ["none/x"], good, "--solution", good.parent / "none/x", program=solve)
-    bad("table in a folder that is missing", ["none/x"], good, "--out", good.parent / "none/x", program=solve)
+    bad("solution in a folder that is missing", ["none/x"], good, "--solution",
+        good.parent / "none/x", program=solve)
+    bad("table in a folder that is missing", ["none/x"], good, "--out", good.parent / "none/x",
+        program=solve)
 
 
 LIMB_URDF = """<robot name="limb">
@@ -349,38 +425,43 @@ LIMB_URDF = """<robot name="limb">
   <link name="tip"/>
   <joint name="lift" type="prismatic"><parent link="world"/><child link="upper"/><axis xyz="0 0 1"/>
     <limit lower="-1" upper="1" effort="100" velocity="1"/></joint>
-  <joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/><origin xyz="0.4 0 0"/><axis xyz="0 0 2"/>
+  <joint name="turn" type="revolute"><parent link="upper"/><child link="lower"/>
+    <origin xyz="0.4 0 0"/><axis xyz="0 0 2"/>
     <limit lower="-2" upper="2" effort="10" velocity="1"/></joint>
-  <joint name="end" type="fixed"><parent link="lower"/><child link="tip"/><origin xyz="0.3 0 0"/></joint>
+  <joint name="end" type="fixed"><parent link="lower"/><child link="tip"/>
+    <origin xyz="0.3 0 0"/></joint>
 </robot>
-"""  # a slider of 2 kg along z; on it a lower arm that weighs nothing until FOREARM gives it a mass
+"""  # a slider of 2 kg along z with a lower arm, which has a mass only with FOREARM
 FOREARM = """<link name="lower"><inertial><origin xyz="0.1 0 0"/><mass value="1"/>
     <inertia ixx="0.001" ixy="0" ixz="0" iyy="0.002" iyz="0" izz="0.002"/></inertial></link>"""
 LIMB = LIMB_URDF.replace('<link name="lower"/>', FOREARM)
 
-REACH_KEYS = ["status", "fk_error", "jacobian_error", "mass_error", "bias_error", "reached_share", "error_m", "iterations_median",
+REACH_KEYS = ["status", "fk_error", "jacobian_error", "mass_error", "bias_error", "reached_share",
+              "error_m", "iterations_median",
               "microseconds_median"]
 
 
 def limb_oracle():
-    """What LIMB answers at lift = 0.5, turn = 0.5, by hand; joints in the reverse order."""
+    """Returns results for LIMB at lift = turn = 0.5, by hand; joints in reverse order."""
     q, qd, qdd, target, kp, kd, h, inertia = 0.5, 2.0, 3.0, 0.1, 80.0, 4.0, 0.01, 0.002 + 1 * 0.1**2
     c, s = math.cos(q), math.sin(q)
     push = [-kp * (v + h * qd - target) - kd * qd for v in (q, 0.5)]
     turn, lift = push[0] / (inertia + h * kd), (push[1] - 3 * 9.81) / (3 + h * kd)
     held = [-kp * (0.5 + h * qd - target) - kd * (qd + h * a) for a in (turn, lift)]
     sample = {"q": [q, 0.5], "qd": [qd, qd], "qdd": [qdd, qdd], "qbar": [target, target],
-              "fk": {"tip": {"p": [0.4 + 0.3 * c, 0.3 * s, 0.5], "quat_wxyz": [math.cos(q / 2), 0, 0, math.sin(q / 2)]}},
+              "fk": {"tip": {"p": [0.4 + 0.3 * c, 0.3 * s, 0.5],
+                             "quat_wxyz": [math.cos(q / 2), 0, 0, math.sin(q / 2)]}},
               "jacobian": [[-0.3 * s, 0], [0.3 * c, 0], [0, 1], [0, 0], [0, 0], [1, 0]],
               "mass_matrix": [[inertia, 0], [0, 3]], "gravity": [0, 3 * 9.81], "coriolis": [0, 0],
-              "rnea_tau": [inertia * qdd, 3 * (9.81 + qdd)], "fd_tau": [0.01, 1], "fd_qdd": [0.01 / inertia, 1 / 3 - 9.81],
+              "rnea_tau": [inertia * qdd, 3 * (9.81 + qdd)], "fd_tau": [0.01, 1],
+              "fd_qdd": [0.01 / inertia, 1 / 3 - 9.81],
               "spd_qdd": [turn, lift], "spd_tau": held}
     return {"joint_order": ["turn", "lift"], "jacobian_link": "tip", "gravity": [0, 0, -9.81],
             "spd": {"kp": kp, "kd": kd, "h": h}, "samples": [sample]}
 
 
 def has_hands(programs):
-    """Whether the programs that read URDF are there."""
+    """Returns whether the programs that read URDF were built."""
     return all((programs / name).exists() for name in ("hand_reach", "hand_track"))
 
 
@@ -390,7 +471,8 @@ def without_seconds(figures):
 
 def is_page(path):
     page = path.read_text()
-    return page.lower().startswith("<!doctype html>") and not re.search(r"(src|href|url)\s*[=(]\s*.?https?:", page)
+    outside = re.search(r"(src|href|url)\s*[=(]\s*.?https?:", page)
+    return page.lower().startswith("<!doctype html>") and not outside
 
 
 def check_hand_runs(programs, folder):
@@ -399,24 +481,33 @@ def check_hand_runs(programs, folder):
     limb.write_text(LIMB)
     answers.write_text(json.dumps(limb_oracle()))
     out = folder / "reach"
-    arguments = [reach, "--model", limb, "--oracle", answers, "--targets", 50, "--out", out, "--json"]
+    arguments = [reach, "--model", limb, "--oracle", answers, "--targets", 50, "--out", out,
+                 "--json"]
     code, text, errors = run(*arguments)
     check(code == 0 and not errors, f"hand_reach: exit {code}, stdout {text!r}, stderr {errors!r}")
     if code == 0:
         figures = json.loads(text)
-        check(list(figures)[:len(REACH_KEYS)] == REACH_KEYS and figures["status"] == "ok", f"hand_reach: {figures}")
-        check(max(v for k, v in figures.items() if k.endswith("_error")) < 1e-13, f"hand_reach: {figures}")
-        check(figures["samples"] == 1 and figures["dof"] == 2 and figures["tips"] == ["tip"], f"hand_reach: {figures}")
-        check(figures["reached_share"] == 1 and figures["reached_share_near"] == 1, f"hand_reach: {figures}")
-        check(0 < figures["error_m"] <= 1e-3 and figures["error_m"] <= figures["worst_error_m"], f"hand_reach: {figures}")
+        check(list(figures)[:len(REACH_KEYS)] == REACH_KEYS and figures["status"] == "ok",
+              f"hand_reach: {figures}")
+        check(max(v for k, v in figures.items() if k.endswith("_error")) < 1e-13,
+              f"hand_reach: {figures}")
+        check(figures["samples"] == 1 and figures["dof"] == 2 and figures["tips"] == ["tip"],
+              f"hand_reach: {figures}")
+        check(figures["reached_share"] == 1 and figures["reached_share_near"] == 1,
+              f"hand_reach: {figures}")
+        check(0 < figures["error_m"] <= 1e-3 and figures["error_m"] <= figures["worst_error_m"],
+              f"hand_reach: {figures}")
         check(is_page(out / "player.html"), "hand_reach: player.html is not self-contained")
-        check(without_seconds(json.loads(run(*arguments)[1])) == without_seconds(figures), "hand_reach: two runs differ")
+        check(without_seconds(json.loads(run(*arguments)[1])) == without_seconds(figures),
+              "hand_reach: two runs differ")
     code, text, _ = run(reach, "--model", limb, "--oracle", answers, "--float", "--json")
     figures = json.loads(text)
-    check(code == 0 and 1e-9 < figures["fk_error"] < 1e-6 and figures["reached_share"] is None, f"hand_reach --float: {text}")
+    check(code == 0 and 1e-9 < figures["fk_error"] < 1e-6 and figures["reached_share"] is None,
+          f"hand_reach --float: {text}")
     code, text, _ = run(reach, "--model", limb, "--oracle", answers)
     words = dict(line.split(None, 1) for line in text.strip().split("\n"))
-    check(code == 0 and words["status"] == "ok" and "reached_share" not in words and " - " not in text, f"hand_reach: {text!r}")
+    check(code == 0 and words["status"] == "ok" and "reached_share" not in words
+          and " - " not in text, f"hand_reach: {text!r}")
     for field, spoil in (("fk_error", lambda s: s["fk"]["tip"]["p"].__setitem__(2, 0.5001)),
                          ("jacobian_error", lambda s: s["jacobian"][2].__setitem__(1, 1.0001)),
                          ("mass_error", lambda s: s["mass_matrix"][0].__setitem__(0, 0.013)),
@@ -431,35 +522,49 @@ def check_hand_runs(programs, folder):
         answers.write_text(json.dumps(wrong))
         code, text, _ = run(reach, "--model", limb, "--oracle", answers, "--json")
         figures = json.loads(text)
-        check(code == 1 and figures["status"] == "failed" and figures[field] > 1e-6, f"hand_reach, wrong {field}: exit {code}: {text}")
+        check(code == 1 and figures["status"] == "failed" and figures[field] > 1e-6,
+              f"hand_reach, wrong {field}: exit {code}: {text}")
 
     out = folder / "track"
-    for arguments, bound in ((["--step", 0.02], 1e-3), (["--step", 0.002], 1e-3), (["--form", "implicit"], 1e-3),
+    for arguments, bound in ((["--step", 0.02], 1e-3), (["--step", 0.002], 1e-3),
+                             (["--form", "implicit"], 1e-3),
                              (["--model", limb, "--seconds", 2], 0.01)):
         code, text, errors = run(track, *arguments, "--out", out, "--json")
         check(code == 0 and not errors, f"hand_track {arguments}: exit {code}, stderr {errors!r}")
         if code == 0:
             figures = json.loads(text)
-            check(figures["status"] == "finished" and 0 < figures["lag_m"] < bound, f"hand_track {arguments}: {figures}")
-            check(figures["energy_max_j"] >= figures["energy_end_j"] >= 0 and figures["saturated_steps"] == 0, f"hand_track: {figures}")
+            check(figures["status"] == "finished" and 0 < figures["lag_m"] < bound,
+                  f"hand_track {arguments}: {figures}")
+            check(figures["energy_max_j"] >= figures["energy_end_j"] >= 0
+                  and figures["saturated_steps"] == 0, f"hand_track: {figures}")
             check(is_page(out / "player.html"), "hand_track: player.html is not self-contained")
-    code, text, _ = run(track, "--form", "paper", "--step", 0.02, "--json")  # it lags by (h + kd/kp) v, and sags
-    check(code == 0 and 0.0435 < json.loads(text)["lag_at_speed_m"] < 0.08, f"hand_track --form paper: exit {code}: {text}")
+    code, text, _ = run(track, "--form", "paper", "--step", 0.02,
+                        "--json")  # it lags by (h + kd/kp) v, and sags
+    check(code == 0 and 0.0435 < json.loads(text)["lag_at_speed_m"] < 0.08,
+          f"hand_track --form paper: exit {code}: {text}")
     for step in (0.02, 0.002):
         for form in ("stable", "implicit"):
-            code, text, _ = run(track, "--hold", "--no-gravity", "--form", form, "--step", step, "--seconds", 2, "--json")
+            code, text, _ = run(track, "--hold", "--no-gravity", "--form", form, "--step", step,
+                                "--seconds", 2, "--json")
             figures = json.loads(text)
-            check(code == 0 and figures["energy_rise_j"] <= 1e-12 * figures["energy_start_j"], f"hand_track --hold: {figures}")
-            check(figures["energy_end_j"] < 1e-6 * figures["energy_start_j"], f"hand_track --hold: {figures}")
-    code, text, errors = run(track, "--hold", "--kp", 80000, "--kd", 2400, "--step", 0.001, "--seconds", 2, "--json")
-    check(code == 0 and json.loads(text)["saturated_steps"] > 0 and json.loads(text)["lag_m"] < 1e-3,
+            check(code == 0 and figures["energy_rise_j"] <= 1e-12 * figures["energy_start_j"],
+                  f"hand_track --hold: {figures}")
+            check(figures["energy_end_j"] < 1e-6 * figures["energy_start_j"],
+                  f"hand_track --hold: {figures}")
+    code, text, errors = run(track, "--hold", "--kp", 80000, "--kd", 2400, "--step", 0.001,
+                             "--seconds", 2, "--json")
+    check(code == 0 and json.loads(text)["saturated_steps"] > 0
+          and json.loads(text)["lag_m"] < 1e-3,
           f"hand_track, saturated: exit {code}: {text} {errors}")
     code, text, errors = run(track, "--kp", 80000, "--kd", 10, "--step", 0.02, "--json")
-    check(code == 1 and "diverged" in errors and "warning" in errors and json.loads(text)["status"].startswith("diverged") and
-          json.loads(text)["unstable_joints"] == 34, f"hand_track, unstable: exit {code}: {text} {errors}")
+    check(code == 1 and "diverged" in errors and "warning" in errors
+          and json.loads(text)["status"].startswith("diverged") and
+          json.loads(text)["unstable_joints"] == 34,
+          f"hand_track, unstable: exit {code}: {text} {errors}")
     limb.write_text(LIMB_URDF)
     code, text, errors = run(track, "--model", limb, "--kp", 0, "--kd", 0, "--json")
-    check(code == 1 and "turn" in errors and "turn" in json.loads(text)["status"], f"hand_track, no inertia: exit {code}: {errors}")
+    check(code == 1 and "turn" in errors and "turn" in json.loads(text)["status"],
+          f"hand_track, no inertia: exit {code}: {errors}")
 
 
 def check_bad_hands(programs, bad, file):
@@ -468,21 +573,27 @@ def check_bad_hands(programs, bad, file):
     missing = limb.parent / "none.urdf"
     for program in (reach, track):
         bad("model that is missing", ["none.urdf"], "--model", missing, program=program)
-        bad("model that is no XML", ["page.urdf"], "--model", file("page.urdf", "a hand"), program=program)
-        bad("model that is no robot", ["html.urdf", "robot"], "--model", file("html.urdf", "<html/>"), program=program)
+        bad("model that is no XML", ["page.urdf"], "--model", file("page.urdf", "a hand"),
+            program=program)
+        bad("model that is no robot", ["html.urdf", "robot"], "--model",
+            file("html.urdf", "<html/>"), program=program)
         bad("model with a loose joint", ["loose.urdf", "elbow"], "--model",
-            file("loose.urdf", LIMB.replace('<parent link="upper"/>', '<parent link="elbow"/>')), program=program)
-        bad("model with NaN", ["nan.urdf", "nan"], "--model", file("nan.urdf", LIMB.replace("0.4 0 0", "nan 0 0")), program=program)
+            file("loose.urdf", LIMB.replace('<parent link="upper"/>', '<parent link="elbow"/>')),
+            program=program)
+        bad("model with NaN", ["nan.urdf", "nan"], "--model",
+            file("nan.urdf", LIMB.replace("0.4 0 0", "nan 0 0")), program=program)
         bad("model that does not move", ["still.urdf", "no joint"], "--model",
             file("still.urdf", '<robot name="still"><link name="world"/></robot>'), program=program)
         bad("out in a file", ["limb.urdf"], "--model", limb, "--out", limb / "x", program=program)
-        bad("a folder without a name", ["--out", "empty"], "--model", limb, "--out", "", program=program)
+        bad("a folder without a name", ["--out", "empty"], "--model", limb, "--out", "",
+            program=program)
         bad("unknown option", ["--colour"], "--model", limb, "--colour", "red", program=program)
 
     def bad_oracle(name, wanted, spoil):
         answers = limb_oracle()
         spoil(answers)
-        bad(name, ["limb.json", *wanted], "--model", limb, "--oracle", file("limb.json", json.dumps(answers)), program=reach)
+        bad(name, ["limb.json", *wanted], "--model", limb, "--oracle",
+            file("limb.json", json.dumps(answers)), program=reach)
 
     def put(sample, field, value):
         return lambda answers: answers["samples"][sample].__setitem__(field, value)
@@ -491,33 +602,48 @@ def check_bad_hands(programs, bad, file):
     bad("negative targets", ["--targets", "-5"], "--model", limb, "--targets", -5, program=reach)
     bad("half a target", ["--targets", "1.5"], "--model", limb, "--targets", 1.5, program=reach)
     bad("negative seed", ["--seed", "-1"], "--model", limb, "--seed", -1, program=reach)
-    bad("tip that is missing", ["--tips", "nail"], "--model", limb, "--tips", "tip,nail", program=reach)
-    bad("tip that does not move", ["--tips", "world"], "--model", limb, "--tips", "world", program=reach)
+    bad("tip that is missing", ["--tips", "nail"], "--model", limb, "--tips", "tip,nail",
+        program=reach)
+    bad("tip that does not move", ["--tips", "world"], "--model", limb, "--tips", "world",
+        program=reach)
     bad("tip twice", ["--tips", "twice"], "--model", limb, "--tips", "tip,tip", program=reach)
-    bad("oracle that is missing", ["none.json"], "--model", limb, "--oracle", limb.parent / "none.json", program=reach)
-    bad("oracle without a name", ["--oracle", "empty"], "--model", limb, "--oracle", "", program=reach)
-    bad("oracle that is no JSON", ["cut.json"], "--model", limb, "--oracle", file("cut.json", json.dumps(whole)[:200]), program=reach)
-    bad("oracle that is a list", ["list.json"], "--model", limb, "--oracle", file("list.json", "[1]"), program=reach)
+    bad("oracle that is missing", ["none.json"], "--model", limb, "--oracle",
+        limb.parent / "none.json", program=reach)
+    bad("oracle without a name", ["--oracle", "empty"], "--model", limb, "--oracle", "",
+        program=reach)
+    bad("oracle that is no JSON", ["cut.json"], "--model", limb, "--oracle",
+        file("cut.json", json.dumps(whole)[:200]), program=reach)
+    bad("oracle that is a list", ["list.json"], "--model", limb, "--oracle",
+        file("list.json", "[1]"), program=reach)
     bad("number too large for a double", ["huge.json"], "--model", limb, "--oracle",
         file("huge.json", json.dumps(whole).replace("9.81", "1e999")), program=reach)
-    bad("NaN in JSON", ["nan.json"], "--model", limb, "--oracle", file("nan.json", json.dumps(whole).replace("9.81", "NaN")),
+    bad("NaN in JSON", ["nan.json"], "--model", limb, "--oracle",
+        file("nan.json", json.dumps(whole).replace("9.81", "NaN")),
         program=reach)
-    bad_oracle("oracle of another model", ["joint_order[0]", "wrist"], lambda a: a["joint_order"].__setitem__(0, "wrist"))
-    bad_oracle("joint twice", ["joint_order[1]", "twice"], lambda a: a["joint_order"].__setitem__(1, "turn"))
+    bad_oracle("oracle of another model", ["joint_order[0]", "wrist"],
+               lambda a: a["joint_order"].__setitem__(0, "wrist"))
+    bad_oracle("joint twice", ["joint_order[1]", "twice"],
+               lambda a: a["joint_order"].__setitem__(1, "turn"))
     bad_oracle("joint that is missing", ["joint_order", "lift"], lambda a: a["joint_order"].pop())
-    bad_oracle("unknown link for the Jacobian", ["jacobian_link", "nail"], lambda a: a.__setitem__("jacobian_link", "nail"))
+    bad_oracle("unknown link for the Jacobian", ["jacobian_link", "nail"],
+               lambda a: a.__setitem__("jacobian_link", "nail"))
     bad_oracle("no samples", ["samples"], lambda a: a.__setitem__("samples", []))
     bad_oracle("no gains", ["spd", "kd"], lambda a: a["spd"].pop("kd"))
-    bad_oracle("step 0", ["spd", "step"], lambda a: a["spd"].__setitem__("h", 0))
-    bad_oracle("gravity of two numbers", ["gravity", "2", "3"], lambda a: a.__setitem__("gravity", [0, 0]))
+    bad_oracle("step 0", ["spd", "dt"], lambda a: a["spd"].__setitem__("h", 0))
+    bad_oracle("gravity of two numbers", ["gravity", "2", "3"],
+               lambda a: a.__setitem__("gravity", [0, 0]))
     bad_oracle("sample that is no object", ["sample 1"], lambda a: a["samples"].append(3))
     for field in whole["samples"][0]:
-        bad_oracle(f"sample without {field}", ["sample 0", field, "missing"], lambda a, field=field: a["samples"][0].pop(field))
-    bad_oracle("torque that is a text", ["sample 0", "rnea_tau[1]", "up"], put(0, "rnea_tau", [0, "up"]))
-    bad_oracle("torque that is null", ["sample 0", "fd_tau[0]", "null"], put(0, "fd_tau", [None, 0]))
+        bad_oracle(f"sample without {field}", ["sample 0", field, "missing"], lambda a,
+                   field=field: a["samples"][0].pop(field))
+    bad_oracle("torque that is a text", ["sample 0", "rnea_tau[1]", "up"],
+               put(0, "rnea_tau", [0, "up"]))
+    bad_oracle("torque that is null", ["sample 0", "fd_tau[0]", "null"],
+               put(0, "fd_tau", [None, 0]))
     bad_oracle("short position", ["sample 0", "q has 1", "2"], put(0, "q", [0]))
     bad_oracle("short matrix", ["sample 0", "mass_matrix", "2"], put(0, "mass_matrix", [[1, 0]]))
-    bad_oracle("unknown link", ["sample 0", "fk", "nail"], lambda a: a["samples"][0]["fk"].__setitem__("nail", {}))
+    bad_oracle("unknown link", ["sample 0", "fk", "nail"],
+               lambda a: a["samples"][0]["fk"].__setitem__("nail", {}))
     bad_oracle("no unit quaternion", ["sample 0", "tip", "quat"],
                lambda a: a["samples"][0]["fk"]["tip"].__setitem__("quat_wxyz", [0, 0, 0, 0]))
 
@@ -554,13 +680,18 @@ def check_bad_input(programs, folder):
     bad("missing file", ["none.csv"], "--targets", folder / "none.csv")
     bad("empty file", ["empty.csv"], "--targets", file("empty.csv", ""))
     bad("header alone", ["header.csv"], "--targets", file("header.csv", "t,Lx,Ly,Lz,Rx,Ry,Rz\n"))
-    bad("short row", ["short.csv", "5"], "--targets", file("short.csv", targets(1, spoil=spoil(4, "0.06,1,2"))))
-    bad("NaN", ["nan.csv", "5"], "--targets", file("nan.csv", targets(1, spoil=spoil(4, "0.06,nan,0,-0.5,0.2,0,-0.5"))))
-    bad("text", ["text.csv", "5", "up"], "--targets", file("text.csv", targets(1, spoil=spoil(4, "0.06,up,0,-0.5,0.2,0,-0.5"))))
-    bad("time stands", ["time.csv", "5"], "--targets", file("time.csv", targets(1, spoil=spoil(4, "0.04,-0.2,0,-0.5,0.2,0,-0.5"))))
+    bad("short row", ["short.csv", "5"], "--targets",
+        file("short.csv", targets(1, spoil=spoil(4, "0.06,1,2"))))
+    bad("NaN", ["nan.csv", "5"], "--targets",
+        file("nan.csv", targets(1, spoil=spoil(4, "0.06,nan,0,-0.5,0.2,0,-0.5"))))
+    bad("text", ["text.csv", "5", "up"], "--targets",
+        file("text.csv", targets(1, spoil=spoil(4, "0.06,up,0,-0.5,0.2,0,-0.5"))))
+    bad("time stands", ["time.csv", "5"], "--targets",
+        file("time.csv", targets(1, spoil=spoil(4, "0.04,-0.2,0,-0.5,0.2,0,-0.5"))))
     bad("short targets", ["brief.csv", "15", "20"], "--targets", file("brief.csv", targets(0.3)))
     bad("folder for a file", [str(folder)], "--targets", folder)
-    bad("pair without a partner", ["none.csv"], "--targets", f"{file('one.csv', targets(1, header=''))},{folder / 'none.csv'}")
+    bad("pair without a partner", ["none.csv"], "--targets",
+        f"{file('one.csv', targets(1, header=''))},{folder / 'none.csv'}")
     bad("features off the mesh", ["--features", "300"], "--features", "0,300")
     bad("features that are not numbers", ["--features", "x"], "--features", "0,x")
     bad("horizon 0", ["--horizon", "0"], "--horizon", 0)
@@ -575,13 +706,15 @@ def check_bad_input(programs, folder):
     bad("unknown material", ["silkworm"], "--material", "silkworm")
     bad("material file that is missing", ["none.json"], "--material", folder / "none.json")
     bad("material file that is no JSON", ["bad.json"], "--material", file("bad.json", "{"))
-    bad("material with a negative density", ["heavy.json", "-1"], "--material", file("heavy.json", '{"area_density": -1}'))
+    bad("material with a negative density", ["heavy.json", "-1"], "--material",
+        file("heavy.json", '{"area_density": -1}'))
     bad("unknown plant", ["--plant", "jelly"], "--plant", "jelly")
     bad("unknown option", ["--colour"], "--colour", "red")
     bad("negative seed", ["--seed", "-1"], "--seed", -1)
     bad("dt with a header", ["--dt"], "--targets", file("dt.csv", targets(1)), "--dt", 0.02)
     bad("dt without targets", ["--dt", "--targets"], "--dt", 0.02)
-    bad("task and targets", ["--task", "--targets"], "--targets", folder / "dt.csv", "--task", "circle")
+    bad("task and targets", ["--task", "--targets"], "--targets", folder / "dt.csv", "--task",
+        "circle")
     bad("unknown task", ["--task", "spiral"], "--task", "spiral")
     bad("patches that meet", ["--patch-size", "9"], "--patch-size", 9)
     bad("spread 0", ["--spread", "0"], "--spread", 0)
@@ -590,7 +723,8 @@ def check_bad_input(programs, folder):
     bad("a feature twice", ["--features", "5"], "--features", "5,5")
     far = file("far.csv", targets(1, spoil=spoil(4, "0.06,-225,0,-500,225,0,-500")))
     bad("targets in millimetres", ["far.csv", "apart", "0.5 m"], "--targets", far)
-    bad("out in a file", ["dt.csv"], "--cloth", 5, "--horizon", 5, "--targets", file("dt.csv", targets(0.4)), "--out",
+    bad("out in a file", ["dt.csv"], "--cloth", 5, "--horizon", 5, "--targets",
+        file("dt.csv", targets(0.4)), "--out",
         folder / "dt.csv" / "x")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     check_bad_qp(programs, bad, file)
@@ -600,10 +734,12 @@ def check_bad_input(programs, folder):
 
 
 def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description=__doc__,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
-    names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own", "qp_solve", "qp_in_your_loop")
+    names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own",
+             "qp_solve", "qp_in_your_loop")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))

@@ -34,7 +34,7 @@ const double inf = std::numeric_limits<double>::infinity();
 VectorX<double> vec(double a, double b) { return (VectorX<double>(2) << a, b).finished(); }
 VectorX<double> vec(double a) { return VectorX<double>::Constant(1, a); }
 
-// Gradient and bounds of a file, or of a frame of it.
+// Gradient and bounds of a file or of one of its frames.
 template <class S, class Source>
 void set_vectors(KnownQp<S>& q, const Source& from) {
   q.g = from.g.template cast<S>();
@@ -55,8 +55,8 @@ KnownQp<S> from_file(const Qpt& file) {
 
 bool any(const std::string&) { return true; }
 
-// Calls `visit` with the problems of a shared folder whose names `wanted` picks. False, with a
-// warning, where it is missing.
+// Calls `visit` with the problems of a shared folder whose names `wanted` accepts. If the folder is
+// missing, warns and returns false.
 template <class Wanted, class Visit>
 bool for_each_problem(const std::string& folder, const Wanted& wanted, const Visit& visit) {
   const std::string path = shared_path("data/qp/" + folder);
@@ -75,7 +75,7 @@ bool for_each_problem(const std::string& folder, const Wanted& wanted, const Vis
   return true;
 }
 
-// The synthetic problems that are no sequences; the slowest one in the full tier only.
+// The synthetic problems without frames; the slowest one only in the full tier.
 template <class Wanted, class Visit>
 bool for_each_synthetic(const Wanted& wanted, const Visit& visit) {
   const auto single = [&](const std::string& name) {
@@ -103,7 +103,7 @@ void check_within_bounds(const KnownQp<S>& q, const VectorX<S>& x) {
   }
 }
 
-// Aᵀy + z = 0 and the support function of the bounds is negative.
+// Aᵀy + z = 0, and the support function of the bounds is negative.
 void check_farkas(const KnownQp<double>& q, const QpResult<double>& r) {
   const VectorX<double>&y = r.row_multipliers, &z = r.bound_multipliers;
   const VectorX<double> terms = q.A.cwiseAbs().transpose() * y.cwiseAbs();
@@ -118,7 +118,7 @@ void check_farkas(const KnownQp<double>& q, const QpResult<double>& r) {
   CHECK(farkas_residuals(q.A, q.rl, q.ru, q.lb, q.ub, y, z).holds());
 }
 
-// H d = 0, gᵀd < 0, and d leaves no finite bound or row.
+// H d = 0, gᵀd < 0, and moving along d reaches no finite bound or row.
 void check_ray(const KnownQp<double>& q, const VectorX<double>& d) {
   const double size = d.cwiseAbs().maxCoeff();
   REQUIRE(size > 0.0);
@@ -160,7 +160,7 @@ TEMPLATE_TEST_CASE("random problems of every kind are solved", "[qp]", float, do
     INFO("trial " << trial << " n " << family.n << " m " << family.m);
     const std::string broken = qp_law_solved(session, q, tolerance<S>());
     if (single && session.result.status == QpStatus::SolvedInaccurate) {
-      ++inaccurate;  // said so itself, and holds what that promises
+      ++inaccurate;  // reports reduced accuracy, and keeps what that status promises
       const auto r = session.residuals(q);
       CHECK(static_cast<double>(r.worst()) <=
             2000.0 * static_cast<double>(QpSettings<S>::default_tolerance()));
@@ -174,7 +174,7 @@ TEMPLATE_TEST_CASE("random problems of every kind are solved", "[qp]", float, do
   CHECK(inaccurate <= count / 50);
 }
 
-TEMPLATE_TEST_CASE("the general solver keeps the laws of history and recovery", "[qp]", float,
+TEMPLATE_TEST_CASE("the general solver obeys the laws of history and recovery", "[qp]", float,
                    double) {
   using S = TestType;
   std::mt19937 random(22);
@@ -191,7 +191,8 @@ TEMPLATE_TEST_CASE("the general solver keeps the laws of history and recovery", 
   }
 }
 
-TEST_CASE("the synthetic problems end with the right status, proof and objective", "[qp]") {
+TEST_CASE("the synthetic problems end with the expected status, certificate and objective",
+          "[qp]") {
   int seen = 0;
   const bool present = for_each_synthetic(any, [&](const std::string& name, const Qpt& file) {
     const KnownQp<double> q = from_file<double>(file);
@@ -221,10 +222,10 @@ TEST_CASE("the synthetic problems end with the right status, proof and objective
   if (present) CHECK(seen >= 96);
 }
 
-TEST_CASE("in single precision the synthetic problems end right where its digits can tell",
+TEST_CASE("in single precision the synthetic problems end as expected where float can decide it",
           "[qp]") {
   int seen = 0;
-  const auto clear = [](const std::string& name) {  // no contradictions smaller than the tolerance
+  const auto clear = [](const std::string& name) {  // no contradictions below the tolerance
     return name.find("crossed") == std::string::npos && name.find("comb1e-4") == std::string::npos;
   };
   const bool present = for_each_synthetic(clear, [&](const std::string&, const Qpt& file) {
@@ -239,7 +240,7 @@ TEST_CASE("in single precision the synthetic problems end right where its digits
       CHECK(status == QpStatus::DualInfeasible);
     } else {
       CHECK(status == QpStatus::Solved);
-      // Against the terms that it sums: ill-scaled columns make them far larger than the objective.
+      // Relative to the summed terms: with badly scaled columns they far exceed the objective.
       const VectorX<double> x = session.result.x.cast<double>();
       const double size = file.g.cwiseAbs().dot(x.cwiseAbs()) +
                           0.5 * x.cwiseAbs().dot(file.H.cwiseAbs() * x.cwiseAbs());
@@ -250,7 +251,7 @@ TEST_CASE("in single precision the synthetic problems end right where its digits
   if (present) CHECK(seen >= 90);
 }
 
-TEST_CASE("the public collection is solved, small problems in the quick tier", "[qp]") {
+TEST_CASE("the public test problems are solved; the quick tier takes the small ones", "[qp]") {
   int seen = 0;
   const bool present =
       for_each_problem("maros_meszaros", any, [&](const std::string&, const Qpt& file) {
@@ -268,7 +269,7 @@ TEST_CASE("the public collection is solved, small problems in the quick tier", "
   if (present) CHECK(seen >= (full_tier() ? 36 : 20));
 }
 
-TEST_CASE("sequences with equality rows keep their reference objectives", "[qp]") {
+TEST_CASE("sequences with equality rows reach their reference objectives", "[qp]") {
   for (const char* name : {"e_eqpatch_n125_0", "e_eqslide_n500_0"}) {
     const std::string path = shared_path("data/qp/synthetic/" + std::string(name) + ".qpt");
     if (path.empty()) {
@@ -292,7 +293,8 @@ TEST_CASE("sequences with equality rows keep their reference objectives", "[qp]"
   }
 }
 
-TEST_CASE("contradictions and open directions in two dimensions are proven", "[qp]") {
+TEST_CASE("infeasibility and unboundedness in two dimensions are reported with certificates",
+          "[qp]") {
   KnownQp<double> q;
   q.H = MatrixX<double>::Identity(2, 2);
   q.A = MatrixX<double>::Ones(1, 2);
@@ -327,7 +329,7 @@ TEST_CASE("contradictions and open directions in two dimensions are proven", "[q
   CHECK(session.result.objective == Approx(-7.0));
 }
 
-TEST_CASE("inequality rows: active ones carry multipliers, others none", "[qp]") {
+TEST_CASE("active inequality rows have multipliers and inactive ones have none", "[qp]") {
   // min ½|x|² - 3 x0 over x0 + x1 ≤ 1, x0 - x1 ≤ 10: x = (2, -1), y = (-1, 0).
   KnownQp<double> q;
   q.H = MatrixX<double>::Identity(2, 2);
@@ -347,7 +349,7 @@ TEST_CASE("inequality rows: active ones carry multipliers, others none", "[qp]")
   CHECK(session.result.bound_multipliers == vec(0.0, 0.0));
 }
 
-TEST_CASE("indefinite Hessians and bad rows are named", "[qp]") {
+TEST_CASE("indefinite Hessians and bad rows are refused with a message", "[qp]") {
   ActiveSet<double> solver;
   solver.reserve(2, 1);
   QpResult<double> r;
@@ -380,7 +382,7 @@ TEST_CASE("indefinite Hessians and bad rows are named", "[qp]") {
   CHECK(r.iterations == 0);
 }
 
-TEST_CASE("a negative direction that no pair of entries shows is noticed on the free set", "[qp]") {
+TEST_CASE("a negative eigenvalue that no 2×2 minor shows is found on the free set", "[qp]") {
   MatrixX<double> H = MatrixX<double>::Constant(3, 3, -0.9);
   H.diagonal().setOnes();  // eigenvalue -0.8 along (1, 1, 1)
   ActiveSet<double> solver;
@@ -392,7 +394,7 @@ TEST_CASE("a negative direction that no pair of entries shows is noticed on the 
   for (Index i = 0; i < 3; ++i) CHECK(std::abs(r.x[i]) <= 5.0);
 }
 
-TEST_CASE("without a Hessian, or with bad settings, nothing is solved", "[qp]") {
+TEST_CASE("without a Hessian, or with bad settings, the solver refuses", "[qp]") {
   ActiveSet<double> solver;
   QpResult<double> r;
   const VectorX<double> none(0);
@@ -414,7 +416,7 @@ TEST_CASE("without a Hessian, or with bad settings, nothing is solved", "[qp]") 
 
 namespace {
 
-// A small dense problem written out in doubles, solved in S.
+// A small dense problem, written in doubles and solved in S.
 template <class S>
 struct Tiny {
   ActiveSet<S> solver;
@@ -455,7 +457,7 @@ struct Tiny {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("numbers at the end of the scalar's range do not trap the solver", "[qp]", float,
+TEMPLATE_TEST_CASE("the solver ends for numbers at the limits of the scalar's range", "[qp]", float,
                    double) {
   using S = TestType;
   using T = Tiny<S>;
@@ -469,7 +471,7 @@ TEMPLATE_TEST_CASE("numbers at the end of the scalar's range do not trap the sol
     CHECK(p.rows(T::table(1, 2, {1, 1}), {1}, {2}).solve() == QpStatus::Solved);
   }
   const double huge = single ? 1e38 : 1e308;
-  for (double h : {huge, 1e36, 1e25}) {  // ends, with a status that is no claim
+  for (double h : {huge, 1e36, 1e25}) {  // must end; the status only must not claim a solution
     T q(T::table(2, 2, {h, 0, 0, 1}), {h, -1});
     const QpStatus status = q.rows(T::table(1, 2, {1, h}), {1}, {h}).solve();
     INFO("H = diag(" << h << ", 1) " << to_string(status));
@@ -478,7 +480,7 @@ TEMPLATE_TEST_CASE("numbers at the end of the scalar's range do not trap the sol
   }
 }
 
-TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not called unbounded",
+TEMPLATE_TEST_CASE("a nearly flat direction leads to its minimum and is not called unbounded",
                    "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
@@ -489,8 +491,8 @@ TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not call
     const double actual = static_cast<double>(q.H(1, 1)) - 1.0;
     INFO("e = " << e);
     const QpStatus status = q.solve();
-    // The digits of x at 2/e may be too few for the tolerance: then the residual, as it truly is,
-    // says so.
+    // At 2/e, x may have too few digits for the tolerance. The status must then follow the true
+    // residual.
     const long double x0 = q.result.x[0], x1 = q.result.x[1];
     const long double first = x0 - x1 - 1,
                       second = static_cast<long double>(q.H(1, 1)) * x1 - x0 - 1;
@@ -505,13 +507,14 @@ TEMPLATE_TEST_CASE("a nearly flat direction is followed to its minimum, not call
       CHECK(q.solve() == QpStatus::Solved);
       CHECK(q.result.iterations == 0);
     }
-    q.g = T::list({-1, 1});  // the weights of the far minimum are forgotten: back to the middle
+    q.g = T::list({-1, 1});  // a new gradient must bring x back from the far minimum
     CHECK(q.solve() == QpStatus::Solved);
     CHECK(static_cast<double>(q.result.x[0] - q.result.x[1]) == Approx(1.0).epsilon(1e-3));
   }
 }
 
-TEMPLATE_TEST_CASE("rows that meet far out are not called contradictory", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("rows that intersect far away are not called contradictory", "[qp]", float,
+                   double) {
   using S = TestType;
   using T = Tiny<S>;
   const bool single = sizeof(S) == sizeof(float);
@@ -529,7 +532,7 @@ TEMPLATE_TEST_CASE("rows that meet far out are not called contradictory", "[qp]"
         QpStatus::PrimalInfeasible);
 }
 
-TEMPLATE_TEST_CASE("feasibility is decided before unboundedness", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("infeasibility is reported before unboundedness", "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
   for (double top : {0.0, 0.9, 0.999}) {
@@ -553,11 +556,12 @@ TEMPLATE_TEST_CASE("feasibility is decided before unboundedness", "[qp]", float,
         QpStatus::PrimalInfeasible);
 }
 
-TEMPLATE_TEST_CASE("gently falling rays are recognised", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("rays along which the objective falls slowly are recognised", "[qp]", float,
+                   double) {
   using S = TestType;
   using T = Tiny<S>;
   const bool single =
-      sizeof(S) == sizeof(float);  // there, slopes below the tolerance pass as solved
+      sizeof(S) == sizeof(float);  // in float, slopes below the tolerance count as solved
   for (double slope : {single ? 1e-3 : 1e-4, 1e-2, 1e-1}) {
     INFO("slope " << slope);
     T lp(T::table(2, 2, {0, 0, 0, 0}), {1, -1.0 - slope});
@@ -568,13 +572,13 @@ TEMPLATE_TEST_CASE("gently falling rays are recognised", "[qp]", float, double) 
     T qp(T::table(2, 2, {1, -1, -1, 1}), {1, -1.0 - slope});
     CHECK(qp.solve() == QpStatus::DualInfeasible);
     CHECK(qp.g.dot(qp.result.ray) < S(0));
-    lp.g = T::list({1, -1.0 + slope});  // the same the other way round has its minimum at zero
+    lp.g = T::list({1, -1.0 + slope});  // with the opposite slope the minimum is at zero
     CHECK(lp.solve() == QpStatus::Solved);
     CHECK(lp.result.ray.isZero(S(0)));
   }
 }
 
-TEMPLATE_TEST_CASE("bounds that scaling makes huge stay bounds", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("bounds that become huge by scaling stay bounds", "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
   T lp(T::table(2, 2, {0, 0, 0, 0}),
@@ -583,14 +587,14 @@ TEMPLATE_TEST_CASE("bounds that scaling makes huge stay bounds", "[qp]", float, 
   CHECK(lp.rows(T::table(1, 2, {1e18, 1}), {-INFINITY}, {INFINITY}).solve() == QpStatus::Solved);
   CHECK(lp.result.x[0] == S(1e8));
   CHECK(lp.result.x[1] == S(-3));
-  if (sizeof(S) == sizeof(float)) return;  // the objective is beyond its range
+  if (sizeof(S) == sizeof(float)) return;  // the objective exceeds float's range
   T q(T::table(2, 2, {1e36, 0, 0, 1}), {0, -1});
   q.lb[0] = S(1e8);
   CHECK(q.solve() == QpStatus::Solved);
   CHECK(q.result.x[0] == S(1e8));
 }
 
-TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least violation", "[qp]",
+TEMPLATE_TEST_CASE("an unfinished solve returns the iterate with the least violation", "[qp]",
                    float, double) {
   using S = TestType;
   std::mt19937 random(26);
@@ -623,12 +627,11 @@ TEMPLATE_TEST_CASE("an unfinished solve returns its best iterate, with the least
   CHECK(unfinished > 20);
 }
 
-TEMPLATE_TEST_CASE("progress shows beside a large constant in the objective", "[qp]", float,
-                   double) {
+TEMPLATE_TEST_CASE("the solver recognises progress beside a large constant in the objective",
+                   "[qp]", float, double) {
   using S = TestType;
   using T = Tiny<S>;
-  constexpr Index n =
-      60;  // a chain that is released link by link, and an unknown far away that is fixed
+  constexpr Index n = 60;  // a chain released link by link, and a fixed unknown far away
   for (double far : {0.0, 1e6, 1e10}) {
     MatrixX<S> H = MatrixX<S>::Zero(n, n);
     for (Index i = 1; i < n; ++i) {
@@ -647,10 +650,10 @@ TEMPLATE_TEST_CASE("progress shows beside a large constant in the objective", "[
   }
 }
 
-TEST_CASE("the general solver starts from x, by shift, and cold after reset", "[qp]") {
+TEST_CASE("the general solver starts from x, from a shifted x, and cold after reset", "[qp]") {
   std::mt19937 random(27);
-  // Blocks of 8 unknowns and 5 rows that know nothing of each other, so that the shifted problem
-  // has the shifted solution.
+  // Independent blocks of 8 unknowns and 5 rows, so that the shifted problem has the shifted
+  // solution.
   const KnownQp<double> block = draw_qp<double>({.n = 8, .m = 5, .equalities = 0.0}, random);
   const Index blocks = 5, n = 8 * blocks, m = 5 * blocks;
   KnownQp<double> q;
@@ -696,7 +699,7 @@ TEST_CASE("the general solver starts from x, by shift, and cold after reset", "[
   CHECK(session.result.iterations == cold);
   CHECK((session.result.x - x).cwiseAbs().maxCoeff() < 1e-8);
 
-  QpSession<double, ActiveSet<double>> fresh;  // a start may come before the first solve
+  QpSession<double, ActiveSet<double>> fresh;  // warm_start is allowed before the first solve
   REQUIRE(fresh.set(q) == QpStatus::Solved);
   REQUIRE(fresh.solver.warm_start(x));
   REQUIRE(fresh.solve(q) == QpStatus::Solved);
@@ -704,7 +707,7 @@ TEST_CASE("the general solver starts from x, by shift, and cold after reset", "[
   CHECK_FALSE(ActiveSet<double>().warm_start(x));
 }
 
-TEST_CASE("reserved sizes are maxima, sizes may shrink and grow, rows may be absent", "[qp]") {
+TEST_CASE("reserved sizes are maxima; problems may shrink, grow or have no rows", "[qp]") {
   std::mt19937 random(23);
   ActiveSet<double> solver;
   solver.reserve(40, 30);
@@ -721,14 +724,14 @@ TEST_CASE("reserved sizes are maxima, sizes may shrink and grow, rows may be abs
     REQUIRE(solve(solver, q, r) == QpStatus::Solved);
     CHECK(r.objective == Approx(q.objective()).epsilon(1e-7));
   }
-  const KnownQp<double> q = draw_qp<double>({.n = 8}, random);  // a new size forgets the rows
+  const KnownQp<double> q = draw_qp<double>({.n = 8}, random);  // a new size drops the rows
   QpResult<double> r;
   REQUIRE(solver.set_hessian(q.H) == QpStatus::Solved);
   REQUIRE(solve(solver, q, r) == QpStatus::Solved);
   CHECK(r.objective == Approx(q.objective()).epsilon(1e-7));
 }
 
-TEST_CASE("a large solve takes nothing from the heap", "[qp]") {
+TEST_CASE("a large solve within the reserved size does not allocate", "[qp]") {
   if (!allocation_counting_works()) return;
   std::mt19937 random(25);
   const KnownQp<double> q =
@@ -744,7 +747,7 @@ TEST_CASE("a large solve takes nothing from the heap", "[qp]") {
   CHECK(session.residuals(q).worst() < 1e-8);
 }
 
-TEST_CASE("an exhausted budget gives a point within the bounds", "[qp]") {
+TEST_CASE("a solve that runs out of iterations returns a point within the bounds", "[qp]") {
   std::mt19937 random(24);
   const KnownQp<double> q = draw_qp<double>({.n = 30, .m = 20}, random);
   QpSettings<double> settings;
@@ -770,7 +773,8 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
     family.active = 0.4;
     family.equalities = 0.3;
     KnownQp<S> q = draw_qp<S>(family, random);
-    const S tiny = trial % 4 == 3 ? std::ldexp(S(1), -60) : S(1);  // rows of any size have sides
+    const S tiny = trial % 4 == 3 ? std::ldexp(S(1), -60)
+                                  : S(1);  // sides of rows must not depend on their scale
     q.A *= tiny;
     for (VectorX<S>* r : {&q.rl, &q.ru})
       *r = r->unaryExpr([&](S v) { return is_unbounded(v) ? v : S(v * tiny); });
@@ -790,7 +794,7 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
       if (side == QpSide::Upper) CHECK(cold.x[j] == q.ub[j]);
       if (side == QpSide::Between) CHECK((q.lb[j] < cold.x[j] && cold.x[j] < q.ub[j]));
     }
-    // With more active rows than free unknowns the multipliers do not follow from the sets alone.
+    // With more active rows than free unknowns, the active sets do not determine the multipliers.
     const auto count = [](const std::vector<QpSide>& sides, QpSide side) {
       return std::count(sides.begin(), sides.end(), side);
     };
@@ -810,7 +814,8 @@ TEMPLATE_TEST_CASE("the active set of a result starts another solver at its solu
   CHECK(unique_ones > 40);
 }
 
-TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are refused", "[qp]") {
+TEST_CASE("wrong active sets cost iterations but not accuracy, and invalid ones are refused",
+          "[qp]") {
   std::mt19937 random(92);
   std::uniform_int_distribution<int> three(-1, 1);
   for (int trial = 0; trial < 60; ++trial) {
@@ -828,7 +833,7 @@ TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are ref
     QpResult<double> result;
     REQUIRE(solve(solver, q, result) == QpStatus::Solved);
     CHECK(result.objective == Approx(q.objective()).epsilon(1e-7).margin(1e-7));
-    // Refused starts leave the solver at its solution.
+    // Refused starts leave the solver's solution unchanged.
     bounds[0] = static_cast<QpSide>(3);
     CHECK_FALSE(solver.warm_start(bounds, rows));
     bounds.pop_back();
@@ -845,7 +850,7 @@ TEST_CASE("wrong active sets cost rounds, never the answer, and bad ones are ref
   }
 }
 
-TEST_CASE("a shift moves the active set that a warm start gave", "[qp]") {
+TEST_CASE("shift moves the active set of a warm start", "[qp]") {
   const Index n = 6;
   const MatrixX<double> I = MatrixX<double>::Identity(n, n);
   VectorX<double> g(n), lb = VectorX<double>::Constant(n, -10.0), ub = -lb;
@@ -867,9 +872,9 @@ TEST_CASE("a shift moves the active set that a warm start gave", "[qp]") {
   CHECK(result.iterations == 0);
 }
 
-TEST_CASE("copies and moves of a solver stand on their own", "[qp]") {
+TEST_CASE("copied and moved solvers are independent", "[qp]") {
   std::mt19937 random(4);
-  for (const Index size : {6, 50}) {  // the larger one lists its nonzeros
+  for (const Index size : {6, 50}) {  // the larger one is sparse
     QpFamily family;
     family.n = size;
     family.m = size / 2;
@@ -897,7 +902,7 @@ TEST_CASE("copies and moves of a solver stand on their own", "[qp]") {
   }
 }
 
-TEST_CASE("what ran out of budget goes on in the next solve", "[qp]") {
+TEST_CASE("a solve that ran out of iterations continues in the next solve", "[qp]") {
   std::mt19937 random(21);
   int cut = 0;
   for (int trial = 0; trial < 40; ++trial) {
@@ -927,7 +932,7 @@ TEST_CASE("what ran out of budget goes on in the next solve", "[qp]") {
   CHECK(cut > 40);
 }
 
-TEST_CASE("negative sizes are refused by name and change nothing", "[qp]") {
+TEST_CASE("negative sizes are refused with a message and change nothing", "[qp]") {
   ActiveSet<double> solver;
   const MatrixX<double> H = MatrixX<double>::Identity(2, 2), A = MatrixX<double>::Ones(1, 2);
   CHECK(solver.reserve(-1, 1) == QpStatus::InvalidData);

@@ -54,7 +54,7 @@ TEMPLATE_TEST_CASE("random bound-constrained problems of every kind are solved",
   }
 }
 
-TEMPLATE_TEST_CASE("the box solver keeps the laws of history", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("the box solver obeys the laws of history", "[qp]", float, double) {
   using S = TestType;
   std::mt19937 random(12);
   for (Index n : {Index(1), Index(7), Index(40), Index(130)}) {
@@ -80,7 +80,7 @@ TEST_CASE("without bounds the box solver is a linear solve", "[qp]") {
   CHECK(solver.free_count() == 150);
 }
 
-TEST_CASE("flat directions end at a bound or prove the problem unbounded", "[qp]") {
+TEST_CASE("flat directions end at a bound or prove that the problem is unbounded", "[qp]") {
   MatrixX<double> H = MatrixX<double>::Zero(2, 2);
   H(0, 0) = 1.0;
   BoxActiveSet<double> solver;
@@ -97,7 +97,7 @@ TEST_CASE("flat directions end at a bound or prove the problem unbounded", "[qp]
   CHECK(solver.solve(vec(-2.0, 0.0), vec(0.0, -inf), vec(9.0, inf), r) == QpStatus::Solved);
   CHECK(r.x[0] == Approx(2.0));
 
-  // A ridge x0 = x1 that falls: flat along (1, 1).
+  // Flat along (1, 1), where the objective falls.
   H << 1.0, -1.0, -1.0, 1.0;
   REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
   CHECK(solver.solve(vec(-1.0, -1.0), vec(0.0, 0.0), vec(inf, inf), r) == QpStatus::DualInfeasible);
@@ -107,8 +107,8 @@ TEST_CASE("flat directions end at a bound or prove the problem unbounded", "[qp]
   CHECK(r.x[0] == Approx(6.0));
 }
 
-// Sequences that go from few active bounds to many and back: the modes hand over to each other.
-TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", "[qp]", float,
+// Sequences from few active bounds to many and back, so that the solver changes its mode.
+TEMPLATE_TEST_CASE("both modes of the box solver find the solution of a cold solve", "[qp]", float,
                    double) {
   using S = TestType;
   std::mt19937 random(17);
@@ -131,9 +131,9 @@ TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", 
       for (int frame = 0; frame < 30; ++frame) {
         if (frame == 12)
           REQUIRE(warm.set_hessian(H) ==
-                  QpStatus::Solved);  // what was made for H is forgotten, the set is not
+                  QpStatus::Solved);  // forgets what was computed for H, keeps the active set
         for (Index i = 0; i < n; ++i) g[i] = S(0.8) * g[i] + S(0.2 * normal(random));
-        // From hardly any bound to most of them.
+        // From few active bounds to most of them.
         const S farthest = H.llt().solve(g).cwiseAbs().maxCoeff();
         const VectorX<S> ub = VectorX<S>::Constant(n, S(frame % 15 < 10 ? 0.9 : 0.01) * farthest),
                          lb = S(-0.8) * ub;
@@ -163,7 +163,7 @@ TEMPLATE_TEST_CASE("both modes of the box solver find what a cold solve finds", 
   }
 }
 
-TEST_CASE("a solver with room for many unknowns solves few", "[qp]") {
+TEST_CASE("a solver with a large reserved size solves small problems", "[qp]") {
   BoxActiveSet<double> solver;
   solver.reserve(500);
   for (const Index n : {20, 450, 100}) {
@@ -179,7 +179,7 @@ TEST_CASE("a solver with room for many unknowns solves few", "[qp]") {
   }
 }
 
-TEMPLATE_TEST_CASE("without a slope a warm start goes home at once", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("a warm start at a zero gradient ends at once", "[qp]", float, double) {
   using S = TestType;
   std::mt19937 random(14);
   std::normal_distribution<double> normal;
@@ -200,7 +200,7 @@ TEMPLATE_TEST_CASE("without a slope a warm start goes home at once", "[qp]", flo
   }
 }
 
-TEST_CASE("small budgets make progress from solve to solve, in every mode", "[qp]") {
+TEST_CASE("with small iteration limits, repeated solves make progress in every mode", "[qp]") {
   std::mt19937 random(1);
   std::normal_distribution<double> normal;
   for (int trial = 0; trial < 60; ++trial) {
@@ -222,7 +222,8 @@ TEST_CASE("small budgets make progress from solve to solve, in every mode", "[qp
       REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
       const VectorX<double> wide = VectorX<double>::Constant(n, 1e4);
       for (int k = 0; k < 30; ++k)
-        (void)solver.solve(g, -wide, wide, r);  // nothing is active: the active-set mode gets ready
+        (void)solver.solve(g, -wide, wide,
+                           r);  // no bound is active, so the active-set mode is prepared
       double last = std::numeric_limits<double>::infinity();
       QpStatus status = QpStatus::IterationLimit;
       for (int k = 0; k < 300 && status != QpStatus::Solved; ++k) {
@@ -236,7 +237,7 @@ TEST_CASE("small budgets make progress from solve to solve, in every mode", "[qp
   }
 }
 
-TEST_CASE("a linear program over a box goes to its corners", "[qp]") {
+TEST_CASE("the solution of a linear program over a box is a corner", "[qp]") {
   BoxActiveSet<double> solver;
   solver.reserve(30);
   REQUIRE(solver.set_hessian(MatrixX<double>::Zero(30, 30)) == QpStatus::Solved);
@@ -249,7 +250,7 @@ TEST_CASE("a linear program over a box goes to its corners", "[qp]") {
   CHECK(r.objective == Approx(-70.0));
 }
 
-TEST_CASE("indefinite Hessians are named", "[qp]") {
+TEST_CASE("the box solver refuses indefinite Hessians with a message", "[qp]") {
   BoxActiveSet<double> solver;
   solver.reserve(2);
   MatrixX<double> H = MatrixX<double>::Identity(2, 2);
@@ -264,17 +265,17 @@ TEST_CASE("indefinite Hessians are named", "[qp]") {
   CHECK(solver.set_hessian(H) == QpStatus::NonConvex);
   CHECK(solver.refusal().index == 1);
   MatrixX<double> three =
-      MatrixX<double>::Constant(3, 3, -0.9);  // eigenvalue -0.8: no pair of entries shows it
+      MatrixX<double>::Constant(3, 3, -0.9);  // eigenvalue -0.8, which no 2×2 minor shows
   three.diagonal().setOnes();
   REQUIRE(solver.set_hessian(three) == QpStatus::Solved);
   const VectorX<double> g = VectorX<double>::Constant(3, -1.0),
                         ub = VectorX<double>::Constant(3, 100.0);
   CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);
   CHECK(solver.set_hessian(MatrixX<double>::Constant(2, 2, inf)) == QpStatus::InvalidData);
-  CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);  // the old H is still there
+  CHECK(solver.solve(g, -ub, ub, r) == QpStatus::NonConvex);  // the old H is still in use
 }
 
-TEMPLATE_TEST_CASE("progress of the box solver shows beside a large constant in the objective",
+TEMPLATE_TEST_CASE("the box solver recognises progress beside a large constant in the objective",
                    "[qp]", float, double) {
   using S = TestType;
   constexpr Index n = 60;
@@ -299,8 +300,8 @@ TEMPLATE_TEST_CASE("progress of the box solver shows beside a large constant in 
   }
 }
 
-TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, flat ones with a clean ray", "[qp]",
-                   float, double) {
+TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, and flat ones with an exact ray",
+                   "[qp]", float, double) {
   using S = TestType;
   const bool single = sizeof(S) == sizeof(float);
   const VectorX<S> ub = VectorX<S>::Constant(3, std::numeric_limits<S>::infinity());
@@ -325,7 +326,7 @@ TEMPLATE_TEST_CASE("nearly flat boxes end at their minimum, flat ones with a cle
   CHECK(g.dot(r.ray) < S(0));
 }
 
-TEST_CASE("the box solver refuses bad settings and visibly refuses bad warm starts", "[qp]") {
+TEST_CASE("the box solver refuses bad settings and bad warm starts", "[qp]") {
   QpSettings<double> settings;
   settings.stationarity_tolerance = 0.0;
   BoxActiveSet<double> careless(settings);
@@ -340,7 +341,7 @@ TEST_CASE("the box solver refuses bad settings and visibly refuses bad warm star
   CHECK(solver.warm_start(vec(0, 0)));
 }
 
-TEST_CASE("refusals say what and where", "[qp]") {
+TEST_CASE("refusals name the reason and the place", "[qp]") {
   BoxActiveSet<double> solver;
   QpResult<double> r;
   CHECK(solver.solve(vec(0, 0), vec(0, 0), vec(1, 1), r) == QpStatus::InvalidData);
@@ -358,9 +359,9 @@ TEST_CASE("refusals say what and where", "[qp]") {
   CHECK(solver.set_hessian(MatrixX<double>::Zero(0, 0)) == QpStatus::InvalidData);
 }
 
-TEST_CASE("bounds that close and open again leave no mark", "[qp]") {
-  // Schedules switch unknowns off by ub = lb = 0 for some frames; the set must be recomputed each
-  // time.
+TEST_CASE("bounds that close and open again leave no trace", "[qp]") {
+  // Planners switch unknowns off for some frames with ub = lb = 0. The active set must be computed
+  // anew each time.
   std::mt19937 random(14);
   KnownQp<double> q = draw_qp<double>({.n = 60, .active = 0.3}, random);
   QpSession<double, BoxActiveSet<double>> warm;
@@ -381,10 +382,9 @@ TEST_CASE("bounds that close and open again leave no mark", "[qp]") {
   }
 }
 
-TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
+TEST_CASE("the box solver starts from x, from a shifted x, and cold after reset", "[qp]") {
   std::mt19937 random(15);
-  // Blocks of 10 unknowns coupled within themselves only, so that the shifted problem has the
-  // shifted solution.
+  // Independent blocks of 10 unknowns, so that the shifted problem has the shifted solution.
   const KnownQp<double> block = draw_qp<double>({.n = 10}, random);
   const Index blocks = 6, n = 10 * blocks;
   KnownQp<double> q;
@@ -406,7 +406,7 @@ TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
   CHECK(session.result.iterations > 0);
   const VectorX<double> x = session.result.x;
 
-  // What the shifted guess stands for: blocks move up by one, the last one is repeated.
+  // The meaning of a shift: blocks move up by one, and the last one is repeated.
   KnownQp<double> next = q;
   next.g.head(n - 10) = q.g.tail(n - 10);
   session.solver.shift(10);
@@ -424,8 +424,10 @@ TEST_CASE("warm starts: from x, by shift, and cold after reset", "[qp]") {
   CHECK((session.result.x - x).cwiseAbs().maxCoeff() < 1e-12);
 }
 
-TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a feasible point",
-          "[qp]") {
+TEST_CASE(
+    "the reserved size is a maximum, and a solve that runs out of iterations returns a feasible "
+    "point",
+    "[qp]") {
   std::mt19937 random(16);
   BoxActiveSet<double> solver;
   solver.reserve(50);
@@ -440,7 +442,8 @@ TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a 
     REQUIRE(solver.solve(q.g, q.lb, q.ub, r) == QpStatus::Solved);
     CHECK(r.objective == Approx(q.objective()).epsilon(1e-9));
   }
-  const KnownQp<double> big = draw_qp<double>({.n = 80}, random);  // beyond the reserve: grows
+  const KnownQp<double> big =
+      draw_qp<double>({.n = 80}, random);  // larger than the reserved size: grows
   REQUIRE(solver.set_hessian(big.H) == QpStatus::Solved);
   QpResult<double> r;
   REQUIRE(solver.solve(big.g, big.lb, big.ub, r) == QpStatus::Solved);
@@ -453,13 +456,13 @@ TEST_CASE("the reserved size is a maximum and an exhausted budget still gives a 
   CHECK(hasty.solve(big.g, big.lb, big.ub, r) == QpStatus::IterationLimit);
   CHECK(r.feasibility == 0.0);
   CHECK(r.objective >= big.objective() - 1e-9);
-  int solves = 1;  // each call goes on from where the last one stopped
+  int solves = 1;  // each call continues where the last one stopped
   while (hasty.solve(big.g, big.lb, big.ub, r) != QpStatus::Solved && solves < 200) ++solves;
   CHECK(solves < 200);
   CHECK(r.objective == Approx(big.objective()).epsilon(1e-9));
 }
 
-TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives on every frame",
+TEMPLATE_TEST_CASE("predictive-control sequences reach their reference objectives in every frame",
                    "[qp]", float, double) {
   using S = TestType;
   const bool single = sizeof(S) == sizeof(float);
@@ -494,11 +497,11 @@ TEMPLATE_TEST_CASE("predictive-control sequences keep their reference objectives
             Approx(frame.objective).epsilon(single ? 1e-4 : 1e-9));
       if (k > 0) iterations += session.result.iterations;
     }
-    CHECK(iterations < 59 * 4);  // warm frames take a few rounds each
+    CHECK(iterations < 59 * 4);  // warm starts need few iterations
   }
 }
 
-TEST_CASE("an active set starts the bound solver, alone and with x", "[qp]") {
+TEST_CASE("a warm start of the box solver takes an active set, alone or with x", "[qp]") {
   std::mt19937 random(93);
   for (int trial = 0; trial < 40; ++trial) {
     QpFamily family;
@@ -518,7 +521,7 @@ TEST_CASE("an active set starts the bound solver, alone and with x", "[qp]") {
     REQUIRE(second.solve(q.g, q.lb, q.ub, warm) == QpStatus::Solved);
     CHECK(warm.iterations == 0);
     std::vector<QpSide> bad(static_cast<std::size_t>(family.n), QpSide::Upper);
-    REQUIRE(second.warm_start(bad));  // open bounds among them
+    REQUIRE(second.warm_start(bad));  // it names open bounds too
     REQUIRE(second.solve(q.g, q.lb, q.ub, warm) == QpStatus::Solved);
     CHECK(warm.objective == Approx(cold.objective).epsilon(1e-9).margin(1e-9));
     bad[0] = static_cast<QpSide>(-2);
@@ -529,7 +532,7 @@ TEST_CASE("an active set starts the bound solver, alone and with x", "[qp]") {
   }
 }
 
-TEST_CASE("a far move of one unknown does not round the others' gradients away", "[qp]") {
+TEST_CASE("a large move of one unknown does not cause rounding errors in other gradients", "[qp]") {
   MatrixX<double> H = MatrixX<double>::Identity(4, 4);
   for (Index j = 1; j < 4; ++j) H(0, j) = H(j, 0) = 0.3;
   VectorX<double> g(4), lb(4), ub(4);
@@ -545,7 +548,7 @@ TEST_CASE("a far move of one unknown does not round the others' gradients away",
   for (Index j = 1; j < 4; ++j) CHECK(result.x[j] == Approx(-0.5));
 }
 
-TEST_CASE("a negative number of unknowns is refused by name and changes nothing", "[qp]") {
+TEST_CASE("a negative number of unknowns is refused with a message and changes nothing", "[qp]") {
   BoxActiveSet<double> solver;
   REQUIRE(solver.set_hessian(MatrixX<double>::Identity(2, 2)) == QpStatus::Solved);
   CHECK(solver.reserve(-1) == QpStatus::InvalidData);

@@ -1,4 +1,4 @@
-// The method is one whatever keeps the Hessian: factored and dense curvature agree, warm and cold.
+// The method does not depend on how the Hessian is stored: factored and dense curvature agree.
 
 #include "clothctl/qp/detail/box_method.hpp"
 
@@ -11,7 +11,8 @@ using namespace clothctl;
 using clothctl_test::FactoredHessian;
 
 TEMPLATE_TEST_CASE(
-    "diagonal plus low rank gives the minimiser of the dense problem, cold, warm and shifted",
+    "a diagonal plus low-rank Hessian gives the minimiser of the dense problem, cold, warm and "
+    "shifted",
     "[qp][box_method]", float, double) {
   using S = TestType;
   using Method = detail::BoxMethod<S, detail::LowRankCurvature<S>>;
@@ -51,7 +52,7 @@ TEMPLATE_TEST_CASE(
   }
 }
 
-TEST_CASE("an iterate that is not finite is given up", "[qp][box_method]") {
+TEST_CASE("an iterate that is not finite is discarded", "[qp][box_method]") {
   using Method = detail::BoxMethod<double, detail::LowRankCurvature<double>>;
   const FactoredHessian<double> given(3, 1, 1);
   Method method;
@@ -63,7 +64,7 @@ TEST_CASE("an iterate that is not finite is given up", "[qp][box_method]") {
                         ub = VectorX<double>::Constant(3, 2.0);
   const Method::Data data{g, lb, ub};
   method.warm_start(VectorX<double>::Constant(3, std::numeric_limits<double>::quiet_NaN()));
-  CHECK(method.give_up_broken(data));
+  CHECK(method.replace_nonfinite(data));
   CHECK(method.x().head(3) == lb);
-  CHECK_FALSE(method.give_up_broken(data));
+  CHECK_FALSE(method.replace_nonfinite(data));
 }

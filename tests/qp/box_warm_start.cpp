@@ -30,8 +30,8 @@ struct Scene {
 
 }  // namespace
 
-TEST_CASE("a dense Hessian gives guesses when it is kept and few bounds are active", "[qp]") {
-  for (const Index n : {30, 210}) {  // cold solves make the mode ready for the smaller one only
+TEST_CASE("a dense Hessian gives guesses if it is kept and few bounds are active", "[qp]") {
+  for (const Index n : {30, 210}) {  // for the smaller one, cold solves prepare this mode
     const MatrixX<double> H = FactoredHessian<double>(n, n, 3).dense(),
                           other = FactoredHessian<double>(n, n, 4).dense();
     Scene<detail::DenseCurvature<double>> scene(n);
@@ -40,12 +40,12 @@ TEST_CASE("a dense Hessian gives guesses when it is kept and few bounds are acti
     const auto ready = [&] { return scene.curvature.active_bounds().ready(); };
     scene.hi.setConstant(10.0);
     scene.lo.setConstant(-10.0);
-    CHECK_FALSE(scene.find(true, 0));  // a new Hessian: it may be another one in the next solve
+    CHECK_FALSE(scene.find(true, 0));  // a new Hessian may change again in the next solve
     scene.guess.end_solve(scene.curvature, false, true, n);
     CHECK_FALSE(ready());  // every bound is active
     scene.guess.forget(scene.curvature);
     scene.guess.end_solve(scene.curvature, false, true, 0);
-    CHECK_FALSE(ready());  // the Hessian before was not kept
+    CHECK_FALSE(ready());  // the previous Hessian was not kept
     for (Index k = 1; k < 8 + n / 10; ++k) {
       CHECK_FALSE(scene.find(true, 0));
       scene.guess.end_solve(scene.curvature, true, true, 0);
@@ -56,10 +56,10 @@ TEST_CASE("a dense Hessian gives guesses when it is kept and few bounds are acti
     CHECK(scene.find(true, 0));
     scene.guess.forget(scene.curvature);
     scene.guess.end_solve(scene.curvature, false, false, 0);
-    CHECK_FALSE(ready());  // a solve that did not end well
+    CHECK_FALSE(ready());  // after a solve that failed
     scene.guess.end_solve(scene.curvature, false, true, 0);
     CHECK(ready() == (n < 200));
-    scene.guess.reserve(n);  // the first Hessian counts as one that is kept
+    scene.guess.reserve(n);  // the first Hessian counts as kept
     scene.curvature.active_bounds().forget();
     scene.guess.end_solve(scene.curvature, false, true, 0);
     CHECK(ready() == (n < 200));
@@ -69,7 +69,7 @@ TEST_CASE("a dense Hessian gives guesses when it is kept and few bounds are acti
     CHECK(scene.find(true, 0));
     CHECK(scene.guess.rounds().ended());
     CHECK((H * scene.guess.rounds().x() + scene.g).norm() < 1e-9);
-    // A rough gradient is refined.
+    // An inaccurate gradient is refined.
     VectorX<double> p(n), x = 1.001 * scene.guess.rounds().x();
     REQUIRE(scene.guess.refine(scene.curvature, H * x + scene.g, p));
     x += p;
@@ -80,7 +80,7 @@ TEST_CASE("a dense Hessian gives guesses when it is kept and few bounds are acti
   }
 }
 
-TEST_CASE("a low-rank Hessian gives guesses always", "[qp]") {
+TEST_CASE("a low-rank Hessian always gives guesses", "[qp]") {
   const Index n = 40, r = 5;
   const FactoredHessian<double> given(n, r, 7);
   const MatrixX<double> H = given.dense();

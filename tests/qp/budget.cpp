@@ -1,4 +1,4 @@
-// What a solve may spend: rounds and the caller's seconds, in the settings and in both solvers.
+// Limits of a solve: iterations and the caller's seconds, in the settings and in both solvers.
 
 #include "clothctl/qp/detail/budget.hpp"
 
@@ -12,7 +12,7 @@ using namespace clothctl;
 
 namespace {
 
-/// A clock that goes on by a second each time it is read.
+/// A clock that advances by one second at each reading.
 double tick(void* context) { return ++*static_cast<double*>(context); }
 
 QpSettings<double> seconds(double limit, double& now) {
@@ -23,7 +23,7 @@ QpSettings<double> seconds(double limit, double& now) {
   return settings;
 }
 
-/// A chain of springs pushed against its bounds from one end: the set changes one by one.
+/// A chain of springs pushed against its bounds from one end, so that bounds change one by one.
 struct Chain {
   static constexpr Index n = 40;
   MatrixX<double> H = MatrixX<double>::Zero(n, n), A = MatrixX<double>::Ones(1, n);
@@ -40,7 +40,8 @@ struct Chain {
 
 }  // namespace
 
-TEST_CASE("rounds and seconds run out, each with its own status", "[qp][budget]") {
+TEST_CASE("running out of iterations and running out of time have their own statuses",
+          "[qp][budget]") {
   QpSettings<double> settings;
   CHECK(detail::Budget(settings, 3).after(39) == QpStatus::Solved);
   CHECK(detail::Budget(settings, 3).after(40) == QpStatus::IterationLimit);
@@ -55,14 +56,14 @@ TEST_CASE("rounds and seconds run out, each with its own status", "[qp][budget]"
   CHECK(now == 104);
 }
 
-TEST_CASE("a clock that says NaN ends the solve", "[qp][budget]") {
+TEST_CASE("a clock that returns NaN ends the solve", "[qp][budget]") {
   QpSettings<double> settings;
   settings.time_limit = 1;
   settings.clock = [](void*) { return std::numeric_limits<double>::quiet_NaN(); };
   CHECK(detail::Budget(settings, 3).after(0) == QpStatus::TimeLimit);
 }
 
-TEST_CASE("time settings are checked", "[qp][budget]") {
+TEST_CASE("validate checks the settings of time", "[qp][budget]") {
   double now = 0;
   CHECK(seconds(1.0, now).validate().empty());
   CHECK(seconds(-1.0, now).validate() == "time_limit is negative or not finite");
@@ -75,7 +76,7 @@ TEST_CASE("time settings are checked", "[qp][budget]") {
 
 TEST_CASE(
     "a solve that runs out of time returns its best iterate within the bounds, and the next one is "
-    "whole",
+    "complete",
     "[qp][budget]") {
   const Chain chain;
   double now = 0;
@@ -88,7 +89,7 @@ TEST_CASE(
   CHECK(result.feasibility == 0.0);
   for (int again = 0; again < 100 && result.status != QpStatus::Solved; ++again)
     (void)box.solve(chain.g, chain.lb, chain.ub, result);
-  CHECK(result.status == QpStatus::Solved);  // each goes on from the last
+  CHECK(result.status == QpStatus::Solved);  // each solve continues from the last one
 
   ActiveSet<double> rows(seconds(0.5, now));
   REQUIRE(rows.set_hessian(chain.H) == QpStatus::Solved);

@@ -8,7 +8,7 @@ using namespace clothctl;
 
 namespace {
 
-// A dense H that counts products.
+// A dense H that counts products with it.
 struct Counting {
   MatrixX<double> H;
   int products = 0;
@@ -21,7 +21,7 @@ struct Counting {
 
 }  // namespace
 
-TEST_CASE("a kept product is made once for an x, and follows few moves", "[qp]") {
+TEST_CASE("a cached product is computed once for an x and updated after small moves", "[qp]") {
   const Index n = 20;
   Counting curvature{MatrixX<double>::Random(n, n)};
   detail::CachedProduct<double> product;
@@ -38,7 +38,7 @@ TEST_CASE("a kept product is made once for an x, and follows few moves", "[qp]")
   CHECK_FALSE(product.is_of(x, n));
   CHECK(right(product.update(curvature, x)));
   CHECK(curvature.products == 2);
-  CHECK(right(product.refresh(curvature, x)));  // an update is not a refresh
+  CHECK(right(product.refresh(curvature, x)));  // an update does not count as a refresh
   CHECK(curvature.products == 3);
   x *= -1.0;
   CHECK(right(product.update(curvature, x)));
@@ -49,7 +49,7 @@ TEST_CASE("a kept product is made once for an x, and follows few moves", "[qp]")
   CHECK(right(product.update(curvature, x)));
 }
 
-TEST_CASE("a product of numbers that are not finite is not kept", "[qp]") {
+TEST_CASE("a product that is not finite is not cached", "[qp]") {
   Counting curvature{MatrixX<double>::Identity(3, 3)};
   detail::CachedProduct<double> product;
   product.reserve(3);

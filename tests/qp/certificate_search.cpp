@@ -12,8 +12,8 @@ using clothctl::detail::RayStatus;
 
 namespace {
 
-// Two unknowns and two rows around an iterate (x, y) that came from (xk, yk) = 0; weights as the
-// solver takes them.
+// Two unknowns and two rows at an iterate (x, y), reached from (xk, yk) = 0, with the solver's
+// weights.
 template <class S>
 struct Scene {
   detail::ProximalProblem<S> p;
@@ -43,8 +43,9 @@ MatrixX<double> matrix(double a, double b, double c, double d) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a rough Farkas direction is refined to rounding, a false one is not believed",
-                   "[qp]", float, double) {
+TEMPLATE_TEST_CASE(
+    "an inaccurate Farkas direction is refined to rounding, and a wrong one is rejected", "[qp]",
+    float, double) {
   using S = TestType;
   const double rough = sizeof(S) == sizeof(float) ? 1e-3 : 1e-6;
   for (double e :
@@ -67,12 +68,13 @@ TEMPLATE_TEST_CASE("a rough Farkas direction is refined to rounding, a false one
     CHECK(std::abs(ratio + 1.0) <= 8.0 * static_cast<double>(std::numeric_limits<S>::epsilon()));
     CHECK(scene.proofs.farkas_bounds().isZero(S(0)));
   }
-  Scene<S> still(matrix(1, 0, 0, 1), matrix(1, 1, 1, 1));  // nothing moved: nothing to prove
+  Scene<S> still(matrix(1, 0, 0, 1), matrix(1, 1, 1, 1));  // no motion, so nothing to prove
   CHECK_FALSE(still.proofs.infeasible(still.p));
   CHECK(still.proofs.unbounded(still.p) == RayStatus::NotFound);
 }
 
-TEMPLATE_TEST_CASE("rays, far minima and other directions are told apart", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("rays, far minima and other directions are distinguished", "[qp]", float,
+                   double) {
   using S = TestType;
   const double rough = sizeof(S) == sizeof(float) ? 1e-5 : 1e-11;
   const double nearly = sizeof(S) == sizeof(float) ? 1e-4 : 1e-11;
@@ -99,16 +101,16 @@ TEMPLATE_TEST_CASE("rays, far minima and other directions are told apart", "[qp]
   CHECK(verdict(1.0, 1.0, 1.0 + rough) == RayStatus::Proven);
   CHECK(verdict(1.0, -1.0, -1.0) == RayStatus::NotFound);  // rises
   CHECK(verdict(1.0, 1.0, 0.5) !=
-        RayStatus::FarMinimum);  // curved, leaves the row: refined to the ray, or none
+        RayStatus::FarMinimum);  // curved, and leaves the row: refined to the ray, or none found
   CHECK(verdict(1.0 + nearly, 1.0, 1.0) == RayStatus::FarMinimum);
   CHECK(verdict(1.5, 1.0, 1.0) == RayStatus::NotFound);
 }
 
-TEMPLATE_TEST_CASE("traces of unknowns and rows without a part in it do not hide a proof", "[qp]",
-                   float, double) {
+TEMPLATE_TEST_CASE("small motions of uninvolved unknowns and rows do not hide a certificate",
+                   "[qp]", float, double) {
   using S = TestType;
   const double trace = sizeof(S) == sizeof(float) ? 1e-4 : 1e-8;
-  {  // x0 falls for ever; x1 is held by its own curvature, and its last move is a trace
+  {  // x0 falls without limit; x1 is held by its own curvature and moves a little
     Scene<S> scene(matrix(0, 0, 0, 2), matrix(0, 0, 0, 0));
     scene.p.g << S(-1), S(0);
     scene.p.x << S(1), S(trace);

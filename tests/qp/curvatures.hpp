@@ -1,6 +1,6 @@
 #pragma once
 
-// Random diagonal-plus-low-rank Hessians, dense and factored, for the tests of the curvatures and
+// Random Hessians, diagonal plus low rank, dense and factored, for the tests of the curvatures and
 // of the box method.
 
 #include <cmath>
@@ -10,7 +10,7 @@
 
 namespace clothctl_test {
 
-/// D + NᵀN of n unknowns and rank r.
+/// D + NᵀN with n unknowns and rank r.
 template <class Scalar>
 struct FactoredHessian {
   clothctl::VectorX<Scalar> D;

@@ -1,5 +1,4 @@
-// The dense Hessian's side of the box method: products, Newton steps on a changing set, lines of a
-// walk.
+// The dense Hessian in the box method: products, Newton steps on a changing set, line searches.
 
 #include "clothctl/qp/detail/dense_curvature.hpp"
 
@@ -8,11 +7,11 @@
 
 using namespace clothctl;
 
-TEST_CASE("dense curvature multiplies, solves on the free set and keeps dependent unknowns out",
+TEST_CASE("dense curvature multiplies, solves on the free set and excludes dependent unknowns",
           "[qp][dense_curvature]") {
   const Index n = 12;
   MatrixX<double> H = clothctl_test::FactoredHessian<double>(n, 5, 2).dense();
-  H.row(11) = H.row(3);  // unknown 11 is unknown 3 once more
+  H.row(11) = H.row(3);  // unknown 11 repeats unknown 3
   H.col(11) = H.col(3);
   H(11, 11) = H(3, 3);
   detail::DenseCurvature<double> curvature;
@@ -37,7 +36,7 @@ TEST_CASE("dense curvature multiplies, solves on the free set and keeps dependen
   CHECK(curvature.place(3) == -1);
 }
 
-TEST_CASE("the line of a dense walk is that of what still moves", "[qp][dense_curvature]") {
+TEST_CASE("the line of a dense walk uses the unknowns that still move", "[qp][dense_curvature]") {
   const Index n = 9;
   const MatrixX<double> H = clothctl_test::FactoredHessian<double>(n, 3, 5).dense();
   detail::DenseCurvature<double> curvature;

@@ -9,7 +9,7 @@ using namespace clothctl;
 
 namespace {
 
-// A list of unknowns that counts what is asked of it and refuses some.
+// A list of unknowns that counts its calls and refuses some unknowns.
 struct List {
   std::vector<Index> held;
   Index refused = -1, most_updates = 4;
@@ -43,8 +43,7 @@ struct List {
 }  // namespace
 
 TEST_CASE(
-    "a factor is brought to any set, by updates where they are few, and keeps the order of those "
-    "that stay",
+    "a factor changes to any set, by updates if they are few, and keeps the order of the rest",
     "[qp]") {
   std::mt19937 random(2);
   const Index n = 12;
@@ -74,7 +73,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("an unknown that the factor refuses counts as new each time", "[qp]") {
+TEST_CASE("an unknown that the factor refused counts as new at the next call", "[qp]") {
   std::vector<Index> fresh(6), kept(6);
   List list;
   list.refused = 2;

@@ -8,8 +8,8 @@ using namespace clothctl;
 
 namespace {
 
-// min ½ x² - 2x + ½ y², x ≤ 1, y free, x + y ≥ 3: x = 1, y = 2, row multiplier 2, bound multiplier
-// 1 - 2 - 2 = -3.
+// min ½ x² - 2x + ½ y² with x ≤ 1, y free, x + y ≥ 3. Solution x = 1, y = 2, row multiplier 2,
+// bound multiplier 1 - 2 - 2 = -3.
 template <class S>
 struct Small {
   S inf = std::numeric_limits<S>::infinity();
@@ -29,7 +29,7 @@ struct Small {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a hand-made optimum has no residual", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("an optimum computed by hand has zero residuals", "[qp]", float, double) {
   const Small<TestType> q;
   const auto r = q.judge();
   CHECK(r.stationarity == TestType(0));
@@ -39,7 +39,7 @@ TEMPLATE_TEST_CASE("a hand-made optimum has no residual", "[qp]", float, double)
   CHECK(r.worst() == TestType(0));
 }
 
-TEST_CASE("each kind of error shows in its own residual with its own size", "[qp]") {
+TEST_CASE("each kind of error changes its own residual by its own size", "[qp]") {
   Small<double> q;
   SECTION("wrong multiplier") {
     q.z[0] = -2.5;
@@ -65,7 +65,7 @@ TEST_CASE("each kind of error shows in its own residual with its own size", "[qp
     q.y[0] = -2.0;
     CHECK(q.judge().complementarity == Approx(2.0 * 7.0));
   }
-  SECTION("multiplier that pushes from an infinite side is a stationarity error as a whole") {
+  SECTION("multiplier on an infinite side counts fully as a stationarity error") {
     q.z << 1.5, 0.0;  // no lower bound on x
     q.g[0] = -2.0 + 4.5;
     CHECK(q.judge().stationarity == Approx(1.5));
@@ -73,7 +73,7 @@ TEST_CASE("each kind of error shows in its own residual with its own size", "[qp
     p.y[0] = -2.0;  // no upper side of the row
     CHECK(p.judge().stationarity >= 2.0);
   }
-  SECTION("stand-ins for infinity count as infinite") {
+  SECTION("large numbers that mean infinity count as infinite") {
     q.lb.setConstant(-1e30);
     q.z[0] = 1.0;
     CHECK(q.judge().stationarity >= 1.0);
@@ -81,7 +81,7 @@ TEST_CASE("each kind of error shows in its own residual with its own size", "[qp
   }
 }
 
-TEST_CASE("problems without rows take empty matrices", "[qp]") {
+TEST_CASE("problems without rows accept empty matrices", "[qp]") {
   const MatrixX<double> H = MatrixX<double>::Identity(1, 1), A(0, 1);
   const VectorX<double> g = VectorX<double>::Constant(1, -1.0), one = VectorX<double>::Ones(1),
                         none(0);
@@ -90,7 +90,7 @@ TEST_CASE("problems without rows take empty matrices", "[qp]") {
   CHECK(kkt_residuals(H, g, A, none, none, lb, ub, one, none, z).worst() == 0.0);
 }
 
-TEMPLATE_TEST_CASE("a term that is not finite makes residuals infinite", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("a value that is not finite makes residuals infinite", "[qp]", float, double) {
   using S = TestType;
   const auto infinite = [](const S& value) { return is_unbounded(value); };
   const Small<S> good;
@@ -118,7 +118,7 @@ TEMPLATE_TEST_CASE("a term that is not finite makes residuals infinite", "[qp]",
   CHECK(infinite(q.judge().worst()));
 }
 
-TEST_CASE("sizes that do not match make every residual infinite, and nothing is read", "[qp]") {
+TEST_CASE("vectors of wrong sizes make every residual infinite, and nothing is read", "[qp]") {
   const auto broken = [](auto change) {
     Small<double> q;
     change(q);

@@ -8,8 +8,9 @@
 using namespace clothctl;
 using clothctl_test::ListedMatrices;
 
-TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give the same steps",
-          "[qp]") {
+TEST_CASE(
+    "the sparse factor is chosen for sparse matrices only, and both factors give the same steps",
+    "[qp]") {
   std::mt19937 random(21);
   std::normal_distribution<double> normal;
   const Index n = 90, m = 40;
@@ -58,7 +59,7 @@ TEST_CASE("the sparse factor is chosen for sparse matrices only, and both give t
   }
 }
 
-TEST_CASE("a failure is told apart by where it lay, in both factors", "[qp]") {
+TEST_CASE("both factors report where a failure occurred", "[qp]") {
   const Index n = 60;
   MatrixX<double> H = MatrixX<double>::Identity(n, n);
   H(3, 3) = -1.0;
@@ -72,7 +73,7 @@ TEST_CASE("a failure is told apart by where it lay, in both factors", "[qp]") {
     const auto all = [](Index) { return true; };
     CHECK_FALSE(factor.sync(q.H, q.At, 1e-3, 1.0, all, all, changed));
     CHECK(factor.free_failed());
-    CHECK_FALSE(factor.sparse());  // what rounding might have done is left to the dense factor
+    CHECK_FALSE(factor.sparse());  // with doubt from rounding, the dense factor is used
     factor.clear();
     CHECK(factor.sync(q.H, q.At, 2.0, 1.0, all, all, changed));
   }

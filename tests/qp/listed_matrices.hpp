@@ -1,6 +1,6 @@
 #pragma once
 
-// H, A and Aᵀ of a quadratic program with the lists of their nonzeros, for the tests of the sparse
+// H, A and Aᵀ of a quadratic program with lists of their nonzeros, for the tests of the sparse
 // factors.
 
 #include <utility>
@@ -9,7 +9,7 @@
 
 namespace clothctl_test {
 
-/// Matrices of n unknowns and m rows, and their columns as the factors take them.
+/// Matrices of n unknowns and m rows, and their columns in the form that the factors take.
 template <class Scalar>
 struct ListedMatrices {
   clothctl::MatrixX<Scalar> H, A, At;
@@ -29,7 +29,7 @@ struct ListedMatrices {
   clothctl::Index n() const { return A.cols(); }
   clothctl::Index m() const { return A.rows(); }
 
-  /// Takes over what H and A were changed to.
+  /// Updates the lists after a change of H or A.
   void list() {
     At = A.transpose();
     h.list(H.data(), n(), n());

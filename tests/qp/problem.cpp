@@ -7,7 +7,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("settings name their first bad value", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("validate names the first bad setting", "[qp]", float, double) {
   QpSettings<TestType> s;
   CHECK(s.validate().empty());
   CHECK(s.stationarity_tolerance < TestType(2e-4));
@@ -21,7 +21,8 @@ TEMPLATE_TEST_CASE("settings name their first bad value", "[qp]", float, double)
   CHECK(s.validate() == "stationarity_tolerance is not a positive number");
 }
 
-TEMPLATE_TEST_CASE("bounds are loaded or refused by index", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("good bounds are loaded, bad ones are refused with their index", "[qp]", float,
+                   double) {
   using S = TestType;
   const S inf = std::numeric_limits<S>::infinity(), nan = std::numeric_limits<S>::quiet_NaN();
   const auto load = [](S l, S u) {
@@ -44,7 +45,7 @@ TEMPLATE_TEST_CASE("bounds are loaded or refused by index", "[qp]", float, doubl
   CHECK(load(-inf, -inf) == "upper bound is -infinite");
 }
 
-TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds under every scaling",
+TEMPLATE_TEST_CASE("bounds beyond 1e20 are open, and smaller ones stay bounds under any scaling",
                    "[qp]", float, double) {
   using S = TestType;
   const VectorX<S> lower = (VectorX<S>(2) << S(-1e21), S(-0.99e20)).finished(), upper = -lower;
@@ -57,56 +58,56 @@ TEMPLATE_TEST_CASE("bounds beyond 1e20 are open ones, real ones stay bounds unde
   CHECK(is_finite(detail::no_bound<S>()));
 }
 
-TEMPLATE_TEST_CASE("Hessians are refused for asymmetry beyond rounding and for negative minors",
+TEMPLATE_TEST_CASE("Hessians with asymmetry beyond rounding or with negative minors are refused",
                    "[qp]", float, double) {
   using S = TestType;
   const S eps = std::numeric_limits<S>::epsilon(), nan = std::numeric_limits<S>::quiet_NaN();
   MatrixX<S> H = MatrixX<S>::Identity(3, 3);
   H(0, 2) = H(2, 0) = S(0.5);
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
   H(0, 2) = S(0.5) + S(4) * eps;
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
   H(0, 2) = S(0.5) + S(200) * eps;
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::InvalidData);
-  CHECK(detail::judge_hessian<S>(H).index == 2);
-  CHECK(std::string(detail::judge_hessian<S>(H).message) == "Hessian is not symmetric");
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::InvalidData);
+  CHECK(detail::validate_hessian<S>(H).index == 2);
+  CHECK(std::string(detail::validate_hessian<S>(H).message) == "Hessian is not symmetric");
   H(1, 2) = nan;
-  CHECK(detail::judge_hessian<S>(H).index == 7);
-  CHECK(std::string(detail::judge_hessian<S>(H).message) == "Hessian entry is not finite");
+  CHECK(detail::validate_hessian<S>(H).index == 7);
+  CHECK(std::string(detail::validate_hessian<S>(H).message) == "Hessian entry is not finite");
   H.setIdentity();
   H(2, 2) = S(-1e-3);
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
-  CHECK(detail::judge_hessian<S>(H).index == 8);
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
+  CHECK(detail::validate_hessian<S>(H).index == 8);
   H.setZero();
   H(0, 1) = H(1, 0) = S(1);  // a saddle
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
-  CHECK(detail::judge_hessian<S>(H).index == 1);
-  H << S(4), S(0), S(2), S(0), S(0), S(0), S(2), S(0), S(1);  // singular, and allowed to be
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
-  H(0, 2) = H(2, 0) = S(2) * (S(1) + S(4) * eps);  // as far as products round
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
+  CHECK(detail::validate_hessian<S>(H).index == 1);
+  H << S(4), S(0), S(2), S(0), S(0), S(0), S(2), S(0), S(1);  // singular, which is allowed
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
+  H(0, 2) = H(2, 0) = S(2) * (S(1) + S(4) * eps);  // as asymmetric as rounded products can be
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
   H(0, 2) = H(2, 0) = S(2.01);
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
-  CHECK(detail::judge_hessian<S>(MatrixX<S>::Zero(2, 3)).status == QpStatus::InvalidData);
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
+  CHECK(detail::validate_hessian<S>(MatrixX<S>::Zero(2, 3)).status == QpStatus::InvalidData);
   H.resize(0, 0);
-  CHECK(detail::judge_hessian<S>(H).status == QpStatus::InvalidData);
+  CHECK(detail::validate_hessian<S>(H).status == QpStatus::InvalidData);
 }
 
 TEMPLATE_TEST_CASE(
-    "an entry too large for its diagonal is noticed where products overflow or underflow", "[qp]",
-    float, double) {
+    "an entry too large for its diagonal is detected even if products overflow or underflow",
+    "[qp]", float, double) {
   using S = TestType;
   for (const S size : {S(1), std::sqrt(std::numeric_limits<S>::max()) * S(8),
                        std::sqrt(std::numeric_limits<S>::min()) / S(8)}) {
     MatrixX<S> H(2, 2);
     H << size, S(1.01) * size, S(1.01) * size, size;
-    CHECK(detail::judge_hessian<S>(H).status == QpStatus::NonConvex);
+    CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
     H << size, S(0.99) * size, S(0.99) * size, size;
-    CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+    CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
   }
 }
 
-TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank and scale", "[qp]",
+TEMPLATE_TEST_CASE("products of a factor are accepted as Hessians at any rank and scale", "[qp]",
                    float, double) {
   using S = TestType;
   std::mt19937 random(51);
@@ -118,12 +119,12 @@ TEMPLATE_TEST_CASE("products of a factor pass as Hessians whatever their rank an
     for (Index j = 0; j < n; ++j)
       J.col(j) *= S(std::ldexp(1.0, static_cast<int>(random() % 31) - 15));
     const MatrixX<S> H = J.transpose() * J;
-    INFO("trial " << trial << " " << detail::judge_hessian<S>(H).message);
-    CHECK(detail::judge_hessian<S>(H).status == QpStatus::Solved);
+    INFO("trial " << trial << " " << detail::validate_hessian<S>(H).message);
+    CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
   }
 }
 
-TEST_CASE("settings with a tolerance of zero are refused", "[qp]") {
+TEST_CASE("a tolerance of zero is refused", "[qp]") {
   QpSettings<double> s;
   s.stationarity_tolerance = 0.0;
   CHECK_FALSE(s.validate().empty());

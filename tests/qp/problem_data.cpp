@@ -1,4 +1,5 @@
-// The caller's problem: refused by name and index, copied symmetric, untouched by what is refused.
+// Holds the caller's problem: refuses bad data by name and index, copies H symmetric, and keeps its
+// data when it refuses.
 
 #include "clothctl/qp/detail/problem_data.hpp"
 
@@ -22,9 +23,9 @@ struct Problem {
 
   Problem() {
     data.reserve(4, 3);
-    REQUIRE(data.judge(H) == QpStatus::Solved);
+    REQUIRE(data.validate_hessian(H) == QpStatus::Solved);
     CHECK(data.take(H));
-    REQUIRE(data.judge_rows(A) == QpStatus::Solved);
+    REQUIRE(data.validate_rows(A) == QpStatus::Solved);
     CHECK(data.take_rows(A));
   }
   bool load(const char* fault = "") { return data.load(fault, g, lb, ub, rl, ru, result); }
@@ -35,7 +36,7 @@ struct Problem {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a good problem is kept, with open bounds replaced", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("a good problem is stored, with open bounds replaced", "[qp]", float, double) {
   using S = TestType;
   Problem<S> p;
   p.ub[1] = std::numeric_limits<S>::infinity();
@@ -55,18 +56,18 @@ TEMPLATE_TEST_CASE("a good problem is kept, with open bounds replaced", "[qp]", 
   CHECK(p.result.row_multipliers.size() == 2);
 }
 
-TEMPLATE_TEST_CASE("asymmetry within rounding is averaged away", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("asymmetry within rounding is averaged", "[qp]", float, double) {
   using S = TestType;
   Problem<S> p;
   p.H(0, 1) = S(0.25);
   p.H(1, 0) = S(0.25) + S(2) * scalar_traits<S>::epsilon() * S(0.25);
-  REQUIRE(p.data.judge(p.H) == QpStatus::Solved);
+  REQUIRE(p.data.validate_hessian(p.H) == QpStatus::Solved);
   CHECK_FALSE(p.data.take(p.H));
   CHECK(p.data.H()(0, 1) == p.data.H()(1, 0));
-  CHECK(p.data.m() == 2);  // the size stays, so do the rows
+  CHECK(p.data.m() == 2);  // the rows stay
 }
 
-TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", "[qp]", float,
+TEMPLATE_TEST_CASE("a refusal names its reason and leaves the stored data unchanged", "[qp]", float,
                    double) {
   using S = TestType;
   const S nan = std::numeric_limits<S>::quiet_NaN();
@@ -81,18 +82,18 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
   };
   MatrixX<S> bad = p.H;
   bad(2, 1) = nan;
-  CHECK(p.data.judge(bad) == QpStatus::InvalidData);
+  CHECK(p.data.validate_hessian(bad) == QpStatus::InvalidData);
   CHECK(p.data.refusal().index == 5);
-  CHECK(p.data.judge(-p.H) == QpStatus::NonConvex);
+  CHECK(p.data.validate_hessian(-p.H) == QpStatus::NonConvex);
   detail::ProblemData<S> empty;
   empty.reserve(3, 3);
-  CHECK(empty.judge_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
+  CHECK(empty.validate_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
   CHECK(std::string(empty.refusal().message) == "no Hessian was set");
-  CHECK(p.data.judge_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
+  CHECK(p.data.validate_rows(MatrixX<S>::Zero(2, 2)) == QpStatus::InvalidData);
   CHECK(std::string(p.data.refusal().message) == "rows differ in length from the Hessian");
   MatrixX<S> row = p.A;
   row(1, 2) = nan;
-  CHECK(p.data.judge_rows(row) == QpStatus::InvalidData);
+  CHECK(p.data.validate_rows(row) == QpStatus::InvalidData);
   CHECK(p.data.refusal().index == 5);
   CHECK(same());
 
@@ -121,9 +122,8 @@ TEMPLATE_TEST_CASE("what is refused is named and leaves the data in use alone", 
   CHECK(refusal([&](Problem<S>& q) { q.rl[1] = nan; }) == "lower row bound is NaN 1");
 }
 
-TEST_CASE(
-    "without a Hessian nothing loads; another size forgets the rows; more rows keep the Hessian",
-    "[qp]") {
+TEST_CASE("without a Hessian nothing loads; a new size drops the rows; new rows keep the Hessian",
+          "[qp]") {
   detail::ProblemData<double> data;
   data.reserve(2, 1);
   QpResult<double> result;
@@ -132,9 +132,9 @@ TEST_CASE(
   CHECK(std::string(result.message) == "no Hessian was set");
   MatrixX<double> spoilt = MatrixX<double>::Identity(2, 2);
   spoilt(1, 1) = -1.0;
-  REQUIRE(data.judge(spoilt) == QpStatus::NonConvex);
+  REQUIRE(data.validate_hessian(spoilt) == QpStatus::NonConvex);
   CHECK_FALSE(data.load("", none, none, none, none, none, result));
-  CHECK(result.status == QpStatus::NonConvex);  // why there is none
+  CHECK(result.status == QpStatus::NonConvex);  // the reason why there is no Hessian
   CHECK(std::string(result.message) == "Hessian has a negative diagonal entry");
   CHECK(result.invalid_index == 3);
   data.reserve(2, 1);
@@ -145,17 +145,17 @@ TEST_CASE(
   CHECK(p.data.m() == 0);
   CHECK(p.data.capacity_m() == 7);
   CHECK(MatrixX<double>(p.data.H()) == p.H);
-  REQUIRE(p.data.judge_rows(p.A) == QpStatus::Solved);
+  REQUIRE(p.data.validate_rows(p.A) == QpStatus::Solved);
   CHECK(p.data.take_rows(p.A));
   const MatrixX<double> small = MatrixX<double>::Identity(2, 2);
-  REQUIRE(p.data.judge(small) == QpStatus::Solved);
+  REQUIRE(p.data.validate_hessian(small) == QpStatus::Solved);
   CHECK(p.data.take(small));
   CHECK(p.data.m() == 0);
   p.data.reserve(5, 5);
   CHECK(p.data.n() == 0);
 }
 
-TEST_CASE("loading clears what the last solve left in the result", "[qp]") {
+TEST_CASE("loading resets the result of the last solve", "[qp]") {
   Problem<double> p;
   p.result.iterations = 9;
   p.result.stationarity = p.result.feasibility = p.result.complementarity = p.result.objective =
@@ -170,20 +170,20 @@ TEST_CASE("loading clears what the last solve left in the result", "[qp]") {
   CHECK(p.refused() == " -1");
 }
 
-TEST_CASE("taking data allocates nothing within the reserve", "[qp]") {
+TEST_CASE("storing data within the reserved size does not allocate", "[qp]") {
   if (!clothctl_test::allocation_counting_works()) return;
   Problem<double> p;
   REQUIRE(p.load());
   const long before = clothctl_test::allocations();
-  bool good = p.data.judge(p.H) == QpStatus::Solved;
-  good = !p.data.take(p.H) && p.data.judge_rows(p.A) == QpStatus::Solved &&
+  bool good = p.data.validate_hessian(p.H) == QpStatus::Solved;
+  good = !p.data.take(p.H) && p.data.validate_rows(p.A) == QpStatus::Solved &&
          !p.data.take_rows(p.A) && p.load() && good;
   const long made = clothctl_test::allocations() - before;
   CHECK(good);
   CHECK(made == 0);
 }
 
-TEST_CASE("a load that repeats the last one says so, one that differs anywhere does not", "[qp]") {
+TEST_CASE("a load reports whether it repeats the last one", "[qp]") {
   Problem<double> p;
   REQUIRE(p.load());
   CHECK_FALSE(p.data.repeated());

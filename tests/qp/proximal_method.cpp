@@ -9,7 +9,7 @@ using detail::ProximalStart;
 
 namespace {
 
-// min ½ xᵀHx + gᵀx over lb ≤ x ≤ ub, rl ≤ A x ≤ ru, loaded into the method as ActiveSet does it.
+// min ½ xᵀHx + gᵀx over lb ≤ x ≤ ub, rl ≤ A x ≤ ru, loaded into the method in the way of ActiveSet.
 struct Scene {
   QpSettings<double> settings;
   detail::ProblemData<double> data;
@@ -20,9 +20,9 @@ struct Scene {
   Scene(const MatrixX<double>& H, const MatrixX<double>& A)
       : x(VectorX<double>::Zero(H.rows())), y(VectorX<double>::Zero(A.rows())) {
     data.reserve(H.rows(), A.rows());
-    REQUIRE(data.judge(H) == QpStatus::Solved);
+    REQUIRE(data.validate_hessian(H) == QpStatus::Solved);
     data.take(H);
-    REQUIRE(data.judge_rows(A) == QpStatus::Solved);
+    REQUIRE(data.validate_rows(A) == QpStatus::Solved);
     data.take_rows(A);
     method.reserve(H.rows(), A.rows());
     method.scale(data);
@@ -53,8 +53,8 @@ struct Scene {
 }  // namespace
 
 TEST_CASE(
-    "the proximal method meets the optimality conditions in the caller's units, and keeps what it "
-    "found",
+    "the proximal method satisfies the optimality conditions in the caller's units, and keeps its "
+    "result",
     "[qp]") {
   std::mt19937 random(3);
   std::normal_distribution<double> normal;
@@ -67,7 +67,7 @@ TEST_CASE(
     };
     const MatrixX<double> J = draw(n / 2, n);
     MatrixX<double> H = J.transpose() * J, A = draw(m, n);
-    for (Index j = 0; j < n; ++j) {  // unknowns and rows of very different sizes
+    for (Index j = 0; j < n; ++j) {  // unknowns and rows of very different scales
       const double size = std::ldexp(1.0, static_cast<int>(random() % 21) - 10);
       H.row(j) *= size;
       H.col(j) *= size;
@@ -108,7 +108,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("the proximal method ends with a proof where there is no solution", "[qp]") {
+TEST_CASE("the proximal method ends with a certificate if there is no solution", "[qp]") {
   const double inf = scalar_traits<double>::infinity();
   const VectorX<double> open = VectorX<double>::Constant(2, inf), none(0),
                         one = VectorX<double>::Ones(1);
@@ -121,7 +121,8 @@ TEST_CASE("the proximal method ends with a proof where there is no solution", "[
   int iterations = 0;
   CHECK(apart.run(VectorX<double>::Zero(2), -open, open, rl, ru, ProximalStart::Cold, iterations) ==
         QpStatus::PrimalInfeasible);
-  const VectorX<double> y = apart.method.proofs().farkas_rows().cwiseProduct(apart.method.E());
+  const VectorX<double> y =
+      apart.method.certificates().farkas_rows().cwiseProduct(apart.method.E());
   CHECK(y[0] < 0.0);
   CHECK(y[0] == Approx(-2.0 * y[1]));
 
@@ -130,12 +131,12 @@ TEST_CASE("the proximal method ends with a proof where there is no solution", "[
   g << -1.0, 0.0;
   CHECK(falling.run(g, -open, open, -one, one, ProximalStart::Cold, iterations) ==
         QpStatus::DualInfeasible);
-  const VectorX<double> d = falling.method.proofs().direction();
+  const VectorX<double> d = falling.method.certificates().direction();
   CHECK(d[0] > 0.0);
   CHECK(d[0] == Approx(-d[1]));
 }
 
-TEST_CASE("a run without budget settles on its best iterate, one that is not finite on the box",
+TEST_CASE("a run without iterations returns its best iterate, and replaces one that is not finite",
           "[qp]") {
   std::mt19937 random(8);
   std::normal_distribution<double> normal;

@@ -17,7 +17,7 @@ detail::Budget rounds(int most) {
   return detail::Budget(settings, 1);
 }
 
-// φ as it is defined, for the check by differences.
+// φ by its definition, for the check by finite differences.
 double phi(const Problem& p, const VectorX<double>& x) {
   const Index n = p.unknowns(), m = p.rows();
   double value =
@@ -33,7 +33,7 @@ double phi(const Problem& p, const VectorX<double>& x) {
 }  // namespace
 
 TEST_CASE(
-    "the inner minimiser beats every nearby point of the box, and its gradient is that of the "
+    "the inner minimiser beats every nearby point of the box, and its gradient matches the "
     "definition",
     "[qp]") {
   std::mt19937 random(41);
@@ -91,7 +91,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("an exhausted budget and a concave problem are told apart", "[qp]") {
+TEST_CASE("running out of iterations and a concave problem have different statuses", "[qp]") {
   Problem p;
   p.reserve(2, 0);
   p.resize(2, 0);
@@ -104,15 +104,15 @@ TEST_CASE("an exhausted budget and a concave problem are told apart", "[qp]") {
   p.state.assign(2, State::Free);
   p.refresh_products();
   int iterations = 0;
-  CHECK(p.minimise(1e-9, iterations, rounds(100)) == Problem::Outcome::Concave);
+  CHECK(p.minimise(1e-9, iterations, rounds(100)) == Problem::Outcome::NonConvex);
   p.rho = 1e-6;
   p.factor.clear();
   p.H() << 1.0, 0.5, 0.5, 1.0;
   iterations = 0;
-  CHECK(p.minimise(1e-9, iterations, rounds(1)) == Problem::Outcome::RoundsSpent);
+  CHECK(p.minimise(1e-9, iterations, rounds(1)) == Problem::Outcome::IterationLimit);
 }
 
-TEST_CASE("numbers of which no factor can be made end as broken, not as a loop", "[qp]") {
+TEST_CASE("numbers that cannot be factored end with a status, not in an endless loop", "[qp]") {
   for (double rho : {0.0, std::numeric_limits<double>::infinity()}) {
     Problem p;
     p.reserve(2, 1);
@@ -131,6 +131,6 @@ TEST_CASE("numbers of which no factor can be made end as broken, not as a loop",
     p.state.assign(2, State::Free);
     p.refresh_products();
     int iterations = 0;
-    CHECK(p.minimise(1e-9, iterations, rounds(100)) == Problem::Outcome::Broken);
+    CHECK(p.minimise(1e-9, iterations, rounds(100)) == Problem::Outcome::NumericalError);
   }
 }

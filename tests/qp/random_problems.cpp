@@ -1,10 +1,10 @@
-// Random problems of every family (random_problems.hpp) against both solvers: the status is the one
-// that the problem was built for, and every answer or proof passes a judge of its own in long
-// double. Part of the problems is followed by a second one on the same solver, which starts warm
-// from whatever the first left behind.
+// Random problems of every family (random_problems.hpp), solved by both solvers. The status must be
+// the one that the problem was built for, and an independent check in long double must accept every
+// answer and certificate. Some problems are followed by a second one on the same solver, which
+// starts warm from the result of the first.
 //
-// A failure names family and seed; that one problem alone runs with CLOTHCTL_QP_TRIAL="family/seed"
-// in the environment.
+// A failure names family and seed. With CLOTHCTL_QP_TRIAL="family/seed" in the environment, only
+// that problem runs.
 
 #include "qp/random_problems.hpp"
 
@@ -23,11 +23,11 @@ using namespace clothctl_test;
 
 namespace {
 
-/// What answers must keep.
+/// Tolerances of answers.
 struct Demands {
-  /// The three residuals, the objective's error, and what proofs may owe to rounding.
+  /// Limits of the three residuals, of the objective's error, and of rounding in certificates.
   double residual, objective, rounding;
-  /// RandomQp::miss from which on only a proof will do.
+  /// From this value of RandomQp::miss on, only a certificate is accepted.
   double seen;
 };
 
@@ -37,13 +37,13 @@ Demands demands() {
                                     : Demands{1e-8, 1e-6, 1e-12, 1e-6};
 }
 
-/// One solver and its last answer.
+/// A solver and its last answer.
 template <class S, class Solver>
 class Bench {
  public:
   static constexpr bool kRows = std::is_same_v<Solver, ActiveSet<S>>;
 
-  /// "" or what was refused.
+  /// Returns "", or what was refused.
   std::string set(const RandomQp& q) {
     if (solver_.set_hessian(q.H.cast<S>()) != QpStatus::Solved)
       return std::string("H was refused: ") + solver_.refusal().message;
@@ -54,7 +54,7 @@ class Bench {
     return {};
   }
 
-  /// Solves, and tells what is wrong with the answer.
+  /// Solves, and returns what is wrong with the answer.
   std::string solve(const RandomQp& q) {
     const VectorX<S> g = q.g.cast<S>(), lb = q.lb.cast<S>(), ub = q.ub.cast<S>();
     QpStatus status;
@@ -104,18 +104,18 @@ class Bench {
   Solver solver_;
 };
 
-/// A finished trial.
+/// The result of a trial.
 struct Trial {
   std::string fault;
-  /// Whether rounding of uneven scales spoilt the problem itself.
+  /// Whether the problem itself is wrong because of rounding with uneven scales.
   bool spoilt = false;
   int rounds = 0;
-  /// Over the documented limit.
+  /// Iterations divided by the documented limit.
   double effort = 0.0;
 };
 
-/// A problem and what may follow it on the same solver. `watch` sees each problem before it is
-/// solved.
+/// Runs a problem and the problems that follow it on the same solver. Calls `watch` before each
+/// solve.
 template <class S, class Solver, class Watch>
 Trial run(const QpRecipe& recipe, Draws& draws, const Watch& watch) {
   Trial trial;
@@ -176,13 +176,12 @@ Trial run(const QpRecipe& recipe, Draws& draws, const Watch& watch) {
   return trial;
 }
 
-/// The trial of a family and seed.
+/// Runs the trial of a family and seed.
 template <class S, class Watch>
 Trial run_seed(const QpFamilyEntry& family, std::uint64_t seed, const Watch& watch) {
   Draws draws(seed);
   QpRecipe recipe = draw_recipe(family, draws);
-  if (sizeof(S) ==
-      sizeof(float)) {  // small integers, and nothing that float's tolerances cannot see
+  if (sizeof(S) == sizeof(float)) {  // small integers, and no differences below float's tolerances
     recipe.span = 3;
     recipe.n = recipe.contact ? recipe.n : std::min(recipe.n, 30);
     recipe.margin = std::max(recipe.margin, 0.0625);
@@ -197,23 +196,22 @@ std::string title(const QpFamilyEntry& family, std::uint64_t seed) {
   return std::string(family.name) + "/" + std::to_string(seed);
 }
 
-/// Families whose numbers differ by 1e±8. There the largest terms, by which residuals are measured,
-/// may hide an error of the objective, and an honest "not finished" is an answer: both are counted
-/// apart, wrong claims are not.
+/// Families whose numbers differ by 1e±8. Residuals are measured relative to the largest terms and
+/// may hide an error of the objective, and the status may rightly be "not finished". Both are
+/// counted separately; wrong claims are not allowed.
 bool is_uneven(const QpFamilyEntry& family) {
   const std::string name = family.name;
   return name.find("scaled") != std::string::npos || name.find("mixture") != std::string::npos;
 }
 
-/// Whether a fault is no wrong claim: the solver did not finish, or its residuals hold and only the
-/// objective is off.
+/// Whether a fault is not a wrong claim: the solver did not finish, or its residuals are small and
+/// only the objective is off.
 bool is_beyond(const std::string& fault) {
   return fault.find("not finished") != std::string::npos ||
          fault.find("objective error") != std::string::npos;
 }
 
-/// Many trials of the families that `wanted` picks. Failures are listed up to a number that can be
-/// read.
+/// Runs many trials of the families that `wanted` accepts, and lists the first failures.
 template <class S, class Wanted>
 void campaign(std::uint64_t first, int count, const Wanted& wanted) {
   constexpr int kListed = 30;
@@ -252,8 +250,10 @@ void campaign(std::uint64_t first, int count, const Wanted& wanted) {
 
 }  // namespace
 
-TEST_CASE("random problems of every family end as they were built, and answers hold in long double",
-          "[qp][random]") {
+TEST_CASE(
+    "random problems of every family end as they were built, and a check in long double accepts "
+    "them",
+    "[qp][random]") {
   const char* single = std::getenv("CLOTHCTL_QP_TRIAL");
   if (single == nullptr) {
     campaign<double>(1, trials(1500, 100000), [](const QpFamilyEntry&) { return true; });
@@ -279,15 +279,15 @@ TEST_CASE("in float, random problems with small integers end as they were built"
   });
 }
 
-TEST_CASE("random problems that once ended wrong keep their lesson", "[qp][random]") {
+TEST_CASE("random problems that once ended wrong end right", "[qp][random]") {
   struct Lesson {
     const char* family;
     std::uint64_t seed;
     bool finished;
   };
-  // A ray lost in the rounding of H d; an unknown between bounds that hid one; a point far out in
-  // the null space, or on columns of 2^60, whose residual plain sums do not show; the same problem
-  // again where only the caller's tolerance was met.
+  // The old errors: a ray was lost in the rounding of H d; an unknown between its bounds hid a ray;
+  // plain sums did not show the residual of a far point, in the null space or on columns of 2^60;
+  // and a second solve ended although only the caller's tolerance was met.
   const Lesson lessons[] = {{"unbounded", 9141, true},        {"unbounded box", 17051, true},
                             {"unbounded box", 57420, true},   {"unbounded", 86191, true},
                             {"scaled box", 25082, true},      {"mixture", 73349, false},

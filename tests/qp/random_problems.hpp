@@ -1,19 +1,19 @@
 #pragma once
 
-// Random quadratic programs of many families whose outcome is known by construction, and a judge of
-// answers in long double that shares nothing with the library but the vector types.
+// Random quadratic programs of many families whose outcome is known by construction, and a check of
+// answers in long double that shares only the vector types with the library.
 //
-//   optimal      x is drawn, then bounds around it, multipliers y, z on the sides that x touches, g
-//   = Aᵀy + z - Hx infeasible   y is drawn, z = -Aᵀy, the sides they name pass through a point; one
-//   row is then moved until
-//                Σ max y_i r + Σ max z_j x = -margin · (size of its terms)
-//   unbounded    d is drawn, columns of the factor J of H = JᵀJ and of A are chosen for J d = 0 and
-//   A d = 0 or one-signed; the
-//                sides that d leaves are opened, x is feasible, gᵀd < 0
+//   optimal      x is drawn, then bounds around it, multipliers y, z on the sides that x touches,
+//                and g = Aᵀy + z - Hx
+//   infeasible   y is drawn, z = -Aᵀy, and the sides that they name pass through a point; then
+//                one row is moved until Σ max y_i r + Σ max z_j x = -margin · (size of its terms)
+//   unbounded    d is drawn; columns of the factor J of H = JᵀJ and of A are chosen so that J d = 0
+//                and A d is 0 or one-signed; the sides that d leaves are opened, x is feasible, and
+//                gᵀd < 0
 //
-// Most data are small integers scaled by powers of two, so that all of this holds exactly in double
-// and an outcome is a fact about the very numbers that the solver sees, however degenerate or ill
-// scaled. "Real" data hold it up to rounding; they are not used where rounding could turn the
+// Most data are small integers scaled by powers of two. All of this then holds exactly in double,
+// so the outcome is certain for the numbers that the solver sees, however degenerate or badly
+// scaled. For real data it holds up to rounding; they are not used where rounding could change the
 // outcome.
 
 #include <algorithm>
@@ -33,7 +33,7 @@ using clothctl::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-/// Draws that are the same with every standard library.
+/// Random numbers that are the same with every standard library.
 class Draws {
  public:
   explicit Draws(std::uint64_t seed) : engine_(seed) {}
@@ -50,61 +50,62 @@ class Draws {
   std::mt19937_64 engine_;
 };
 
-/// How a problem was built to end.
+/// The outcome that a problem was built for.
 enum class Outcome { Optimal, Infeasible, Unbounded, Neither, Crossed };
 
-/// A problem with what is known about it.
+/// A problem and the known facts about it.
 struct RandomQp {
   MatrixXd H, A;
   VectorXd g, lb, ub, rl, ru;
   Outcome outcome = Outcome::Optimal;
   /// The optimal value.
   long double objective = 0.0L;
-  /// A minimiser, or a feasible point; where there is none, the point that the sides were drawn
-  /// around.
+  /// A minimiser or a feasible point. If there is none: the point around which the sides were
+  /// drawn.
   VectorXd x;
-  /// With Optimal its multipliers, with Infeasible and Neither a Farkas pair.
+  /// For Optimal its multipliers; for Infeasible and Neither a Farkas pair.
   VectorXd y, z;
-  /// With Unbounded and Neither.
+  /// For Unbounded and Neither: a ray.
   VectorXd ray;
-  /// Without a solution: how much any point must miss, relative to the sizes that residuals are
-  /// divided by, at the point of the construction. Where that is not far above the tolerances, a
-  /// point within them is as good an answer as a proof.
+  /// If there is no solution: a lower limit of any point's residuals, relative to the sizes that
+  /// residuals are divided by. If it is not far above the tolerances, a point within them is as
+  /// good an answer as a certificate.
   double miss = std::numeric_limits<double>::infinity();
 };
 
-/// What a problem should look like.
+/// The properties of a random problem.
 struct QpRecipe {
   Outcome outcome = Outcome::Optimal;
   int n = 1, m = 0;
-  /// Numbers are integers up to this size, or real when it is 0.
+  /// Numbers are integers up to this size, or real if it is 0.
   int span = 3;
-  /// Nonzeros in a row of J and A; 0 means all.
+  /// Nonzeros in a row of J and A; 0 for dense rows.
   int fill = 0;
-  /// Nonzeros of a row lie together.
+  /// Whether the nonzeros of a row are neighbours.
   bool banded = false;
-  /// Rank of H over n. At 1 a multiple of the identity is added.
+  /// Rank of H divided by n. For 1, a multiple of the identity is added.
   double rank = 1.0;
-  /// Parts of the unknowns or rows: at a bound; of these with a zero multiplier; equalities; fixed
-  /// unknowns; unknowns and rows without bounds; rows that repeat or combine earlier ones; zero
-  /// rows.
+  /// Shares of the unknowns or rows: at a bound; of these, with a zero multiplier; equalities;
+  /// fixed unknowns; unknowns and rows without bounds; rows that repeat or combine earlier ones;
+  /// zero rows.
   double active = 0.5, degenerate = 0.0, equal = 0.2, fixed = 0.0, open = 0.2, copies = 0.0,
          zero = 0.0;
-  /// Rows are positive multiples of so many directions, when it is not 0.
+  /// If not 0: rows are positive multiples of this many directions.
   int directions = 0;
   /// Unknowns w and d under equality rows w - M d = b, H = diag(Q, ridge).
   bool contact = false;
-  /// Infeasible: one row is minus a combination of others, so that z = 0 and unknowns may be open.
+  /// Infeasible: one row is minus a combination of others, so that z = 0 and unknowns may be
+  /// unbounded.
   bool combined = false;
   /// Infeasible: the relative margin.
   double margin = 1.0;
-  /// Rows, unknowns and the objective are scaled by 2^±these; `uneven` adds a random factor, so
-  /// that scaling rounds.
+  /// Rows, unknowns and the objective are scaled by 2 to ± these powers. `uneven` adds a random
+  /// factor, so that scaling rounds.
   int row_spread = 0, column_spread = 0, objective_spread = 0;
   bool uneven = false;
 };
 
-/// A family: how many problems it gets in a deal, and how its recipes differ from plain ones.
+/// A family: its share of the problems, and how its properties differ from the defaults.
 struct QpFamilyEntry {
   const char* name;
   int weight;
@@ -352,7 +353,7 @@ inline const std::vector<QpFamilyEntry>& qp_families() {
   return families;
 }
 
-/// The family of problem `index` when problems are dealt out by weight.
+/// Returns the family of problem `index` when families get their shares.
 inline int qp_family_of(long index) {
   static const std::vector<int> deal = [] {
     std::vector<int> cards;
@@ -370,7 +371,7 @@ inline int qp_family_of(long index) {
   return deal[static_cast<std::size_t>(index) % deal.size()];
 }
 
-/// The recipe of a family for one seed.
+/// Returns the properties for a family and seed.
 inline QpRecipe draw_recipe(const QpFamilyEntry& family, Draws& draws) {
   QpRecipe r;
   r.n = draws.chance(0.9) ? draws.between(1, 30) : draws.between(30, 60);
@@ -383,7 +384,7 @@ inline QpRecipe draw_recipe(const QpFamilyEntry& family, Draws& draws) {
   return r;
 }
 
-/// The matrices of a problem, its scaling, and what bounds can be drawn around. Bounds may be drawn
+/// The matrices of a problem, its scaling, and what is needed to draw bounds. Bounds may be drawn
 /// many times.
 class QpMaker {
  public:
@@ -393,10 +394,10 @@ class QpMaker {
     draw_scales();
   }
 
-  /// Bounds, gradient and what is known, as the recipe wants.
+  /// Draws bounds, gradient and known facts as the properties say.
   RandomQp make() { return make(recipe_.outcome); }
 
-  /// The same for another outcome. Unbounded and Neither need a recipe that asks for one of the
+  /// The same for another outcome. For Unbounded and Neither, the properties must name one of these
   /// two.
   RandomQp make(Outcome outcome) {
     place();
@@ -408,7 +409,8 @@ class QpMaker {
     return scaled(outcome);
   }
 
-  /// New multipliers and gradient on the bounds of the last optimal problem, whose minimiser stays.
+  /// Draws new multipliers and a new gradient for the bounds of the last optimal problem. Its
+  /// minimiser stays the same.
   RandomQp turn() {
     multiply();
     gradient(Outcome::Optimal);
@@ -458,7 +460,7 @@ class QpMaker {
     draw_rows(with_ray);
   }
 
-  /// d with a pivot of ±1, and J d = 0 by the column of the pivot.
+  /// Draws d with a pivot of ±1, and makes J d = 0 through the column of the pivot.
   void draw_ray(MatrixXd& J) {
     ray_.setZero(n_);
     const int count =
@@ -469,7 +471,7 @@ class QpMaker {
     for (Index i = 0; i < J.rows(); ++i) make_orthogonal(J, i);
   }
 
-  /// Row i of M times d becomes 0 by its entry at the pivot.
+  /// Makes row i of M times d zero through its entry at the pivot.
   void make_orthogonal(MatrixXd& M, Index i) const {
     M(i, pivot_) = 0.0;
     M(i, pivot_) = -M.row(i).dot(ray_) / ray_[pivot_];
@@ -497,7 +499,7 @@ class QpMaker {
       }
     }
     if (!recipe_.combined) return;
-    // Row k is minus a combination of some others: then y proves a contradiction without bounds.
+    // Row k is minus a combination of some others. Then y proves a contradiction without bounds.
     combination_.setZero(m_);
     const int k = one_of(m_);
     A_.row(k).setZero();
@@ -526,7 +528,7 @@ class QpMaker {
     factor_ = scale(recipe_.objective_spread);
   }
 
-  /// A point, and bounds around it that it does not touch.
+  /// Draws a point, and bounds around it that it does not touch.
   void place() {
     x_.resize(n_);
     lb_.resize(n_);
@@ -543,7 +545,7 @@ class QpMaker {
     z_.setZero(n_);
   }
 
-  /// Of unknown k, or of row k - n.
+  /// Side of unknown k, or of row k - n.
   double& lower_side(Index k) { return k >= n_ ? rl_[k - n_] : lb_[k]; }
   double& upper_side(Index k) { return k >= n_ ? ru_[k - n_] : ub_[k]; }
 
@@ -562,7 +564,7 @@ class QpMaker {
     }
   }
 
-  /// Moves bounds to the point, and draws multipliers for them.
+  /// Moves bounds to the point, and draws their multipliers.
   void tighten() {
     const VectorXd Ax = A_ * x_;
     for (Index k = 0; k < n_ + m_; ++k) {
@@ -592,7 +594,7 @@ class QpMaker {
     }
   }
 
-  /// Draws a Farkas pair, closes the sides that it names and moves one row until they contradict.
+  /// Draws a Farkas pair, closes the sides that it names, and moves one row until they contradict.
   void contradict() {
     y_.setZero(m_);
     if (recipe_.combined) {
@@ -617,7 +619,7 @@ class QpMaker {
     for (Index i = 0; i < m_; ++i) close(y_[i], Ax[i], rl_[i], ru_[i]);
     Index k = 0;
     y_.cwiseAbs().maxCoeff(&k);
-    // A power of two above the size keeps integers exact.
+    // A power of two above the size, so that integers stay exact.
     const int exponent = std::ilogb(std::max(1.0, static_cast<double>(terms))) + 1;
     const double step =
         (static_cast<double>(support) + recipe_.margin * std::ldexp(1.0, exponent)) /
@@ -699,8 +701,8 @@ class QpMaker {
     return q;
   }
 
-  /// A Farkas pair forces a violation of -support / (|y| + |z|) on every point, a ray a
-  /// stationarity error of -gᵀd / |d|.
+  /// A Farkas pair implies a violation of at least -support / (|y| + |z|) at every point; a ray
+  /// implies a stationarity error of at least -gᵀd / |d|.
   static double least_miss(const RandomQp& q) {
     if (q.outcome == Outcome::Unbounded) {
       return -q.g.dot(q.ray) / (q.ray.lpNorm<1>() * std::max(1.0, q.g.cwiseAbs().maxCoeff()));
@@ -728,8 +730,7 @@ class QpMaker {
   std::vector<Side> side_;
 };
 
-/// How an answer stands against the definition, in long double: relative as the shared problems are
-/// judged.
+/// The residuals of an answer in long double, relative as in the shared problems.
 struct JudgedPoint {
   /// |Hx + g - Aᵀy - z|, and multipliers on infinite sides, over max(1, |Hx|, |g|, |Aᵀy|).
   long double stationarity = 0.0L;
@@ -743,7 +744,7 @@ struct JudgedPoint {
 
 using LongVector = std::vector<long double>;
 
-/// M v, or its transpose times v, and the sizes of the terms.
+/// M v or Mᵀv, and the sizes of the terms.
 inline LongVector product(const MatrixXd& M, const VectorXd& v, bool transposed,
                           LongVector& terms) {
   LongVector sum(static_cast<std::size_t>(transposed ? M.cols() : M.rows()), 0.0L);
@@ -766,7 +767,7 @@ inline bool is_number(const VectorXd& v) {
   return true;
 }
 
-/// Judges the triple (x, y, z).
+/// Computes the residuals of (x, y, z).
 inline JudgedPoint judge_point(const RandomQp& q, const VectorXd& x, const VectorXd& y,
                                const VectorXd& z) {
   JudgedPoint p;
@@ -803,7 +804,7 @@ inline JudgedPoint judge_point(const RandomQp& q, const VectorXd& x, const Vecto
   return p;
 }
 
-/// What is wrong with (x, y, z) as a solution, "" when nothing is. `tolerance`: for the three
+/// Returns what is wrong with (x, y, z) as a solution, or "". `tolerance` applies to the three
 /// residuals.
 inline std::string fault_of_solution(const RandomQp& q, const VectorXd& x, const VectorXd& y,
                                      const VectorXd& z, double tolerance,
@@ -824,10 +825,10 @@ inline std::string fault_of_solution(const RandomQp& q, const VectorXd& x, const
   return error <= objective_tolerance ? "" : over("objective error", error);
 }
 
-/// What is wrong with (y, z) as a proof that no point is feasible, "" when nothing is: Aᵀy + z
-/// vanishes to `rounding` of its terms, no multiplier names an infinite side, and the support is
-/// negative by more than what is left of Aᵀy + z can make up within the bounds, or on open sides
-/// within 1e4 times the point that the problem was drawn around.
+/// Returns what is wrong with (y, z) as a proof of infeasibility, or "". Aᵀy + z must be zero to
+/// `rounding` of its terms, and no multiplier may name an infinite side. The support must be
+/// negative by more than the rest of Aᵀy + z can add within the bounds; open sides count as 1e4
+/// times the point around which the problem was drawn.
 inline std::string fault_of_farkas(const RandomQp& q, const VectorXd& y, const VectorXd& z,
                                    double rounding) {
   if (!is_number(y) || !is_number(z)) return "a proof is not finite";
@@ -860,9 +861,9 @@ inline std::string fault_of_farkas(const RandomQp& q, const VectorXd& y, const V
   return support + rest < -rounding * size ? "" : "the support of a proof is not negative";
 }
 
-/// What is wrong with d as a ray from x, "" when nothing is: H d and A d towards a bound vanish to
-/// `rounding` of their terms, d leaves no bound, the slope is negative beyond rounding, and x is
-/// feasible to `tolerance`.
+/// Returns what is wrong with d as a ray from x, or "". H d, and A d towards a bound, must be zero
+/// to `rounding` of their terms. d must leave no bound, the slope must be negative beyond rounding,
+/// and x must be feasible to `tolerance`.
 inline std::string fault_of_ray(const RandomQp& q, const VectorXd& d, const VectorXd& x,
                                 double rounding, double tolerance) {
   if (!is_number(d) || !is_number(x)) return "a ray is not finite";
@@ -889,8 +890,8 @@ inline std::string fault_of_ray(const RandomQp& q, const VectorXd& d, const Vect
   return p.feasibility <= tolerance ? "" : "the point of a ray is not feasible";
 }
 
-/// What is wrong with what the problem itself claims to know, "" when nothing is: its answer must
-/// pass the judge.
+/// Returns what is wrong with the known facts of a problem, or "". The known answer must pass the
+/// check.
 inline std::string fault_of_construction(const RandomQp& q) {
   if (q.outcome == Outcome::Crossed) return "";
   if (q.outcome == Outcome::Optimal) return fault_of_solution(q, q.x, q.y, q.z, 1e-12, 1e-15);

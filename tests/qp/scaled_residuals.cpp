@@ -7,7 +7,7 @@
 
 using namespace clothctl;
 
-TEST_CASE("the scaled judge agrees with the definition on the caller's data", "[qp]") {
+TEST_CASE("the scaled residuals agree with their definition on the caller's data", "[qp]") {
   std::mt19937 random(14);
   std::normal_distribution<double> normal;
   const auto draw = [&](Index rows, Index columns) {
@@ -88,7 +88,7 @@ TEST_CASE("an error of a small unknown beside a large one passes unscaled and is
                             .residuals.relative_feasibility));
 }
 
-TEST_CASE("rounding counts where terms cancel to a tolerance, in each product", "[qp]") {
+TEST_CASE("rounding counts if terms cancel to a tolerance, in each product", "[qp]") {
   const QpSettings<double> settings;
   const double edge = settings.stationarity_tolerance / (2 * scalar_traits<double>::epsilon());
   VectorX<double> D = VectorX<double>::Ones(2), E = VectorX<double>::Ones(1),
@@ -111,7 +111,7 @@ TEST_CASE("rounding counts where terms cancel to a tolerance, in each product", 
     CHECK(counts(p) == (size > edge));  // violation
     p.A() << 1.0, 1.0;
     p.x << 0.5, 0.5;
-    p.y[0] = size;  // slack times multiplier; the row's part in the gradient sets its own scale
+    p.y[0] = size;  // slack times multiplier; the gradient is scaled by the row's own part
     CHECK(counts(p) == (size > edge));
   }
 }

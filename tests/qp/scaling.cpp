@@ -6,7 +6,7 @@
 
 using namespace clothctl;
 
-TEMPLATE_TEST_CASE("equilibration undoes column and row scales by exact powers of two", "[qp]",
+TEMPLATE_TEST_CASE("equilibration undoes scales of columns and rows by exact powers of two", "[qp]",
                    float, double) {
   using S = TestType;
   const Index n = 12, m = 7;
@@ -36,14 +36,14 @@ TEMPLATE_TEST_CASE("equilibration undoes column and row scales by exact powers o
     CHECK(A.row(i).cwiseAbs().maxCoeff() > S(0.6));
     CHECK(A.row(i).cwiseAbs().maxCoeff() < S(1.5));
   }
-  // Exact: unscaling gives back the same bits.
+  // Exact: unscaling returns the same bits.
   for (Index j = 0; j < n; ++j) {
     for (Index i = 0; i < n; ++i) CHECK(H(i, j) / (D[i] * D[j]) == H0(i, j));
     for (Index i = 0; i < m; ++i) CHECK(A(i, j) / (E[i] * D[j]) == A0(i, j));
   }
 }
 
-TEST_CASE("empty columns and rows are left alone", "[qp]") {
+TEST_CASE("empty columns and rows are not scaled", "[qp]") {
   MatrixX<double> H = MatrixX<double>::Zero(3, 3), A = MatrixX<double>::Zero(2, 3);
   H(0, 0) = 4.0;
   A(0, 1) = 8.0;

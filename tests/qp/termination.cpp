@@ -1,4 +1,4 @@
-// What residuals allow a status to be, and which iterate is kept when none is good.
+// The status that residuals allow, and the iterate that is kept if none is good.
 
 #include "clothctl/qp/detail/termination.hpp"
 
@@ -11,7 +11,7 @@ using namespace clothctl;
 
 namespace {
 
-/// Residuals so many tolerances away.
+/// Residuals of the given multiples of the tolerances.
 template <class S>
 KktResiduals<S> away(double stationarity, double feasibility, double complementarity) {
   const QpSettings<S> settings;
@@ -24,9 +24,8 @@ KktResiduals<S> away(double stationarity, double feasibility, double complementa
 
 }  // namespace
 
-TEMPLATE_TEST_CASE(
-    "the residual_ratio is that of the worst residual, each against its own tolerance", "[qp]",
-    float, double) {
+TEMPLATE_TEST_CASE("residual_ratio is the largest ratio of a residual to its own tolerance", "[qp]",
+                   float, double) {
   using S = TestType;
   QpSettings<S> settings;
   CHECK(detail::residual_ratio(away<S>(0.5, 3, 2), settings) == Approx(3).epsilon(1e-5));
@@ -39,7 +38,7 @@ TEMPLATE_TEST_CASE(
   CHECK_FALSE(is_finite(detail::residual_ratio(infinite, settings)));
 }
 
-TEMPLATE_TEST_CASE("residuals have the last word on Solved", "[qp]", float, double) {
+TEMPLATE_TEST_CASE("the residuals decide whether the status is Solved", "[qp]", float, double) {
   using S = TestType;
   const auto settled = [](QpStatus claimed, double distance) {
     QpResult<S> result;
@@ -57,7 +56,7 @@ TEMPLATE_TEST_CASE("residuals have the last word on Solved", "[qp]", float, doub
   CHECK(settled(QpStatus::Solved, 1.1) == QpStatus::SolvedInaccurate);
   CHECK(settled(QpStatus::Solved, 1100) == QpStatus::IterationLimit);
   CHECK(settled(QpStatus::IterationLimit, 0.5) ==
-        QpStatus::Solved);  // though the solver does not claim it
+        QpStatus::Solved);  // although the solver does not claim it
   CHECK(settled(QpStatus::IterationLimit, 900) == QpStatus::SolvedInaccurate);
   CHECK(settled(QpStatus::IterationLimit, 1100) == QpStatus::IterationLimit);
   CHECK(settled(QpStatus::TimeLimit, 900) == QpStatus::SolvedInaccurate);
@@ -67,7 +66,7 @@ TEMPLATE_TEST_CASE("residuals have the last word on Solved", "[qp]", float, doub
     CHECK(settled(other, 0.5) == other);
 }
 
-TEMPLATE_TEST_CASE("the best iterate is nearly solved, else least violated", "[qp]", float,
+TEMPLATE_TEST_CASE("the best iterate is nearly solved, or else violates least", "[qp]", float,
                    double) {
   using S = TestType;
   const QpSettings<S> settings;
@@ -83,9 +82,9 @@ TEMPLATE_TEST_CASE("the best iterate is nearly solved, else least violated", "[q
   CHECK(offer(away<S>(1e5, 1e5, 0)));
   CHECK(offer(away<S>(3e5, 1e4, 0)));        // violates less
   CHECK_FALSE(offer(away<S>(0, 2e4, 0)));    // violates more
-  CHECK(offer(away<S>(2e5, 1e4, 0)));        // violates as much, but is nearer
-  CHECK(offer(away<S>(900, 900, 0)));        // passes for inaccurate
-  CHECK_FALSE(offer(away<S>(2e3, 0.1, 0)));  // feasible, but passes for nothing
+  CHECK(offer(away<S>(2e5, 1e4, 0)));        // violates as much, but has smaller residuals
+  CHECK(offer(away<S>(900, 900, 0)));        // accurate enough for Inaccurate
+  CHECK_FALSE(offer(away<S>(2e3, 0.1, 0)));  // feasible, but not accurate enough
   CHECK(offer(away<S>(20, 800, 0)));
   KktResiduals<S> broken = away<S>(0, 0, 0);
   CHECK(best.known());
@@ -96,7 +95,8 @@ TEMPLATE_TEST_CASE("the best iterate is nearly solved, else least violated", "[q
   CHECK_FALSE(offer(broken));
   CHECK_FALSE(best.known());
   CHECK(offer(away<S>(9e4, 0.1, 0)));
-  CHECK(offer(away<S>(8e4, 0.9, 0)));  // both feasible within the tolerance: the nearer one
+  CHECK(offer(
+      away<S>(8e4, 0.9, 0)));  // both feasible within the tolerance: the smaller residual wins
   best.forget();
   CHECK(offer(away<S>(1e6, 1e6, 0)));
 }

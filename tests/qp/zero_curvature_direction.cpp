@@ -9,7 +9,7 @@ using namespace clothctl;
 
 namespace {
 
-// A dense H of the caller's, the factor of the unknowns `free`, and room for a direction.
+// A dense H, the factor of the unknowns `free`, and memory for a direction.
 template <class S>
 struct Scene {
   MatrixX<S> H;
@@ -34,8 +34,8 @@ struct Scene {
   bool is_ray(Index count) { return flat.is_ray(curvature, moving, count, p, g, lo, hi); }
 };
 
-// JᵀJ of n unknowns whose unknown `last` is a small-integer sum of those before it: dependent to
-// the bit.
+// JᵀJ of n unknowns. Unknown `last` is a sum of earlier ones with small integer factors, so that
+// the dependence is exact.
 template <class S>
 MatrixX<S> dependent(Index n, Index last, unsigned seed) {
   std::mt19937 random(seed);
@@ -49,7 +49,7 @@ MatrixX<S> dependent(Index n, Index last, unsigned seed) {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("a dependent unknown opens a direction without curvature", "[qp]", float,
+TEMPLATE_TEST_CASE("a dependent unknown gives a direction without curvature", "[qp]", float,
                    double) {
   using S = TestType;
   for (unsigned seed = 0; seed < 20; ++seed) {
@@ -64,7 +64,7 @@ TEMPLATE_TEST_CASE("a dependent unknown opens a direction without curvature", "[
     if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
     REQUIRE(count == n);
     CHECK(scene.p[last] == S(-1));
-    // The others make up for it: each moves by +1.
+    // The others compensate: each moves by +1.
     const S loose = S(1000) * scalar_traits<S>::epsilon();
     CHECK((scene.p.head(last) - VectorX<S>::Ones(last)).cwiseAbs().maxCoeff() < loose);
     CHECK((scene.H * scene.p).cwiseAbs().maxCoeff() < loose * scene.H.cwiseAbs().maxCoeff());
@@ -74,8 +74,9 @@ TEMPLATE_TEST_CASE("a dependent unknown opens a direction without curvature", "[
   }
 }
 
-TEMPLATE_TEST_CASE("what rises, meets a bound, or bends in a row outside the factor is no ray",
-                   "[qp]", float, double) {
+TEMPLATE_TEST_CASE(
+    "a direction is no ray if it rises, meets a bound, or has curvature outside the factor", "[qp]",
+    float, double) {
   using S = TestType;
   const Index last = 4;
   const auto open = [&](Scene<S>& scene, const S& sign) {
@@ -92,7 +93,7 @@ TEMPLATE_TEST_CASE("what rises, meets a bound, or bends in a row outside the fac
     scene.lo[2] = S(0);
     CHECK(scene.is_ray(open(scene, S(-1))));
   }
-  {  // one more unknown, not in the factor, that the direction drags along
+  {  // one more unknown outside the factor, which the direction moves too
     MatrixX<S> H = MatrixX<S>::Zero(last + 2, last + 2);
     H.topLeftCorner(last + 1, last + 1) = dependent<S>(last + 1, last, 3);
     H(last + 1, last + 1) = S(4);
@@ -102,11 +103,11 @@ TEMPLATE_TEST_CASE("what rises, meets a bound, or bends in a row outside the fac
   }
 }
 
-TEMPLATE_TEST_CASE("a trace on an unknown that has no part in it does not hide a ray", "[qp]",
-                   float, double) {
+TEMPLATE_TEST_CASE("a rounding error in an uninvolved unknown does not hide a ray", "[qp]", float,
+                   double) {
   using S = TestType;
   MatrixX<S> H = MatrixX<S>::Zero(3, 3);
-  H(0, 0) = S(2);  // unknown 1 is flat alone; the factor's rounding left a trace on unknown 0
+  H(0, 0) = S(2);  // unknown 1 alone is flat; rounding in the factor moved unknown 0 a little
   Scene<S> scene(H, 1);
   scene.g << S(0), S(1), S(0);
   scene.moving = {0, 1, 0};

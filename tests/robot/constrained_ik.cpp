@@ -37,13 +37,13 @@ struct Walled : Reach {
 
 }  // namespace
 
-TEST_CASE("tips are reached while the knuckles stay above a table", "[robot]") {
+TEST_CASE("tips reach their targets while the knuckles stay above a table", "[robot]") {
   Walled hand;
   int reached = 0;
   for (int round = 0; round < 30; ++round) {
     const VectorX<double> goal = hand.anywhere();
     hand.aim_at(goal);
-    // The table is where the goal just keeps off it.
+    // The goal just keeps clear of the table.
     double lowest = 1e9;
     hand.planes.clear();
     for (int f = 0; f < 5; ++f) {
@@ -68,7 +68,8 @@ TEST_CASE("tips are reached while the knuckles stay above a table", "[robot]") {
   CHECK(reached >= 27);
 }
 
-TEST_CASE("a wall before the target is kept: the tips come as near as it lets them", "[robot]") {
+TEST_CASE("a wall before the target is respected, and the tips come as near as it allows",
+          "[robot]") {
   Walled hand;
   VectorX<double> q = hand.tree.neutral();
   hand.aim_at(q);
@@ -89,18 +90,17 @@ TEST_CASE("a wall before the target is kept: the tips come as near as it lets th
   CHECK(report.status == IkStatus::LocalMinimum);
   CHECK(hand.missing(q) <= 1e-6);
   CHECK(report.error ==
-        Approx(0.1).epsilon(1e-4));  // each tip stands on the wall, straight before its target
+        Approx(0.1).epsilon(1e-4));  // each tip is on the wall, straight before its target
   CHECK(hand.tip_error(q) == Approx(report.error));
 
-  // Without planes it is inverse kinematics as any.
+  // Without planes this is ordinary inverse kinematics.
   hand.planes.clear();
   CHECK(hand.ik.solve(hand.tree, hand.tasks, hand.planes, VectorX<double>(), q).status ==
         IkStatus::Reached);
   CHECK(hand.tip_error(q) <= 1e-4);
 }
 
-TEST_CASE("planes that cannot all be kept are said, and input that is not finite is refused",
-          "[robot]") {
+TEST_CASE("contradicting planes are reported, and input that is not finite is refused", "[robot]") {
   Walled hand;
   VectorX<double> q = hand.tree.neutral();
   hand.aim_at(q);
@@ -132,8 +132,7 @@ TEST_CASE("planes that cannot all be kept are said, and input that is not finite
   CHECK(q == before);
 }
 
-TEST_CASE("a plane is kept although every task is met where the robot starts, and without any task",
-          "[robot]") {
+TEST_CASE("a plane holds even if the start meets every task, and without any task", "[robot]") {
   Walled hand;
   for (const bool with_task : {true, false}) {
     VectorX<double> q = hand.tree.neutral();
@@ -151,7 +150,7 @@ TEST_CASE("a plane is kept although every task is met where the robot starts, an
   }
 }
 
-TEST_CASE("room for a negative number of planes is room for none", "[robot]") {
+TEST_CASE("reserving a negative number of planes reserves none", "[robot]") {
   Reach reach;
   reach.aim_at(reach.tree.neutral());
   const VectorX<double> none;

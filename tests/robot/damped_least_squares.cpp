@@ -34,7 +34,7 @@ struct Step {
 
 }  // namespace
 
-TEST_CASE("without limits a step solves the damped normal equations, with few rows and with many",
+TEST_CASE("without limits a step solves the damped normal equations with few or many rows",
           "[robot]") {
   RobotDraws draws(51);
   for (const auto& [rows, n] : {std::pair<Index, Index>{3, 20}, {15, 34}, {20, 20}, {60, 12}}) {
@@ -45,7 +45,7 @@ TEST_CASE("without limits a step solves the damped normal equations, with few ro
   }
 }
 
-TEST_CASE("entries beyond their limits go there and the others make up for it", "[robot]") {
+TEST_CASE("entries beyond their limits stop there and the others compensate", "[robot]") {
   RobotDraws draws(52);
   int locked_sometimes = 0;
   for (const auto& [rows, n] : {std::pair<Index, Index>{15, 34}, {60, 12}, {6, 6}}) {
@@ -64,7 +64,7 @@ TEST_CASE("entries beyond their limits go there and the others make up for it", 
           ++locked_sometimes;
         } else {
           CHECK(std::abs(rest[i]) <=
-                1e-10 * s.right().norm());  // the best for where the others are
+                1e-10 * s.right().norm());  // the best for the values of the others
         }
       }
     }

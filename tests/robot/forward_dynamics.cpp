@@ -10,8 +10,8 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
-TEMPLATE_TEST_CASE("forward dynamics undo inverse dynamics, with and without a diagonal", "[robot]",
-                   float, double) {
+TEMPLATE_TEST_CASE("forward dynamics inverts inverse dynamics with and without a diagonal",
+                   "[robot]", float, double) {
   using S = TestType;
   RobotDraws draws(4);
   const double loose = sizeof(S) == sizeof(float) ? 2e-2 : 1e-10;
@@ -41,7 +41,7 @@ TEMPLATE_TEST_CASE("forward dynamics undo inverse dynamics, with and without a d
   }
 }
 
-TEST_CASE("a free body falls, and turns as Euler says", "[robot]") {
+TEST_CASE("a free body falls, and rotates by Euler's equation", "[robot]") {
   RobotDraws draws(5);
   KinematicTreeBuilder<double> builder;
   const Inertia<double> inertia = draws.inertia<double>();
@@ -70,7 +70,9 @@ TEST_CASE("a free body falls, and turns as Euler says", "[robot]") {
         1e-12);  // it falls freely
 }
 
-TEST_CASE("what has no inertia is named, and what is not finite is told apart from it", "[robot]") {
+TEST_CASE(
+    "a coordinate without inertia is named, and values that are not finite have their own status",
+    "[robot]") {
   for (const bool coupled : {false, true}) {
     KinematicTreeBuilder<double> builder;
     builder.add_link("world");
@@ -116,12 +118,11 @@ TEST_CASE("what has no inertia is named, and what is not finite is told apart fr
   }
 }
 
-TEST_CASE("a joint that moves nothing of its own is named whatever way its axis points",
-          "[robot]") {
+TEST_CASE("a joint that moves no inertia of its own is named whatever its axis", "[robot]") {
   RobotDraws draws(95);
   int solved = 0;
   for (int trial = 0; trial < 200; ++trial) {
-    // Two joints on one axis with nothing between them; or a point mass on the axis of its joint.
+    // Two joints on one axis with no mass between them; or a point mass on the axis of its joint.
     const bool twins = trial % 2 == 0;
     const Vector3<double> axis = draws.vector().normalized();
     KinematicTreeBuilder<double> builder;
@@ -179,7 +180,7 @@ TEST_CASE("forward dynamics refuses workspaces of another tree and vectors of a 
   CHECK(status(poses, rest, none, work) == DynamicsStatus::Solved);
   CHECK(status(poses, longer, none, work) == DynamicsStatus::WrongSize);
   CHECK(status(poses, rest, longer, work) == DynamicsStatus::WrongSize);
-  for (int trial = 0; trial < 10; ++trial) {  // as many bodies, other branches
+  for (int trial = 0; trial < 10; ++trial) {  // the same number of bodies, other branches
     const KinematicTree<double> other = draws.tree<double>(8, trial % 2 == 0, trial % 3 == 0);
     ForwardDynamicsWorkspace<double> foreign(other);
     CHECK(status(poses, rest, none, foreign) == DynamicsStatus::OtherTree);

@@ -9,7 +9,7 @@ using namespace clothctl_test;
 
 namespace {
 
-/// The pose of a link from the definition: one joint after another, with Rodrigues' formula.
+/// The pose of a link by definition: one joint after another, with Rodrigues' formula.
 Pose<double> by_definition(const KinematicTree<double>& tree, const VectorX<double>& q, int link) {
   const Link<double>& frame = tree.links()[static_cast<std::size_t>(link)];
   Pose<double> pose = frame.placement;
@@ -34,7 +34,7 @@ Pose<double> by_definition(const KinematicTree<double>& tree, const VectorX<doub
 
 }  // namespace
 
-TEST_CASE("links are where the definition says", "[robot]") {
+TEST_CASE("link poses match the definition", "[robot]") {
   RobotDraws draws(1);
   for (int trial = 0; trial < 20; ++trial) {
     const KinematicTree<double> tree = draws.tree<double>(12, trial % 2 == 0, trial % 3 == 0);
@@ -53,7 +53,8 @@ TEST_CASE("links are where the definition says", "[robot]") {
   }
 }
 
-TEST_CASE("a Jacobian is the derivative of a point's place and of a link's turn", "[robot]") {
+TEST_CASE("a Jacobian is the derivative of a point's position and of a link's rotation",
+          "[robot]") {
   RobotDraws draws(2);
   for (int trial = 0; trial < 10; ++trial) {
     const KinematicTree<double> tree = draws.tree<double>(12, trial % 2 == 0, trial % 3 == 0);
@@ -84,8 +85,10 @@ TEST_CASE("a Jacobian is the derivative of a point's place and of a link's turn"
   }
 }
 
-TEST_CASE("a quaternion of another length turns the same way, and NaN shows below it alone",
-          "[robot]") {
+TEST_CASE(
+    "a quaternion of another length gives the same rotation, and NaN affects the bodies below it "
+    "only",
+    "[robot]") {
   RobotDraws draws(3);
   const KinematicTree<double> tree = draws.tree<double>(9, true, false);
   BodyPoses<double> body_poses(tree), scaled(tree);

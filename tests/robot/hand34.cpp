@@ -40,7 +40,7 @@ struct Hand {
     forward_kinematics<double>(tree, q, body_poses);
     return link_pose(tree, body_poses, tree.find_link(link));
   }
-  /// Where a link goes when one joint turns a little from rest.
+  /// Motion of a link when one joint rotates a little from rest.
   Vector3<double> moved(const std::string& joint, const std::string& link) {
     VectorX<double> q = VectorX<double>::Zero(tree.nq());
     const Vector3<double> before = pose(q, link).p;
@@ -51,7 +51,7 @@ struct Hand {
 
 }  // namespace
 
-TEST_CASE("hand34: 34 joints, 40 links, a kilogram", "[robot][hand34]") {
+TEST_CASE("hand34: 34 joints, 40 links, one kilogram", "[robot][hand34]") {
   const Hand hand;
   CHECK(hand.tree.nv() == 34);
   CHECK(hand.tree.nq() == 34);
@@ -62,7 +62,7 @@ TEST_CASE("hand34: 34 joints, 40 links, a kilogram", "[robot][hand34]") {
   for (const Body<double>& body : hand.tree.bodies()) {
     mass += body.inertia.mass;
     CHECK(body.inertia.mass > 0);
-    // Moments that a body can have.
+    // Moments of inertia that a body can have.
     const Vector3<double> m = body.inertia.about_com.diagonal();
     CHECK((m.minCoeff() > 0 && 2 * m.maxCoeff() <= m.sum() * (1 + 1e-12)));
   }
@@ -99,7 +99,7 @@ TEST_CASE("hand34: at rest it is a right hand with its palm down", "[robot][hand
   CHECK(hand.pose(q, "little_tip").p[0] < hand.pose(q, "ring_tip").p[0]);
 }
 
-TEST_CASE("hand34: the mass matrix is positive definite in every pose, at the gimbal's limit too",
+TEST_CASE("hand34: the mass matrix is positive definite in every pose, even at the gimbal's limit",
           "[robot][hand34]") {
   Hand hand;
   MassMatrixWorkspace<double> work(hand.tree);
@@ -115,13 +115,13 @@ TEST_CASE("hand34: the mass matrix is positive definite in every pose, at the gi
     const double smallest =
         Eigen::SelfAdjointEigenSolver<MatrixX<double>>(M, Eigen::EigenvaluesOnly).eigenvalues()[0];
     least = (std::min)(least, smallest);
-    CHECK(std::abs(M(0, 0) - 1.037) < 5e-4);  // what slides along x is the whole hand
+    CHECK(std::abs(M(0, 0) - 1.037) < 5e-4);  // along x the whole hand slides
   }
   INFO("least eigenvalue " << least);
   CHECK(least > 1e-7);
 }
 
-TEST_CASE("hand34: the thumb's pad meets that of every finger", "[robot][hand34]") {
+TEST_CASE("hand34: the thumb's pad reaches the pad of every finger", "[robot][hand34]") {
   Hand hand;
   IkSettings<double> settings;
   settings.tolerance = 1e-7;
@@ -146,7 +146,7 @@ TEST_CASE("hand34: the thumb's pad meets that of every finger", "[robot][hand34]
     CHECK(report.status == IkStatus::Reached);
     CHECK((q - hand.tree.lower()).minCoeff() >= 0);
     CHECK((hand.tree.upper() - q).minCoeff() >= 0);
-    q.head(8) = home.head(8);  // base and wrist back: they carry both pads alike
+    q.head(8) = home.head(8);  // base and wrist as at home: they move both pads together
     CHECK((hand.pose(q, tips[0].link).p - hand.pose(q, tips[f].link).p).norm() < 1e-6);
   }
 }
@@ -175,7 +175,7 @@ TEST_CASE("hand34: capsules run from joint to joint, and contact points lie insi
     links.insert(capsule.link);
     CHECK(hand.tree.find_link(capsule.link) >= 0);
     CHECK(capsule.radius > 0);
-    // A bone's capsule ends where the next joint of the chain begins.
+    // A bone's capsule ends at the next joint of the chain.
     for (const Joint<double>& joint : builder.joints()) {
       const bool on_finger =
           capsule.link != "palm" && capsule.link != "forearm" && joint.type != JointType::Fixed;
@@ -195,7 +195,8 @@ TEST_CASE("hand34: capsules run from joint to joint, and contact points lie insi
   }
 }
 
-TEST_CASE("hand34: home is within the limits, found by name in a larger robot", "[robot][hand34]") {
+TEST_CASE("hand34: home is within the limits, and is found by name in a larger robot",
+          "[robot][hand34]") {
   const Hand hand;
   const VectorX<double> home = hand34_home(hand.tree);
   CHECK((home - hand.tree.lower()).minCoeff() >= 0);
@@ -204,7 +205,7 @@ TEST_CASE("hand34: home is within the limits, found by name in a larger robot", 
   CHECK(home[hand.entry("ring_pip")] == 0.6);
   CHECK(home[hand.entry("thumb_ip")] == 0.3);
   CHECK(home[hand.entry("wrist_flex")] == 0);
-  // On a rail, with one joint that follows another and one that is not there.
+  // On a rail, with one joint that follows another, and one that is renamed and so not found.
   KinematicTreeBuilder<double> larger;
   const KinematicTreeBuilder<double> own = hand34_builder<double>();
   larger.add_link("rail");
@@ -225,7 +226,7 @@ TEST_CASE("hand34: home is within the limits, found by name in a larger robot", 
   const VectorX<double> q = hand34_home(tree);
   REQUIRE(q.size() == 34);
   CHECK(q[0] == 0.5);
-  CHECK(q[3] == 0);  // the lift
+  CHECK(q[3] == 0);  // the renamed joint
   const Body<double>& pip = tree.bodies()[static_cast<std::size_t>(tree.find_joint("index_pip"))];
   CHECK(q[pip.position] == 0.6);
 }

@@ -7,7 +7,7 @@
 
 using namespace clothctl;
 
-TEST_CASE("a capsule's inertia is that of its volume, summed over slices", "[robot][hand34]") {
+TEST_CASE("a capsule's inertia matches a sum over slices", "[robot][hand34]") {
   const detail::Bone bone{0.044, 0.009};
   const Inertia<double> inertia = detail::capsule_body<double>(bone);
   double mass = 0, moment_x = 0, along = 0, across = 0;
@@ -30,7 +30,7 @@ TEST_CASE("a capsule's inertia is that of its volume, summed over slices", "[rob
   CHECK(inertia.about_com(2, 2) == Approx(across).epsilon(1e-6));
 }
 
-TEST_CASE("a box's inertia is the textbook's", "[robot][hand34]") {
+TEST_CASE("a box's inertia matches the textbook formula", "[robot][hand34]") {
   const Inertia<double> box =
       detail::box_body<double>(12.0, Vector3<double>(1, 2, 3), Vector3<double>(0.1, 0, 0));
   CHECK(box.mass == 12.0);
@@ -38,7 +38,7 @@ TEST_CASE("a box's inertia is the textbook's", "[robot][hand34]") {
   CHECK(box.com == Vector3<double>(0.1, 0, 0));
 }
 
-TEST_CASE("a pose at a place turns by yaw, pitch and roll in this order of its arguments",
+TEST_CASE("the arguments of a pose are yaw, pitch and roll, applied in this order",
           "[robot][hand34]") {
   const Pose<double> pose = detail::at<double>(1, 2, 3, 0.1, 0.2, 0.3);
   CHECK(pose.p == Vector3<double>(1, 2, 3));

@@ -8,7 +8,7 @@ using namespace clothctl_test;
 
 namespace {
 
-/// Tasks of each kind, not reached.
+/// Tasks of each kind, with targets that are not met.
 std::vector<IkTask<double>> mixed_tasks(RobotDraws& draws, int frames) {
   std::vector<IkTask<double>> tasks;
   for (int k = 0; k < 6; ++k) {
@@ -27,7 +27,7 @@ std::vector<IkTask<double>> mixed_tasks(RobotDraws& draws, int frames) {
 
 }  // namespace
 
-TEST_CASE("the direction is the cost's steepest descent, for every kind of task and joint",
+TEST_CASE("the direction is the cost's steepest descent for every kind of task and joint",
           "[robot]") {
   RobotDraws draws(41);
   for (int round = 0; round < 10; ++round) {
@@ -49,8 +49,8 @@ TEST_CASE("the direction is the cost's steepest descent, for every kind of task 
       step[i] = -h;
       tree.advance(q, step, moved);
       const double below = problem.evaluate(tree, tasks, moved);
-      // To first order a pointing residual shrinks along its own turn alone, and orientation along
-      // the shorter one.
+      // To first order, a pointing residual shrinks along its own rotation only, and an orientation
+      // residual along the shorter one.
       CHECK(problem.direction()[i] ==
             Approx(-(above - below) / (2 * h)).margin(2e-7 * problem.residuals().norm()));
     }
@@ -60,9 +60,7 @@ TEST_CASE("the direction is the cost's steepest descent, for every kind of task 
   }
 }
 
-TEST_CASE(
-    "room to the limits is what a step may take, and the posture's share of the cost is drawn to",
-    "[robot]") {
+TEST_CASE("a step stays within the limits, and the posture is a part of the cost", "[robot]") {
   Reach reach;
   const VectorX<double> goal = reach.anywhere(), q = reach.anywhere();
   reach.aim_at(goal);
@@ -75,25 +73,25 @@ TEST_CASE(
   CHECK((q + problem.below() - reach.tree.lower()).norm() < 1e-12);
   CHECK((q + problem.above() - reach.tree.upper()).norm() < 1e-12);
 
-  // Taking the residuals of a place off them makes that place the goal.
+  // Subtracting the residuals at a configuration makes it the solution.
   problem.start(reach.tasks, goal, 0.0);
   problem.evaluate(reach.tree, reach.tasks, q);
   const VectorX<double> there = problem.current_residuals();
   problem.lead(there, 1.0);
   CHECK(problem.evaluate(reach.tree, reach.tasks, q) < 1e-28);
 
-  // A gradient that only limits hold back counts as none.
+  // A gradient that only limits block counts as zero.
   VectorX<double> low = reach.tree.lower();
   for (IkTask<double>& task : reach.tasks) task.target = Vector3<double>(-100.0, -100.0, -100.0);
   problem.start(reach.tasks, goal, 0.0);
   problem.evaluate(reach.tree, reach.tasks, low);
   problem.linearise(reach.tree, reach.tasks, low);
   for (Index i = 0; i < 3; ++i)
-    CHECK(problem.direction()[i] < 0.0);  // the sliding joints would go further
+    CHECK(problem.direction()[i] < 0.0);  // the sliding joints would move further
   CHECK(problem.below().head(3).norm() < 1e-12);
 }
 
-TEST_CASE("what is wrong with a problem is named", "[robot]") {
+TEST_CASE("validate names the error of a problem", "[robot]") {
   Reach reach;
   const VectorX<double> q = reach.anywhere();
   reach.aim_at(q);

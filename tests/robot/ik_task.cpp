@@ -9,7 +9,7 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
-TEST_CASE("a task's Jacobian is how a step lowers its residual", "[robot]") {
+TEST_CASE("a task's Jacobian is minus the derivative of its residual", "[robot]") {
   using Model = KinematicTree<double>;
   RobotDraws draws(16);
   for (int trial = 0; trial < 30; ++trial) {
@@ -42,7 +42,7 @@ TEST_CASE("a task's Jacobian is how a step lowers its residual", "[robot]") {
   }
 }
 
-TEST_CASE("settings of inverse kinematics name the first bad value", "[robot]") {
+TEST_CASE("validate names the first bad setting of inverse kinematics", "[robot]") {
   const IkSettings<double> good;
   CHECK(good.validate().empty());
   IkSettings<double> settings = good;
@@ -62,13 +62,13 @@ TEST_CASE("settings of inverse kinematics name the first bad value", "[robot]") 
   CHECK(settings.validate() == "max_iterations is less than 1");
 }
 
-TEST_CASE("the gradient's tolerance leaves room for rounding", "[robot]") {
+TEST_CASE("the tolerance of the gradient leaves room for rounding", "[robot]") {
   CHECK(IkSettings<double>().gradient_tolerance == 1e-6);
   CHECK(IkSettings<float>().gradient_tolerance ==
         Approx(4 * std::sqrt(clothctl::scalar_traits<float>::epsilon())));
 }
 
-TEST_CASE("every reason to stop has a name of its own", "[robot]") {
+TEST_CASE("every reason to stop has its own name", "[robot]") {
   CHECK(to_string(IkStatus::Reached) == "reached");
   CHECK(to_string(IkStatus::LocalMinimum) == "local_minimum");
   CHECK(to_string(IkStatus::Stalled) == "stalled");

@@ -11,7 +11,7 @@ using namespace clothctl_test;
 
 namespace {
 
-/// Potential and kinetic energy from the masses' own motion, not from the matrices of dynamics.
+/// Potential and kinetic energy from the motion of the masses, without the matrices of dynamics.
 struct Energy {
   double potential = 0, kinetic = 0;
 };
@@ -27,7 +27,7 @@ Energy energy_of(const KinematicTree<double>& tree, const VectorX<double>& q,
     bool first = b >= 0;
     for (int other = 0; other < link; ++other)
       first = first && tree.links()[static_cast<std::size_t>(other)].body != b;
-    if (!first) continue;  // once a body
+    if (!first) continue;  // once for each body
     const Inertia<double>& inertia = tree.bodies()[static_cast<std::size_t>(b)].inertia;
     const BodyPose<double>& place = body_poses.poses[static_cast<std::size_t>(b)];
     const Vector3<double> c = place.p + place.R * inertia.com;
@@ -43,8 +43,9 @@ Energy energy_of(const KinematicTree<double>& tree, const VectorX<double>& q,
 
 }  // namespace
 
-TEST_CASE("gravity torques are the slope of the potential, and power is the change of energy",
-          "[robot]") {
+TEST_CASE(
+    "gravity torques are the derivative of the potential, and power is the derivative of energy",
+    "[robot]") {
   RobotDraws draws(7);
   for (int trial = 0; trial < 30; ++trial) {
     const KinematicTree<double> tree = draws.tree<double>(12, trial % 2 == 0, trial % 3 == 0);
@@ -74,8 +75,10 @@ TEST_CASE("gravity torques are the slope of the potential, and power is the chan
   }
 }
 
-TEST_CASE("a mass on an upward slider is held by its weight, and a pendulum by its lever",
-          "[robot]") {
+TEST_CASE(
+    "the force on a vertical slider is its weight, and the torque on a pendulum weight times lever "
+    "arm",
+    "[robot]") {
   KinematicTreeBuilder<double> builder;
   Inertia<double> inertia;
   inertia.mass = 2.0;
@@ -104,10 +107,11 @@ TEST_CASE("a mass on an upward slider is held by its weight, and a pendulum by i
   const VectorX<double> zero = VectorX<double>::Zero(2);
   inverse_dynamics<double>(tree, body_poses, zero, zero, standard_gravity<double>(), work, torques);
   CHECK(torques[0] == Approx(2.0 * 9.81));
-  CHECK(torques[1] == Approx(-2.0 * 9.81 * 0.5));  // turning about y lowers what points along x
+  CHECK(torques[1] == Approx(-2.0 * 9.81 * 0.5));  // rotation about y lowers points along x
 }
 
-TEST_CASE("the mass matrix is what accelerations take, symmetric and definite", "[robot]") {
+TEST_CASE("the mass matrix maps accelerations to torques and is symmetric and definite",
+          "[robot]") {
   RobotDraws draws(6);
   for (int trial = 0; trial < 40; ++trial) {
     const KinematicTree<double> tree = draws.tree<double>(12, trial % 2 == 0, trial % 3 == 0);

@@ -1,5 +1,7 @@
 #include "clothctl/robot/inverse_kinematics.hpp"
 
+#include <random>
+
 #include "clothctl/robot/hand34.hpp"
 #include "clothctl/robot/kinematic_tree_model.hpp"
 #include "robot/random_tree.hpp"
@@ -19,7 +21,7 @@ struct Hand : Reach {
 }  // namespace
 
 TEST_CASE(
-    "five tips at once are reached within the limits, from near and with restarts from anywhere",
+    "five tips reach their targets within the limits from near, and with restarts from anywhere",
     "[robot]") {
   Hand reach;
   int reached = 0;
@@ -40,7 +42,7 @@ TEST_CASE(
                                                 [&] { return reach.uniform(); });
     reached += far.status == IkStatus::Reached ? 1 : 0;
     CHECK(reach.within_limits(q));
-    reach.aim_at(q);  // what is reported is so
+    reach.aim_at(q);  // the report is correct
     if (far.status == IkStatus::Reached) {
       const std::vector<IkTask<double>> there = reach.tasks;
       reach.aim_at(goal);
@@ -53,14 +55,14 @@ TEST_CASE(
   CHECK(reached >= 99);
 }
 
-TEST_CASE("out of reach ends at a minimum that the limits hold, and says so", "[robot]") {
+TEST_CASE("targets out of reach end at a constrained minimum and the status says so", "[robot]") {
   Hand reach;
   for (int k = 0; k < 60; ++k) {
     reach.aim_at(reach.anywhere());
     if (k % 2 == 0) {
       for (IkTask<double>& task : reach.tasks) task.target += Vector3<double>(3.0, 0.0, 0.0);
     } else {
-      reach.tasks[2].target += Vector3<double>(10.0, -3.0, 1.0);  // torn apart
+      reach.tasks[2].target += Vector3<double>(10.0, -3.0, 1.0);  // contradicting targets
     }
     VectorX<double> q = reach.anywhere();
     const long before = clothctl_test::allocations();
@@ -93,7 +95,7 @@ TEST_CASE("out of reach ends at a minimum that the limits hold, and says so", "[
   }
 }
 
-TEST_CASE("a posture is kept where the tasks leave room, and more rows than joints are solved too",
+TEST_CASE("a posture is approached where the tasks allow, also with more rows than joints",
           "[robot]") {
   Hand reach;
   const VectorX<double> goal = reach.anywhere();
@@ -111,7 +113,7 @@ TEST_CASE("a posture is kept where the tasks leave room, and more rows than join
   CHECK(report.error < 1e-3);
   CHECK((kept - goal).norm() < (free - goal).norm());
 
-  std::vector<IkTask<double>> many;  // twelve points of each finger tip: 180 rows, 26 joints
+  std::vector<IkTask<double>> many;  // twelve points of each fingertip: 180 rows, 26 joints
   forward_kinematics<double>(reach.tree, goal, reach.body_poses);
   RobotDraws draws(18);
   for (const IkTask<double>& task : reach.tasks) {
@@ -136,7 +138,7 @@ TEST_CASE("a posture is kept where the tasks leave room, and more rows than join
   }
 }
 
-TEST_CASE("bad input is refused and q is left alone", "[robot]") {
+TEST_CASE("bad input is refused and q stays unchanged", "[robot]") {
   Hand reach;
   reach.aim_at(reach.anywhere());
   VectorX<double> q = reach.tree.neutral();
@@ -160,10 +162,8 @@ TEST_CASE("bad input is refused and q is left alone", "[robot]") {
         IkStatus::InvalidInput);
 }
 
-TEST_CASE(
-    "starts near a local minimum are led to the targets all the same, and the answer is the best "
-    "met",
-    "[robot]") {
+TEST_CASE("starts near a local minimum still reach the targets, and the best result is returned",
+          "[robot]") {
   Hand reach;
   IkSettings<double> settings;
   settings.fallbacks = false;
@@ -183,7 +183,7 @@ TEST_CASE(
       CHECK((with.status == IkStatus::Reached || with.cost <= without.cost));
       CHECK(with.iterations > without.iterations);
     }
-    // The report is of the q that is answered.
+    // The report describes the returned q.
     forward_kinematics<double>(reach.tree, r, reach.body_poses);
     double error = 0;
     for (const IkTask<double>& task : reach.tasks) {
@@ -231,7 +231,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "orientations and directions are reached, from half a turn away too, on free and coupled "
+    "orientations and directions are reached, even from half a turn away, on free and coupled "
     "robots",
     "[robot]") {
   RobotDraws draws(91);
@@ -265,7 +265,7 @@ TEST_CASE(
   CHECK(reached >= 38);
 }
 
-TEST_CASE("the reasons to stop are told apart, and restarts count", "[robot]") {
+TEST_CASE("statuses name the reason to stop, and restarts are counted", "[robot]") {
   Hand reach;
   reach.aim_at(reach.anywhere());
   IkSettings<double> settings;
@@ -292,7 +292,8 @@ TEST_CASE("the reasons to stop are told apart, and restarts count", "[robot]") {
   CHECK_FALSE(refused.message.empty());
 }
 
-TEST_CASE("in float, tips are reached and what is out of reach ends at a minimum", "[robot]") {
+TEST_CASE("in float, tips reach their targets, and targets out of reach end at a minimum",
+          "[robot]") {
   const KinematicTree<float> tree = hand34<float>();
   InverseKinematics<KinematicTree<float>> ik(tree, 5);
   BodyPoses<float> body_poses(tree);
@@ -318,11 +319,10 @@ TEST_CASE("in float, tips are reached and what is out of reach ends at a minimum
     minima += ik.solve(tree, tasks, VectorX<float>(), q).status == IkStatus::LocalMinimum ? 1 : 0;
   }
   CHECK(reached == 40);
-  CHECK(minima >= 30);  // the others stall on rounding, and say so
+  CHECK(minima >= 30);  // the others stall because of rounding, and report it
 }
 
-TEST_CASE("inverse kinematics refuses another robot and frames that do not exist, by message",
-          "[robot]") {
+TEST_CASE("inverse kinematics refuses another robot and missing frames with a message", "[robot]") {
   Reach reach;
   RobotDraws draws(45);
   reach.aim_at(reach.tree.neutral());
@@ -342,7 +342,29 @@ TEST_CASE("inverse kinematics refuses another robot and frames that do not exist
   }
 }
 
-TEST_CASE("room for a negative number of tasks is room for none", "[robot]") {
+TEST_CASE("the reference posture may be q itself", "[robot]") {
+  const KinematicTree<double> hand = hand34<double>();
+  IkSettings<double> settings;
+  settings.posture_weight = 1e-3;
+  const int tip = hand.find_link("index_tip");
+  const std::vector<IkTask<double>> tasks = {IkTask<double>::position(
+      tip, Vector3<double>::Zero(), Vector3<double>(2.0, 1.0, -1.0))};  // out of reach
+  for (const int restarts : {0, 5}) {
+    CAPTURE(restarts);
+    InverseKinematics<KinematicTree<double>> ik(hand, 1, settings);
+    VectorX<double> q = hand.neutral(), same = q;
+    const VectorX<double> reference = q;
+    std::mt19937 first(3), second(3);
+    std::uniform_real_distribution<double> uniform;
+    const auto a = ik.solve(hand, tasks, reference, q, restarts, [&] { return uniform(first); });
+    const auto b = ik.solve(hand, tasks, same, same, restarts, [&] { return uniform(second); });
+    CHECK(a.cost == b.cost);
+    CHECK(a.iterations == b.iterations);
+    CHECK(q == same);
+  }
+}
+
+TEST_CASE("reserving a negative number of tasks reserves none", "[robot]") {
   Reach reach;
   reach.aim_at(reach.tree.neutral());
   const VectorX<double> none;

@@ -9,8 +9,9 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
-TEMPLATE_TEST_CASE("a difference leads from one position to the other, and quaternions stay unit",
-                   "[robot]", float, double) {
+TEMPLATE_TEST_CASE(
+    "a difference leads from one configuration to the other, and quaternions stay unit", "[robot]",
+    float, double) {
   using S = TestType;
   RobotDraws draws(9);
   const double loose = sizeof(S) == sizeof(float) ? 1e-5 : 1e-13;
@@ -18,7 +19,7 @@ TEMPLATE_TEST_CASE("a difference leads from one position to the other, and quate
     const KinematicTree<S> tree = draws.tree<S>(12, true, trial % 2 == 0);
     VectorX<S> from = draws.positions<S>(tree), to = draws.positions<S>(tree);
     if (trial % 3 == 0) to = from;
-    if (trial % 3 == 1) {  // nearly the same, and by the other sign of the quaternion
+    if (trial % 3 == 1) {  // nearly equal, and with the opposite sign of the quaternion
       VectorX<S> nudge = draws.entries<S>(tree.nv(), 1e-4);
       tree.advance(from, nudge, to);
       for (const Body<S>& body : tree.bodies()) {
@@ -47,8 +48,9 @@ TEMPLATE_TEST_CASE("a difference leads from one position to the other, and quate
   }
 }
 
-TEST_CASE("a full turn of a free body comes home, half a turn is the turn's own matrix",
-          "[robot]") {
+TEST_CASE(
+    "a full turn of a free body returns to the start, and half a turn gives its rotation matrix",
+    "[robot]") {
   RobotDraws draws(10);
   const KinematicTree<double> tree = draws.tree<double>(1, true, false);
   const double pi = std::acos(-1.0);
@@ -65,7 +67,7 @@ TEST_CASE("a full turn of a free body comes home, half a turn is the turn's own 
   CHECK(moved[6] == Approx(std::sqrt(0.5)));
 }
 
-TEST_CASE("neutral is zero within the limits", "[robot]") {
+TEST_CASE("neutral is zero, moved into the limits", "[robot]") {
   KinematicTreeBuilder<double> builder;
   builder.add_link("world").add_link("a").add_link("b");
   Joint<double> one;

@@ -21,7 +21,7 @@ Joint<double> joint(const std::string& name, const std::string& parent, const st
   return made;
 }
 
-/// World - a - b - c, with a change, and what the builder says of it.
+/// Builds world - a - b - c after `change`, and returns the builder's error.
 std::string refused(const std::function<void(Inertia<double>&, Joint<double>&)>& spoil) {
   Inertia<double> inertia;
   inertia.mass = 1.0;
@@ -39,7 +39,7 @@ std::string refused(const std::function<void(Inertia<double>&, Joint<double>&)>&
 }  // namespace
 
 TEST_CASE(
-    "bodies stand in depth-first order whatever the order of joints, and subtrees are intervals",
+    "bodies are in depth-first order whatever the order of joints, and subtrees are intervals",
     "[robot]") {
   KinematicTreeBuilder<double> builder;
   builder.add_link("tip").add_link("palm").add_link("thumb").add_link("world").add_link("finger");
@@ -55,7 +55,8 @@ TEST_CASE(
   CHECK(tree.links()[0].body == 2);
 }
 
-TEST_CASE("fixed links are one body: mass, centre and tensor are their sum", "[robot]") {
+TEST_CASE("links with fixed joints form one body with the sum of their mass, centre and tensor",
+          "[robot]") {
   RobotDraws draws(11);
   const Inertia<double> one = draws.inertia<double>(), two = draws.inertia<double>(),
                         three = draws.inertia<double>();
@@ -73,7 +74,7 @@ TEST_CASE("fixed links are one body: mass, centre and tensor are their sum", "[r
   REQUIRE(tree.bodies().size() == 1);
   const Inertia<double>& body = tree.bodies()[0].inertia;
   CHECK(body.mass == Approx(one.mass + two.mass + three.mass));
-  // The kinetic energy of a turn about any axis through the joint's origin is that of the parts.
+  // The kinetic energy of rotations about the joint's origin is the sum of the parts' energies.
   const Pose<double> first = tree.links()[1].placement, second = first * still.origin,
                      third = second * more.origin;
   for (int k = 0; k < 5; ++k) {
@@ -88,7 +89,7 @@ TEST_CASE("fixed links are one body: mass, centre and tensor are their sum", "[r
   }
 }
 
-TEST_CASE("joints that follow share a coordinate and narrow its limits", "[robot]") {
+TEST_CASE("joints that follow a leader share its coordinate and narrow its limits", "[robot]") {
   KinematicTreeBuilder<double> builder;
   builder.add_link("world").add_link("a").add_link("b").add_link("c");
   Joint<double> lead = joint("lead", "world", "a"), follow = joint("follow", "a", "b"),
@@ -114,7 +115,7 @@ TEST_CASE("joints that follow share a coordinate and narrow its limits", "[robot
   CHECK(tree.bodies()[2].offset == 0.25);
 }
 
-TEST_CASE("what is wrong is named, with its value", "[robot]") {
+TEST_CASE("errors are named with their value", "[robot]") {
   const double nan = std::nan(""), infinity = std::numeric_limits<double>::infinity();
   CHECK(refused([](Inertia<double>&, Joint<double>&) {}) == "");
   CHECK(refused([](Inertia<double>& i, Joint<double>&) { i.mass = -2.5; }) ==
@@ -167,7 +168,7 @@ TEST_CASE("what is wrong is named, with its value", "[robot]") {
         "link \"a\" occurs twice");
 }
 
-TEST_CASE("numbers that are finite alone and overflow together are refused", "[robot]") {
+TEST_CASE("finite numbers whose combination overflows are refused", "[robot]") {
   Inertia<double> huge;
   huge.mass = 1e308;
   Joint<double> first = joint("first", "world", "a"), fixed = joint("fixed", "a", "b");
@@ -178,7 +179,7 @@ TEST_CASE("numbers that are finite alone and overflow together are refused", "[r
   CHECK(builder.build().error() == "joint \"first\": numbers overflow");
 }
 
-TEST_CASE("a builder shows what it was given, in that order, built or not", "[robot]") {
+TEST_CASE("a builder shows its links and joints in their order, built or not", "[robot]") {
   Inertia<double> heavy;
   heavy.mass = 2.0;
   KinematicTreeBuilder<double> builder;
@@ -212,7 +213,7 @@ TEST_CASE("long chains build fast", "[robot]") {
 }
 
 TEST_CASE(
-    "numbers that overflow on the way to leaders, tensors without symmetry and rounded rotations",
+    "ratios that overflow and asymmetric tensors are refused, and rounded rotations are accepted",
     "[robot]") {
   const auto chain = [](double ratio_one, double ratio_two, double limit) {
     KinematicTreeBuilder<double> builder;
@@ -245,7 +246,7 @@ TEST_CASE(
   uneven.add_link("world", inertia);
   CHECK(uneven.build().error() == "link \"world\": inertia tensor is not symmetric");
 
-  // A chain of rotations with seven digits stays a chain of rotations.
+  // A chain of rotations with seven digits is accepted as rotations.
   KinematicTreeBuilder<float> rounded;
   rounded.add_link("world");
   for (int k = 0; k < 30; ++k) {
@@ -264,7 +265,7 @@ TEST_CASE(
   CHECK((R.transpose() * R - Matrix3<float>::Identity()).cwiseAbs().maxCoeff() < 1e-5f);
 }
 
-TEST_CASE("an inertia far from any body's is refused by link and value", "[robot]") {
+TEST_CASE("an impossible inertia is refused with link and value", "[robot]") {
   for (const double entry : {1e38, -1e38, 1e300, 0.3}) {
     for (int k = 0; k < 3; ++k) {
       Inertia<double> inertia;
@@ -286,7 +287,7 @@ TEST_CASE("an inertia far from any body's is refused by link and value", "[robot
   }
 }
 
-TEST_CASE("fingerprints tell trees apart, and copies share them", "[robot]") {
+TEST_CASE("fingerprints differ between trees and are equal for copies", "[robot]") {
   RobotDraws draws(44);
   const KinematicTree<double> a = draws.tree<double>(7, false, false),
                               b = draws.tree<double>(7, false, false), c = a;

@@ -12,7 +12,7 @@ static_assert(ArticulatedDynamics<KinematicTree<double>>);
 static_assert(ArticulatedDynamics<KinematicTree<float>, float>);
 static_assert(!ArticulatedModel<KinematicTree<double>, float>);
 
-TEST_CASE("a tree answers through the trait as by itself, and names the coordinate without inertia",
+TEST_CASE("the trait gives the tree's own results and names the coordinate without inertia",
           "[robot]") {
   using Traits = articulated_traits<KinematicTree<double>>;
   RobotDraws draws(13);

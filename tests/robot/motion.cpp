@@ -6,7 +6,7 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
-TEST_CASE("accelerations that velocities cause are second derivatives of places", "[robot]") {
+TEST_CASE("accelerations caused by velocities are second derivatives of positions", "[robot]") {
   RobotDraws draws(12);
   for (int trial = 0; trial < 10; ++trial) {
     const KinematicTree<double> tree = draws.tree<double>(10, trial % 2 == 0, trial % 3 == 0);

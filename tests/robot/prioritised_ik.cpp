@@ -25,7 +25,7 @@ struct Ranked : Reach {
 
 }  // namespace
 
-TEST_CASE("levels that agree are all reached, within the limits", "[robot]") {
+TEST_CASE("compatible levels are all satisfied within the limits", "[robot]") {
   Ranked hand;
   int reached = 0;
   for (int round = 0; round < 50; ++round) {
@@ -46,7 +46,7 @@ TEST_CASE("levels that agree are all reached, within the limits", "[robot]") {
   CHECK(reached >= 48);
 }
 
-TEST_CASE("a later level that disagrees does what it can and costs the first nothing", "[robot]") {
+TEST_CASE("a conflicting later level does what it can without affecting the first", "[robot]") {
   Ranked hand;
   int first = 0, helped = 0;
   for (int round = 0; round < 30; ++round) {
@@ -66,7 +66,7 @@ TEST_CASE("a later level that disagrees does what it can and costs the first not
     CHECK(report.status != IkStatus::InvalidInput);
     CHECK(hand.within_limits(q));
 
-    // The other way round the palm comes first, and the tips fall short.
+    // In the reverse order the palm comes first, and the tips miss.
     std::vector<IkTask<double>> turned = {hand.tasks[5]};
     turned.insert(turned.end(), hand.tasks.begin(), hand.tasks.begin() + 5);
     const int other[] = {1, 5};
@@ -77,7 +77,7 @@ TEST_CASE("a later level that disagrees does what it can and costs the first not
   CHECK(helped >= 20);
 }
 
-TEST_CASE("what the tasks leave free draws to the reference", "[robot]") {
+TEST_CASE("motion that the tasks leave free approaches the reference", "[robot]") {
   Ranked hand;
   const VectorX<double> goal = hand.anywhere();
   hand.aim_at(goal);
@@ -91,7 +91,7 @@ TEST_CASE("what the tasks leave free draws to the reference", "[robot]") {
   CHECK((q - reference).norm() < 0.5 * before);
 }
 
-TEST_CASE("without any task the posture alone draws", "[robot]") {
+TEST_CASE("without tasks the posture alone is approached", "[robot]") {
   Ranked hand;
   VectorX<double> q = hand.anywhere();
   const VectorX<double> reference = hand.anywhere();
@@ -99,7 +99,7 @@ TEST_CASE("without any task the posture alone draws", "[robot]") {
   CHECK((q - reference).norm() < 1e-3);
 }
 
-TEST_CASE("counts of levels must fit", "[robot]") {
+TEST_CASE("wrong numbers of levels are refused", "[robot]") {
   Ranked hand;
   VectorX<double> q = hand.anywhere();
   const VectorX<double> before = q;
@@ -114,7 +114,7 @@ TEST_CASE("counts of levels must fit", "[robot]") {
   CHECK(q == before);
 }
 
-TEST_CASE("room for negative numbers of tasks and levels is room for none", "[robot]") {
+TEST_CASE("reserving negative numbers of tasks and levels reserves none", "[robot]") {
   Reach reach;
   reach.aim_at(reach.tree.neutral());
   const VectorX<double> none;

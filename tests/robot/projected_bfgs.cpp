@@ -18,7 +18,8 @@ MatrixX<double> drawn_square(RobotDraws& draws, Index n) {
 
 }  // namespace
 
-TEST_CASE("exact steps on a quadratic end at its minimum within so many entries", "[robot]") {
+TEST_CASE("exact steps on a quadratic function reach its minimum within a number of steps",
+          "[robot]") {
   RobotDraws draws(81);
   const Index n = 8;
   const MatrixX<double> H = drawn_square(draws, n);
@@ -44,7 +45,7 @@ TEST_CASE("exact steps on a quadratic end at its minimum within so many entries"
   if (clothctl_test::allocation_counting_works()) CHECK(own == 0);
 }
 
-TEST_CASE("entries that a limit holds stay, and negative curvature does not spoil what is known",
+TEST_CASE("entries at their limits stay, and negative curvature leaves the matrix unchanged",
           "[robot]") {
   RobotDraws draws(82);
   const Index n = 5;
@@ -64,7 +65,7 @@ TEST_CASE("entries that a limit holds stay, and negative curvature does not spoi
   const VectorX<double> rest = H * step - g;
   for (const Index i : {0, 2, 4}) CHECK(std::abs(rest[i]) < 1e-12);
 
-  for (int k = 0; k < 50; ++k) {  // curvature of any sign: steps go on to be descents
+  for (int k = 0; k < 50; ++k) {  // with curvature of any sign, steps stay descent directions
     const VectorX<double> s = draws.entries<double>(n), y = draws.entries<double>(n);
     bfgs.update(s, y);
     const VectorX<double> slope = draws.entries<double>(n);

@@ -1,6 +1,6 @@
 #pragma once
 
-// Random robots with every kind of joint, for laws that must hold for any.
+// Random robots with every kind of joint, for laws that hold for all robots.
 
 #include <cmath>
 #include <random>
@@ -30,7 +30,7 @@ class RobotDraws {
     return Eigen::AngleAxisd(3.0 * normal(), vector().normalized()).toRotationMatrix();
   }
 
-  /// An inertia that a real body can have.
+  /// Draws an inertia that a real body can have.
   template <class S>
   Inertia<S> inertia() {
     Inertia<S> part;
@@ -43,8 +43,8 @@ class RobotDraws {
     return part;
   }
 
-  /// A robot of so many joints; with `free`, the first and the sixth are free ones, with `coupled`,
-  /// two follow the third.
+  /// Draws a robot with the given number of joints. With `free`, the first and the sixth are free
+  /// joints; with `coupled`, two follow the third.
   template <class S>
   KinematicTree<S> tree(int joints, bool free, bool coupled) {
     KinematicTreeBuilder<S> builder;
@@ -73,7 +73,7 @@ class RobotDraws {
     return builder.build().value();
   }
 
-  /// Velocities, torques and the like.
+  /// Draws velocities, torques and the like.
   template <class S>
   VectorX<S> entries(Index n, double scale = 1.0) {
     VectorX<S> v(n);
@@ -81,7 +81,7 @@ class RobotDraws {
     return v;
   }
 
-  /// Positions with unit quaternions.
+  /// Draws positions with unit quaternions.
   template <class S>
   VectorX<S> positions(const KinematicTree<S>& tree) {
     VectorX<S> q = entries<S>(tree.nq());

@@ -1,6 +1,6 @@
 #pragma once
 
-// A hand of 26 joints with limits, and targets for the tips of its fingers.
+// A hand of 26 joints with limits, and targets for its fingertips.
 
 #include <random>
 #include <string>
@@ -20,7 +20,7 @@ using clothctl::Vector3;
 using clothctl::VectorX;
 using namespace clothctl;
 
-/// A palm on six joints with five fingers of four: limits of about a radian.
+/// A palm on six joints, and five fingers of four joints. The limits are about one radian.
 inline KinematicTree<double> small_hand() {
   KinematicTreeBuilder<double> builder;
   builder.add_link("world");
@@ -57,7 +57,8 @@ inline KinematicTree<double> small_hand() {
   return builder.build().value();
 }
 
-/// The hand, random poses, and tasks that the tips be where a pose has them.
+/// The hand, random configurations, and tasks that put the tips where they are in such a
+/// configuration.
 struct Reach {
   KinematicTree<double> tree = small_hand();
   BodyPoses<double> body_poses{tree};

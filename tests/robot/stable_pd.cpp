@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "clothctl/robot/inverse_kinematics.hpp"
 #include "clothctl/robot/kinematic_tree_model.hpp"
 #include "robot/random_tree.hpp"
 #include "support/allocations.hpp"
@@ -12,8 +13,10 @@ using namespace clothctl_test;
 
 namespace other_engine {
 
-// A robot of twelve joints, one more of which exceeds its torque limit in each solve.
-struct Cascade {};
+// A robot of twelve joints. In each solve, one more joint exceeds its torque limit.
+struct Cascade {
+  Index limits = 12;  // number of limits that the robot gives
+};
 
 }  // namespace other_engine
 
@@ -28,8 +31,10 @@ struct clothctl::articulated_traits<other_engine::Cascade> {
   static Index nq(const Model&) { return 12; }
   static Index nv(const Model&) { return 12; }
   static VectorX<double> lower(const Model&) { return VectorX<double>::Constant(12, -9.0); }
-  static VectorX<double> upper(const Model&) { return VectorX<double>::Constant(12, 9.0); }
-  static VectorX<double> effort_limits(const Model&) { return VectorX<double>::Constant(12, 2.0); }
+  static VectorX<double> upper(const Model& m) { return VectorX<double>::Constant(m.limits, 9.0); }
+  static VectorX<double> effort_limits(const Model& m) {
+    return VectorX<double>::Constant(m.limits, 2.0);
+  }
   static void advance(const Model&, const View& q, const View& step, Out out) { out = q + step; }
   static void difference(const Model&, const View& from, const View& to, Out out) {
     out = to - from;
@@ -58,7 +63,7 @@ struct clothctl::articulated_traits<other_engine::Cascade> {
 
 namespace {
 
-/// A slider with a mass, or none.
+/// A slider, with or without mass.
 KinematicTree<double> slider(double mass, double effort = 1e9) {
   KinematicTreeBuilder<double> builder;
   Inertia<double> inertia;
@@ -73,7 +78,7 @@ KinematicTree<double> slider(double mass, double effort = 1e9) {
   return builder.add_link("world").add_link("carriage", inertia).add_joint(joint).build().value();
 }
 
-/// A robot, its controller and its own symplectic simulator.
+/// A robot, its controller and an independent symplectic simulator.
 struct Loop {
   using Controller = StablePd<KinematicTree<double>>;
   KinematicTree<double> tree;
@@ -106,9 +111,23 @@ struct Loop {
 
 }  // namespace
 
+TEST_CASE("a foreign robot whose limits have a wrong size is refused", "[robot]") {
+  const other_engine::Cascade robot{11};
+  const auto made =
+      StablePd<other_engine::Cascade>::create(robot, StablePdSettings<double>::uniform(12));
+  REQUIRE_FALSE(made);
+  CHECK(made.error() == "the robot gives 11 effort limits for 12 velocities");
+  InverseKinematics<other_engine::Cascade> ik(robot, 1);
+  VectorX<double> q = VectorX<double>::Zero(12);
+  const std::vector<IkTask<double>> tasks = {
+      IkTask<double>::position(0, Vector3<double>::Zero(), Vector3<double>::Ones())};
+  const auto report = ik.solve(robot, tasks, VectorX<double>(), q);
+  CHECK(report.status == IkStatus::InvalidInput);
+  CHECK(report.message == "the robot's limits differ in their sizes");
+}
+
 TEST_CASE(
-    "the torque is the spring's and the damper's at the end of the step, and causes the "
-    "acceleration",
+    "the torque is that of spring and damper at the end of the step and causes the acceleration",
     "[robot]") {
   RobotDraws draws(19);
   for (const PdForm form : {PdForm::Stable, PdForm::Implicit}) {
@@ -150,8 +169,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always when implicit",
-          "[robot]") {
+TEST_CASE("one joint is stable if kd > 1.5 kp h - 2 m/h, and always when implicit", "[robot]") {
   const double kp = 800, h = 0.02;
   for (const double share : {0.05, 0.1, 0.5}) {  // of kp h²
     const double mass = share * kp * h * h, bound = least_damping<double>(kp, h, mass);
@@ -174,9 +192,9 @@ TEST_CASE("one joint is stable exactly where kd > 1.5 kp h - 2 m/h, and always w
   }
 }
 
-TEST_CASE("joints that are too weakly damped only together are named", "[robot]") {
-  // Two carriages side by side: the lighter one alone decides, since they do not feel each other …
-  // but where one rides on the other, the two move together with less inertia than each has alone.
+TEST_CASE("joints that are only jointly underdamped are named", "[robot]") {
+  // Two carriages side by side do not interact, so the lighter one decides. If one rides on the
+  // other, they move together with less inertia than each has alone.
   KinematicTreeBuilder<double> builder;
   builder.add_link("world");
   for (int k = 0; k < 2; ++k) {
@@ -205,13 +223,12 @@ TEST_CASE("joints that are too weakly damped only together are named", "[robot]"
     for (int k = 0; k < 20000 && loop.largest() < 1e3; ++k)
       REQUIRE(loop.step() == PdStatus::Solved);
     CHECK((loop.largest() < 1e-4) == !warned);
-    if (warned && kd > 1.5 * kp * h - 2 * 0.01 / h)
-      ++between;  // what each joint alone would not tell
+    if (warned && kd > 1.5 * kp * h - 2 * 0.01 / h) ++between;  // not visible from each joint alone
   }
   CHECK(between > 0);
 }
 
-TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has both, as computed",
+TEST_CASE("with feed-forward there is no steady error; the paper's form sags and lags as computed",
           "[robot]") {
   const double v = 0.3, h = 0.02, mass = 0.5;
   for (const bool paper : {false, true}) {
@@ -229,7 +246,7 @@ TEST_CASE("with feed-forward there is neither sag nor lag; the paper's form has 
   }
 }
 
-TEST_CASE("torque limits hold without divergence where clipping would diverge", "[robot]") {
+TEST_CASE("torque limits hold without divergence where clipping diverges", "[robot]") {
   RobotDraws draws(20);
   KinematicTreeBuilder<double> builder;
   builder.add_link("world");
@@ -259,7 +276,7 @@ TEST_CASE("torque limits hold without divergence where clipping would diverge", 
   CHECK((loop.q - loop.target).norm() < 1e-3);
 }
 
-TEST_CASE("gains are checked and bad states refused without a trace", "[robot]") {
+TEST_CASE("gains are validated, and refused states change nothing", "[robot]") {
   const KinematicTree<double> tree = slider(1.0);
   StablePdSettings<double> settings = StablePdSettings<double>::uniform(2);
   CHECK(StablePd<KinematicTree<double>>::create(tree, settings).error() ==
@@ -310,7 +327,7 @@ TEST_CASE("gains are checked and bad states refused without a trace", "[robot]")
   CHECK(loop.step() == PdStatus::Solved);
 }
 
-TEST_CASE("joints that reach their limits in every round end clipped to them", "[robot]") {
+TEST_CASE("joints that reach their limits in every round are clipped to them", "[robot]") {
   const other_engine::Cascade robot;
   auto pd = StablePd<other_engine::Cascade>::create(robot, StablePdSettings<double>::uniform(12));
   REQUIRE(pd);

@@ -1,4 +1,4 @@
-// Stable PD on the 34-DoF hand: tracking, energy, torque limits, and where it is stable.
+// Stable PD on the 34-DoF hand: tracking, energy, torque limits, and the limit of stability.
 
 #include <cmath>
 
@@ -14,7 +14,7 @@ using namespace clothctl_test;
 
 namespace {
 
-/// The hand, its controller, and a symplectic simulator that is given the torques alone.
+/// The hand, its controller, and a symplectic simulator that only receives torques.
 struct HandLoop {
   using Traits = articulated_traits<KinematicTree<double>>;
   KinematicTree<double> tree = hand34<double>();
@@ -61,9 +61,7 @@ struct HandLoop {
 
 }  // namespace
 
-TEST_CASE(
-    "the hand follows keyframes at 50 to 1000 Hz: at 0.3 m/s no fingertip lags by a millimetre",
-    "[robot]") {
+TEST_CASE("at 50 to 1000 Hz and 0.3 m/s no fingertip of the hand lags by a millimetre", "[robot]") {
   for (const double rate : {50.0, 100.0, 250.0, 1000.0}) {
     CAPTURE(rate);
     HandLoop hand(1.0 / rate);
@@ -71,7 +69,7 @@ TEST_CASE(
     const double h = hand.settings.dt, speed = 0.3, start = 0.5;
     double worst = 0;
     for (int k = 1; k * h <= 2.5; ++k) {
-      // From rest to 0.3 m/s along x within half a second, while the fingers open and close once a
+      // From rest to 0.3 m/s along x in half a second, while the fingers open and close once a
       // second.
       const double t = k * h, ramp = std::min(t / start, 1.0), fade = ramp * ramp * (3 - 2 * ramp);
       const VectorX<double> before = hand.target;
@@ -84,8 +82,7 @@ TEST_CASE(
       }
       hand.target_velocity = (hand.target - before) / h;
       hand.step();
-      if (t < 1.5)
-        continue;  // what the start left behind has faded: kd/kp is an eighth of a second
+      if (t < 1.5) continue;  // the initial error has decayed; kd/kp is 1/8 s
       for (const FingerTip<double>& tip : hand34_tips<double>()) {
         const Vector3<double> wanted = hand.place_of(tip.link.c_str(), hand.target);
         worst = std::max(worst, (hand.place_of(tip.link.c_str(), hand.q) - wanted).norm());
@@ -114,7 +111,7 @@ TEST_CASE(
 }
 
 TEST_CASE(
-    "without gravity and with a held target the hand's energy does not grow over a tenth of a "
+    "without gravity and with a fixed target, the hand's energy does not grow over a tenth of a "
     "second",
     "[robot]") {
   RobotDraws draws(71);
@@ -142,7 +139,7 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("torque limits bind on a hard grip without divergence", "[robot]") {
+TEST_CASE("torque limits are active in a firm grip without divergence", "[robot]") {
   for (const double rate : {50.0, 1000.0}) {
     CAPTURE(rate);
     HandLoop hand(1.0 / rate, 32000, 1600);
@@ -159,11 +156,12 @@ TEST_CASE("torque limits bind on a hard grip without divergence", "[robot]") {
   }
 }
 
-TEST_CASE("the hand blows up and settles where the bound for light joints says, and is warned of",
-          "[robot]") {
+TEST_CASE(
+    "the hand is stable or unstable as the bound for light joints predicts, and unstable_at warns",
+    "[robot]") {
   const double h = 0.02, kp = 800;
   for (const double share :
-       {1.40, 1.60}) {  // kd over kp h; joints of fingers weigh next to nothing: the bound is 1.5
+       {1.40, 1.60}) {  // kd/(kp h); the bound for almost massless finger joints is 1.5
     CAPTURE(share);
     HandLoop hand(h, kp, share * kp * h);
     hand.settings.limit_torques = false;

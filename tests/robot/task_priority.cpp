@@ -14,7 +14,7 @@ namespace {
 MatrixX<double> drawn_matrix(RobotDraws& draws, Index rows, Index columns) {
   return draws.entries<double>(rows * columns).reshaped(rows, columns);
 }
-/// With singular values below `floor` taken for zero.
+/// The pseudo-inverse; singular values below `floor` count as zero.
 MatrixX<double> pseudo_inverse(const MatrixX<double>& A, double floor = 1e-9) {
   const Eigen::JacobiSVD<MatrixX<double>> svd(A, Eigen::ComputeThinU | Eigen::ComputeThinV);
   const VectorX<double> sigma = svd.singularValues();
@@ -23,7 +23,7 @@ MatrixX<double> pseudo_inverse(const MatrixX<double>& A, double floor = 1e-9) {
   return svd.matrixV() * inverse.asDiagonal() * svd.matrixU().transpose();
 }
 
-/// The formula of the head comment, with dense pseudo-inverses.
+/// The formula at the top of the header, with dense pseudo-inverses.
 VectorX<double> by_formula(const std::vector<MatrixX<double>>& J,
                            const std::vector<VectorX<double>>& x) {
   const Index n = J.front().cols();
@@ -39,7 +39,7 @@ VectorX<double> by_formula(const std::vector<MatrixX<double>>& J,
 
 }  // namespace
 
-TEST_CASE("levels follow the recursive formula, rank-deficient ones and ones of many rows too",
+TEST_CASE("levels follow the recursive formula, also rank-deficient ones and ones with many rows",
           "[robot]") {
   RobotDraws draws(61);
   PrioritySettings<double> exact;
@@ -50,7 +50,7 @@ TEST_CASE("levels follow the recursive formula, rank-deficient ones and ones of 
                                       drawn_matrix(draws, 2, n)};
     if (round % 4 == 1) J[0].row(3) = J[0].row(0) - 2.0 * J[0].row(1);
     if (round % 4 == 2)
-      J[1].row(1) = J[0].row(2) + J[0].row(1);  // one row of the second level is the first's
+      J[1].row(1) = J[0].row(2) + J[0].row(1);  // one row of the second level depends on the first
     if (round % 4 == 3) J[2] = drawn_matrix(draws, 30, 2) * drawn_matrix(draws, 2, n);
     std::vector<VectorX<double>> x;
     for (const MatrixX<double>& level : J) x.push_back(draws.entries<double>(level.rows()));
@@ -68,7 +68,8 @@ TEST_CASE("levels follow the recursive formula, rank-deficient ones and ones of 
   }
 }
 
-TEST_CASE("a second level leaves the first alone on random poses of a hand", "[robot]") {
+TEST_CASE("a second level does not affect the first in random configurations of a hand",
+          "[robot]") {
   Reach reach;
   RobotDraws draws(62);
   const Index n = reach.tree.nv();
@@ -95,14 +96,14 @@ TEST_CASE("a second level leaves the first alone on random poses of a hand", "[r
       CHECK((J * priority.velocity() - first).norm() <= tips.residual + 1e-10 * first.norm());
       if (damping > 0.0) continue;
       if (tips.rank == 15) CHECK((J * priority.velocity() - first).norm() <= 1e-10 * first.norm());
-      CHECK((priority.velocity() - alone).norm() > 1e-3);  // the second level does move
+      CHECK((priority.velocity() - alone).norm() > 1e-3);  // the second level has an effect
     }
   }
 }
 
 TEST_CASE(
-    "constant damping is the papers' damped pseudo-inverse, and near singularities alone "
-    "well-conditioned tasks are met",
+    "constant damping is the papers' pseudo-inverse; damping near singularities meets "
+    "well-conditioned tasks",
     "[robot]") {
   RobotDraws draws(63);
   for (const Index rows : {Index(4), Index(20)}) {
@@ -126,8 +127,7 @@ TEST_CASE(
     const VectorX<double> exact = pseudo_inverse(J) * x;
     CHECK((near.velocity() - exact).norm() <= 1e-10 * exact.norm());
   }
-  // A direction that has all but lost its length does not fling the robot, and later levels still
-  // leave it alone.
+  // A nearly singular direction causes no large velocity, and later levels still do not affect it.
   MatrixX<double> thin = MatrixX<double>::Zero(2, 3);
   thin(0, 0) = 1.0;
   thin(1, 1) = 1e-4;
@@ -144,7 +144,8 @@ TEST_CASE(
   CHECK(priority.velocity()[2] == Approx(7.0));
 }
 
-TEST_CASE("held coordinates keep their velocity, and a posture fills what is left", "[robot]") {
+TEST_CASE("held coordinates keep their velocity, and a posture uses the remaining freedom",
+          "[robot]") {
   RobotDraws draws(64);
   const Index n = 8;
   const MatrixX<double> J = drawn_matrix(draws, 3, n);
@@ -163,10 +164,10 @@ TEST_CASE("held coordinates keep their velocity, and a posture fills what is lef
   CHECK(priority.velocity()[2] == Approx(0.25).epsilon(1e-13));
   VectorX<double> rest = z - priority.velocity();
   priority.project(rest);
-  CHECK(rest.norm() < 1e-12);  // nothing nearer to z is left
+  CHECK(rest.norm() < 1e-12);  // nothing closer to z remains possible
 }
 
-TEST_CASE("a level that is not finite or of a wrong size changes nothing", "[robot]") {
+TEST_CASE("a level that is not finite or has a wrong size changes nothing", "[robot]") {
   detail::TaskPriority<double> priority(4, 3);
   priority.start();
   const MatrixX<double> J = MatrixX<double>::Identity(2, 4);
@@ -178,7 +179,7 @@ TEST_CASE("a level that is not finite or of a wrong size changes nothing", "[rob
   CHECK_FALSE(priority.add(bad, x).accepted);
   CHECK_FALSE(priority.add(MatrixX<double>::Identity(2, 3), x).accepted);
   CHECK_FALSE(priority.add(MatrixX<double>::Identity(4, 4), VectorX<double>::Ones(4))
-                  .accepted);  // more rows than memory
+                  .accepted);  // more rows than reserved
   x[0] = std::nan("");
   CHECK_FALSE(priority.add(J, x).accepted);
   CHECK(priority.velocity() == before);

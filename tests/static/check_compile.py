@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Compiles one unit against the headers of the project with the house warnings as errors and the flags given; with --run,
-links it and runs it, too."""
+"""Compiles one source file with the project's headers, its warnings as errors, and given flags.
+
+With --run, also links and runs it."""
 
 import os
 import shlex
@@ -16,11 +17,13 @@ def main():
         __doc__,
         compiler={"default": "c++"},
         unit={"required": True, "help": "source file, relative to tests/static"},
-        flags={"default": "", "help": "flags beside the house's own"},
+        flags={"default": "", "help": "flags in addition to the project's own"},
         run={"action": "store_true", "help": "link the unit and run it"},
-        system={"default": "/usr/include/eigen3", "help": "directories of system headers, separated by ;"},
+        system={"default": "/usr/include/eigen3",
+                "help": "directories of system headers, separated by ;"},
     )
-    command = [options.compiler, "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Wshadow", "-Werror"]
+    command = [options.compiler, "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Wshadow",
+               "-Werror"]
     command += shlex.split(options.flags)
     command += ["-I", str(options.root / "include"), "-I", str(options.root / "tests")]
     for directory in filter(None, options.system.split(";")):
@@ -31,7 +34,8 @@ def main():
         code = subprocess.run(command if options.run else command + ["-c"]).returncode
         if code == 0 and options.run:
             code = subprocess.run([output]).returncode
-    print(f"{options.unit} with {os.path.basename(options.compiler)} {options.flags}: {'ok' if code == 0 else 'FAILED'}")
+    compiler, outcome = os.path.basename(options.compiler), "ok" if code == 0 else "FAILED"
+    print(f"{options.unit} with {compiler} {options.flags}: {outcome}")
     sys.exit(1 if code else 0)
 
 

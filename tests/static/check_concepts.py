@@ -3,8 +3,9 @@
 
 For each concept NAME in concepts/HEADER.hpp (namespaces named detail left out):
 
-1. It constrains a public template: NAME stands in a template head or a requires-clause of a door
-   outside concepts/ (a header that lies in its folder, not in detail/).
+1. It constrains a public template: NAME, or a concept of another folder that names it, stands in a
+   template head or a requires-clause of a door outside concepts/ (a header that lies in its folder,
+   not in detail/).
 2. It goes through a trait: the concept's body, or that of a detail concept which it names, uses a
    struct *_traits that the same header declares, and neither names a type of the checked type
    itself (Model::Scalar) nor calls its members (model.step(...)).
@@ -25,13 +26,13 @@ from check_docs import OPEN, blank_preprocessor, skip_group
 from house import Report, arguments, headers, includes, read, strip_comments
 
 TRAIT = re.compile(r"\bstruct\s+(\w+_traits)\b(?!\s*<)")
-# Before a name that is said of a type, and not denied of it.
+# Before a name: excludes its negation and other namespaces.
 POSITIVE = r"(?<![!\w:])(?:clothctl::)?"
 IDENTIFIER = re.compile(r"`(\w+)[^`]*`")
 
 
 def code_of(text):
-    """The text without comments, strings and preprocessor lines."""
+    """Returns the text without comments, strings and preprocessor lines."""
     return blank_preprocessor(strip_comments(text, keep_strings=False))
 
 
@@ -62,7 +63,7 @@ def angle_group(code, i):
 
 
 def constraints(code):
-    """The text of every template head, requires-clause and constrained auto of a header."""
+    """Returns the text of all template heads, requires-clauses and constrained autos."""
     parts = []
     for match in re.finditer(r"\btemplate\s*(?=<)", code):
         parts.append(code[match.end() : angle_group(code, match.end())])
@@ -116,7 +117,7 @@ def concepts_of(text):
 
 
 def closure(concept, every):
-    """The concept and the concepts of its header that it names, directly or through others."""
+    """Returns the concept and all concepts of its header that it is built from."""
     todo, seen = [concept], {}
     while todo:
         item = todo.pop()
@@ -128,7 +129,7 @@ def closure(concept, every):
 
 
 def own_members(concept):
-    """What the concept's body asks of the checked type itself, past the trait."""
+    """Returns the members of the checked type that the concept uses without the trait."""
     found = set()
     if concept.parameter:
         for match in re.finditer(rf"\btypename\s+{concept.parameter}::(\w+)", concept.body):
@@ -141,18 +142,17 @@ def own_members(concept):
 
 
 def trait_members(code, trait):
-    """Static functions of the primary template of a trait, and of the bases in its header."""
+    """Returns the static functions of the primary template of a trait."""
     match = re.search(rf"\bstruct\s+{trait}\b(?!\s*<)[^{{;]*\{{", code)
     if not match:
         return set()
     body = code[match.end() : skip_group(code, match.end() - 1)]
-    return set(re.findall(r"\bstatic\s+(?:constexpr\s+)?[\w:<>&*\s]*?(?:\(\s*auto\s*\)\s*)?\b(\w+)\s*\(", body)) - {
-        "decltype"
-    }
+    returned = r"(?:constexpr\s+)?[\w:<>&*\s]*?(?:\(\s*auto\s*\)\s*)?"
+    return set(re.findall(rf"\bstatic\s+{returned}\b(\w+)\s*\(", body)) - {"decltype"}
 
 
 class Tests:
-    """What the tests say of concepts."""
+    """What the tests contain about concepts."""
 
     def __init__(self, root):
         self.root = root / "tests"
@@ -179,7 +179,8 @@ class Tests:
             for match in re.finditer(r"\bconstexpr\s+bool\s+(\w+)\s*=([^;]*);", code):
                 if re.search(rf"\b{name}\s*<", match.group(2)):
                     spoken.append(match.group(1))
-            if any(re.search(rf"{POSITIVE}{word}\s*<\s*[\w:]*Archetype\b", code) for word in spoken):
+            if any(re.search(rf"{POSITIVE}{word}\s*<\s*[\w:]*Archetype\b", code)
+                   for word in spoken):
                 return True
         return False
 
@@ -189,12 +190,12 @@ class Tests:
 
     def foreign(self, traits, names):
         """Returns what is missing, or None."""
-        special = rf"\bstruct\s+(?:clothctl::)?(?:{'|'.join(traits)})\s*<\s*(?:\w+::)*(\w+)"
+        special = rf"\bstruct\s+(?:clothctl::)?(?:{'|'.join(traits)})\s*<\s*(?:\w+::)+(\w+)"
         seen = set()
         for path in self.files("concepts/*.cpp"):
             text = self.text(path)
             code = code_of(text)
-            for _, _, target in includes(text):  # types that an example brings along
+            for _, _, target in includes(text):  # types defined in an example
                 if target.startswith("../../examples/"):
                     code += code_of(self.text(path.parent / target))
             types = set(re.findall(special, code))
@@ -214,7 +215,8 @@ def check_trait(report, shown, concept, every, code):
     used = sorted(t for t in declared if any(part.names(t) for part in parts))
     if not used:
         there = ", ".join(sorted(declared)) or "none"
-        report.add(shown, concept.line, f"{concept.name} goes through no trait of its header ({there})")
+        report.add(shown, concept.line,
+                   f"{concept.name} goes through no trait of its header ({there})")
     own = sorted({member for part in parts for member in own_members(part)})
     if own:
         message = f"{concept.name} asks the type itself, past its trait, for {', '.join(own)}"
@@ -228,14 +230,15 @@ def check_hooks(report, shown, public, every, code, library):
     for concept in public:
         hooks = concept.hooks()
         if hooks is None:
-            message = f"{concept.name}: its doc comment has no line `Optional hooks: ...` or `Optional hooks: none.`"
+            lines = "`Optional hooks: ...` or `Optional hooks: none.`"
+            message = f"{concept.name}: its doc comment has no line {lines}"
             report.add(shown, concept.line, message)
             continue
         if hooks.rstrip(".").lower() == "none":
             continue
         mine = IDENTIFIER.findall(hooks)
         if not mine:
-            message = f"{concept.name}: `Optional hooks:` names no hook in backticks, and does not say none"
+            message = f"{concept.name}: `Optional hooks:` names no hook in backticks, nor none"
             report.add(shown, concept.line, message)
         for hook in mine:
             named.add(hook)
@@ -246,7 +249,8 @@ def check_hooks(report, shown, public, every, code, library):
     for trait in sorted(set(TRAIT.findall(code))):
         for member in sorted(trait_members(code, trait)):
             if member not in named and not re.search(rf"\b{member}\b", required):
-                message = f"{trait}::{member} is asked for by no concept, and named by none as an optional hook"
+                message = f"{trait}::{member} is asked for by no concept"
+                message += ", and named by none as an optional hook"
                 report.add(shown, 0, message)
 
 
@@ -257,6 +261,10 @@ def main():
     everywhere = headers(options.root)
     doors = [h for h in everywhere if len(h.parts) == 2 and h.parts[0] != "concepts"]
     used_in = {h: constraints(without_detail(code_of(read(options.root, h)))) for h in doors}
+    shorthands = {}
+    for header in doors:
+        for shorthand in concepts_of(read(options.root, header))[0].values():
+            shorthands[shorthand.name] = shorthand
     library = "\n".join(code_of(read(options.root, h)) for h in everywhere)
     count = 0
     for header in (h for h in everywhere if h.parts[0] == "concepts" and len(h.parts) > 1):
@@ -268,24 +276,31 @@ def main():
         check_hooks(report, shown, public, every, code, library)
         for concept in public:
             count += 1
-            said = re.compile(rf"\b{concept.name}\b")
+            spoken = [concept.name] + [s.name for s in shorthands.values() if s.names(concept.name)]
+            said = re.compile(rf"\b(?:{'|'.join(spoken)})\b")
             if not any(said.search(found) for found in used_in.values()):
                 message = f"{concept.name} constrains no public template outside concepts/"
                 report.add(shown, concept.line, message)
             traits = check_trait(report, shown, concept, every, code)
-            refined = [concept.name] + [c.name for c in public if c is not concept and c.names(concept.name)]
+            refined = [concept.name] + [c.name for c in public if c is not concept
+                                        and c.names(concept.name)]
             if not tests.archetype(concept.name):
-                message = f"{concept.name} has no archetype: tests/archetypes/ states {concept.name}<...Archetype> nowhere"
+                message = f"{concept.name} has no archetype"
+                message += f": tests/archetypes/ states {concept.name}<...Archetype> nowhere"
                 report.add(shown, concept.line, message)
             suites = tests.law_suites(refined)
             if not suites:
-                report.add(shown, concept.line, f"{concept.name} has no law suite: no tests/laws/*_laws.hpp names it")
+                report.add(shown, concept.line,
+                           f"{concept.name} has no law suite: no tests/laws/*_laws.hpp names it")
             elif not any(suite in tests.run for suite in suites):
-                report.add(shown, concept.line, f"{concept.name}: no test includes its law suite {', '.join(suites)}")
+                report.add(shown, concept.line,
+                           f"{concept.name}: no test includes its law suite {', '.join(suites)}")
             missing = tests.foreign(traits, refined) if traits else None
             if missing:
-                report.add(shown, concept.line, f"{concept.name} has no foreign-type test: {missing}")
-    report.finish(f"{count} concepts, each constrains a template, goes through a trait and has its three companions")
+                report.add(shown, concept.line,
+                           f"{concept.name} has no foreign-type test: {missing}")
+    report.finish(f"{count} concepts, each with a constrained template, a trait, an archetype, a "
+                  "law suite and a foreign type")
 
 
 if __name__ == "__main__":

@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 """Checks that every public name has a doc comment.
 
-Public names are the classes, structs, enums, enumerators, aliases, concepts, variables and functions of namespace clothctl (not
-of a namespace that ends in `detail`) and the public members of its classes. Each declaration must follow a line that starts with `///`, or carry
-`///` on one of its own lines. Exempt: forward declarations, defaulted and deleted functions, destructors, friends,
-using-declarations, explicit instantiations, static_assert, and definitions outside their class.
+Public names are the classes, structs, enums, enumerators, aliases, concepts, variables and
+functions of namespace clothctl (not of a namespace that ends in `detail`), and the public members
+of its classes. Each declaration must follow a line that starts with `///`, or have `///` on one of
+its own lines. Exempt are forward declarations, defaulted and deleted functions, destructors,
+friends, using-declarations, explicit instantiations, static_assert, and definitions outside their
+class.
 
-The scanner reads declarations, not all of C++: it walks namespaces and classes, and skips bodies and initialisers.
+The scanner reads declarations, not all of C++: it walks namespaces and classes, and skips bodies
+and initialisers.
 """
 
 import re
@@ -41,9 +44,9 @@ def skip_group(code, i):
 
 
 def drop_template_heads(head):
-    """Removes leading `template <...>` (with any requires-clause left in place)."""
+    """Removes leading `template <...>` (with a requires-clause after the last one left in place)."""
     while True:
-        match = re.match(r"\s*template\s*<", head)
+        match = re.match(r"\s*(?:requires\b[^{}();]*?\b)?template\s*<", head)
         if not match:
             return head
         depth, i = 1, match.end()
@@ -60,7 +63,7 @@ def drop_template_heads(head):
 
 
 def flatten(head):
-    """Empties bracket groups, so that what remains stands at depth 0."""
+    """Empties bracket groups, so that only text at depth 0 remains."""
     out, i = [], 0
     while i < len(head):
         if head[i] in OPEN:
@@ -73,7 +76,7 @@ def flatten(head):
 
 
 def opens_requires_expression(head):
-    """Tells whether a `{` after `head` begins the body of a requires-expression rather than a function."""
+    """Returns whether a `{` after `head` begins the body of a requires-expression."""
     text = flatten(head).rstrip()
     match = re.search(r"\brequires\s*(\(\))?$", text)
     if not match:
@@ -85,7 +88,9 @@ def opens_requires_expression(head):
 
 
 class Scanner:
-    """Walks the declarations of a header. `everything` includes private nested classes and namespaces named detail."""
+    """Walks the declarations of a header.
+
+    `everything` includes private nested classes and namespaces named detail."""
 
     def __init__(self, shown, text, report, everything=False):
         self.shown, self.report, self.everything = shown, report, everything
@@ -99,7 +104,8 @@ class Scanner:
     def documented(self, start, end):
         first, last = self.line(start), self.line(end)
         above = self.raw[first - 2].strip() if first >= 2 else ""
-        return above.startswith("///") or any("///" in self.raw[k - 1] for k in range(first, last + 1))
+        return above.startswith("///") or any("///" in self.raw[k - 1]
+                                              for k in range(first, last + 1))
 
     def require(self, start, end, what):
         self.found.append((self.line(start), what))
@@ -148,7 +154,8 @@ class Scanner:
                     hidden = inner == "" or any(part.endswith("detail") for part in parts)
                     if space and hidden and not self.everything:
                         return close
-                    self.scan(i + 1, close - 1, "namespace", True, inner, in_house or "clothctl" in parts)
+                    self.scan(i + 1, close - 1, "namespace", True, inner,
+                              in_house or "clothctl" in parts)
                     return close
                 if re.match(r"\s*(requires\b.*?)?\s*enum\b", flat, re.S):
                     close = skip_group(code, i)
@@ -160,10 +167,12 @@ class Scanner:
                     close = skip_group(code, i)
                     self.judge(start, i, "class", public, owner, in_house)
                     key = re.search(r"\b(class|struct|union)\b", flat).group(1)
-                    name = re.search(r"\b(?:class|struct|union)\s+(?:\[\]\s*)?(?:alignas\(\)\s*)?(\w+)", flat)
+                    attributes = r"(?:\[\]\s*)?(?:alignas\(\)\s*)?"
+                    name = re.search(rf"\b(?:class|struct|union)\s+{attributes}(\w+)", flat)
                     inner_public = key != "class"
                     if public or self.everything:
-                        self.scan(i + 1, close - 1, "class", inner_public, name.group(1) if name else "", in_house)
+                        self.scan(i + 1, close - 1, "class", inner_public,
+                                  name.group(1) if name else "", in_house)
                     return close
                 plain = re.sub(r"operator\s*(\(\)|\[\]|[^\s\w(]+)", "operator_", flat)
                 is_function = "(" in plain and "=" not in plain.split("(")[0]
@@ -182,12 +191,16 @@ class Scanner:
 
     @staticmethod
     def is_class(flat):
-        # `struct X`, `class X : public Y`, with attributes or a requires-clause before; never a function or a variable.
-        match = re.match(r"\s*(requires\b.*?)?\s*(typedef\s+)?\b(class|struct|union)\b(.*)$", flat, re.S)
-        return bool(match) and "=" not in match.group(4) and "(" not in re.sub(r"alignas\(\)|\w+<[^;]*>", "", match.group(4).split(":")[0])
+        # `struct X` or `class X : public Y`, perhaps after attributes or a requires-clause; not a
+        # function or a variable.
+        pattern = r"\s*(requires\b.*?)?\s*(typedef\s+)?\b(class|struct|union)\b(.*)$"
+        match = re.match(pattern, flat, re.S)
+        if not match or "=" in match.group(4):
+            return False
+        return "(" not in re.sub(r"alignas\(\)|\w+<[^;]*>", "", match.group(4).split(":")[0])
 
     def judge(self, start, end, what, public, owner, in_house):
-        """Decides whether the declaration code[start:end] is a public name, and asks for its comment."""
+        """If the declaration code[start:end] is a public name, requires its comment."""
         if not public or not in_house:
             return
         head = self.code[start:end]
@@ -197,29 +210,37 @@ class Scanner:
             return
         if re.match(r"(static_assert|friend|public|private|protected|namespace)\b", core):
             return
-        if re.match(r"using\s+namespace\b", core) or (re.match(r"using\b", core) and "=" not in flat):
+        if core.startswith("CLOTHCTL_INSTANTIATE"):
+            return  # explicit instantiation
+        if re.match(r"using\s+namespace\b", core):
+            return
+        if re.match(r"using\b", core) and "=" not in flat:
             return
         if re.match(r"(extern\s+)?template\b", core):
             return  # explicit instantiation
-        if what is None and re.match(r"(requires\b.*\s)?(class|struct|union|enum(\s+class|\s+struct)?)\s+[\w:<>, ]+(\s*:\s*[\w:]+)?$", core, re.S):
+        kinds = r"(class|struct|union|enum(\s+class|\s+struct)?)"
+        forward = rf"(requires\b.*\s)?{kinds}\s+[\w:<>, ]+(\s*:\s*[\w:]+)?$"
+        if what is None and re.match(forward, core, re.S):
             return  # forward declaration
         if re.search(r"=\s*(default|delete)$", core) or re.match(r"(virtual\s+)?~", core):
             return
         plain = re.sub(r"operator\s*(\(\)|\[\]|[^\s\w(]+)", "operator_", flat)
-        plain = re.sub(r"\brequires\s+requires\s*(\(\))?\s*\{\}", "", plain).replace("decltype()", "auto")
+        plain = re.sub(r"\brequires\s+requires\s*(\(\))?\s*\{\}", "", plain)
+        plain = plain.replace("decltype()", "auto")
         name = None
         if "(" in plain:
             before = plain.split("(")[0].rstrip()
-            if "=" not in before and re.search(r"::\s*~?\w+$", re.sub(r"<[^<>]*>", "", before)) and what == "function":
+            scoped = re.search(r"::\s*~?\w+$", re.sub(r"<[^<>]*>", "", before))
+            if "=" not in before and scoped and what == "function":
                 qualifier = re.search(r"(\w+)(?:<[^()]*>)?\s*::\s*~?\w+$", before)
                 if qualifier and qualifier.group(1) not in ("std", "Eigen"):
                     return  # defined outside its class
             found = re.search(r"([~\w]+)$", re.sub(r"<[^<>]*>$", "", before))
             name = found.group(1) if found and "=" not in before else None
         if name is None:
-            found = re.search(r"\b(?:using|concept|enum\s+class|enum|class|struct|union)\s+(\w+)", core) or re.search(
-                r"(\w+)\s*(?:\[\]\s*)?(?:\{\}|=.*)?$", plain, re.S
-            )
+            kinds = r"\b(?:using|concept|enum\s+class|enum|class|struct|union)\s+(\w+)"
+            variable = r"(\w+)\s*(?:\[\]\s*)?(?:\{\}|=.*)?$"
+            found = re.search(kinds, core) or re.search(variable, plain, re.S)
             name = found.group(1) if found else core.split("\n")[0][:40]
         self.require(start, end, f"'{owner + '::' if owner and owner != 'clothctl' else ''}{name}'")
 
@@ -242,7 +263,8 @@ def main():
     report = Report("doc comments")
     names = 0
     for header in headers(options.root):
-        scanner = Scanner("include/clothctl/" + header.as_posix(), read(options.root, header), report)
+        scanner = Scanner("include/clothctl/" + header.as_posix(), read(options.root, header),
+                          report)
         scanner.scan(0, len(scanner.code), "namespace", True, "", False)
         names += len(scanner.found)
         if options.list:

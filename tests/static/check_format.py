@@ -1,6 +1,8 @@
 #!/usr/bin/env python3
-"""Checks that all C++ files are as clang-format 14 leaves them. Exit code 77 (skipped) where that version is not installed,
-since other versions format differently."""
+"""Checks that all C++ files are formatted by clang-format 14.
+
+Exits with 77 (skipped) if that version is not installed, since other versions format differently.
+"""
 
 import re
 import shutil
@@ -34,13 +36,14 @@ def main():
     for folder in ("include", "tests", "examples", "bench"):
         files += sorted(p for p in (options.root / folder).rglob("*.[ch]pp"))
     for path in files:
-        # Not --dry-run: it objects to end comments of inline namespaces that it writes itself.
+        # Not --dry-run, which objects to its own end comments of inline namespaces.
         run = subprocess.run([program, str(path)], capture_output=True, text=True, cwd=options.root)
         formatted, lines = run.stdout.splitlines(), path.read_text(encoding="utf-8").splitlines()
         if formatted != lines:
             pairs = enumerate(zip(formatted, lines))
             first = next((i for i, (a, b) in pairs if a != b), min(len(formatted), len(lines)))
-            report.add(path.relative_to(options.root), first + 1, "is not formatted; run scripts/format")
+            report.add(path.relative_to(options.root), first + 1,
+                       "is not formatted; run scripts/format")
     report.finish(f"{len(files)} files")
 
 

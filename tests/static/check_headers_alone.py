@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Checks that every header compiles alone, twice in one unit, with the house warnings as errors.
+"""Checks that every header compiles alone, twice in one unit, with the project's warnings as
+errors.
 
-A header of bridge/ whose library is not installed is left out, and said so."""
+A header of bridge/ is left out, with a message, if its library is not installed."""
 
 import os
 import re
@@ -20,12 +21,14 @@ def main():
         __doc__,
         compiler={"default": "c++"},
         flags={"default": "-std=c++20 -Wall -Wextra -Wconversion -Wshadow -Werror"},
-        system={"default": "/usr/include/eigen3", "help": "directories of system headers, separated by ;"},
+        system={"default": "/usr/include/eigen3",
+                "help": "directories of system headers, separated by ;"},
         only={"default": "", "help": "check only headers whose name contains this"},
         jobs={"type": int, "default": os.cpu_count() or 1},
     )
     report = Report("headers alone")
-    command = [options.compiler, *shlex.split(options.flags), "-fsyntax-only", "-I", str(options.root / "include")]
+    command = [options.compiler, *shlex.split(options.flags), "-fsyntax-only", "-I",
+               str(options.root / "include")]
     for directory in filter(None, options.system.split(";")):
         command += ["-isystem", directory]
     command += ["-x", "c++", "-"]
@@ -44,7 +47,8 @@ def main():
                 left_out.append(f"{header.as_posix()} (needs {missing.group(1)})")
             elif code != 0:
                 lines = [line for line in errors.splitlines() if "error" in line][:3]
-                report.add("include/clothctl/" + header.as_posix(), 0, "does not compile alone\n    " + "\n    ".join(lines))
+                report.add("include/clothctl/" + header.as_posix(), 0,
+                           "does not compile alone\n    " + "\n    ".join(lines))
     summary = f"{len(chosen) - len(left_out)} headers with {os.path.basename(options.compiler)}"
     report.finish(summary + (", without " + ", ".join(left_out) if left_out else ""))
 

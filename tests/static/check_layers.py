@@ -1,10 +1,15 @@
 #!/usr/bin/env python3
 """Checks the include order declared in layers.txt.
 
-A header in folder F includes only config.hpp, its own folder, and folders left of F; there is no cycle; core headers (all but
-the `outside` folders) include nothing beyond the standard library and Eigen; the entry header F.hpp includes every header of
-F that does not lie in F/detail, and nothing else; what lies in F/detail is included by F alone; the umbrella includes every
-entry header but those of the `outside` folders; every header has #pragma once.
+1. A header in folder F includes only config.hpp, its own folder, and folders left of F. There is
+   no cycle.
+2. Core headers (all except the `outside` folders) include only the standard library and Eigen.
+3. The entry header F.hpp includes every header of F outside F/detail, and nothing else.
+4. Only F includes the headers in F/detail.
+5. The umbrella clothctl.hpp includes every entry header except those of the `outside` folders.
+6. Every header has #pragma once.
+
+F/detail/NAME_impl.hpp defines members of F/NAME.hpp, which includes it at its end: no cycle.
 """
 
 import re
@@ -12,13 +17,16 @@ import re
 from house import Report, arguments, headers, includes, read
 
 STANDARD = set(
-    """algorithm any array atomic barrier bit bitset cassert cctype cerrno cfenv cfloat charconv chrono cinttypes climits
-    clocale cmath compare complex concepts condition_variable coroutine csetjmp csignal cstdarg cstddef cstdint cstdio cstdlib
-    cstring ctime cuchar cwchar cwctype deque exception execution filesystem format forward_list fstream functional future
-    initializer_list iomanip ios iosfwd iostream istream iterator latch limits list locale map memory memory_resource mutex new
-    numbers numeric optional ostream queue random ranges ratio regex scoped_allocator semaphore set shared_mutex
-    source_location span sstream stack stdexcept stop_token streambuf string string_view syncstream system_error thread tuple
-    type_traits typeindex typeinfo unordered_map unordered_set utility valarray variant vector version""".split()
+    """algorithm any array atomic barrier bit bitset cassert cctype cerrno cfenv cfloat charconv
+    chrono cinttypes climits clocale cmath compare complex concepts condition_variable coroutine
+    csetjmp csignal cstdarg cstddef cstdint cstdio cstdlib cstring ctime cuchar cwchar cwctype
+    deque exception execution filesystem format forward_list fstream functional future
+    initializer_list iomanip ios iosfwd iostream istream iterator latch limits list locale map
+    memory memory_resource mutex new numbers numeric optional ostream queue random ranges ratio
+    regex scoped_allocator semaphore set shared_mutex source_location span sstream stack
+    stdexcept stop_token streambuf string string_view syncstream system_error thread tuple
+    type_traits typeindex typeinfo unordered_map unordered_set utility valarray variant vector
+    version""".split()
 )
 
 
@@ -68,7 +76,8 @@ def main():
     rank, outside = declared_layers(options.root / "tests" / "static" / "layers.txt")
     all_headers = headers(options.root)
     known = {h.as_posix() for h in all_headers}
-    entries = {h.as_posix() for h in all_headers if len(h.parts) == 1 and h.name not in ("config.hpp", "clothctl.hpp")}
+    others = ("config.hpp", "clothctl.hpp")
+    entries = {h.as_posix() for h in all_headers if len(h.parts) == 1 and h.name not in others}
     graph = {}
     for header in all_headers:
         name = header.as_posix()
@@ -85,18 +94,21 @@ def main():
         for line, _, target in includes(text):
             if not target.startswith("clothctl/"):
                 third_party = target not in STANDARD and not target.startswith("Eigen/")
-                # config.hpp includes the compiler's intrinsics before Eigen does, and stops old
-                # standards by a file that does not exist.
+                # config.hpp includes the compiler's intrinsics before Eigen does. It rejects older
+                # C++ standards by including a file that does not exist.
                 if config and target in ("immintrin.h", "clothctl needs C++20"):
                     continue
                 if third_party and folder not in outside:
-                    report.add(shown, line, f"includes <{target}>: only the standard library and Eigen may be included here")
+                    message = "only the standard library and Eigen may be included here"
+                    report.add(shown, line, f"includes <{target}>: {message}")
                 continue
             inner = target[len("clothctl/") :]
             if inner not in known:
                 report.add(shown, line, f"includes {target}, which does not exist")
                 continue
-            mine.add(inner)
+            # Definitions of a door's members, and explicit instantiations, come after the door.
+            if not re.search(r"(_impl|/precompiled)\.hpp$", name):
+                mine.add(inner)
             other = inner.split("/")[0] if "/" in inner else None
             if config:
                 report.add(shown, line, "config.hpp includes nothing of clothctl")
@@ -106,15 +118,18 @@ def main():
                 if inner not in entries:
                     report.add(shown, line, f"the umbrella includes entry headers, not {target}")
             elif "/detail/" in inner and (other != folder or name in entries):
-                report.add(shown, line, f"includes {target}: only headers of {other}/ may include what lies in its detail/")
+                message = f"only headers of {other}/ may include what lies in its detail/"
+                report.add(shown, line, f"includes {target}: {message}")
             elif other is None:
-                report.add(shown, line, f"includes {target}: name the header that is needed, not an entry header")
+                message = "name the header that is needed, not an entry header"
+                report.add(shown, line, f"includes {target}: {message}")
             elif name in entries:
                 if other != folder:
                     report.add(shown, line, f"the entry header of {folder} includes {target}")
             elif other != folder and other in rank:
                 if rank[other] == rank[folder]:
-                    report.add(shown, line, f"includes {target}: {folder} and {other} stand in one brace")
+                    report.add(shown, line,
+                               f"includes {target}: {folder} and {other} stand in one brace")
                 elif rank[other] > rank[folder]:
                     report.add(shown, line, f"includes {target}: {other} is right of {folder}")
     cycle = find_cycle(graph)
@@ -127,16 +142,20 @@ def main():
         if folder == "bridge":
             continue  # each adapter needs its own library, so there is no header for all of them
         if entry not in known:
-            report.add("include/clothctl/" + entry, 0, f"the entry header of {folder}/ does not exist")
+            report.add("include/clothctl/" + entry, 0,
+                       f"the entry header of {folder}/ does not exist")
             continue
         for header in all_headers:
             inner = header.as_posix()
-            if len(header.parts) == 2 and header.parts[0] == folder and inner not in graph.get(entry, ()):
-                report.add("include/clothctl/" + entry, 0, f"does not include clothctl/{inner}; run scripts/update_entry_headers")
+            listed = inner in graph.get(entry, ())
+            if len(header.parts) == 2 and header.parts[0] == folder and not listed:
+                report.add("include/clothctl/" + entry, 0,
+                           f"does not include clothctl/{inner}; run scripts/update_entry_headers")
         if "clothctl.hpp" in known:
             inside = entry in graph.get("clothctl.hpp", ())
             if inside and folder in outside:
-                report.add("include/clothctl/clothctl.hpp", 0, f"includes the outside folder {folder}")
+                report.add("include/clothctl/clothctl.hpp", 0,
+                           f"includes the outside folder {folder}")
             if not inside and folder not in outside:
                 report.add("include/clothctl/clothctl.hpp", 0, f"does not include clothctl/{entry}")
     report.finish(f"{len(all_headers)} headers in {len(folders)} folders, order kept, no cycle")

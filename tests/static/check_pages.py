@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that README.md, CONTRIBUTING.md and docs/*.md speak of what there is.
+"""Checks that README.md, CONTRIBUTING.md and docs/*.md refer to things that exist.
 
 1. Each relative link and picture leads to a file, and its #anchor to a heading of that page.
 2. Each `path/name.hpp` (or .cpp, .py, .txt, .md) in backticks names a file of the project: from the
@@ -10,7 +10,7 @@
    So does each such word of a ```cpp block; there, a reader's own types start with My or Your, and
    of snake_case only members and qualified names count.
 
-docs/api_changes.md may name what is gone: points 2 and 3 leave it out.
+Points 2 and 3 leave out docs/api_changes.md, which may name removed things.
 """
 
 import re
@@ -36,7 +36,7 @@ def pages(root):
 
 
 def anchor(heading):
-    """The name that a heading gets on the page, as code hosts make it."""
+    """Returns the anchor that code hosts give a heading."""
     text = re.sub(r"[^\w\- ]", "", re.sub(r"`", "", heading).strip().lower())
     return text.replace(" ", "-")
 
@@ -72,7 +72,8 @@ def check_links(report, root, page, text):
             name, _, part = target.partition("#")
             path = (page.parent / name).resolve() if name else page
             if not path.exists():
-                report.add(page.relative_to(root), number, f"links to {target}, which does not exist")
+                report.add(page.relative_to(root), number,
+                           f"links to {target}, which does not exist")
             elif part and path.suffix == ".md" and part not in anchors(path):
                 report.add(page.relative_to(root), number, f"links to {target}: no such heading")
     return count

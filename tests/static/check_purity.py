@@ -1,6 +1,9 @@
 #!/usr/bin/env python3
-"""Checks that core headers (all but io/ and bridge/) neither throw, print, read clocks nor draw random numbers, that no
-header has mutable globals written as `static` or `inline` variables, and that nothing is left unfinished in the tree."""
+"""Checks what headers must not do.
+
+Core headers (all except io/ and bridge/) must not throw, print, read clocks or draw random numbers.
+No header may have a mutable global, written as a `static` or `inline` variable. Nothing may be
+marked as unfinished."""
 
 import re
 
@@ -12,11 +15,16 @@ FORBIDDEN = [
     (r"\bdynamic_cast\b|\btypeid\b", "needs run-time type information"),
     (r"\bstd::(cout|cerr|clog)\b|\b(f|v|vf)?printf\s*\(|\b(f)?puts\s*\(", "prints"),
     (r"\b(system_clock|steady_clock|high_resolution_clock)\b|\bclock\s*\(\s*\)", "reads a clock"),
-    (r"\bstd::rand\b|\brandom_device\b|\bsrand\b|\bsetRandom\b|::Random\s*\(", "draws random numbers of its own"),
+    (r"\bstd::rand\b|\brandom_device\b|\bsrand\b|\bsetRandom\b|::Random\s*\(",
+     "draws random numbers of its own"),
     (r"\bstd::(thread|jthread|async)\b", "starts threads"),
-    (r"==\s*(std::)?numeric_limits<\w+>::(infinity|quiet_NaN)|\bstd::isn?(an|inf|finite)\b|\bstd::isfinite\b", "tests for NaN or infinity without clothctl::is_finite"),
+    (r"==\s*(std::)?numeric_limits<\w+>::(infinity|quiet_NaN)"
+     r"|\bstd::isn?(an|inf|finite)\b|\bstd::isfinite\b",
+     "tests for NaN or infinity without clothctl::is_finite"),
 ]
-GLOBAL = re.compile(r"^(inline|static|thread_local)\s+(?!constexpr\b|const\b|consteval\b)[\w:<>, ]+\s\w+\s*(=[^=;()]*|\{[^}]*\})?;", re.M)
+GLOBAL = re.compile(
+    r"^(inline|static|thread_local)\s+(?!constexpr\b|const\b|consteval\b)[\w:<>, ]+\s\w+\s*"
+    r"(=[^=;()]*|\{[^}]*\})?;", re.M)
 UNFINISHED = re.compile(r"\b(TODO|FIXME|XXX)\b|not implemented|placeholder", re.I)
 
 
@@ -38,7 +46,8 @@ def main():
                 if re.search(pattern, line):
                     report.add(shown, number, f"{what}: {line.strip()}")
         for match in GLOBAL.finditer(code):
-            report.add(shown, code.count("\n", 0, match.start()) + 1, f"holds a mutable global: {match.group(0).strip()}")
+            report.add(shown, code.count("\n", 0, match.start()) + 1,
+                       f"holds a mutable global: {match.group(0).strip()}")
     for folder in ("examples", "bench"):
         for path in sorted((options.root / folder).rglob("*.[ch]pp")):
             for number, line in enumerate(path.read_text(encoding="utf-8").split("\n"), 1):

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
-"""Runs clang-tidy 14 with the project's .clang-tidy on units that include every header but bridge/.
+"""Runs clang-tidy 14 with the project's .clang-tidy on source files that include every
+header except bridge/.
 
-Exit code 77 (skipped) where that version is not installed: others know other checks."""
+Exits with 77 (skipped) if that version is not installed, since others have other checks."""
 
 import re
 import shutil
@@ -11,7 +12,8 @@ import sys
 from house import Report, arguments
 
 VERSION = 14
-FINDING = re.compile(r"^(?P<file>[^:\n]+):(?P<line>\d+):\d+: (?:warning|error): (?P<what>.*)$", re.M)
+FINDING = re.compile(r"^(?P<file>[^:\n]+):(?P<line>\d+):\d+: (?:warning|error): (?P<what>.*)$",
+                     re.M)
 
 
 def program():
@@ -28,8 +30,10 @@ def program():
 def main():
     options = arguments(
         __doc__,
-        units={"default": "tidy.cpp", "help": "source files, relative to tests/static, separated by ,"},
-        system={"default": "/usr/include/eigen3", "help": "directories of system headers, separated by ;"},
+        units={"default": "tidy.cpp",
+               "help": "source files, relative to tests/static, separated by ,"},
+        system={"default": "/usr/include/eigen3",
+                "help": "directories of system headers, separated by ;"},
     )
     report = Report("tidy")
     tidy = program()
@@ -50,7 +54,8 @@ def main():
         for file, line, what in sorted(found):
             report.add(file.replace(str(options.root) + "/", ""), line, what)
         if run.returncode != 0 and not found:
-            report.add(path.relative_to(options.root), 0, "clang-tidy failed:\n" + run.stderr[-2000:])
+            report.add(path.relative_to(options.root), 0,
+                       "clang-tidy failed:\n" + run.stderr[-2000:])
     report.finish(f"{', '.join(units)}: nothing found")
 
 

@@ -1,8 +1,8 @@
 #pragma once
 
-// A number that converts to and from nothing by itself. Code that compiles with it writes every
-// constant as Scalar(0.5), calls sqrt and friends by argument-dependent lookup, and never mixes in
-// a double by accident; so it will also compile with dual numbers, intervals and the like.
+// A number without implicit conversions. Code that compiles with it writes every constant as
+// Scalar(0.5), calls sqrt and the like by argument-dependent lookup, and never mixes in a double by
+// accident. It therefore also compiles with dual numbers, intervals and the like.
 
 #include <Eigen/Core>
 #include <cmath>
@@ -14,7 +14,7 @@
 
 namespace clothctl_test {
 
-/// A double in a box: built explicitly, opened by name.
+/// A double in a class, with an explicit constructor and a named accessor.
 class ExplicitDouble {
  public:
   ExplicitDouble() = default;
@@ -97,7 +97,7 @@ inline ExplicitDouble imag(const ExplicitDouble&) { return ExplicitDouble(0.0); 
 
 namespace clothctl {
 
-/// Lets the boxed double in as a real scalar.
+/// Declares the class a real scalar.
 template <>
 struct scalar_traits<clothctl_test::ExplicitDouble> {
   using Scalar = clothctl_test::ExplicitDouble;
@@ -141,7 +141,7 @@ struct NumTraits<clothctl_test::ExplicitDouble> {
 
 }  // namespace Eigen
 
-// It is a real scalar, and it refuses all that an accident would need.
+// It is a real scalar without implicit conversions.
 namespace clothctl_test {
 
 template <class A, class B>

@@ -1,4 +1,4 @@
-"""What the static checks share: where the headers are, what they include, how a check reports."""
+"""Shared by the static checks: finding headers, their includes and code, and reporting."""
 
 import argparse
 import re
@@ -9,7 +9,7 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 
 
 class Report:
-    """Collects findings and ends the program with exit code 1 when there are any."""
+    """Collects findings. `finish` prints them and exits with 1 if there are any."""
 
     def __init__(self, name):
         self.name = name
@@ -29,9 +29,10 @@ class Report:
 
 
 def arguments(description, **extra):
-    """Parses --root and what the check adds; extra maps a name to add_argument keywords."""
+    """Parses --root and the options in `extra`, which maps names to add_argument keywords."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--root", type=Path, default=Path(__file__).resolve().parents[2], help="project root")
+    parser.add_argument("--root", type=Path, default=Path(__file__).resolve().parents[2],
+                        help="project root")
     for name, keywords in extra.items():
         parser.add_argument("--" + name.replace("_", "-"), **keywords)
     options = parser.parse_args()
@@ -40,7 +41,7 @@ def arguments(description, **extra):
 
 
 def headers(root):
-    """All public headers, as paths relative to include/clothctl, sorted."""
+    """Returns all headers as sorted paths relative to include/clothctl."""
     base = root / "include" / "clothctl"
     found = sorted(p.relative_to(base) for p in base.rglob("*.hpp"))
     if not found:
@@ -54,7 +55,7 @@ def read(root, header):
 
 
 def includes(text):
-    """Yields (line number, '<' or '"', target) for every include directive outside block comments."""
+    """Yields (line number, '<' or '"', target) of every include outside block comments."""
     for number, line in enumerate(strip_comments(text).split("\n"), 1):
         match = INCLUDE.match(line)
         if match:
@@ -62,7 +63,7 @@ def includes(text):
 
 
 def strip_comments(text, keep_strings=True):
-    """Blanks comments (and, on request, string and character literals); keeps the line structure."""
+    """Removes comments and, on request, the text of literals. Keeps the number of lines."""
     out = []
     i, n = 0, len(text)
     while i < n:
@@ -81,7 +82,8 @@ def strip_comments(text, keep_strings=True):
             end = n if end < 0 else end + len(match.group(1)) + 2
             out.append(text[i:end] if keep_strings else '""' + "\n" * text.count("\n", i, end))
             i = end
-        elif text[i] == '"' or (text[i] == "'" and not (i and (text[i - 1].isalnum() or text[i - 1] == "_"))):
+        elif text[i] == '"' or (text[i] == "'"
+                                and not (i and (text[i - 1].isalnum() or text[i - 1] == "_"))):
             quote, j = text[i], i + 1
             while j < n and text[j] != quote and text[j] != "\n":
                 j += 2 if text[j] == "\\" else 1

@@ -1,6 +1,6 @@
-// Compiled with -DEIGEN_DEFAULT_TO_ROW_MAJOR, which makes Eigen's own matrix types row major. All
-// matrix types of the library name their order, so sheets and a quadratic program must come out as
-// without the macro. Exits 0 when they do; otherwise prints what differs.
+// Compiled with -DEIGEN_DEFAULT_TO_ROW_MAJOR, which makes Eigen's own matrix types row-major. All
+// matrix types of the library name their order, so sheets and a quadratic program must give the
+// same results as without the macro. Exits with 0 if they do; otherwise prints the difference.
 
 #include <cmath>
 #include <cstdio>
@@ -24,7 +24,7 @@ void expect(bool good, const char* what) {
   ++failures;
 }
 
-/// min ½ xᵀHx + gᵀx, x ≥ 0, with g chosen so that a known x is the minimiser: every third entry is
+/// min ½ xᵀHx + gᵀx, x ≥ 0, with g such that a known x is the minimiser. Every third entry of x is
 /// 0 with the multiplier 1.
 void run_qp() {
   const int n = 30;

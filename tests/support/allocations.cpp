@@ -20,22 +20,22 @@
 #endif
 
 #if defined(CLOTHCTL_TEST_ADDRESS_SANITIZER)
-// The address sanitizer has an allocator of its own, which calls hooks. (g++ does not install the
-// header that declares this.)
+// The address sanitizer has its own allocator, which calls hooks. (The header that declares them is
+// missing from g++.)
 extern "C" int __sanitizer_install_malloc_and_free_hooks(void (*malloc_hook)(const volatile void*,
                                                                              std::size_t),
                                                          void (*free_hook)(const volatile void*));
 #define CLOTHCTL_TEST_COUNTS 1
 #elif defined(__GLIBC__) && !defined(CLOTHCTL_TEST_OTHER_SANITIZER)
-// glibc keeps the symbol behind malloc: a program that defines malloc itself takes over for every
-// library it links.
+// glibc exports its allocator under a second name. A program that defines malloc itself therefore
+// replaces it for every library that it links.
 #define CLOTHCTL_TEST_COUNTS 1
 #define CLOTHCTL_TEST_REPLACES_MALLOC 1
 #endif
 
 namespace {
 
-// Constant-initialised, so it may count before any constructor has run.
+// Constant-initialised, so that it can count before any constructor has run.
 std::atomic<long> count{0};
 
 }  // namespace
@@ -49,7 +49,7 @@ void count_allocation(const volatile void*, std::size_t) {
 }
 void ignore_release(const volatile void*) {}
 
-// Non-zero where the hooks were taken.
+// Not zero if the sanitizer accepted the hooks.
 const int installed = __sanitizer_install_malloc_and_free_hooks(count_allocation, ignore_release);
 
 }  // namespace
@@ -110,7 +110,7 @@ long allocations() { return count.load(std::memory_order_relaxed); }
 
 bool allocation_counting_works() {
 #ifdef CLOTHCTL_TEST_COUNTS
-  // Volatile pointers keep the compiler from removing a pair of allocation and release.
+  // Without volatile pointers, the compiler may remove an allocation together with its release.
   const auto seen = [](auto&& allocate, auto&& release) {
     const long before = allocations();
     void* volatile block = allocate();
@@ -127,7 +127,7 @@ bool allocation_counting_works() {
   all = installed != 0 && all;
 #endif
   all = seen([] { return std::calloc(3, 8); }, by_free) && all;
-  void* volatile none = nullptr;  // a plain null would let the compiler call malloc instead
+  void* volatile none = nullptr;  // with a plain null pointer the compiler may call malloc instead
   all = seen([&none] { return std::realloc(none, 24); }, by_free) && all;
   all = seen([] { return std::aligned_alloc(32, 64); }, by_free) && all;
   all = seen(

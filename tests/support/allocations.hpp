@@ -1,6 +1,6 @@
 #pragma once
 
-// Counts heap allocations, so that a test can show that a step makes none:
+// Counts heap allocations, so that a test can show that a step does not allocate:
 //
 //   if (allocation_counting_works()) {
 //     const long before = allocations();
@@ -8,16 +8,17 @@
 //     CHECK(allocations() == before);
 //   }
 //
-// All of malloc, calloc, realloc, aligned_alloc, posix_memalign, memalign and hence operator new of
-// every kind are counted, on every thread. It works with glibc, and under the address sanitizer.
+// Counts malloc, calloc, realloc, aligned_alloc, posix_memalign and memalign, and so every kind of
+// operator new, on every thread. Works with glibc, and under the address sanitizer.
 
 namespace clothctl_test {
 
-/// How often the heap was asked for memory since the program started.
+/// Returns the number of allocations since the program started.
 long allocations();
 
-/// The canary: allocates in each of the ways above; returns true when the counter saw every one.
-/// False with other C libraries and sanitizers, where a test of allocations must be skipped.
+/// Checks the counter itself: allocates in each of the ways above and returns whether each was
+/// counted. With other C libraries and sanitizers it returns false; tests of allocations must then
+/// be skipped.
 bool allocation_counting_works();
 
 }  // namespace clothctl_test

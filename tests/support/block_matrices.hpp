@@ -1,7 +1,7 @@
 #pragma once
 
-// Random symmetric positive definite matrices of 3×3 blocks on the graphs that cloth has, and their
-// dense counterparts.
+// Random symmetric positive definite matrices of 3×3 blocks, on graphs like those of cloth, and
+// their dense counterparts.
 
 #include <random>
 #include <utility>
@@ -11,9 +11,9 @@
 
 namespace clothctl_test {
 
-/// A graph with positions: what an ordering sees.
+/// A graph with positions: the input of an ordering.
 struct Graph {
-  /// Coupled vertices.
+  /// Pairs of coupled vertices.
   std::vector<std::pair<int, int>> pairs;
   /// Positions, 3×n.
   clothctl::Points<double> positions;
@@ -21,8 +21,8 @@ struct Graph {
   int size() const { return static_cast<int>(positions.cols()); }
 };
 
-/// A rows×columns sheet: structural and shear couplings, and those to the next but one where
-/// `bending`.
+/// A rows×columns sheet with structural and shear couplings, and with couplings to the next but one
+/// vertex if `bending`.
 inline Graph sheet_graph(int rows, int columns, bool bending) {
   Graph graph;
   graph.positions.resize(3, rows * columns);
@@ -46,7 +46,7 @@ inline Graph sheet_graph(int rows, int columns, bool bending) {
   return graph;
 }
 
-/// A chain of n vertices, coupled to the next and the next but one.
+/// A chain of n vertices, each coupled to the next and to the next but one.
 inline Graph rope_graph(int n) { return sheet_graph(1, n, true); }
 
 /// n vertices at random in a unit cube; `count` random pairs (fewer where a pair repeats).
@@ -62,7 +62,8 @@ inline Graph random_graph(int n, int count, std::mt19937& random) {
   return graph;
 }
 
-/// Vertices at random in a unit cube, coupled where they are near: like the springs of a solid.
+/// Vertices at random in a unit cube. Each is coupled to all within `radius`, as by the springs of
+/// a solid.
 inline Graph cloud_graph(int n, double radius, std::mt19937& random) {
   Graph graph = random_graph(n, 0, random);
   for (int i = 0; i < n; ++i) {
@@ -74,8 +75,8 @@ inline Graph cloud_graph(int n, double radius, std::mt19937& random) {
   return graph;
 }
 
-/// A random matrix on a graph: for each pair a random 3×3 coupling whose norm the diagonals
-/// dominate by `margin`.
+/// A random matrix on a graph: a random 3×3 block for each pair, and diagonal blocks that exceed
+/// what definiteness needs by `margin`.
 template <class Scalar>
 clothctl::BlockSymmetric<Scalar> random_spd(const Graph& graph, std::mt19937& random,
                                             double margin = 0.1) {
@@ -105,7 +106,7 @@ clothctl::BlockSymmetric<Scalar> random_spd(const Graph& graph, std::mt19937& ra
   return matrix;
 }
 
-/// The same matrix, dense and in double.
+/// Returns the same matrix, dense and in double.
 template <class Scalar>
 Eigen::MatrixXd dense(const clothctl::BlockSymmetric<Scalar>& matrix) {
   Eigen::MatrixXd full = Eigen::MatrixXd::Zero(3 * matrix.rows(), 3 * matrix.rows());

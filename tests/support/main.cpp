@@ -1,5 +1,5 @@
-// The entry point of every test executable. Catch2 v3 brings its own in Catch2::Catch2WithMain;
-// this file is for v2.
+// The main function of every test executable under Catch2 v2. With v3 the library
+// Catch2::Catch2WithMain provides it.
 
 #define CATCH_CONFIG_MAIN
 #include <catch2/catch.hpp>

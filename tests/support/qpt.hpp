@@ -1,7 +1,7 @@
 #pragma once
 
-// Reads the text format of the shared quadratic programs (one section a keyword, closed by `end`)
-// into dense matrices.
+// Reads the text format of the shared quadratic programs into dense matrices. Each section starts
+// with a keyword; the file ends with `end`.
 
 #include <cstdlib>
 #include <fstream>
@@ -12,7 +12,7 @@
 
 namespace clothctl_test {
 
-/// What changes from frame to frame of a sequence.
+/// The parts of a problem that change from frame to frame of a sequence.
 struct QptFrame {
   Eigen::VectorXd g, rl, ru, lb, ub;
   std::string status;
@@ -30,7 +30,7 @@ struct Qpt {
   std::vector<QptFrame> frames;
 };
 
-/// Reads `path`. Returns false when the file is missing, broken or holds an unknown section.
+/// Reads `path`. Returns false if the file is missing, incomplete or has an unknown section.
 inline bool read_qpt(const std::string& path, Qpt& q) {
   std::ifstream in(path);
   if (!in) return false;

@@ -1,7 +1,7 @@
 #pragma once
 
-// What tests of readers share: the value that must have been read, why a text was refused, and
-// texts that differ in one place.
+// Shared by the tests of readers: returns the value or the error of a result, and changes a text in
+// one place.
 
 #include <cstddef>
 #include <string>
@@ -12,7 +12,7 @@
 
 namespace clothctl_test {
 
-/// The value of a result; without one the test ends, with what went wrong.
+/// Returns the value of a result. If there is none, the test ends and shows the error.
 template <class T>
 T value_of(clothctl::Result<T> result) {
   INFO((result ? std::string() : result.error()));
@@ -20,13 +20,13 @@ T value_of(clothctl::Result<T> result) {
   return std::move(result).value();
 }
 
-/// What went wrong, "accepted" when nothing did.
+/// Returns the error of a result, or "accepted" if it has a value.
 template <class T>
 std::string refusal_of(const clothctl::Result<T>& result) {
   return result ? "accepted" : result.error();
 }
 
-/// A text with the first `from`, which it must hold, replaced.
+/// Replaces the first `from` in a text. The text must contain it.
 inline std::string replaced(std::string text, const std::string& from, const std::string& to) {
   const std::size_t place = text.find(from);
   REQUIRE(place != std::string::npos);

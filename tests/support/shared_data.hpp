@@ -1,7 +1,7 @@
 #pragma once
 
-// Finds the reference data that lies beside the project. It is not part of it: a test that wants a
-// file says so with a message and returns where the folder is missing.
+// Finds the reference data in the folder beside the project, which may be missing. A test that
+// needs a missing file prints a message and returns.
 
 #include <cstdlib>
 #include <filesystem>
@@ -10,15 +10,15 @@
 
 namespace clothctl_test {
 
-/// The path of `relative` in the shared folder: $CLOTHCTL_SHARED, else `../shared` seen from the
-/// project's root. Returns "" where it does not exist.
+/// Returns the path of `relative` in the shared folder, which is $CLOTHCTL_SHARED or else
+/// `../shared` as seen from the project's root. Returns "" if the path does not exist.
 inline std::string shared_path(const std::string& relative) {
   std::string root;
   if (const char* set = std::getenv("CLOTHCTL_SHARED"); set != nullptr && *set != '\0') {
     root = set;
   } else {
 #ifdef CLOTHCTL_SOURCE_DIR
-    root = CLOTHCTL_SOURCE_DIR;  // appended in place: g++ 12 misreads operator+ here (-Wrestrict)
+    root = CLOTHCTL_SOURCE_DIR;  // with operator+ here, g++ 12 warns wrongly (-Wrestrict)
     root.append("/../shared");
 #else
     return {};

@@ -1,7 +1,7 @@
 #pragma once
 
-// Sheets that hang from their two upper corners, targets for their lower corners, and the loop that
-// closes planner and plant: what tests of prediction and planning start from.
+// The scenes of the tests of prediction and planning: sheets that hang from their two upper
+// corners, targets for their lower corners, and the loop of planner and plant.
 
 #include <algorithm>
 #include <cmath>
@@ -20,10 +20,11 @@ namespace clothctl_test {
 
 using clothctl::Index;
 
-/// Length of a frame in these tests, s.
+/// Length of a frame, s.
 inline constexpr double kFrame = 0.02;
 
-/// A square sheet, held at its two upper corners at 90 % of their distance, settled and at rest.
+/// A square sheet at rest. It hangs from its two upper corners, which are held at 90 % of their
+/// distance in the flat sheet.
 struct HangingSheet {
   clothctl::GridMesh<double> grid;
   clothctl::Material<double> material;
@@ -34,7 +35,7 @@ struct HangingSheet {
   int lower_right() const { return grid.vertex(0, grid.cols - 1); }
   int upper_left() const { return grid.vertex(grid.rows - 1, 0); }
   int upper_right() const { return grid.vertex(grid.rows - 1, grid.cols - 1); }
-  /// The upward force that holds the sheet, N.
+  /// The upward force that balances the sheet's weight, N.
   clothctl::Vector3<double> gravity_load() const { return {0.0, 0.0, 9.81 * network.mass.sum()}; }
   /// The size×size vertices at an upper corner (side 0: left, 1: right).
   std::vector<int> corner_patch(int side, int size) const {
@@ -46,7 +47,7 @@ struct HangingSheet {
     return vertices;
   }
 
-  /// Its simulator. Air acts only where it is asked for.
+  /// Returns a simulator of the sheet; `air` switches its air forces on.
   clothctl::MassSpring<double> model(clothctl::Integration integration, bool air = false,
                                      std::vector<int> pinned = {}) const {
     clothctl::MassSpringSettings<double> settings;
@@ -61,8 +62,8 @@ struct HangingSheet {
   }
 };
 
-/// Makes a sheet of n×n vertices and lets it settle for `frames` frames with its upper corners
-/// (`patch`×`patch` vertices each, the outer ones at 90 % of their distance) held.
+/// Makes a sheet of n×n vertices and lets it settle for `frames` frames. Held are `patch`×`patch`
+/// vertices at each upper corner, the outermost at 90 % of their distance.
 inline HangingSheet hanging_sheet(int n, int patch = 1, int frames = 120,
                                   const std::string& material = "handkerchief", double size = 0.5) {
   HangingSheet sheet;
@@ -96,7 +97,8 @@ inline HangingSheet hanging_sheet(int n, int patch = 1, int frames = 120,
   return sheet;
 }
 
-/// A state that no plant comes to by itself: every vertex displaced and moving at random.
+/// Displaces every vertex, and changes its velocity, at random. Returns a state that no simulation
+/// reaches.
 inline clothctl::ClothState<double> shaken(const clothctl::ClothState<double>& state, unsigned seed,
                                            double displacement = 0.01, double speed = 0.5) {
   std::mt19937 random(seed);
@@ -109,8 +111,7 @@ inline clothctl::ClothState<double> shaken(const clothctl::ClothState<double>& s
   return out;
 }
 
-/// Where the lower corners are wanted: each goes its own way and back, starting at rest from where
-/// it hangs.
+/// Targets of the lower corners. Each corner starts at rest and swings along its own curve.
 struct AsyncTarget {
   clothctl::Vector3<double> start[2];
   double scale = 1.0;
@@ -130,7 +131,7 @@ struct AsyncTarget {
   }
 };
 
-/// What a closed loop looked like from outside.
+/// Measurements of a closed loop.
 struct LoopStats {
   double mean_error = 0;
   double max_error = 0;
@@ -139,9 +140,9 @@ struct LoopStats {
   std::vector<clothctl::PlanStatus> statuses = {};
 };
 
-/// Closes the loop for `frames` frames through plant_traits alone; `features` are single vertices.
-/// `watch(frame, result)` sees each frame after the plant has moved. Errors are distances at the
-/// end of each frame.
+/// Runs the closed loop for `frames` frames, reaching the plant through plant_traits alone. The
+/// features are single vertices. Calls `watch(frame, result)` after the plant has moved in each
+/// frame. Errors are distances at the end of each frame.
 template <class PlannerType, class Plant, class Target, class Wind, class Watch>
 LoopStats run_loop(PlannerType& planner, Plant& plant, int frames, const std::vector<int>& features,
                    const Target& target, const Wind& wind, const Watch& watch) {

@@ -1,8 +1,8 @@
 #pragma once
 
-// Hashes of the bits of simulated states, and the values that they have wherever the library
-// promises equal bits: x86-64 at baseline flags, i.e. without -march or -m options that allow AVX
-// or fused multiply-add, and without -ffast-math.
+// Hashes of simulated states, and their expected values on platforms where the library promises
+// equal bits: x86-64, without -march or -m options that allow AVX or fused multiply-add, and
+// without -ffast-math.
 
 #include <array>
 #include <cstdint>
@@ -13,14 +13,14 @@
 
 namespace clothctl_test {
 
-/// True when this unit is compiled for the flags that fix the bits.
+/// True if this translation unit is compiled with flags for which the bits are fixed.
 #if defined(__x86_64__) && !defined(__AVX__) && !defined(__FMA__) && !defined(__FAST_MATH__)
 inline constexpr bool kBaselineFlags = true;
 #else
 inline constexpr bool kBaselineFlags = false;
 #endif
 
-/// FNV-1a of the bits of positions and velocities.
+/// Returns the FNV-1a hash of the bits of positions and velocities.
 template <class Scalar>
 std::uint64_t state_hash(const clothctl::ClothState<Scalar>& state) {
   std::uint64_t hash = 14695981039346656037u;
@@ -32,8 +32,8 @@ std::uint64_t state_hash(const clothctl::ClothState<Scalar>& state) {
   return hash;
 }
 
-/// Hash of a sheet's state after 100 steps of 0.02 s: two upper corners are driven, two forces act,
-/// and a wind blows. 0 when a step fails.
+/// Returns the hash of a sheet's state after 100 steps of 0.02 s, or 0 if a step fails. Two upper
+/// corners are driven, two forces act, and a wind blows.
 template <class Model>
 std::uint64_t hash_after_steps(const Model& model, int size) {
   using Scalar = typename Model::Scalar;
@@ -60,7 +60,8 @@ std::uint64_t hash_after_steps(const Model& model, int size) {
   return state_hash(state);
 }
 
-/// Hashes of one linear solve, Newton, XPBD and Verlet on a grid of 13×13 vertices in air.
+/// Returns the hashes for four models on a grid of 13×13 vertices in air: mass-spring with one
+/// linear solve and with Newton, position-based with XPBD and with Verlet.
 template <class Scalar>
 std::array<std::uint64_t, 4> sheet_hashes() {
   using namespace clothctl;
@@ -82,7 +83,7 @@ std::array<std::uint64_t, 4> sheet_hashes() {
           hash_after_steps(xpbd, size), hash_after_steps(verlet, size)};
 }
 
-/// The hashes at baseline flags, equal with g++ and clang.
+/// The expected hashes; g++ and clang give the same.
 inline constexpr std::array<std::uint64_t, 4> kDoubleHashes{
     0x34ff970a7bb1be00u, 0xe8af5ab7a32d8e4fu, 0x7d166b3cbd26c813u, 0xdd5aedde978e9404u};
 inline constexpr std::array<std::uint64_t, 4> kFloatHashes{

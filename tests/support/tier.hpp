@@ -8,13 +8,13 @@
 
 namespace clothctl_test {
 
-/// Tells whether the large trial counts are asked for.
+/// Returns whether the full tier was chosen.
 inline bool full_tier() {
   const char* value = std::getenv("CLOTHCTL_FULL");
   return value != nullptr && std::strcmp(value, "1") == 0;
 }
 
-/// Picks a trial count for the tier that runs.
+/// Returns the number of trials for the chosen tier.
 inline int trials(int quick, int full) { return full_tier() ? full : quick; }
 
 }  // namespace clothctl_test

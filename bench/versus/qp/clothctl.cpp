@@ -19,7 +19,7 @@ Verdict verdict(clothctl::QpStatus status) {
   }
 }
 
-/// BoxActiveSet where there are no rows, else ActiveSet.
+/// BoxActiveSet if there are no rows, else ActiveSet.
 class Ours final : public Solver {
  public:
   bool prepare(const Problem& problem) override {

@@ -9,7 +9,7 @@ namespace versus {
 
 namespace {
 
-/// Single solves are `daqp_quadprog` with its default settings; sequences keep a workspace.
+/// Single solves use `daqp_quadprog` with its default settings; sequences keep a workspace.
 class Daqp final : public Solver {
  public:
   explicit Daqp(double seconds) {
@@ -79,8 +79,8 @@ class Daqp final : public Solver {
       open_ = true;
     } else {
       int mask = DAQP_UPDATE_v | DAQP_UPDATE_d;
-      // A kept working set remembers "equal" bounds for good, so it is handed over afresh when one
-      // opens or closes.
+      // A kept working set treats equal bounds as equalities for ever, so it is passed again when
+      // bounds become equal or differ again.
       if (start == Start::Shifted || equalities_moved()) {
         choose_working_set(start == Start::Shifted ? problem_->shift : 0,
                            start == Start::Shifted ? problem_->row_shift : 0);
@@ -130,7 +130,7 @@ class Daqp final : public Solver {
     return false;
   }
 
-  /// Brings the last working set, moved by so many unknowns and rows, into `sense_`.
+  /// Writes the last working set, shifted by the given numbers of unknowns and rows, to `sense_`.
   void choose_working_set(Index shift, Index row_shift) {
     const Index n = problem_->n(), all = lower_.size();
     Index room = n;

@@ -6,9 +6,9 @@ namespace versus {
 
 namespace {
 
-/// Needs H > 0, and takes bounds as rows of a dense matrix. It has no warm start: every frame
-/// starts afresh (its path for a given inverse factor starts from the negative of the unconstrained
-/// minimiser in version 1.2.9).
+/// Needs H > 0, and takes bounds as rows of a dense matrix. It has no warm start, so every frame
+/// starts cold. (Its path for a given inverse factor is not used: in version 1.2.9 it starts from
+/// the negative of the unconstrained minimiser.)
 class Eiquadprog final : public Solver {
  public:
   bool prepare(const Problem& problem) override {
@@ -42,7 +42,7 @@ class Eiquadprog final : public Solver {
       case Status::EIQUADPROG_FAST_OPTIMAL: return Verdict::Solved;
       case Status::EIQUADPROG_FAST_INFEASIBLE: return Verdict::Infeasible;
       case Status::EIQUADPROG_FAST_UNBOUNDED:
-        return Verdict::Infeasible;  // the dual is, since H > 0
+        return Verdict::Infeasible;  // the dual is unbounded, since H > 0
       default: return Verdict::Stopped;
     }
   }

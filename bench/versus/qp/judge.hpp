@@ -1,7 +1,7 @@
 #pragma once
 
-// One judge for all: an answer counts when `clothctl::kkt_residuals` of the unscaled data says so,
-// whatever the solver's status.
+// The same check for all solvers: whatever the status, an answer counts if
+// `clothctl::kkt_residuals` of the unscaled data are small.
 
 #include <string>
 #include <string_view>
@@ -12,27 +12,27 @@
 
 namespace versus {
 
-/// What is allowed: relative residuals and objective, and absolute stationarity and violation for
-/// well scaled problems.
+/// Tolerances: relative residuals and objective; absolute stationarity and violation for well
+/// scaled problems.
 inline constexpr double kTolerance = 1e-6;
 
-/// What an answer is worth.
+/// The result of a check.
 struct Judgement {
-  /// The status is the expected one, and for "optimal" residuals and objective agree.
+  /// The status is the expected one, and for "optimal" the residuals and the objective are right.
   bool right = false;
-  /// Right, and stationarity and violation hold absolutely too.
+  /// Right, and stationarity and violation are small in absolute terms too.
   bool absolute = false;
-  /// A verdict that is not true: a wrong status, or "solved" beyond the tolerance. Limits are
-  /// misses but not false.
+  /// A wrong claim: a wrong status, or "solved" with residuals above the tolerance. Reaching a
+  /// limit is a miss but not a wrong claim.
   bool false_status = false;
   clothctl::KktResiduals<double> residuals;
 };
 
-/// Names a verdict.
+/// Returns the name of a verdict.
 std::string_view to_string(Verdict verdict);
 
-/// Judges an answer of the program (H, A) with the vectors and the reference of `frame`; r is the
-/// objective's constant.
+/// Checks an answer of the program (H, A) with the vectors and the reference of `frame`. r is the
+/// constant of the objective.
 Judgement judge(const clothctl::QpProblem& program, const clothctl::QpSequenceFrame& frame,
                 Verdict verdict, const Answer& answer);
 

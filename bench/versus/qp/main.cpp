@@ -1,5 +1,5 @@
-// Our QP solvers beside those that were found when this was built: the same problems in the same
-// process, interleaved, thread CPU time, every answer judged on the unscaled data.
+// Compares our QP solvers with those found when this was built: the same problems in one process,
+// in turns, thread CPU time, and every answer checked on the unscaled data.
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -102,7 +102,7 @@ std::vector<Entry> entries(const Names& chosen) {
   return some;
 }
 
-/// The QPT files of a folder whose names begin with `prefix`, sorted.
+/// Returns the QPT files of a folder whose names begin with `prefix`, sorted.
 std::vector<std::string> files(const std::filesystem::path& folder, const std::string& prefix) {
   std::vector<std::string> found;
   std::error_code error;
@@ -140,7 +140,7 @@ int main(int argc, char** argv) {
   if (holds(options.sets, "e")) {
     for (const std::string& file : files(data / "synthetic", "e_")) {
       const clothctl::QpProblem sequence = versus::load(file);
-      if (sequence.frames.empty()) refuse(file + " is no sequence");
+      if (sequence.frames.empty()) refuse(file + " is not a sequence");
       report.sequences.push_back({sequence.name, sequence.n(), sequence.m(),
                                   versus::run_sequence(report.entries, sequence, options.run)});
       versus::print_sequence(report.sequences.back());

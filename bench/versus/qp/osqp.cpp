@@ -8,8 +8,8 @@ namespace versus {
 
 namespace {
 
-/// Tolerances of 1e-7, polishing on, no iteration limit of note: at its defaults (1e-3) nothing
-/// here would pass.
+/// Tolerances of 1e-7, polishing on, and practically no iteration limit. With its defaults (1e-3)
+/// no answer would pass.
 class Osqp final : public Solver {
  public:
   explicit Osqp(double seconds) : seconds_(seconds) {}
@@ -38,7 +38,7 @@ class Osqp final : public Solver {
     l_ = l_.cwiseMax(-OSQP_INFTY);
     u_ = u_.cwiseMin(OSQP_INFTY);
     if ((l_.array() > u_.array()).any())
-      return Verdict::Refused;  // what the solver does, with a printed message
+      return Verdict::Refused;  // the solver's own reaction, with a printed message
     if (start == Start::Single || start == Start::First || solver_ == nullptr) {
       release();
       OSQPSettings* settings = OSQPSettings_new();

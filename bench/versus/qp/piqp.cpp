@@ -6,8 +6,8 @@ namespace versus {
 
 namespace {
 
-/// Dense backend, default settings; warm frames reuse the set-up, which is all that an interior
-/// point method can.
+/// Dense backend, default settings. Warm frames reuse the set-up; an interior point method cannot
+/// reuse more.
 class Piqp final : public Solver {
  public:
   bool prepare(const Problem& problem) override {

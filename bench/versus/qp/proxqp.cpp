@@ -8,9 +8,9 @@ namespace {
 
 namespace prox = proxsuite::proxqp;
 
-/// Dense backend, tolerance 1e-8 with the duality gap checked; warm frames start from the last
-/// result. The preconditioner is made anew for every frame: kept, version 0.7.2 calls wrong answers
-/// of bounds-only problems solved.
+/// Dense backend, tolerance 1e-8 with a check of the duality gap. Warm frames start from the last
+/// result. The preconditioner is computed for every frame: if it is kept, version 0.7.2 calls wrong
+/// answers of problems with bounds only solved.
 class Proxqp final : public Solver {
  public:
   bool prepare(const Problem& problem) override {

@@ -55,8 +55,8 @@ class Qpmad final : public Solver {
     }
   }
 
-  /// Multipliers of equalities are not handed out by the solver; least squares on the stationarity
-  /// condition gives them.
+  /// The solver does not return multipliers of equalities; they are least-squares solutions of the
+  /// stationarity condition.
   void read(Answer& answer) override {
     const Index n = problem_->n(), m = problem_->m();
     Vector dual;

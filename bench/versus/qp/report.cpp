@@ -10,7 +10,7 @@ namespace {
 
 const char* name_of(Start start) { return start == Start::Shifted ? "shift" : "keep"; }
 
-/// The faster of our own ways through a sequence; NaN where there is none.
+/// The time of our faster way through a sequence, or NaN if there is none.
 double own_median(const std::vector<LaneResult>& lanes) {
   double best = std::nan("");
   for (const LaneResult& lane : lanes) {

@@ -17,7 +17,7 @@ struct SequenceReport {
   std::vector<LaneResult> lanes;
 };
 
-/// All that was run.
+/// The results of all runs.
 struct Report {
   std::vector<Entry> entries;
   RunSettings settings;
@@ -27,11 +27,11 @@ struct Report {
 
 /// Prints the solvers and their versions.
 void print_solvers(const std::vector<Entry>& entries);
-/// Prints one set.
+/// Prints the results of one set.
 void print_set(const std::string& name, const std::vector<SetResult>& results);
-/// Prints one sequence.
+/// Prints the results of one sequence.
 void print_sequence(const SequenceReport& report);
-/// The whole as JSON; times in milliseconds, absent figures are null.
+/// Returns all figures as JSON. Times are in milliseconds; missing figures are null.
 std::string to_json(const Report& report);
 
 }  // namespace versus

@@ -22,7 +22,7 @@ double thread_seconds() {
   return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
 }
 
-/// The value that a share q of the values does not exceed.
+/// Returns the q-quantile of the values.
 double quantile(std::vector<double> values, double q) {
   if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
   std::sort(values.begin(), values.end());
@@ -34,7 +34,7 @@ Vectors vectors(const clothctl::QpSequenceFrame& frame) {
   return {frame.g, frame.lb, frame.ub, frame.rl, frame.ru};
 }
 
-/// 0, 1, 2 … in even rounds, backwards in odd ones.
+/// 0, 1, 2 … in even rounds, in reverse order in odd ones.
 std::vector<std::size_t> turns(std::size_t count, int round) {
   std::vector<std::size_t> order(count);
   std::iota(order.begin(), order.end(), std::size_t(0));
@@ -42,7 +42,7 @@ std::vector<std::size_t> turns(std::size_t count, int round) {
   return order;
 }
 
-/// Solves; a solver that throws has stopped.
+/// Solves. A solver that throws counts as stopped.
 Verdict attempt(Solver& solver, const Vectors& v, Start start) {
   try {
     return solver.solve(v, start);
@@ -51,7 +51,7 @@ Verdict attempt(Solver& solver, const Vectors& v, Start start) {
   }
 }
 
-/// A cold solve with its set-up. A verdict that came after the time limit is worth nothing.
+/// A cold solve with its set-up. An answer after the time limit does not count.
 Verdict cold(const Entry& entry, const Problem& problem, double limit, Answer& answer,
              double& seconds) {
   const std::unique_ptr<Solver> solver = entry.make(limit);
@@ -65,7 +65,7 @@ Verdict cold(const Entry& entry, const Problem& problem, double limit, Answer& a
   return seconds > limit ? Verdict::Stopped : verdict;
 }
 
-/// One solver's way through a sequence, kept alive while others take their turns.
+/// One solver's pass through a sequence, kept alive during the turns of the others.
 struct Lane {
   const Entry* entry;
   Start start;
@@ -170,7 +170,7 @@ std::vector<LaneResult> run_sequence(const std::vector<Entry>& entries,
     }
   }
 
-  // Warm passes.
+  // Passes with warm starts.
   const double none = std::numeric_limits<double>::infinity();
   std::vector<std::vector<double>> least(
       results.size(), std::vector<double>(static_cast<std::size_t>(frames), none));

@@ -1,8 +1,8 @@
 #pragma once
 
-// What every solver of the comparison is seen through. An adapter turns this into its solver's own
-// calls; conversions of storage (row-major copies, sparse matrices, rows split by kind) happen in
-// `prepare` and are not timed.
+// The interface to every solver of the comparison. An adapter translates it to its solver's own
+// calls. `prepare` converts storage (row-major copies, sparse matrices, rows sorted by kind) and is
+// not timed.
 
 #include <functional>
 #include <memory>
@@ -18,7 +18,7 @@ using Matrix = clothctl::MatrixX<double>;
 using RowMatrix = Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 using Vector = clothctl::VectorX<double>;
 
-/// What may change from frame to frame: min ½ xᵀHx + gᵀx, rl ≤ Ax ≤ ru, lb ≤ x ≤ ub.
+/// The data that may change from frame to frame: min ½ xᵀHx + gᵀx, rl ≤ Ax ≤ ru, lb ≤ x ≤ ub.
 struct Vectors {
   Vector g, lb, ub, rl, ru;
 };
@@ -27,21 +27,22 @@ struct Vectors {
 struct Problem {
   Matrix H, A;
   Vectors first;
-  /// Unknown i corresponds to unknown i + shift of the frame before, row i to row i + row_shift.
+  /// Unknown i corresponds to unknown i + shift of the previous frame, and row i to row i +
+  /// row_shift.
   Index shift = 0, row_shift = 0;
 
   Index n() const { return H.rows(); }
   Index m() const { return A.rows(); }
 };
 
-/// What a solver says of its answer, in words common to all.
+/// A solver's status in common terms.
 enum class Verdict {
   Solved,
   Inaccurate,   ///< optimal to a loosened tolerance
   Infeasible,   ///< no feasible point
-  Unbounded,    ///< falls without bound
+  Unbounded,    ///< the objective has no lower limit
   Stopped,      ///< a limit, or numerical trouble
-  Refused,      ///< the data were called invalid
+  Refused,      ///< the solver calls the data invalid
   Unsupported,  ///< the solver's documented preconditions do not hold (H not positive definite)
   NotRun
 };
@@ -51,45 +52,45 @@ struct Answer {
   Vector x, y, z;
 };
 
-/// How a solve may start.
+/// Where a solve starts.
 enum class Start {
   Single,   ///< the only solve of its problem
   First,    ///< the first of a sequence
-  Kept,     ///< with what the solve before left behind
-  Shifted,  ///< the same, moved by a frame
+  Kept,     ///< from the result of the last solve
+  Shifted,  ///< the same, shifted by a frame
 };
 
-/// One solver. Made afresh for every cold problem and every pass over a sequence.
+/// A solver. A new one is made for every cold problem and every pass over a sequence.
 class Solver {
  public:
   virtual ~Solver() = default;
-  /// Converts storage; not timed. False when the problem breaks a documented precondition.
+  /// Converts storage; not timed. Returns false if the problem breaks a documented precondition.
   virtual bool prepare(const Problem& problem) = 0;
-  /// Takes the matrices; timed in cold solves.
+  /// Sets the matrices; timed in cold solves.
   virtual void setup() = 0;
   /// Solves; timed.
   virtual Verdict solve(const Vectors& v, Start start) = 0;
-  /// Hands over the answer in the common sign convention; not timed.
+  /// Returns the answer in the common sign convention; not timed.
   virtual void read(Answer& answer) = 0;
 };
 
-/// A solver of the comparison and how to make it.
+/// A solver of the comparison, with its factory.
 struct Entry {
   std::string name, version;
-  /// How warm frames are started: one line of the sequence tables each.
+  /// Ways of starting warm frames. Each gives a line of the sequence tables.
   std::vector<Start> warm;
-  /// Makes one that gives up after so many seconds, where it can be told.
+  /// Makes a solver with a time limit (s), if the solver has such an option.
   std::function<std::unique_ptr<Solver>(double)> make;
 };
 
-/// Tells whether H is positive definite with room to spare, as Goldfarb-Idnani solvers ask.
+/// Returns whether H is positive definite with a margin, as Goldfarb-Idnani solvers need.
 bool is_positive_definite(const Matrix& H);
 
 /// Bounds with infinities replaced by ±big.
 inline Vector clip(const Vector& bounds, double big) { return bounds.cwiseMax(-big).cwiseMin(big); }
 
-/// Rows by kind, for solvers that take equalities apart; rows without any bound are left out. Kinds
-/// stay within a sequence.
+/// Rows by kind, for solvers that separate equalities. Rows without any bound are left out. A row
+/// keeps its kind within a sequence.
 struct RowSplit {
   std::vector<Index> equal, other;
   Matrix A_equal, A_other;

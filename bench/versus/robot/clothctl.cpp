@@ -158,7 +158,7 @@ std::string describe(const std::string& file, const std::string& tips, Model& mo
   model.file = file;
   for (const Body<double>& body : tree.bodies()) {
     if (body.type == JointType::Free || body.follows)
-      return file + ": joint \"" + body.name + "\" has not one coordinate";
+      return file + ": joint \"" + body.name + "\" does not have exactly one coordinate";
     model.joints.push_back(body.name);
   }
   for (const Link<double>& link : tree.links()) {

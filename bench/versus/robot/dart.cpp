@@ -1,4 +1,5 @@
-// One by one: the header of all of dynamics asks for a file that Debian's package does not have.
+// Included one by one: the header for all of dynamics needs a file that is missing from Debian's
+// package.
 #include <dart/dynamics/BodyNode.hpp>
 #include <dart/dynamics/DegreeOfFreedom.hpp>
 #include <dart/dynamics/Joint.hpp>
@@ -14,22 +15,23 @@ namespace {
 using namespace versus;
 namespace dynamics = dart::dynamics;
 
-/// Answers are made when asked for, and kept until positions change. The diagonal is its joint
-/// damping, which enters forward dynamics implicitly (damping × time step on the diagonal, which is
-/// 1 s here); its explicit part is given back with the torques. Its whole-body inverse kinematics
-/// is left out: it adds up or ranks the steps of single tips, and did not bring five to 1 mm.
+/// Answers are computed on request and cached until positions change. The diagonal is DART's joint
+/// damping, which enters forward dynamics implicitly (damping × time step on the diagonal, with a
+/// step of 1 s here); its explicit part is compensated in the torques. DART's whole-body
+/// inverse kinematics is left out: it adds or ranks the steps of single tips and did not bring five
+/// tips to 1 mm.
 class Dart final : public Peer {
  public:
   std::string load(const Model& model) override {
     model_ = model;
-    // Of links without inertia: it would take 1 kg, and warns of none.
+    // For links without inertia. DART would assume 1 kg, and warns of each.
     const dynamics::Inertia nothing(1e-20, Eigen::Vector3d::Zero(),
                                     1e-20 * Eigen::Matrix3d::Identity());
     using Loader = dart::utils::DartLoader;
     Loader loader(Loader::Options(nullptr, Loader::RootJointType::FIXED, nothing));
-    // DART takes a path without a leading slash for a URI without a scheme and refuses it.
+    // DART takes a path without a leading slash for a URI without a scheme, and refuses it.
     robot_ = loader.parseSkeleton(std::filesystem::absolute(model.file).string());
-    if (!robot_) return "DartLoader reads no skeleton";
+    if (!robot_) return "DartLoader cannot read the file";
     if (static_cast<int>(robot_->getNumDofs()) != model.n()) return "another number of coordinates";
     place_.clear();
     for (const std::string& name : model.joints) {
@@ -135,7 +137,7 @@ class Dart final : public Peer {
 
   Model model_;
   dynamics::SkeletonPtr robot_;
-  std::vector<Eigen::Index> place_;  // of our coordinates among its own
+  std::vector<Eigen::Index> place_;  // index of each of our coordinates
   std::vector<dynamics::BodyNode*> links_;
   std::vector<Input> inputs_;
   dart::math::Jacobian J_;

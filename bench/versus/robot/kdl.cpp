@@ -13,15 +13,15 @@ namespace {
 
 using namespace versus;
 
-/// Trees as kdl_parser makes them: Jacobians, inverse dynamics, and inverse kinematics by damped
-/// least squares within limits. Poses of all links are a walk over its segments, since its own
-/// function places one link a call, each from the root. Mass matrices are for chains only, and so
-/// is forward dynamics.
+/// Trees are made by kdl_parser. Timed are Jacobians, inverse dynamics, and inverse kinematics by
+/// damped least squares within limits. The poses of all links are computed by a walk over the
+/// segments, because KDL's own function returns one link per call and starts at the root each time.
+/// KDL has mass matrices and forward dynamics for chains only.
 class Kdl final : public Peer {
  public:
   std::string load(const Model& model) override {
     model_ = model;
-    if (!kdl_parser::treeFromFile(model.file, tree_)) return "kdl_parser reads no tree";
+    if (!kdl_parser::treeFromFile(model.file, tree_)) return "kdl_parser cannot read the file";
     if (static_cast<int>(tree_.getNrOfJoints()) != model.n()) return "another number of joints";
     place_.assign(model.joints.size(), 0);
     list(tree_.getRootSegment(), 0);
@@ -42,7 +42,7 @@ class Kdl final : public Peer {
     for (Eigen::Index k = 0; k < rows; k += 6) weights.diagonal().segment<3>(k).setOnes();
     step_->setWeightTS(weights);
     step_->setLambda(VERSUS_KDL_LAMBDA);
-    // It stops by the length of all tips' errors together.
+    // KDL stops by the norm of all tips' errors together.
     solver_ = std::make_unique<KDL::TreeIkSolverPos_NR_JL>(
         tree_, ends_, q_min_, q_max_, *poser_, *step_, VERSUS_KDL_ITERATIONS, kReachTolerance);
     return {};
@@ -136,10 +136,10 @@ class Kdl final : public Peer {
   struct Step {
     const KDL::Segment* segment;
     unsigned q;
-    std::size_t parent;  // in poses_, whose first is the root
+    std::size_t parent;  // index in poses_, where 0 is the root
   };
 
-  /// Lists the segments below one, parents first.
+  /// Lists the segments below a segment, parents first.
   void list(KDL::SegmentMap::const_iterator at, std::size_t parent) {
     for (const KDL::SegmentMap::const_iterator& child : at->second.children) {
       const KDL::TreeElement& element = child->second;
@@ -158,8 +158,8 @@ class Kdl final : public Peer {
   }
 
   Model model_;
-  KDL::KinematicTree tree_;
-  std::vector<unsigned> place_;  // of our coordinates among its own
+  KDL::Tree tree_;
+  std::vector<unsigned> place_;  // index of each of our coordinates
   std::vector<Step> segments_;
   std::vector<KDL::Frame> poses_;
   std::vector<std::string> ends_;

@@ -1,5 +1,5 @@
-// Our robot library beside those that were found when this was built: the same robots and positions
-// in the same process, interleaved, thread CPU time, every answer checked against ours.
+// Compares our robot library with those found when this was built: the same robots and positions in
+// one process, in turns, thread CPU time, and every answer compared with ours.
 
 #include <dlfcn.h>
 
@@ -41,10 +41,9 @@ Options parse(int argc, char** argv) {
   app.add_option("files", o.files,
                  "URDF files (default with --models: hand34, sia10d_shadow and shadow_hand_right)");
   app.add_option("--models", o.models, "Folder with URDF files");
-  app.add_option("--tips", o.tips, "What links that are tips have in their names")
-      ->capture_default_str();
+  app.add_option("--tips", o.tips, "Text in the names of tip links")->capture_default_str();
   app.add_option("--libraries", o.libraries,
-                 "Libraries by name, beside ours (default: all that were built in)")
+                 "Names of libraries besides ours (default: all that were built in)")
       ->delimiter(',')
       ->allow_extra_args(false);
   app.add_option("--parts", o.parts,
@@ -57,17 +56,17 @@ Options parse(int argc, char** argv) {
       ->check(CLI::Range(1, 100000))
       ->capture_default_str();
   app.add_option("--diagonal", o.run.diagonal,
-                 "What damped dynamics add to the mass matrix's diagonal")
+                 "Diagonal that damped dynamics add to the mass matrix")
       ->check(CLI::Range(0.0, 1e6))
       ->capture_default_str();
   app.add_option("--targets", o.run.targets, "Targets of inverse kinematics")
       ->check(CLI::Range(1, 1000000))
       ->capture_default_str();
-  app.add_option("--restarts", o.run.restarts, "Other starts that random starts are given")
+  app.add_option("--restarts", o.run.restarts, "Largest number of restarts for a random start")
       ->check(CLI::Range(0, 1000))
       ->capture_default_str();
   app.add_option("--passes", o.run.passes,
-                 "Times that each target is solved; its time is their median")
+                 "Number of solves for each target; its time is their median")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--seed", o.run.seed, "Seed of positions, targets and starts")
@@ -94,8 +93,8 @@ bool holds(const Names& names, const std::string& name) {
   return std::find(names.begin(), names.end(), name) != names.end();
 }
 
-/// Opens the modules. Each keeps its symbols and those of its libraries to itself, since they may
-/// differ in how they were compiled.
+/// Opens the modules. Each keeps its symbols and those of its libraries private, since they may be
+/// compiled in different ways.
 std::vector<Entry> entries(const Names& chosen) {
   std::vector<Entry> all{versus::clothctl_entry()};
   const Names modules = CLI::detail::split(VERSUS_MODULES, ':');

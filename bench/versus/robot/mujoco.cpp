@@ -9,9 +9,9 @@ namespace {
 
 using namespace versus;
 
-/// The parts of mj_forward that a robot without contact needs. Links that do not move against each
-/// other are merged (its default for URDF), so their poses are put together from its bodies'. The
-/// mass matrix stays sparse.
+/// The parts of mj_forward that a robot without contact needs. MuJoCo merges links that do not move
+/// relative to each other (its default for URDF), so their poses are computed from those of its
+/// bodies. The mass matrix stays sparse.
 class Mujoco final : public Peer {
  public:
   std::string load(const Model& model) override {
@@ -161,7 +161,7 @@ class Mujoco final : public Peer {
 
   /// The pose of a link, R by columns and p.
   void place(const Frame& frame, double* pose) const {
-    const double* R = data_->xmat + 9 * frame.body;  // by rows
+    const double* R = data_->xmat + 9 * frame.body;  // row-major
     const double* p = data_->xpos + 3 * frame.body;
     const double* offset = frame.offset;
     for (int c = 0; c < 4; ++c) {
@@ -176,7 +176,7 @@ class Mujoco final : public Peer {
   Model model_;
   std::unique_ptr<mjModel, Free> own_;
   std::unique_ptr<mjData, Free> data_;
-  std::vector<int> q_, v_;  // of our coordinates among its own
+  std::vector<int> q_, v_;  // index of each of our coordinates
   std::vector<Frame> frames_;
   std::vector<Sample> inputs_;
   std::vector<double> poses_, J_, answer_, rest_;

@@ -1,4 +1,4 @@
-#include <pinocchio/fwd.hpp>  // before others
+#include <pinocchio/fwd.hpp>  // must come first
 
 #include <algorithm>
 #include <memory>
@@ -17,7 +17,8 @@ namespace {
 using namespace versus;
 using Vector = Eigen::VectorXd;
 
-/// The diagonal is its armature: inertia of rotors. Of the mass matrix it makes the upper half.
+/// The diagonal is Pinocchio's armature (rotor inertia). It computes only the upper half of the
+/// mass matrix.
 class Pinocchio final : public Peer {
  public:
   std::string load(const Model& model) override {
@@ -104,7 +105,7 @@ class Pinocchio final : public Peer {
   }
 
  private:
-  // Those that took less time here.
+  // The variants that were faster here.
   static constexpr pinocchio::Convention kMassConvention = pinocchio::Convention::LOCAL;
   static constexpr pinocchio::Convention kForwardConvention = pinocchio::Convention::WORLD;
 
@@ -121,7 +122,7 @@ class Pinocchio final : public Peer {
   Model names_;
   pinocchio::Model model_;
   std::unique_ptr<pinocchio::Data> data_;
-  std::vector<Eigen::Index> place_;  // of our coordinates among its own
+  std::vector<Eigen::Index> place_;  // index of each of our coordinates
   std::vector<pinocchio::FrameIndex> frames_;
   std::vector<Input> inputs_;
   Eigen::Matrix<double, 6, Eigen::Dynamic> J_;

@@ -48,7 +48,7 @@ std::string short_name(const RobotReport& report) {
   return std::filesystem::path(report.model.file).stem().string();
 }
 
-/// Time of a library's forward dynamics without the diagonal over ours with it.
+/// Time of a library's forward dynamics without the diagonal, divided by ours with it.
 double forward_over_damped(const RobotReport& report, std::size_t library) {
   return report.tasks[static_cast<std::size_t>(Task::ForwardDynamics)][library].seconds /
          report.tasks[static_cast<std::size_t>(Task::DampedDynamics)][0].seconds;

@@ -20,9 +20,9 @@ struct RobotReport {
 
 /// Prints libraries and versions.
 void print_entries(const std::vector<Entry>& entries);
-/// Prints one robot's tables: microseconds, ratios to ours, differences.
+/// Prints the tables of one robot: microseconds, ratios to ours, differences.
 void print_robot(const RobotReport& report);
-/// The whole as JSON; absent figures are null.
+/// Returns all figures as JSON; missing figures are null.
 std::string to_json(const std::vector<Entry>& entries, const RunSettings& settings,
                     const std::vector<RobotReport>& robots);
 

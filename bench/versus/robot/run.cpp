@@ -29,7 +29,7 @@ double median(std::vector<double> values) {
   return values[middle];
 }
 
-/// 0, 1, 2 … in even rounds, backwards in odd ones.
+/// 0, 1, 2 … in even rounds, in reverse order in odd ones.
 std::vector<std::size_t> turns(std::size_t count, int round) {
   std::vector<std::size_t> order(count);
   std::iota(order.begin(), order.end(), std::size_t(0));
@@ -49,7 +49,7 @@ class Random {
   std::normal_distribution<double> normal_{0.0, 1.0};
 };
 
-/// Positions anywhere within the limits.
+/// Draws positions within the limits.
 std::vector<double> anywhere(const Model& model, Random& random) {
   std::vector<double> q(model.joints.size());
   for (std::size_t i = 0; i < q.size(); ++i)
@@ -81,7 +81,7 @@ std::size_t size_of(Task task, const Model& model) {
   }
 }
 
-/// Answers to all samples, end to end.
+/// Returns the answers to all samples in one list.
 std::vector<double> answers(Peer& peer, const Model& model, Task task,
                             const std::vector<Sample>& samples) {
   const std::size_t size = size_of(task, model);
@@ -94,8 +94,8 @@ std::vector<double> answers(Peer& peer, const Model& model, Task task,
   return all;
 }
 
-/// The largest difference in a sample over the largest entry there; infinite where one is not
-/// finite.
+/// Returns the largest difference in a sample divided by the sample's largest entry, or infinity if
+/// an answer is not finite.
 double difference(const std::vector<double>& own, const std::vector<double>& other,
                   std::size_t size) {
   double worst = 0;
@@ -111,7 +111,7 @@ double difference(const std::vector<double>& own, const std::vector<double>& oth
   return worst;
 }
 
-/// Where the tips are, by our kinematics.
+/// Returns the positions of the tips by our kinematics.
 std::vector<double> tip_places(Peer& ours, const Model& model, const std::vector<double>& q) {
   Sample sample;
   sample.q = sample.qd = sample.qdd = sample.torques = sample.diagonal = q;

@@ -1,7 +1,7 @@
 #pragma once
 
-// The runs: each peer in turn, forwards and backwards, in one process and thread; thread CPU time.
-// Answers are checked first, and a peer with other answers is not timed.
+// The runs: the libraries take turns in alternating order, in one process and thread; thread CPU
+// time. Answers are checked first, and a library with wrong answers is not timed.
 
 #include <memory>
 #include <string>
@@ -11,70 +11,70 @@
 
 namespace versus {
 
-/// How to run.
+/// Settings of the runs.
 struct RunSettings {
   unsigned seed = 1;
   int samples = 32;
-  /// Timed turns of each peer, of at least this many seconds.
+  /// Number of timed turns of each library, and their least duration (s).
   int rounds = 101;
   double turn = 3e-4;
-  /// The diagonal that damped dynamics add (N m s²/rad, N s²/m): time step times damping.
+  /// The diagonal for damped dynamics (N m s²/rad, N s²/m): time step times damping.
   double diagonal = 1;
-  /// Targets of inverse kinematics, other starts that a target is given, and times that each is
-  /// solved.
+  /// Number of targets of inverse kinematics, of other starts for each target, and of repetitions
+  /// of each solve.
   int targets = 200;
   int restarts = 20;
   int passes = 3;
 };
 
-/// The largest difference to our answers, over their largest entry, at which a peer is timed.
+/// Largest difference from our answers, relative to their largest entry, for a library to be timed.
 inline constexpr double kAgreement = 1e-6;
 
-/// One peer at one task.
+/// A library at a task.
 struct TaskResult {
   bool offered = false;
-  /// NaN where there are no answers.
+  /// NaN if there are no answers.
   double difference = 0;
-  /// Of one run; NaN where it was not timed.
+  /// Time of one run, or NaN if not timed.
   double seconds = 0;
 
   bool agrees() const { return offered && difference <= kAgreement; }
 };
 
-/// One peer at inverse kinematics.
+/// A library at inverse kinematics.
 struct ReachResult {
   bool offered = false;
-  /// Whether each target was reached: our kinematics of its answer is within the tolerance, and the
-  /// answer within limits.
+  /// Whether each target was reached: by our kinematics, the answer is within the tolerance, and it
+  /// is within the limits.
   std::vector<bool> reached;
-  /// It said that it had and had not.
+  /// Number of wrong reports of success, and of failure.
   int false_claims = 0;
-  /// Of each target.
+  /// Time for each target.
   std::vector<double> seconds;
 
   int reached_count() const;
   double median() const;
-  /// Over the targets that `other` reached too, and its own median there.
+  /// Median over the targets that `other` reached too, and the median of `other` there.
   double median_with(const ReachResult& other) const;
 };
 
-/// A peer with a robot.
+/// A library with a robot.
 struct Runner {
   std::string name;
   std::unique_ptr<Peer> peer;
-  /// Why it takes no part, or "".
+  /// Why the library does not take part, or "".
   std::string refusal;
 };
 
-/// Loads a robot into all; the first is ours.
+/// Loads a robot into all libraries; the first one is ours.
 std::vector<Runner> load(const std::vector<Entry>& entries, const Model& model);
 
-/// All tasks, in turns: for each of `kTasks` a result for each runner.
+/// Runs all tasks in turns. Returns a result of each runner for each of `kTasks`.
 std::vector<std::vector<TaskResult>> run_tasks(std::vector<Runner>& runners, const Model& model,
                                                const RunSettings& settings);
 
-/// Inverse kinematics to places that random positions give, from starts within 10 % of each range
-/// (near, without restarts) or anywhere; a result for each runner.
+/// Runs inverse kinematics. Targets are the tips at random positions; starts are within 10 % of
+/// each range (without restarts) or anywhere. Returns a result of each runner.
 std::vector<ReachResult> run_reach(std::vector<Runner>& runners, const Model& model, bool near,
                                    const RunSettings& settings);
 

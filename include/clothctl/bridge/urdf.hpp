@@ -208,7 +208,8 @@ class UrdfParser : public ElementReader<Scalar> {
     return true;
   }
 
-  /// Warns of joints that move no mass. `carried` holds the mass of each body.
+  /// Warns of joints that move no mass. `carried` holds the mass of each body; afterwards that of
+  /// the body and all that it carries.
   void warn_of_weightless(std::vector<Scalar>& carried) {
     const std::vector<Body<Scalar>>& bodies = model.tree.bodies();
     for (std::size_t k = bodies.size(); k-- > 0;) {

@@ -46,10 +46,12 @@ class ModelPlant {
   void apply(const ClothInput<Scalar>& input) { input_ = input; }
   /// Returns the upward force (3-vector, N) that holds the sheet at rest: minus its weight, by the
   /// masses and the gravity of the model. A controller takes it as its gravity load, for example
-  /// PlannerSettings::gravity_load. Exists for models with a member `gravity_load()` (MassSpring,
-  /// PositionBased).
-  Vector3<Scalar> gravity_load() const requires requires(const Model& m) { m.gravity_load(); }
-  { return model_.gravity_load(); }
+  /// PlannerSettings::gravity_load. Exists for models whose `cloth_traits` have that hook
+  /// (MassSpring, PositionBased).
+  Vector3<Scalar> gravity_load() const requires requires(const Model& m) {
+    cloth_traits<Model>::gravity_load(m);
+  }
+  { return cloth_traits<Model>::gravity_load(model_); }
   /// Returns why `advance(dt)` would refuse its arguments: one line that names the item, its index
   /// and the bad value. Returns an empty string when they are good. Allocates. Complexity: O(n).
   std::string check_input(Scalar dt) const {

@@ -75,6 +75,175 @@ void add_second_difference(SpringNetwork<Scalar>& network, int a, int b, int c,
   network.bends.push_back(stencil);
 }
 
+/// Returns what is wrong with the counts or spacings of a grid, or "".
+template <RealScalar Scalar>
+std::string validate_grid(const GridMesh<Scalar>& mesh) {
+  if (mesh.rows < 2 || mesh.cols < 2 ||
+      mesh.positions.cols() != static_cast<Index>(mesh.rows) * mesh.cols)
+    return "grid of " + std::to_string(mesh.rows) + " rows and " + std::to_string(mesh.cols) +
+           " columns has " + std::to_string(mesh.positions.cols()) + " positions";
+  const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
+  if (!is_finite(dx) || !(Scalar(0) < dx) || !is_finite(dz) || !(Scalar(0) < dz))
+    return "grid width and height must be positive, got " + number_text(mesh.width) + " and " +
+           number_text(mesh.height);
+  return {};
+}
+
+/// Adds the springs along the edges of a grid, rows before columns.
+template <RealScalar Scalar>
+void add_edge_springs(const GridMesh<Scalar>& mesh, const Material<Scalar>& material,
+                      SpringNetwork<Scalar>& network) {
+  const int rows = mesh.rows, cols = mesh.cols;
+  const Scalar half(0.5), one(1.0);
+  const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
+  const Scalar horizontal = material.stretch * (dz / dx), vertical = material.stretch * (dx / dz);
+  for (int row = 0; row < rows; ++row) {
+    const Scalar share = row == 0 || row == rows - 1 ? half : one;
+    for (int col = 0; col + 1 < cols; ++col)
+      add_spring(network, mesh.vertex(row, col), mesh.vertex(row, col + 1),
+                 Scalar(share * horizontal), material.damping_time);
+  }
+  for (int row = 0; row + 1 < rows; ++row) {
+    for (int col = 0; col < cols; ++col) {
+      const Scalar share = col == 0 || col == cols - 1 ? half : one;
+      add_spring(network, mesh.vertex(row, col), mesh.vertex(row + 1, col),
+                 Scalar(share * vertical), material.damping_time);
+    }
+  }
+}
+
+/// Adds the shear springs of a grid (two diagonals of each cell) and the mass of its cells.
+template <RealScalar Scalar>
+void add_cells(const GridMesh<Scalar>& mesh, const Material<Scalar>& material,
+               SpringNetwork<Scalar>& network) {
+  const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
+  const Scalar diagonal = material.shear * ((dx * dx + dz * dz) / (Scalar(2.0) * dx * dz));
+  const Scalar quarter_cell = Scalar(0.25) * material.area_density * dx * dz;
+  for (int row = 0; row + 1 < mesh.rows; ++row) {
+    for (int col = 0; col + 1 < mesh.cols; ++col) {
+      const int a = mesh.vertex(row, col), b = mesh.vertex(row, col + 1);
+      const int c = mesh.vertex(row + 1, col + 1), d = mesh.vertex(row + 1, col);
+      add_spring(network, a, c, diagonal, material.damping_time);
+      add_spring(network, b, d, diagonal, material.damping_time);
+      for (int v : {a, b, c, d}) network.mass[v] += quarter_cell;
+    }
+  }
+}
+
+/// Adds the bending stencils of a grid, those along rows first.
+template <RealScalar Scalar>
+void add_bending(const GridMesh<Scalar>& mesh, const Material<Scalar>& material,
+                 SpringNetwork<Scalar>& network) {
+  const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
+  const Scalar along_row = material.bending * (dz / dx) / (dx * dx);
+  const Scalar along_column = material.bending * (dx / dz) / (dz * dz);
+  for (int row = 0; row < mesh.rows; ++row) {
+    for (int col = 1; col + 1 < mesh.cols; ++col)
+      add_second_difference(network, mesh.vertex(row, col - 1), mesh.vertex(row, col),
+                            mesh.vertex(row, col + 1), along_row);
+  }
+  for (int row = 1; row + 1 < mesh.rows; ++row) {
+    for (int col = 0; col < mesh.cols; ++col)
+      add_second_difference(network, mesh.vertex(row - 1, col), mesh.vertex(row, col),
+                            mesh.vertex(row + 1, col), along_column);
+  }
+}
+
+/// Area of each triangle and the cotangent of the angle at each of its corners.
+template <RealScalar Scalar>
+struct TriangleMeasures {
+  std::vector<Scalar> area;
+  std::vector<std::array<Scalar, 3>> cotangent;
+
+  /// The cotangent at the corner of `triangles[triangle]` that is `vertex`.
+  const Scalar& cotangent_at(const std::vector<std::array<int, 3>>& triangles, int triangle,
+                             int vertex) const {
+    const std::size_t t = static_cast<std::size_t>(triangle);
+    const std::size_t i = triangles[t][0] == vertex ? 0 : (triangles[t][1] == vertex ? 1 : 2);
+    return cotangent[t][i];
+  }
+};
+
+/// Measures the triangles of a mesh. Allocates. Fails when: a triangle has no area.
+template <RealScalar Scalar>
+Result<TriangleMeasures<Scalar>> measure_triangles(
+    const Points<Scalar>& positions, const std::vector<std::array<int, 3>>& triangles) {
+  const Scalar zero(0.0), tiny = Scalar(16.0) * scalar_traits<Scalar>::epsilon();
+  TriangleMeasures<Scalar> measures;
+  measures.area.assign(triangles.size(), zero);
+  measures.cotangent.assign(triangles.size(), {zero, zero, zero});
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    std::array<Vector3<Scalar>, 3> corner;
+    for (std::size_t i = 0; i < 3; ++i) corner[i] = positions.col(triangles[t][i]);
+    const Vector3<Scalar> u = corner[1] - corner[0], w = corner[2] - corner[0];
+    const Vector3<Scalar> normal(u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2],
+                                 u[0] * w[1] - u[1] * w[0]);
+    const Scalar twice = normal.norm();
+    if (!(tiny * (u.squaredNorm() + w.squaredNorm()) < twice))
+      return Error{"triangle " + std::to_string(t) + " has no area"};
+    measures.area[t] = Scalar(0.5) * twice;
+    // The cotangent is the dot product of the two sides over twice the area.
+    for (std::size_t i = 0; i < 3; ++i) {
+      const Vector3<Scalar> p = corner[(i + 1) % 3] - corner[i],
+                            q = corner[(i + 2) % 3] - corner[i];
+      measures.cotangent[t][i] = p.dot(q) / twice;
+    }
+  }
+  return measures;
+}
+
+/// Adds a spring along each edge of a triangle mesh.
+template <RealScalar Scalar>
+void add_edge_springs(const Topology& topology, const TriangleMeasures<Scalar>& measures,
+                      const Material<Scalar>& material, SpringNetwork<Scalar>& network) {
+  network.springs.reserve(topology.edges.size());
+  for (const MeshEdge& edge : topology.edges) {
+    Scalar share = measures.area[static_cast<std::size_t>(edge.triangle[0])];
+    if (!edge.is_boundary()) share += measures.area[static_cast<std::size_t>(edge.triangle[1])];
+    const Vector3<Scalar> d =
+        network.rest_positions.col(edge.b) - network.rest_positions.col(edge.a);
+    add_spring(network, edge.a, edge.b, Scalar(material.stretch * share / d.squaredNorm()),
+               material.damping_time);
+  }
+}
+
+/// Adds the bending stencil K of each hinge of a triangle mesh.
+template <RealScalar Scalar>
+void add_bending(const Topology& topology, const TriangleMeasures<Scalar>& measures,
+                 const Material<Scalar>& material, SpringNetwork<Scalar>& network) {
+  network.bends.reserve(topology.hinges.size());
+  for (const Hinge& hinge : topology.hinges) {
+    const MeshEdge& edge = topology.edges[static_cast<std::size_t>(hinge.edge)];
+    const int t0 = edge.triangle[0], t1 = edge.triangle[1];
+    const Scalar c0 = measures.cotangent_at(network.triangles, t0, edge.a),
+                 c1 = measures.cotangent_at(network.triangles, t0, edge.b),
+                 d0 = measures.cotangent_at(network.triangles, t1, edge.a),
+                 d1 = measures.cotangent_at(network.triangles, t1, edge.b);
+    BendStencil<Scalar> stencil;
+    stencil.vertex = hinge.vertex;
+    stencil.weight = {c1 + d1, c0 + d0, Scalar(0) - (c0 + c1), Scalar(0) - (d0 + d1)};
+    stencil.stiffness = material.bending / (measures.area[static_cast<std::size_t>(t0)] +
+                                            measures.area[static_cast<std::size_t>(t1)]);
+    stencil.count = 4;
+    network.bends.push_back(stencil);
+  }
+}
+
+/// Gives a third of the mass of each triangle to each of its vertices. Returns "", or which vertex
+/// belongs to no triangle.
+template <RealScalar Scalar>
+std::string lump_mass(const std::vector<Scalar>& area, const Scalar& area_density,
+                      SpringNetwork<Scalar>& network) {
+  for (std::size_t t = 0; t < area.size(); ++t) {
+    for (int v : network.triangles[t]) network.mass[v] += area_density * area[t] / Scalar(3.0);
+  }
+  for (Index v = 0; v < network.mass.size(); ++v) {
+    if (!(Scalar(0) < network.mass[v]))
+      return "vertex " + std::to_string(v) + " belongs to no triangle";
+  }
+  return {};
+}
+
 }  // namespace detail
 
 /// Makes the spring network of a grid. The order of its springs is: horizontal edges row by row,
@@ -86,63 +255,18 @@ template <RealScalar Scalar>
 Result<SpringNetwork<Scalar>> sheet_network(const GridMesh<Scalar>& mesh,
                                             const Material<Scalar>& material) {
   if (std::string problem = material.validate(); !problem.empty()) return Error{problem};
-  if (mesh.rows < 2 || mesh.cols < 2 ||
-      mesh.positions.cols() != static_cast<Index>(mesh.rows) * mesh.cols)
-    return Error{"grid of " + std::to_string(mesh.rows) + " rows and " + std::to_string(mesh.cols) +
-                 " columns has " + std::to_string(mesh.positions.cols()) + " positions"};
-  const int rows = mesh.rows, cols = mesh.cols;
-  const std::size_t cells = static_cast<std::size_t>(rows - 1) * static_cast<std::size_t>(cols - 1);
-  const Scalar half(0.5), one(1.0);
-  const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
-  if (!is_finite(dx) || !(Scalar(0) < dx) || !is_finite(dz) || !(Scalar(0) < dz))
-    return Error{"grid width and height must be positive, got " + number_text(mesh.width) +
-                 " and " + number_text(mesh.height)};
-
+  if (std::string problem = detail::validate_grid(mesh); !problem.empty()) return Error{problem};
+  const std::size_t rows = static_cast<std::size_t>(mesh.rows),
+                    cols = static_cast<std::size_t>(mesh.cols), cells = (rows - 1) * (cols - 1);
   SpringNetwork<Scalar> network;
   network.rest_positions = mesh.positions;
   network.triangles = mesh.triangles;
   network.mass = VectorX<Scalar>::Zero(mesh.positions.cols());
-  network.springs.reserve(4 * cells + static_cast<std::size_t>(rows + cols));
+  network.springs.reserve(4 * cells + rows + cols);
   network.bends.reserve(2 * cells);
-
-  const Scalar horizontal = material.stretch * (dz / dx), vertical = material.stretch * (dx / dz);
-  const Scalar diagonal = material.shear * ((dx * dx + dz * dz) / (Scalar(2.0) * dx * dz));
-  const Scalar time = material.damping_time;
-  for (int row = 0; row < rows; ++row) {
-    const Scalar share = row == 0 || row == rows - 1 ? half : one;
-    for (int col = 0; col + 1 < cols; ++col)
-      detail::add_spring(network, mesh.vertex(row, col), mesh.vertex(row, col + 1),
-                         Scalar(share * horizontal), time);
-  }
-  for (int row = 0; row + 1 < rows; ++row) {
-    for (int col = 0; col < cols; ++col) {
-      const Scalar share = col == 0 || col == cols - 1 ? half : one;
-      detail::add_spring(network, mesh.vertex(row, col), mesh.vertex(row + 1, col),
-                         Scalar(share * vertical), time);
-    }
-  }
-  const Scalar quarter_cell = Scalar(0.25) * material.area_density * dx * dz;
-  for (int row = 0; row + 1 < rows; ++row) {
-    for (int col = 0; col + 1 < cols; ++col) {
-      const int a = mesh.vertex(row, col), b = mesh.vertex(row, col + 1);
-      const int c = mesh.vertex(row + 1, col + 1), d = mesh.vertex(row + 1, col);
-      detail::add_spring(network, a, c, diagonal, time);
-      detail::add_spring(network, b, d, diagonal, time);
-      for (int v : {a, b, c, d}) network.mass[v] += quarter_cell;
-    }
-  }
-  const Scalar along_row = material.bending * (dz / dx) / (dx * dx);
-  const Scalar along_column = material.bending * (dx / dz) / (dz * dz);
-  for (int row = 0; row < rows; ++row) {
-    for (int col = 1; col + 1 < cols; ++col)
-      detail::add_second_difference(network, mesh.vertex(row, col - 1), mesh.vertex(row, col),
-                                    mesh.vertex(row, col + 1), along_row);
-  }
-  for (int row = 1; row + 1 < rows; ++row) {
-    for (int col = 0; col < cols; ++col)
-      detail::add_second_difference(network, mesh.vertex(row - 1, col), mesh.vertex(row, col),
-                                    mesh.vertex(row + 1, col), along_column);
-  }
+  detail::add_edge_springs(mesh, material, network);
+  detail::add_cells(mesh, material, network);
+  detail::add_bending(mesh, material, network);
   if (std::string problem = network.validate(); !problem.empty()) return Error{problem};
   return network;
 }
@@ -164,67 +288,24 @@ Result<SpringNetwork<Scalar>> sheet_network(
   network.rest_positions = positions;
   network.triangles = triangles;
   network.mass = VectorX<Scalar>::Zero(positions.cols());
-  const Scalar zero(0.0), tiny = Scalar(16.0) * scalar_traits<Scalar>::epsilon();
   for (Index v = 0; v < positions.cols(); ++v) {
     if (!all_finite(positions.col(v)))
       return Error{"position of vertex " + std::to_string(v) + " is not finite"};
   }
-
-  // Per triangle: area, and the cotangent at each corner (dot over twice the area).
-  std::vector<Scalar> area(triangles.size(), zero);
-  std::vector<std::array<Scalar, 3>> cotangent(triangles.size(), {zero, zero, zero});
-  for (std::size_t t = 0; t < triangles.size(); ++t) {
-    std::array<Vector3<Scalar>, 3> corner;
-    for (std::size_t i = 0; i < 3; ++i) corner[i] = positions.col(triangles[t][i]);
-    const Vector3<Scalar> u = corner[1] - corner[0], w = corner[2] - corner[0];
-    const Vector3<Scalar> normal(u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2],
-                                 u[0] * w[1] - u[1] * w[0]);
-    const Scalar twice = normal.norm();
-    if (!(tiny * (u.squaredNorm() + w.squaredNorm()) < twice))
-      return Error{"triangle " + std::to_string(t) + " has no area"};
-    area[t] = Scalar(0.5) * twice;
-    for (std::size_t i = 0; i < 3; ++i) {
-      const Vector3<Scalar> p = corner[(i + 1) % 3] - corner[i],
-                            q = corner[(i + 2) % 3] - corner[i];
-      cotangent[t][i] = p.dot(q) / twice;
-      network.mass[triangles[t][i]] += material.area_density * area[t] / Scalar(3.0);
-    }
-  }
-  for (Index v = 0; v < positions.cols(); ++v) {
-    if (!(zero < network.mass[v]))
-      return Error{"vertex " + std::to_string(v) + " belongs to no triangle"};
-  }
-
-  network.springs.reserve(topology.edges.size());
-  for (const MeshEdge& edge : topology.edges) {
-    Scalar share = area[static_cast<std::size_t>(edge.triangle[0])];
-    if (!edge.is_boundary()) share += area[static_cast<std::size_t>(edge.triangle[1])];
-    const Vector3<Scalar> d = positions.col(edge.b) - positions.col(edge.a);
-    detail::add_spring(network, edge.a, edge.b, Scalar(material.stretch * share / d.squaredNorm()),
-                       material.damping_time);
-  }
-
-  const auto cotangent_at = [&](int triangle, int vertex) {
-    const std::size_t t = static_cast<std::size_t>(triangle);
-    const std::size_t i = triangles[t][0] == vertex ? 0 : (triangles[t][1] == vertex ? 1 : 2);
-    return cotangent[t][i];
-  };
-  network.bends.reserve(topology.hinges.size());
-  for (const Hinge& hinge : topology.hinges) {
-    const MeshEdge& edge = topology.edges[static_cast<std::size_t>(hinge.edge)];
-    const int t0 = edge.triangle[0], t1 = edge.triangle[1];
-    const Scalar c0 = cotangent_at(t0, edge.a), c1 = cotangent_at(t0, edge.b);
-    const Scalar d0 = cotangent_at(t1, edge.a), d1 = cotangent_at(t1, edge.b);
-    BendStencil<Scalar> stencil;
-    stencil.vertex = hinge.vertex;
-    stencil.weight = {c1 + d1, c0 + d0, zero - (c0 + c1), zero - (d0 + d1)};
-    stencil.stiffness = material.bending /
-                        (area[static_cast<std::size_t>(t0)] + area[static_cast<std::size_t>(t1)]);
-    stencil.count = 4;
-    network.bends.push_back(stencil);
-  }
+  const auto measured = detail::measure_triangles(network.rest_positions, triangles);
+  if (!measured) return Error{measured.error()};
+  const detail::TriangleMeasures<Scalar>& measures = measured.value();
+  if (std::string problem = detail::lump_mass(measures.area, material.area_density, network);
+      !problem.empty())
+    return Error{problem};
+  detail::add_edge_springs(topology, measures, material, network);
+  detail::add_bending(topology, measures, material, network);
   if (std::string problem = network.validate(); !problem.empty()) return Error{problem};
   return network;
 }
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(Result<SpringNetwork<double>> sheet_network<double>(const GridMesh<double>&,
+                                                                         const Material<double>&));
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

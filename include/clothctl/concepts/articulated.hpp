@@ -164,8 +164,8 @@ concept ArticulatedModel = RealScalar<Scalar> && requires {
 
 /// A robot with kinematics and dynamics, τ = M(q) q̈ + C(q, q̇) + g(q). StablePd takes it.
 ///
-/// Axioms: forward dynamics inverts inverse dynamics. With a diagonal d it solves
-/// (M + diag d) q̈ = τ - C - g.
+/// Axioms: forward dynamics inverts inverse dynamics. With a diagonal d it solves (M + diag d) q̈ =
+/// τ - C - g.
 ///
 /// Optional hooks: none.
 template <class Model, class Scalar = double>

@@ -35,8 +35,8 @@ std::string validate_parameter(const char* name, const Scalar& value) {
 
 /// Returns an empty string, or why so many generators span no pyramid.
 inline std::string validate_generators(int count) {
-  if (count >= 4) return {};
-  return std::to_string(count) + " generators, needs at least 4";
+  if (count >= 4 && count <= 1024) return {};
+  return std::to_string(count) + " generators, must be 4 to 1024";
 }
 
 /// Returns the largest violation of the vertices' friction cones, moved down by `pull` (N) along
@@ -96,7 +96,7 @@ template <RealScalar Scalar>
 struct HardFinger {
   /// Friction coefficient μ.
   Scalar friction = Scalar(0.5);
-  /// Generators n_g of the friction pyramid at each vertex, at least 4.
+  /// Generators n_g of the friction pyramid at each vertex, 4 to 1024.
   int pyramid = 4;
 
   /// n_g generators a vertex, vertex by vertex.
@@ -183,7 +183,7 @@ struct SoftFinger {
   Scalar friction = Scalar(0.5);
   /// Torsional friction coefficient e: the largest torsion over the normal force, m.
   Scalar torsional_friction = Scalar(0.005);
-  /// Generators n_g of the friction pyramid, at least 4; two more carry the torsion.
+  /// Generators n_g of the friction pyramid, 4 to 1024; two more carry the torsion.
   int pyramid = 8;
 
   /// n_g tangential generators and two torsional ones.
@@ -217,7 +217,9 @@ struct SoftFinger {
   Scalar upper_bound(Index, Index i, const Scalar& max_normal_force) const {
     return i < pyramid ? Scalar(max_normal_force * generator_slant(friction)) : max_normal_force;
   }
-  /// The excess of √(|f_t|² + (μ τ/e)²) over μ f_n, of the pull, or over the limit, N.
+  /// The largest of, N: √(|f_t|² + (μ τ/e)²) - μ f_n; (|τ| - e f_n)/ρ, ρ the rms distance from the
+  /// centroid about n̄; the pull; what exceeds the limit; and the distance of a vertex's force from
+  /// the spread above.
   Scalar violation(const PointsView<Scalar>& points, const PointsView<Scalar>& normals,
                    const PointsView<Scalar>& forces, const Scalar& max_normal_force) const {
     using std::sqrt;
@@ -231,9 +233,28 @@ struct SoftFinger {
     }
     const Scalar f_n = total.dot(n);
     const Vector3<Scalar> f_t = total - f_n * n;
-    const Scalar twist =
-        Scalar(0) < torsional_friction ? Scalar(friction * torsion / torsional_friction) : torsion;
+    Scalar twist(0);
+    if (Scalar(0) < torsional_friction) twist = friction * torsion / torsional_friction;
     Scalar worst = sqrt(f_t.squaredNorm() + twist * twist) - friction * f_n;
+    if (!is_finite(worst)) return scalar_traits<Scalar>::infinity();
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(points.cols()));
+    const Scalar lever = squared_lever(points, n, centre);
+    if (Scalar(0) < lever) {
+      const Scalar size = torsion < Scalar(0) ? Scalar(-torsion) : torsion;
+      const Scalar excess = (size - torsional_friction * f_n) / sqrt(lever * share);
+      if (worst < excess) worst = excess;
+    }
+    const Scalar rounding =
+        Scalar(32) * scalar_traits<Scalar>::epsilon() * sqrt(forces.squaredNorm());
+    for (Index j = 0; j < points.cols(); ++j) {
+      Vector3<Scalar> rest = forces.col(j) - share * total;
+      if (Scalar(0) < lever) {
+        const Vector3<Scalar> r = points.col(j) - centre;
+        rest -= n.cross(r) * (torsion / lever);
+      }
+      const Scalar distance = sqrt(rest.squaredNorm()) - rounding;
+      if (!(distance <= worst)) worst = distance;
+    }
     if (worst < -f_n) worst = -f_n;
     if (worst < f_n - max_normal_force) worst = f_n - max_normal_force;
     if (!is_finite(worst) || !is_finite(max_normal_force)) return scalar_traits<Scalar>::infinity();

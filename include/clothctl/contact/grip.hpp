@@ -111,6 +111,34 @@ inline std::string validate_held_vertices(const std::string& name, const std::ve
   return {};
 }
 
+/// Returns an empty string, or which axiom of ContactModel a finger on `vertices` vertices breaks.
+template <RealScalar Scalar, class Contact>
+std::string validate_contact(const Contact& contact, Index vertices, const Scalar& largest) {
+  using Traits = contact_traits<Contact>;
+  const Index count = Traits::generators(contact, vertices);
+  if (count < 1 || count > 65536) return "has " + std::to_string(count) + " generators";
+  for (Index i = 0; i < count; ++i) {
+    const auto [first, number] = Traits::support(contact, vertices, i);
+    if (first < 0 || number < 1 || first > vertices - number)
+      return "has a generator " + std::to_string(i) + " that acts off its " +
+             std::to_string(vertices) + " vertices";
+    const Scalar share = Traits::normal_share(contact, vertices, i);
+    if (!is_finite(share) || !(Scalar(0) < share))
+      return "has a generator " + std::to_string(i) + " of normal share " + number_text(share) +
+             ", must be finite and positive";
+    const Scalar bound = Traits::upper_bound(contact, vertices, i, largest);
+    if (!is_finite(bound) || bound < Scalar(0))
+      return "has a generator " + std::to_string(i) + " with the upper bound " +
+             number_text(bound) + ", must be finite and not negative";
+  }
+  if constexpr (requires { Traits::adhesion(contact); }) {
+    const Scalar pull = static_cast<Scalar>(Traits::adhesion(contact));
+    if (!is_finite(pull) || pull < Scalar(0))
+      return "has the adhesion " + number_text(pull) + ", must be finite and not negative";
+  }
+  return {};
+}
+
 /// Returns an empty string, or what is wrong with a finger apart from its vertices.
 template <RealScalar Scalar, class Contact>
 std::string validate_finger(const std::string& name, const Finger<Scalar, Contact>& finger) {
@@ -122,7 +150,9 @@ std::string validate_finger(const std::string& name, const Finger<Scalar, Contac
            ", must be finite and positive";
   if (!is_finite(finger.side) || (!(finger.side == Scalar(1)) && !(finger.side == Scalar(-1))))
     return name + " has the side " + number_text(finger.side) + ", must be +1 or -1";
-  return {};
+  const std::string broken = validate_contact<Scalar>(
+      finger.contact, static_cast<Index>(finger.vertices.size()), finger.max_normal_force);
+  return broken.empty() ? broken : name + " " + broken;
 }
 
 }  // namespace detail

@@ -122,7 +122,7 @@ inline Index first_crossed_bound(const QpSequenceFrame& frame) {
 namespace detail {
 
 /// What is wrong with the size of a program, "" where nothing is.
-inline std::string judge_qp_size(Index n, Index m) {
+inline std::string validate_qp_size(Index n, Index m) {
   if (n <= kLargestQpSide && m <= kLargestQpSide && n * (n + m) <= kLargestQpEntries) return {};
   return std::to_string(n) + " unknowns and " + std::to_string(m) + " rows are too many: at most " +
          std::to_string(kLargestQpSide) + " of each and " + std::to_string(kLargestQpEntries) +

@@ -298,7 +298,7 @@ class QpsParser {
   bool finish() {
     const Index n = static_cast<Index>(columns_.size()), m = static_cast<Index>(rows_.size());
     if (n == 0) return fail("no column before ENDATA");
-    if (const std::string wrong = judge_qp_size(n, m); !wrong.empty()) return fail(wrong);
+    if (const std::string wrong = validate_qp_size(n, m); !wrong.empty()) return fail(wrong);
     return fill_sides(n, m) && fill_rows(n, m) && fill_hessian(n);
   }
 

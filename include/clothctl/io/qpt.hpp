@@ -112,7 +112,7 @@ class QptParser : public TokenReader {
   bool size_once() {
     if (sized_) return true;
     if (n_ < 1) return fail(in_quotes(last_) + " comes before 'n'");
-    if (const std::string wrong = judge_qp_size(n_, m_); !wrong.empty()) return fail(wrong);
+    if (const std::string wrong = validate_qp_size(n_, m_); !wrong.empty()) return fail(wrong);
     sized_ = true;
     if (solution_) return true;
     problem.g.setZero(n_);

@@ -1,8 +1,9 @@
 #pragma once
 
 // Sums of products as if computed in twice the precision. The rounding error of each addition and
-// multiplication is itself a floating-point number; it is computed exactly and added to a second
-// sum. The result has one rounding error, plus eps² times the sum of the sizes of its terms.
+// multiplication is itself a floating-point number. It is computed exactly and added to a second
+// sum. The result has one rounding error, plus eps² times the sum of the absolute values of its
+// terms.
 // Reference: Ogita, Rump and Oishi, Accurate sum and dot product, SIAM J. Sci. Comput. 26 (2005),
 // algorithm Dot2.
 
@@ -24,7 +25,7 @@ constexpr bool has_accurate_sums() {
 #endif
 }
 
-/// A sum with its rounding error; a plain sum where `has_accurate_sums` is false.
+/// A sum with its rounding error. A plain sum if `has_accurate_sums` is false.
 template <RealScalar Scalar>
 class AccurateSum {
  public:
@@ -45,13 +46,13 @@ class AccurateSum {
     add(product);
   }
 
-  /// Takes another sum off.
+  /// Subtracts another sum.
   void subtract(const AccurateSum& other) {
     add(-other.sum_);
     error_ -= other.error_;
   }
 
-  /// The sum. Broken, like a plain one, where a term is not finite or overflows.
+  /// Returns the sum. It is not finite when a term is not finite or overflows.
   Scalar value() const { return sum_ + error_; }
 
  private:

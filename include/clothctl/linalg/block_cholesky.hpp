@@ -3,12 +3,13 @@
 // Sparse Cholesky factorisation A = L Lᵀ of a symmetric positive definite matrix of 3×3 blocks,
 // multifrontal.
 //
-// An elimination tree groups the vertices into nodes; a node's pivots couple only to its subtree
-// and its ancestors. Bottom up, each node gathers a dense front: its rows of A and what its
-// children left (their Schur complements), eliminates its pivots and passes the rest on
-// (dense_kernels.hpp). Which entry goes where is worked out once (front_layout.hpp), with all
-// memory; a numeric factorisation then only adds and multiplies. Reference: J. W. H. Liu, The
-// multifrontal method for sparse matrix solution: theory and practice, SIAM Review 34 (1992).
+// An elimination tree groups the vertices into nodes. The pivots of a node couple only to vertices
+// of its subtree and of its ancestors. The nodes are eliminated from the leaves to the root. Each
+// node assembles a dense front from its rows of A and the Schur complements of its children,
+// eliminates its pivots, and passes its own Schur complement to its parent (dense_kernels.hpp). The
+// places of all entries are computed once (front_layout.hpp), and all memory is allocated then. A
+// numeric factorisation only adds and multiplies. Reference: J. W. H. Liu, The multifrontal method
+// for sparse matrix solution: theory and practice, SIAM Review 34 (1992).
 
 #include <algorithm>
 #include <cassert>
@@ -20,7 +21,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Factor of a BlockSymmetric with all memory taken at construction. One object a thread.
+/// The Cholesky factor of a BlockSymmetric. Allocates all memory at construction. Each thread needs
+/// its own object.
 template <RealScalar Scalar>
 class BlockCholesky {
  public:
@@ -28,8 +30,8 @@ class BlockCholesky {
   BlockCholesky() = default;
 
   /// Analyses a pattern for an order of elimination (linalg/nested_dissection.hpp makes one).
-  /// Allocates. Complexity: as many steps as the factor has rows and the pattern pairs, with
-  /// logarithms. Fails when: the tree is not valid for the pattern (assert).
+  /// Allocates. Complexity: O(s log s), where s is the number of rows in all fronts plus the number
+  /// of pairs. Fails when: the tree is not valid for the pattern (assert).
   BlockCholesky(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree)
       : layout_(pattern, tree, kAlign) {
     factor_.setZero(layout_.factor_size);
@@ -39,9 +41,9 @@ class BlockCholesky {
   }
 
   /// Factorises a matrix of the analysed pattern. Vertices with held[i] ≠ 0 get the rows and
-  /// columns of the identity; `held` is empty or has an entry a vertex and may change from call to
-  /// call. Returns false when a number of the free part is not finite or a pivot not positive; the
-  /// factor must not be used then. No allocation.
+  /// columns of the identity. `held` is empty or has one entry for each vertex; it may change from
+  /// call to call. Returns false when an entry of the free part is not finite or a pivot is not
+  /// positive. The factor must not be used then. No allocation.
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
                                std::span<const unsigned char> held = {}) {
     assert(matrix.rows() == layout_.rows && matrix.lower_count() == layout_.lower_count);
@@ -66,8 +68,8 @@ class BlockCholesky {
   }
 
   /// Solves A X = B in place for kLanes right-hand sides: kLanes×3n, column 3i+c is coordinate c of
-  /// vertex i. Held entries come back as they went in. No allocation. Complexity: two multiply-adds
-  /// a factor entry and right-hand side.
+  /// vertex i. Entries of held vertices do not change. No allocation. Complexity: two multiply-adds
+  /// for each factor entry and right-hand side.
   template <int kLanes>
   void solve(Lanes<Scalar, kLanes>& x) {
     assert(x.cols() == 3 * layout_.rows);
@@ -95,8 +97,8 @@ class BlockCholesky {
   static constexpr int kAlign = detail::padded_lanes<Scalar>();
   static constexpr int kMaxGroup = 16;
 
-  /// Right-hand sides that go through a front together: as many as leave room for a dozen rows in
-  /// registers.
+  /// Number of right-hand sides that a front handles together. It leaves enough registers for about
+  /// twelve rows.
   static constexpr int lane_group(int lanes) {
     const int most =
         (std::min)(kMaxGroup, detail::native_lanes<Scalar>() * (detail::kManyRegisters ? 2 : 1));
@@ -105,8 +107,8 @@ class BlockCholesky {
     return group;
   }
 
-  /// Copies a front's blocks. Fails when: a number above the diagonal is not finite, for
-  /// elimination never looks there (any other reaches a pivot).
+  /// Copies the blocks of a front. Fails when: an entry above the diagonal is not finite. The
+  /// elimination does not read these entries; all others affect a pivot, which is checked.
   bool assemble(const detail::Front& front, const BlockSymmetric<Scalar>& matrix,
                 std::span<const unsigned char> held) {
     const Index ld = front.ld;
@@ -130,7 +132,7 @@ class BlockCholesky {
     return true;
   }
 
-  /// Adds a child's update matrix to the front, lower triangle by columns.
+  /// Adds the lower triangle of the update matrix of a child to the front, column by column.
   void add_child(const detail::FrontChild& child, const detail::Front& front) {
     const detail::Front& from = layout_.fronts[static_cast<std::size_t>(child.front)];
     const detail::FrontRun* runs = layout_.runs.data();
@@ -152,7 +154,7 @@ class BlockCholesky {
     }
   }
 
-  /// Reads a group of lanes; those past the last right-hand side become zero.
+  /// Reads a group of lanes. Lanes after the last right-hand side become zero.
   template <int kLanes, int kGroup>
   static CLOTHCTL_KERNEL void load_lanes(const Scalar* from, int lane,
                                          detail::Pack<Scalar, kGroup>& row) {
@@ -165,7 +167,7 @@ class BlockCholesky {
     }
   }
 
-  /// Writes the lanes of a group that exist.
+  /// Writes a group of lanes, without those after the last right-hand side.
   template <int kLanes, int kGroup>
   static CLOTHCTL_KERNEL void store_lanes(Scalar* to, int lane,
                                           const detail::Pack<Scalar, kGroup>& row) {
@@ -193,7 +195,7 @@ class BlockCholesky {
     }
   }
 
-  /// And back.
+  /// Copies the pivot rows of a front from the scratch rows back to the right-hand sides.
   template <int kLanes, int kGroup>
   CLOTHCTL_KERNEL void scatter(const detail::Front& front, const int* vertices, Scalar* x,
                                int lane) const {
@@ -266,9 +268,9 @@ class BlockCholesky {
 
   detail::FrontLayout layout_;
   VectorX<Scalar> factor_;   // packed columns of all fronts
-  VectorX<Scalar> front_;    // pivot columns of the front at hand
-  VectorX<Scalar> updates_;  // update matrices that wait for their parents
-  VectorX<Scalar> scratch_;  // right-hand sides of the pivots at hand
+  VectorX<Scalar> front_;    // pivot columns of the present front
+  VectorX<Scalar> updates_;  // update matrices that the parents have not yet assembled
+  VectorX<Scalar> scratch_;  // right-hand sides of the present pivots
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

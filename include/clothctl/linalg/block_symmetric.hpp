@@ -1,8 +1,8 @@
 #pragma once
 
-// A symmetric sparse matrix of 3×3 blocks, one block row a vertex. The pattern is fixed once;
-// values are rewritten in place. Kept: the diagonal blocks and, for each unordered pair i > j, the
-// block (i, j); block (j, i) is its transpose.
+// A symmetric sparse matrix of 3×3 blocks, with one block row for each vertex. The pattern is fixed
+// at construction; values change in place. The matrix stores the diagonal blocks and, for each pair
+// i > j, the block (i, j). Block (j, i) is its transpose.
 
 #include <algorithm>
 #include <array>
@@ -49,12 +49,12 @@ class BlockSymmetric {
   Index rows() const { return static_cast<Index>(diagonal_.size()); }
   /// Number of stored off-diagonal blocks.
   Index lower_count() const { return static_cast<Index>(lower_.size()); }
-  /// First slot of block row i; the row's slots end where those of row i+1 begin.
+  /// First slot of block row i. Its slots end where those of row i+1 begin.
   int row_begin(Index i) const { return row_begin_[static_cast<std::size_t>(i)]; }
-  /// Block column of a slot; always less than the slot's block row.
+  /// Block column of a slot. It is always less than the block row of the slot.
   int column(Index slot) const { return column_[static_cast<std::size_t>(slot)]; }
-  /// The slot of the pair (i, j) in either order, or -1 where the pattern has none, as for i = j.
-  /// Complexity: O(log row). Fails when: i or j is off the rows (assert).
+  /// Returns the slot of the pair (i, j), in either order, or -1 if the pattern does not have it
+  /// (as for i = j). Complexity: O(log row). Fails when: i or j is off the rows (assert).
   int find(int i, int j) const {
     assert(i >= 0 && i < rows() && j >= 0 && j < rows());
     if (i < j) std::swap(i, j);
@@ -102,8 +102,8 @@ class BlockSymmetric {
         sum += x.template middleCols<3>(3 * j).lazyProduct(b.transpose());
         y.template middleCols<3>(3 * j) += xi.lazyProduct(b);
       }
-      // Rows are visited in ascending order and every (i, j) has j < i, so y_j is complete only
-      // after the loop, while y_i starts here: set it before any later row adds to it.
+      // Rows ascend, and every stored block (i, j) has j < i. So later rows still add to y_i. It
+      // must get its first value here.
       y.template middleCols<3>(3 * i) = sum;
     }
   }

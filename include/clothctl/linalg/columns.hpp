@@ -1,7 +1,7 @@
 #pragma once
 
 // Columns of a dense column-major matrix, with a list of the nonzeros when at most a quarter of the
-// entries are nonzero. Products then cost as much as there are nonzeros.
+// entries are nonzero. The cost of products is then proportional to the number of nonzeros.
 
 #include <algorithm>
 #include <vector>
@@ -12,7 +12,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// A view of a column-major matrix that must outlive it, and the nonzeros of a sparse one.
+/// A view of a column-major matrix, with the nonzeros of a sparse one. The matrix must outlive the
+/// view.
 template <RealScalar Scalar>
 class Columns {
  public:
@@ -37,11 +38,11 @@ class Columns {
     sparse_ = false;
   }
 
-  /// Sets the address of the matrix, after it has been moved with the same contents.
+  /// Sets the new address of the matrix after its memory moved. Its contents must be the same.
   void attach(const Scalar* data) { data_ = data; }
 
-  /// Takes a matrix and lists its nonzeros if they are at most a quarter, else it is dense. The
-  /// matrix must not change.
+  /// Refers to a matrix, and lists its nonzeros if at most a quarter of the entries are nonzero.
+  /// Otherwise treats it as dense. The matrix must not change afterwards.
   void list(const Scalar* data, Index rows, Index columns) {
     view(data, rows, columns);
     const std::size_t most = static_cast<std::size_t>(rows * columns / kSparse);
@@ -66,7 +67,8 @@ class Columns {
   Index rows() const { return rows_; }
   /// Number of columns.
   Index columns() const { return columns_; }
-  /// The first nonzero of column j; that of column j + 1 ends it. Only when sparse.
+  /// Index of the first nonzero of column j. The column ends where column j + 1 begins. Only if
+  /// sparse.
   int start(Index j) const { return start_[static_cast<std::size_t>(j)]; }
   /// The row of nonzero k.
   int row(int k) const { return index_[static_cast<std::size_t>(k)]; }
@@ -82,7 +84,7 @@ class Columns {
     }
   }
 
-  /// Σ |entry · x| over column j.
+  /// Returns Σ |entry · x| over column j.
   Scalar size_of_dot(Index j, const Vector& x) const {
     using std::abs;
     Scalar size(0);

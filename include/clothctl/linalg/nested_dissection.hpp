@@ -1,13 +1,14 @@
 #pragma once
 
-// Nested dissection: cut the vertices in two along a coordinate, take the vertices of one side that
-// couple to the other as the separator, eliminate both sides first and the separator last; and so
-// on in both sides. For n vertices of a sheet the factor has O(n log n) entries. Reference: A.
-// George, Nested dissection of a regular finite element mesh, SIAM J. Numer. Anal. 10 (1973).
+// Nested dissection. Cut the vertices into two sides along a coordinate. The vertices of one side
+// that couple to the other side are the separator. Eliminate both sides first and the separator
+// last, and order both sides in the same way. For n vertices of a sheet the factor has O(n log n)
+// entries. Reference: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer.
+// Anal. 10 (1973).
 //
-// All cuts along an axis are weighed in one sweep: with the vertices ranked by coordinate, the cut
-// before rank m puts v in the lower separator where rank(v) < m <= rank of v's farthest partner,
-// and in the upper one likewise.
+// One sweep evaluates all cuts along an axis. Rank the vertices by coordinate. The cut before rank
+// m has a lower separator, the vertices v with rank(v) < m <= the largest rank of a vertex coupled
+// to v, and likewise an upper separator.
 
 #include <algorithm>
 #include <array>
@@ -24,7 +25,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// The recursion of nested_dissection; `set` ranges are slices of order_.
+/// The recursion of nested_dissection. A set of vertices is a range of order_.
 template <RealScalar Scalar>
 class Dissection {
  public:
@@ -67,7 +68,8 @@ class Dissection {
 
   static std::size_t size(int i) { return static_cast<std::size_t>(i); }
 
-  /// Orders order_[begin, end) by a coordinate, ties by index; what is not finite comes last.
+  /// Sorts order_[begin, end) by a coordinate, and by index where coordinates are equal.
+  /// Coordinates that are not finite come last.
   void sort_along(int axis, int begin, int end) {
     std::sort(order_.begin() + begin, order_.begin() + end, [&](int a, int b) {
       const Scalar xa = positions_(axis, a), xb = positions_(axis, b);
@@ -78,8 +80,8 @@ class Dissection {
     });
   }
 
-  /// Ranks of the nearest and farthest partner of a vertex within the current set (its own rank
-  /// where it has none).
+  /// Returns the smallest and the largest rank among a vertex and the vertices of the current set
+  /// that couple to it.
   std::array<int, 2> partner_ranks(int v) const {
     std::array<int, 2> range = {rank_[size(v)], rank_[size(v)]};
     for (int s = neighbour_begin_[size(v)]; s < neighbour_begin_[size(v) + 1]; ++s) {
@@ -91,8 +93,8 @@ class Dissection {
     return range;
   }
 
-  /// Weighs every cut along an axis and keeps the best of them and `best`.
-  void weigh(int axis, int begin, int end, Cut& best) {
+  /// Evaluates every cut along an axis. Replaces `best` if one of them is better.
+  void evaluate_cuts(int axis, int begin, int end, Cut& best) {
     const int n = end - begin;
     sort_along(axis, begin, end);
     for (int r = 0; r < n; ++r) rank_[size(order_[size(begin + r)])] = r;
@@ -118,7 +120,7 @@ class Dissection {
     }
   }
 
-  /// Appends a node of the vertices order_[begin, end), the parent of `children`; returns its
+  /// Appends a node with the vertices order_[begin, end), the parent of `children`. Returns its
   /// number.
   int add_node(int begin, int end, const std::vector<int>& children) {
     const int node = static_cast<int>(tree_.parent.size());
@@ -129,16 +131,16 @@ class Dissection {
     return node;
   }
 
-  /// Orders a set; returns the nodes that still want a parent.
+  /// Orders a set. Returns the nodes that do not have a parent yet.
   std::vector<int> dissect(int begin, int end) {
     const int n = end - begin;
     if (n == 0) return {};
     if (n <= leaf_size_) return {add_node(begin, end, {})};
     Cut cut;
-    for (int axis = 0; axis < 3; ++axis) weigh(axis, begin, end, cut);
+    for (int axis = 0; axis < 3; ++axis) evaluate_cuts(axis, begin, end, cut);
     sort_along(cut.axis, begin, end);
     for (int r = 0; r < n; ++r) rank_[size(order_[size(begin + r)])] = r;
-    // Three parts in place: below, above, separator.
+    // Partition the set into the lower side, the upper side and the separator.
     std::vector<int> parts[3];
     for (int r = 0; r < n; ++r) {
       const int v = order_[size(begin + r)];
@@ -158,7 +160,7 @@ class Dissection {
     const std::vector<int> more = dissect(middle, last);
     open.insert(open.end(), more.begin(), more.end());
     if (last == end) return open;
-    // Along its length, so that the part that a smaller front touches is one run.
+    // Sort the separator along its length. A descendant's front then couples to one run of it.
     sort_along(longest_axis(last, end), last, end);
     return {add_node(last, end, open)};
   }
@@ -191,10 +193,10 @@ class Dissection {
 }  // namespace detail
 
 /// Orders a pattern for BlockCholesky by recursive bisection of the positions (3×n, m, rest shape)
-/// with vertex separators. Any pattern will do: sheets with bending couplings, garments, ropes,
-/// solids, several bodies. Sets of at most `leaf_size` vertices are not cut further. Deterministic.
-/// Allocates. Complexity: O((n log n + p) log n), p pairs. Fails when: the positions are not as
-/// many as the rows, or one is not finite (assert).
+/// with vertex separators. Works for any pattern: sheets with bending couplings, garments, ropes,
+/// solids, several bodies. Does not cut sets of at most `leaf_size` vertices. Deterministic.
+/// Allocates. Complexity: O((n log n + p) log n) for p pairs. Fails when: the number of positions
+/// is not that of the rows, or one is not finite (assert).
 template <RealScalar Scalar>
 EliminationTree nested_dissection(const BlockSymmetric<Scalar>& pattern,
                                   const std::type_identity_t<PointsView<Scalar>>& positions,

@@ -9,11 +9,12 @@
 //   L Lᵀ = H_FF + ρ I,   V = L⁻¹ A_WFᵀ,   S = μ I + VᵀV
 //   S δ = Vᵀ L⁻¹ r1 - r2,    p = L⁻ᵀ (V δ - L⁻¹ r1)
 //
-// H_FF + ρ I and S are positive definite even when rows are dependent or H is semidefinite, so
-// these need no special case. Vᵀ and G = VᵀV are updated with F. A new unknown adds the row v =
-// (A_Wi - Vᵀl)/d to V. When an unknown leaves, the rotations that update L are applied to the rows
-// of V, and the last row is dropped. G changes by v vᵀ. The cost is O(f² + f w + w²) an unknown and
-// w³/3 for S. When many unknowns change, or after many updates, everything is factored anew.
+// H_FF + ρ I and S are positive definite even if rows are linearly dependent or H is semidefinite,
+// so these cases need no special treatment. Vᵀ and G = VᵀV are updated with F. A new unknown adds
+// the row v = (A_Wi - Vᵀl)/d to V. When an unknown leaves, the rotations that update L are applied
+// to the rows of V, and the last row is deleted. G changes by v vᵀ. The cost is O(f² + f w + w²)
+// for each unknown, and w³/3 for S. When many unknowns change, and after many updates, everything
+// is factored from scratch.
 
 #include <algorithm>
 #include <vector>
@@ -48,12 +49,12 @@ class RowFactor {
     stale_ = true;
   }
 
-  /// Forgets everything (the matrices or ρ changed).
+  /// Clears the factor. Call this after a change of the matrices or of ρ.
   void clear() {
     free_.clear();
     clear_rows();
   }
-  /// Forgets S only (μ changed).
+  /// Discards S. Call this after a change of μ.
   void touch() { stale_ = true; }
 
   /// Number of free unknowns.
@@ -69,9 +70,9 @@ class RowFactor {
   /// Returns true when unknown i is free.
   bool has_unknown(Index i) const { return free_.place(i) >= 0; }
 
-  /// Brings the factor to the sets that the predicates name. At is Aᵀ, n×m. Returns false when a
-  /// pivot fails: raise ρ (when `free_failed()`) or μ. `changed` says whether a set differs from
-  /// before.
+  /// Updates the factor to the sets given by the predicates. At is Aᵀ, n×m. Returns false when a
+  /// pivot is not large enough: the caller then increases ρ if `free_failed()`, else μ. `changed`
+  /// becomes true when a set differs from the previous one.
   template <class IsFree, class IsActive>
   bool sync(const MatrixView& H, const MatrixView& At, const Scalar& rho, const Scalar& mu,
             IsFree is_free, IsActive is_active, bool& changed) {
@@ -116,11 +117,11 @@ class RowFactor {
     return factor_rows(mu, relative);
   }
 
-  /// Returns true when the last failure lay in H_FF + ρ I (else in S).
+  /// Returns true when a pivot of H_FF + ρ I failed last, false when it was one of S.
   bool free_failed() const { return free_failed_; }
 
-  /// Solves for r1 (n, read at free places) and r2 (m, read at active places); p and delta (full
-  /// length) are written at free and active places only.
+  /// Solves for the right-hand sides r1 (n, read at free unknowns) and r2 (m, read at active rows).
+  /// Writes p (n) at free unknowns and delta (m) at active rows only.
   void solve(const VectorX<Scalar>& r1, const VectorX<Scalar>& r2, VectorX<Scalar>& p,
              VectorX<Scalar>& delta) {
     const Index f = free_.size();
@@ -152,7 +153,7 @@ class RowFactor {
     stale_ = true;
   }
 
-  /// Takes a free unknown out of L, Vᵀ and G.
+  /// Removes a free unknown from L, Vᵀ and G.
   void remove_unknown(Index k) {
     const Index w = rows_count_;
     const Index behind = free_.size() - k - 1;
@@ -165,7 +166,7 @@ class RowFactor {
     for (Index c = 0; c < w; ++c) add_scaled(w, Scalar(-carry_[c]), carry_.data(), g_column(c));
   }
 
-  /// Takes a free unknown into L, Vᵀ and G.
+  /// Adds a free unknown to L, Vᵀ and G.
   void append_unknown(const MatrixView& H, const MatrixView& At, Index i, const Scalar& rho,
                       const Scalar& relative) {
     const Index w = rows_count_;
@@ -218,7 +219,7 @@ class RowFactor {
                              Vt_.topLeftCorner(w, f));
     for (Index i = old; i < w; ++i) {
       for (Index j = 0; j < w; ++j) {
-        if (j > i) continue;  // its mirror image comes with row j
+        if (j > i) continue;  // row j handles the transposed entry
         G_(i, j) = -G_(i, j);
         G_(j, i) = G_(i, j);
       }

@@ -1,21 +1,21 @@
 #pragma once
 
-// A x = b for symmetric positive definite A of a few dozen rows, without a heap once made. With U =
-// L D,
+// Solves A x = b for a symmetric positive definite A of at most a few dozen rows, without
+// allocation. With U = L D,
 //
-//   A = L D Lᵀ,   U_j = A_j - Σ_(k<j) U_jk / d_k · U_k,   d_j = U_jj,   x_j = (z_j - Σ_(i>j) U_ij
-//   x_i) / d_j
+//   A = L D Lᵀ,   U_j = A_j - Σ_(k<j) U_jk / d_k · U_k,   d_j = U_jj,
+//   x_j = (z_j - Σ_(i>j) U_ij x_i) / d_j
 //
-// where b stands below A as one more row, and that row of U is z = L⁻¹ b. Columns are padded to
-// whole groups of four entries and all work is on whole columns, whose length the compiler knows
-// for up to 24 rows: near 15 rows the loops over odd ends, and roots, would cost more than the
-// arithmetic.
+// b is stored below A as one more row; this row of U is z = L⁻¹ b. Columns are padded to a multiple
+// of four entries, and every loop runs over whole columns. For up to 24 rows their length is known
+// at compile time. Near 15 rows, loops over remainders and square roots would cost more than the
+// rest.
 
 #include "clothctl/core/types.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// A matrix, a right-hand side, and then what elimination made of them.
+/// A matrix and a right-hand side. The elimination overwrites both.
 template <RealScalar Scalar>
 class SmallCholesky {
  public:
@@ -30,7 +30,7 @@ class SmallCholesky {
   /// Length of a column for n rows: n + 1 rounded up to whole groups of four.
   static Index padded(Index n) { return n / 4 * 4 + 4; }
 
-  /// Sets the size to n, within what was reserved; the entries are whatever they were.
+  /// Sets the size to n, at most the reserved size. Entries keep arbitrary values.
   void resize(Index n) {
     n_ = n;
     stride_ = padded(n);
@@ -39,11 +39,11 @@ class SmallCholesky {
   Index size() const { return n_; }
   /// Entry (i, j) of A, i ≥ j, before a solve.
   Scalar& operator()(Index i, Index j) { return entries_[j * stride_ + i]; }
-  /// Column j of `padded(n)` entries. Those above the diagonal and after row n may hold anything.
+  /// Column j, `padded(n)` entries. Entries above the diagonal and after row n may have any value.
   Scalar* column(Index j) { return entries_.data() + j * stride_; }
 
-  /// x ← A⁻¹ x, x of n entries; A is lost. Returns -1, or the first column whose pivot is not
-  /// positive: x is then what it was. Never allocates. Complexity: n³/3.
+  /// x ← A⁻¹ x for x of n entries. Overwrites A. Returns -1, or the first column whose pivot is not
+  /// positive; x does not change then. Never allocates. Complexity: n³/3.
   Index solve(Eigen::Ref<VectorX<Scalar>> x) {
     for (Index j = 0; j < n_; ++j) {
       Scalar* const own = column(j);
@@ -82,7 +82,7 @@ class SmallCholesky {
       inverse_[j] = Scalar(1) / own[j];
     }
     Column x(x_.data(), stride_);
-    x.setConstant(Scalar(0));  // so that the dot products below see only what is solved
+    x.setConstant(Scalar(0));  // entries that are not solved yet add zero to the dot products
     for (Index j = n_; j-- > 0;) {
       const Column own(column(j), stride_);
       x[j] = (own[n_] - (own * x).sum()) * inverse_[j];

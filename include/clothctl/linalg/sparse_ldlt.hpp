@@ -1,16 +1,16 @@
 #pragma once
 
-// The Newton systems of row_factor.hpp where H and A are sparse, factored as a whole:
+// The Newton systems of row_factor.hpp for sparse H and A, factored as one matrix:
 //
 //   | H_FF + ρ I   A_WFᵀ |
 //   |                    |  =  P L D Lᵀ Pᵀ,      D > 0 at unknowns, < 0 at rows
 //   | A_WF         -μ I  |
 //
-// Quasi-definite matrices have this factor for every order P, so one order of all unknowns and
-// rows, found once, serves all sets F and W. L is made row by row: row k is supported on the paths
-// of the elimination tree from the entries of row k to k. When the sets change, rows before the
-// first changed place stay. Reference: Vanderbei, SIAM J. Optim. 5 (1995); Davis, ACM TOMS 31
-// (2005), for the order of work.
+// Quasi-definite matrices have this factor for every order P (Vanderbei, SIAM J. Optim. 5, 1995).
+// So one order of all unknowns and rows is enough for all sets F and W. L is computed row by row,
+// as in Davis, ACM TOMS 31 (2005): the nonzeros of row k are on the paths of the elimination tree
+// from the nonzeros of row k of the matrix to node k. When the sets change, the rows of L before
+// the first changed place stay.
 
 #include <algorithm>
 #include <vector>
@@ -50,8 +50,9 @@ class SparseLdlt {
     clear();
   }
 
-  /// Orders and lays out sparse H (n×n) and A (m×n); false when the factor has no room or would
-  /// take more than `work` operations. Forgets every set. Never allocates.
+  /// Finds an elimination order for sparse H (n×n) and A (m×n), and stores their entries. Returns
+  /// false when the factor does not fit in the memory or needs more than `work` operations. Clears
+  /// the sets. Never allocates.
   bool analyse(const Columns<Scalar>& H, const Columns<Scalar>& A, const Columns<Scalar>& At,
                double work) {
     n_ = H.columns();
@@ -104,16 +105,16 @@ class SparseLdlt {
     return true;
   }
 
-  /// Σ |column of L|² over all unknowns and rows: half of the operations of a factorisation.
+  /// Σ |column of L|² over all unknowns and rows. A factorisation takes twice as many operations.
   double work() const { return degree_.work(); }
 
-  /// Forgets the sets (ρ changed).
+  /// Clears the sets. Call this after a change of ρ.
   void clear() {
     std::fill(on_.begin(), on_.end(), char(0));
     free_size_ = row_size_ = 0;
     good_ = 0;
   }
-  /// Forgets the factor, not the sets (μ changed).
+  /// Discards the factor, not the sets. Call this after a change of μ.
   void touch() { good_ = 0; }
 
   /// Number of free unknowns.
@@ -129,8 +130,9 @@ class SparseLdlt {
   /// Returns true when unknown i is free.
   bool has_unknown(Index i) const { return on_[place_of(i)] != 0; }
 
-  /// Brings the factor to the sets that the predicates name. Returns false when a pivot fails:
-  /// raise ρ (when `free_failed()`) or μ. `changed` says whether a set differs from before.
+  /// Updates the factor to the sets given by the predicates. Returns false when a pivot has the
+  /// wrong sign or is too small: the caller then increases ρ if `free_failed()`, else μ. `changed`
+  /// becomes true when a set differs from the previous one.
   template <class IsFree, class IsActive>
   bool sync(const Scalar& rho, const Scalar& mu, IsFree is_free, IsActive is_active,
             bool& changed) {
@@ -158,11 +160,11 @@ class SparseLdlt {
     return factor_from(first, rho, mu);
   }
 
-  /// Returns true when the last failure lay at an unknown (else at a row).
+  /// Returns true when the pivot of an unknown failed last, false when it was that of a row.
   bool free_failed() const { return free_failed_; }
 
-  /// Solves for r1 (n, read at free places) and r2 (m, read at active places); p and delta (full
-  /// length) are written at free and active places only.
+  /// Solves for the right-hand sides r1 (n, read at free unknowns) and r2 (m, read at active rows).
+  /// Writes p (n) at free unknowns and delta (m) at active rows only.
   void solve(const Vector& r1, const Vector& r2, Vector& p, Vector& delta) {
     for (Index k = 0; k < free_size_; ++k)
       right_[static_cast<Index>(place_of(unknown(k)))] = -r1[unknown(k)];
@@ -199,7 +201,7 @@ class SparseLdlt {
   }
   bool on(int k) const { return on_[static_cast<std::size_t>(k)] != 0; }
 
-  /// Makes the rows of L from place `first` on; those before stay.
+  /// Computes the rows of L from place `first` on.
   bool factor_from(int first, const Scalar& rho, const Scalar& mu) {
     if (first >= nodes()) return true;
     const Scalar relative = Scalar(4) * scalar_traits<Scalar>::epsilon();
@@ -230,7 +232,7 @@ class SparseLdlt {
     return true;
   }
 
-  /// Makes row k of L and returns its pivot.
+  /// Computes row k of L and returns its pivot.
   Scalar make_row(int k, Scalar pivot) {
     int top = nodes();
     at(mark_, k) = k;
@@ -248,11 +250,10 @@ class SparseLdlt {
       while (length > 0) at(path_, --top) = at(path_, --length);
     }
     while (top < nodes()) {
-      // Columns of which each holds the next one's rows too: one pass over the rows for all of
-      // them.
+      // Successive columns with the same rows (a supernode) need only one pass over the rows.
       int width = 1;
       while (width < kMostColumns && top + width < nodes() &&
-             continues(at(path_, top + width - 1), at(path_, top + width)))
+             share_rows(at(path_, top + width - 1), at(path_, top + width)))
         ++width;
       if (width == 3) width = 2;
       if (width == 4) {
@@ -275,14 +276,14 @@ class SparseLdlt {
     return pivot;
   }
 
-  /// Returns true when column `next` has the rows of column i without the first, which is `next`
-  /// itself.
-  bool continues(int i, int next) {
+  /// Returns true when columns i and `next` belong to one supernode: the first row of column i is
+  /// `next`, and its other rows are those of column `next`.
+  bool share_rows(int i, int next) {
     return at(length_, i) == at(length_, next) + 1 && at(row_, at(column_, i)) == next;
   }
 
-  /// Takes `Width` columns that continue each other, from place `top` of the path, out of the row
-  /// in spread_.
+  /// Eliminates `Width` columns of one supernode from the row in spread_. They begin at place `top`
+  /// of the path.
   template <int Width>
   void eliminate(int top) {
     const Scalar* entry[Width];
@@ -308,15 +309,15 @@ class SparseLdlt {
   static constexpr int kMostColumns = 4;
 
   detail::MinimumDegree degree_;
-  std::vector<int> place_, column_, length_, parent_, mark_,
-      path_;  // at a node; then at a place of the order
+  std::vector<int> place_;  // by node; all others by place in the order
+  std::vector<int> column_, length_, parent_, mark_, path_;
   std::vector<int> upper_start_, upper_index_, row_;
   std::vector<int> free_, active_;
   std::vector<char> on_;
   std::vector<Scalar> upper_, entry_;
   Vector diagonal_, pivot_, spread_, right_;
   Index n_ = 0, m_ = 0, free_size_ = 0, row_size_ = 0;
-  int good_ = 0;  // rows of L from here on are not made
+  int good_ = 0;  // number of valid rows of L
   bool free_failed_ = false;
 };
 

@@ -23,15 +23,81 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Edge length of a tile. Two tiles of doubles fit into a first-level cache of 64 KB.
 inline constexpr Index kTile = 64;
-/// Number of columns that the kernels finish together within a tile.
+/// Number of columns that the kernels compute together within a tile.
 inline constexpr Index kTilePanel = 4;
 
 namespace detail {
 
-/// Subtracts a register of numbers from those at any address.
+/// Subtracts a register of numbers from the numbers at an address.
 template <class Scalar, class Value>
 CLOTHCTL_KERNEL void subtract_register(Scalar* to, const Value& sum) {
   store_register(to, load_register(to) - sum);
+}
+
+/// C ← C - P Qᵀ for four columns of C and the rows of two registers; P and Q have `depth` columns.
+template <class Scalar>
+CLOTHCTL_KERNEL void subtract_outer_two_registers(Scalar* c, Index ldc, const Scalar* p, Index ldp,
+                                                  const Scalar* q, Index ldq, Index depth) {
+  constexpr Index kLanes = native_lanes<Scalar>();
+  using Value = typename Register<Scalar, native_lanes<Scalar>()>::type;
+  Value a0{}, a1{}, a2{}, a3{}, b0{}, b1{}, b2{}, b3{};
+  for (Index k = 0; k < depth; ++k, p += ldp, q += ldq) {
+    const Value a = load_register(p), b = load_register(p + kLanes);
+    a0 = a0 + a * q[0];
+    b0 = b0 + b * q[0];
+    a1 = a1 + a * q[1];
+    b1 = b1 + b * q[1];
+    a2 = a2 + a * q[2];
+    b2 = b2 + b * q[2];
+    a3 = a3 + a * q[3];
+    b3 = b3 + b * q[3];
+  }
+  subtract_register(c, a0);
+  subtract_register(c + kLanes, b0);
+  subtract_register(c + ldc, a1);
+  subtract_register(c + ldc + kLanes, b1);
+  subtract_register(c + 2 * ldc, a2);
+  subtract_register(c + 2 * ldc + kLanes, b2);
+  subtract_register(c + 3 * ldc, a3);
+  subtract_register(c + 3 * ldc + kLanes, b3);
+}
+
+/// The same for the rows of one register.
+template <class Scalar>
+CLOTHCTL_KERNEL void subtract_outer_one_register(Scalar* c, Index ldc, const Scalar* p, Index ldp,
+                                                 const Scalar* q, Index ldq, Index depth) {
+  using Value = typename Register<Scalar, native_lanes<Scalar>()>::type;
+  Value a0{}, a1{}, a2{}, a3{};
+  for (Index k = 0; k < depth; ++k, p += ldp, q += ldq) {
+    const Value a = load_register(p);
+    a0 = a0 + a * q[0];
+    a1 = a1 + a * q[1];
+    a2 = a2 + a * q[2];
+    a3 = a3 + a * q[3];
+  }
+  subtract_register(c, a0);
+  subtract_register(c + ldc, a1);
+  subtract_register(c + 2 * ldc, a2);
+  subtract_register(c + 3 * ldc, a3);
+}
+
+/// The same for one row.
+template <class Scalar>
+CLOTHCTL_KERNEL void subtract_outer_one_row(Scalar* c, Index ldc, const Scalar* p, Index ldp,
+                                            const Scalar* q, Index ldq, Index depth) {
+  Scalar s0(0), s1(0), s2(0), s3(0);
+  for (Index k = 0; k < depth; ++k) {
+    const Scalar value = p[k * ldp];
+    const Scalar* factor = q + k * ldq;
+    s0 += value * factor[0];
+    s1 += value * factor[1];
+    s2 += value * factor[2];
+    s3 += value * factor[3];
+  }
+  c[0] = c[0] - s0;
+  c[ldc] = c[ldc] - s1;
+  c[2 * ldc] = c[2 * ldc] - s2;
+  c[3 * ldc] = c[3 * ldc] - s3;
 }
 
 /// C ← C - P Qᵀ for four columns of C: C and P have `rows` rows, P and Q have `depth` columns.
@@ -39,62 +105,12 @@ template <class Scalar>
 void subtract_outer_four(Scalar* c, Index ldc, Index rows, const Scalar* p, Index ldp,
                          const Scalar* q, Index ldq, Index depth) {
   constexpr Index kLanes = native_lanes<Scalar>();
-  using Value = typename Register<Scalar, native_lanes<Scalar>()>::type;
   Index i = 0;
-  for (; i + 2 * kLanes <= rows; i += 2 * kLanes) {
-    Value a0{}, a1{}, a2{}, a3{}, b0{}, b1{}, b2{}, b3{};
-    const Scalar *column = p + i, *factor = q;
-    for (Index k = 0; k < depth; ++k, column += ldp, factor += ldq) {
-      const Value a = load_register(column), b = load_register(column + kLanes);
-      a0 = a0 + a * factor[0];
-      b0 = b0 + b * factor[0];
-      a1 = a1 + a * factor[1];
-      b1 = b1 + b * factor[1];
-      a2 = a2 + a * factor[2];
-      b2 = b2 + b * factor[2];
-      a3 = a3 + a * factor[3];
-      b3 = b3 + b * factor[3];
-    }
-    Scalar* to = c + i;
-    subtract_register(to, a0);
-    subtract_register(to + kLanes, b0);
-    subtract_register(to + ldc, a1);
-    subtract_register(to + ldc + kLanes, b1);
-    subtract_register(to + 2 * ldc, a2);
-    subtract_register(to + 2 * ldc + kLanes, b2);
-    subtract_register(to + 3 * ldc, a3);
-    subtract_register(to + 3 * ldc + kLanes, b3);
-  }
-  for (; i + kLanes <= rows; i += kLanes) {
-    Value a0{}, a1{}, a2{}, a3{};
-    const Scalar *column = p + i, *factor = q;
-    for (Index k = 0; k < depth; ++k, column += ldp, factor += ldq) {
-      const Value a = load_register(column);
-      a0 = a0 + a * factor[0];
-      a1 = a1 + a * factor[1];
-      a2 = a2 + a * factor[2];
-      a3 = a3 + a * factor[3];
-    }
-    subtract_register(c + i, a0);
-    subtract_register(c + i + ldc, a1);
-    subtract_register(c + i + 2 * ldc, a2);
-    subtract_register(c + i + 3 * ldc, a3);
-  }
-  for (; i < rows; ++i) {
-    Scalar s0(0), s1(0), s2(0), s3(0);
-    for (Index k = 0; k < depth; ++k) {
-      const Scalar value = p[k * ldp + i];
-      const Scalar* factor = q + k * ldq;
-      s0 += value * factor[0];
-      s1 += value * factor[1];
-      s2 += value * factor[2];
-      s3 += value * factor[3];
-    }
-    c[i] = c[i] - s0;
-    c[ldc + i] = c[ldc + i] - s1;
-    c[2 * ldc + i] = c[2 * ldc + i] - s2;
-    c[3 * ldc + i] = c[3 * ldc + i] - s3;
-  }
+  for (; i + 2 * kLanes <= rows; i += 2 * kLanes)
+    subtract_outer_two_registers(c + i, ldc, p + i, ldp, q, ldq, depth);
+  for (; i + kLanes <= rows; i += kLanes)
+    subtract_outer_one_register(c + i, ldc, p + i, ldp, q, ldq, depth);
+  for (; i < rows; ++i) subtract_outer_one_row(c + i, ldc, p + i, ldp, q, ldq, depth);
 }
 
 /// C ← C - P Qᵀ for one tile.
@@ -130,9 +146,10 @@ void subtract_outer(Eigen::Ref<MatrixX<Scalar>> C, const Eigen::Ref<const Matrix
   }
 }
 
-/// Factors the lower triangle of A in place. `scale` holds the diagonal that A had before. The work
-/// stops at the first pivot that is not larger than `relative` times its entry of `scale`. Returns
-/// the index of that pivot, or the size of A when all pivots are good. Complexity: n³/3.
+/// Factors the lower triangle of A in place. `scale` is the diagonal of A, or other sizes to
+/// compare pivots with. Stops at the first pivot that is not larger than `relative` times its entry
+/// of `scale`. Returns the index of this pivot, or the size of A if there is none. Complexity:
+/// n³/3.
 template <RealScalar Scalar>
 Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A,
                         const Eigen::Ref<const VectorX<Scalar>>& scale, const Scalar& relative) {
@@ -155,7 +172,7 @@ Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A,
         column(c)[c] = root;
         scale_by(n - c - 1, Scalar(Scalar(1) / root), column(c) + c + 1);
       }
-      if (end < j + nj) {  // only then the panel is full
+      if (end < j + nj) {  // false for the last panel of a tile, which may be narrower
         detail::subtract_outer_tile(column(end) + end, stride, n - end, j + nj - end,
                                     column(panel) + end, stride, column(panel) + end, stride,
                                     end - panel);

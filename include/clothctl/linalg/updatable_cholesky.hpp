@@ -4,10 +4,10 @@
 //
 //   L Lᵀ = H_FF + s I,   F an ordered list of unknowns
 //
-//   append i:  l = L⁻¹ H_Fi,  d² = H_ii + s - lᵀl,  new last row (lᵀ, d) O(f²) remove k:  delete
-//   row and column k. The block T behind it becomes T' with T'T'ᵀ = T Tᵀ + w wᵀ,
-//              where w is the deleted column below the diagonal: Givens rotations        O((f -
-//              k)²)
+//   append i:  l = L⁻¹ H_Fi,  d² = H_ii + s - lᵀl,  new last row (lᵀ, d)          O(f²)
+//   remove k:  delete row and column k. Givens rotations change the block T below
+//              and right of it to T' with T'T'ᵀ = T Tᵀ + w wᵀ, where w is the
+//              deleted column below the diagonal                                 O((f - k)²)
 //
 // Reference: Golub and Van Loan, Matrix Computations, 4th ed. (2013), §6.5.4.
 
@@ -35,7 +35,7 @@ class UpdatableCholesky {
   /// Makes room for sets of at most `most` out of n unknowns. Allocates.
   void reserve(Index n, Index most) {
     Index stride = (most + 7) / 8 * 8;
-    if (stride % 64 == 0) stride += 8;  // keeps columns off each other's cache sets
+    if (stride % 64 == 0) stride += 8;  // or all columns would share few cache sets
     L_.setZero(stride, most);
     order_.assign(static_cast<std::size_t>(most), 0);
     position_.assign(static_cast<std::size_t>(n), -1);
@@ -43,13 +43,13 @@ class UpdatableCholesky {
     size_ = 0;
   }
 
-  /// Empties the set.
+  /// Clears the set.
   void clear() {
     for (Index k = 0; k < size_; ++k) position(order(k)) = -1;
     size_ = 0;
   }
 
-  /// Empties the set and lends the memory of L, as large as was reserved, to the caller.
+  /// Clears the set, and returns the memory of L, in its reserved size, for the caller's use.
   Eigen::Ref<Matrix> lend() {
     clear();
     return L_;
@@ -64,8 +64,8 @@ class UpdatableCholesky {
   /// L as an f×f view; only its lower triangle is meaningful.
   Eigen::Ref<const Matrix> lower() const { return L_.topLeftCorner(size_, size_); }
 
-  /// Appends unknown i. Refuses (false) when it depends on the set: d² ≤ relative (H_ii + shift);
-  /// `pivot()` then holds d² and `column()` holds L⁻¹ H_Fi.
+  /// Appends unknown i. Returns false, and does not append it, when the enlarged block is almost
+  /// singular: d² ≤ relative (H_ii + shift). `pivot()` then is d², and `column()` is L⁻¹ H_Fi.
   bool append(const HessianView& H, Index i, const Scalar& shift, const Scalar& relative) {
     using std::sqrt;
     for (Index k = 0; k < size_; ++k) work_[k] = H(order(k), i);
@@ -80,7 +80,7 @@ class UpdatableCholesky {
     return true;
   }
 
-  /// Last pivot d² that `append` met.
+  /// The pivot d² of the last `append`.
   const Scalar& pivot() const { return pivot_; }
   /// L⁻¹ H_Fi of the last `append` (first `size()` entries, before a successful append).
   const VectorX<Scalar>& column() const { return work_; }
@@ -123,8 +123,8 @@ class UpdatableCholesky {
     }
   }
 
-  /// Factors the set `wanted[0 … count-1]` afresh in tiles. Dependent unknowns are left out (their
-  /// `place` is -1).
+  /// Factors the set `wanted[0 … count-1]` from scratch, in tiles. Leaves out unknowns that would
+  /// make the block almost singular (their `place` is -1).
   void rebuild(const HessianView& H, const std::vector<Index>& wanted, Index count,
                const Scalar& shift, const Scalar& relative) {
     clear();

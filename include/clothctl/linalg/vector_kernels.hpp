@@ -7,9 +7,9 @@
 //   apply_rotation  (x, y) ← (c x + s y, c y - s x)      scale_by     x ← a x
 //   ColumnSum       Σ_k w_k M_k over chosen columns of a matrix
 //
-// They are written with vector registers (linalg/detail/pack.hpp). An Eigen expression for each use
-// would be as fast, but every such expression is a type of its own, and the solvers need hundreds
-// of them: these few functions save most of the compile time.
+// They use vector registers (linalg/detail/pack.hpp). Eigen expressions would be as fast. But each
+// expression is a type of its own, and the solvers would need hundreds. These few functions save
+// most of the compile time.
 
 #include <array>
 #include <cstring>
@@ -194,7 +194,7 @@ class ColumnSum {
     add_four(rows_, weight_, column_, sum_);
   }
 
-  /// Adds the columns that still wait.
+  /// Adds the collected columns.
   void finish() {
     for (std::size_t k = 0; k < waiting_; ++k) add_scaled(rows_, weight_[k], column_[k], sum_);
     waiting_ = 0;

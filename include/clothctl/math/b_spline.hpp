@@ -5,21 +5,21 @@
 //   p(t) = Σ_j N_j(t) c_j,    knots τ_0 ≤ τ_1 ≤ … ≤ τ_{n+3}
 //   τ_0 = … = τ_3 = start,    τ_n = … = τ_{n+3} = end
 //
-// N_j is the cubic basis function on τ_j … τ_{j+4}. Evaluation is de Boor's: on the span τ_k ≤ t <
-// τ_{k+1} only c_{k-3} … c_k count, and for l = 1, 2, 3
+// N_j is the cubic basis function on τ_j … τ_{j+4}. A point is evaluated by de Boor's algorithm. On
+// the span τ_k ≤ t < τ_{k+1} it depends only on d_j = c_{k-3+j}, j = 0 … 3. For l = 1, 2, 3
 //
-//   d_j ← (1 - α) d_{j-1} + α d_j,    α = (t - τ_{k-3+j}) / (τ_{k+j-l+1} - τ_{k-3+j}).
+//   d_j ← (1 - α) d_{j-1} + α d_j,    α = (t - τ_{k-3+j}) / (τ_{k+j-l+1} - τ_{k-3+j}),
 //
-// The derivative is the B-spline of one degree less with points 3 (c_{j+1} - c_j) / (τ_{j+4} -
-// τ_{j+1}).
+// and p(t) = d_3. The derivative is the B-spline of degree 2 with control points
+// 3 (c_{j+1} - c_j) / (τ_{j+4} - τ_{j+1}).
 //
-// Interpolation of samples (t_i, y_i), h_i = t_{i+1} - t_i, is the natural spline: second
-// derivatives M_i, zero at both ends, solve the diagonally dominant tridiagonal system
+// Samples (t_i, y_i) with h_i = t_{i+1} - t_i are interpolated by the natural spline. Its second
+// derivatives M_i are zero at both ends, and solve the diagonally dominant tridiagonal system
 //
 //   h_{i-1} M_{i-1} + 2 (h_{i-1} + h_i) M_i + h_i M_{i+1}
-//     = 6 ((y_{i+1} - y_i)/h_i - (y_i - y_{i-1})/h_{i-1}),
+//     = 6 ((y_{i+1} - y_i)/h_i - (y_i - y_{i-1})/h_{i-1}).
 //
-// and the control points are the polar forms of the pieces at three successive knots (v_i is the
+// The control points are the polar forms of the pieces at three successive knots (v_i is the
 // velocity at t_i):
 //
 //   c_{i+1} = y_i + v_i (h_i - h_{i-1})/3 - M_i h_{i-1} h_i/6,    h_{-1} = h_{last} = 0.
@@ -38,8 +38,8 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// The first column of `points` that is not finite as an error that starts with `name` and the
-/// index; "" where there is none.
+/// Returns an error message for the first column of `points` that is not finite, or "". The message
+/// starts with `name` and the index.
 template <class Scalar>
 std::string non_finite_point(const PointsView<Scalar>& points, const char* name) {
   for (Index j = 0; j < points.cols(); ++j) {
@@ -56,11 +56,11 @@ std::string non_finite_point(const PointsView<Scalar>& points, const char* name)
 
 /// A C² cubic curve t ↦ R³ (s ↦ m) on [start_time, end_time] with clamped ends.
 ///
-/// Outside its interval the position is held at the nearer end and both derivatives are zero.
+/// Outside this interval the position is that of the nearer end, and both derivatives are zero.
 template <RealScalar Scalar>
 class CubicBSpline {
  public:
-  /// Builds the curve of the given control points (3×n, n ≥ 4, m) on uniform clamped knots over
+  /// Makes the curve with the given control points (3×n, n ≥ 4, m) on uniform clamped knots over
   /// [start_time, end_time] (s). It starts at the first control point and ends at the last.
   /// Allocates. Complexity: O(n). Fails when: n < 4, a value is not finite, end_time ≤ start_time,
   /// or two knots coincide in Scalar.
@@ -95,10 +95,10 @@ class CubicBSpline {
     return curve;
   }
 
-  /// Builds the curve through all samples: `times` (n ≥ 2, strictly increasing, s) and `points`
+  /// Makes the curve through all samples: `times` (n ≥ 2, strictly increasing, s) and `points`
   /// (3×n, m), with zero acceleration at both ends. It has n + 2 control points. Allocates.
-  /// Complexity: O(n). Fails when: counts differ, n < 2, a value is not finite or a time does not
-  /// come after the one before.
+  /// Complexity: O(n). Fails when: counts differ, n < 2, a value is not finite, or the times do not
+  /// increase.
   static Result<CubicBSpline> interpolate(const Eigen::Ref<const VectorX<Scalar>>& times,
                                           const PointsView<Scalar>& points) {
     const Index n = times.size();
@@ -149,20 +149,20 @@ class CubicBSpline {
     return curve;
   }
 
-  /// Position at time t (m). Complexity: O(log n). No allocation.
+  /// Returns the position at time t (m). Complexity: O(log n). No allocation.
   Vector3<Scalar> position(Scalar t) const {
     if (t < start_time()) return control_.col(0);
     if (end_time() < t) return control_.col(control_.cols() - 1);
     return evaluate<0>(t);
   }
-  /// Velocity at time t (m/s); one-sided at the ends, zero outside. Complexity: O(log n). No
-  /// allocation.
+  /// Returns the velocity at time t (m/s): one-sided at the ends, zero outside. Complexity: O(log
+  /// n). No allocation.
   Vector3<Scalar> velocity(Scalar t) const {
     if (t < start_time() || end_time() < t) return Vector3<Scalar>::Constant(Scalar(0));
     return evaluate<1>(t);
   }
-  /// Acceleration at time t (m/s²); one-sided at the ends, zero outside. Complexity: O(log n). No
-  /// allocation.
+  /// Returns the acceleration at time t (m/s²): one-sided at the ends, zero outside. Complexity:
+  /// O(log n). No allocation.
   Vector3<Scalar> acceleration(Scalar t) const {
     if (t < start_time() || end_time() < t) return Vector3<Scalar>::Constant(Scalar(0));
     return evaluate<2>(t);
@@ -183,15 +183,15 @@ class CubicBSpline {
   Scalar& knot(Index k) { return knots_[static_cast<std::size_t>(k)]; }
   const Scalar& knot(Index k) const { return knots_[static_cast<std::size_t>(k)]; }
 
-  /// The span k with τ_k ≤ t < τ_{k+1}, among the n - 3 spans of positive length; the last one
-  /// takes t = end.
+  /// Returns the span k with τ_k ≤ t < τ_{k+1}, one of the n - 3 spans of positive length. The last
+  /// span includes t = end.
   Index span(const Scalar& t) const {
     const auto first = knots_.begin() + 4;
     const auto last = knots_.begin() + control_.cols();
     return static_cast<Index>(std::upper_bound(first, last, t) - knots_.begin()) - 1;
   }
 
-  /// The derivative of order kOrder at t within [start, end].
+  /// Returns the derivative of order kOrder at t in [start, end].
   template <int kOrder>
   Vector3<Scalar> evaluate(const Scalar& t) const {
     constexpr int kDegree = 3 - kOrder;
@@ -217,8 +217,8 @@ class CubicBSpline {
     return d[static_cast<std::size_t>(kDegree)];
   }
 
-  /// Second derivatives of the natural spline at the n samples: Thomas elimination without pivots,
-  /// all three coordinates at once.
+  /// Returns the second derivatives of the natural spline at the n samples, by Gaussian elimination
+  /// of the tridiagonal system without pivoting, for all three coordinates at once.
   static Points<Scalar> natural_second_derivatives(const VectorX<Scalar>& h,
                                                    const Points<Scalar>& slope) {
     const Index n = h.size() + 1;

@@ -44,19 +44,16 @@ enum class HornStatus {
   /// All of R. Use it. `rotation_error` estimates its error for noisy data.
   Unique,
   /// R up to a turn about `free_axis`: the points are on a line, or there are two. R is the
-  /// solution
-  /// closest to the reference. Use it if that turn does not matter or the reference is a good
-  /// guess;
-  /// otherwise add a point off the line.
+  /// solution closest to the reference. Use it if that turn does not matter or the reference is a
+  /// good guess; otherwise add a point off the line.
   FreeTurn,
   /// Nothing of R: there is one point or none, all points coincide, or the two sets are not
   /// correlated.
   /// R is the reference.
   Free,
   /// b is a mirror image of a, up to a rigid motion and noise. Points in a plane are never
-  /// mirrored;
-  /// nearly flat sets that bulge to opposite sides are. R is the best rotation, never a reflection.
-  /// Use it if the residuals are small enough, else look for swapped points or axes.
+  /// mirrored; nearly flat sets that bulge to opposite sides are. R is the best rotation, never a
+  /// reflection. Use it if the residuals are small enough, else look for swapped points or axes.
   Mirrored,
   /// `message` says what was refused. R is the reference (identity if that was refused), t is zero.
   /// Correct the input.
@@ -487,5 +484,11 @@ template <RealScalar Scalar>
     const HornSettings<Scalar>& settings = HornSettings<Scalar>()) {
   return detail::fit_pairs<Scalar>(a, b, weights, reference, settings, &centroid_a, &centroid_b);
 }
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(void detail::fit_motion<double>(const detail::HornCloud<double>&,
+                                                     const detail::HornCloud<double>&,
+                                                     const detail::HornWeights<double>&,
+                                                     const double&, Index, HornResult<double>&));
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

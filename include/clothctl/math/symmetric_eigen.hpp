@@ -18,6 +18,7 @@
 // Reference: Golub, Van Loan, Matrix Computations (2013) §8.5; Demmel, Veselić, SIAM J. Matrix
 // Anal. Appl. 13 (1992) for its accuracy.
 
+#include <algorithm>
 #include <cmath>
 
 #include "clothctl/core/types.hpp"
@@ -40,8 +41,15 @@ template <RealScalar Scalar>
 JacobiRotation<Scalar> jacobi_rotation(const Scalar& a_pp, const Scalar& a_qq, const Scalar& a_pq) {
   using std::abs;
   using std::sqrt;
-  const Scalar delta = a_qq - a_pp, twice = Scalar(2) * a_pq;
-  const Scalar size = abs(delta) + sqrt(delta * delta + twice * twice);
+  Scalar delta = a_qq - a_pp, twice = Scalar(2) * a_pq;
+  Scalar square = delta * delta + twice * twice;
+  if (!(Scalar(1e-30) < square) || !(square < Scalar(1e30))) {  // near over- or underflow, or NaN
+    const Scalar scale = (std::max)(Scalar(abs(delta)), Scalar(abs(twice)));
+    delta /= scale;
+    twice /= scale;
+    square = delta * delta + twice * twice;
+  }
+  const Scalar size = abs(delta) + sqrt(square);
   const Scalar t = delta < Scalar(0) ? Scalar(-twice / size) : Scalar(twice / size);
   const Scalar cosine = Scalar(1) / sqrt(Scalar(1) + t * t);
   return {cosine, cosine * t};

@@ -95,4 +95,7 @@ Result<GridMesh<Scalar>> make_grid(int rows, int cols, Scalar width, Scalar heig
   return mesh;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(Result<GridMesh<double>> make_grid<double>(int, int, double, double));
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -77,9 +77,9 @@ struct TetMesh {
 
 namespace detail {
 
-/// Calls `emit` for each of the six Kuhn tetrahedra of a lattice cell, with its four corners as bit
-/// sets of axes (bit i: one step along axis i). The corners are in positive order for right-handed
-/// axes.
+/// Calls `visit` for each of the six Kuhn tetrahedra of a lattice cell, with its four corners as
+/// bit sets of axes (bit i: one step along axis i). The corners are in positive order for
+/// right-handed axes.
 template <class Function>
 void for_each_kuhn_tetrahedron(Function&& visit) {
   constexpr std::array<std::array<int, 3>, 6> orders{
@@ -90,6 +90,108 @@ void for_each_kuhn_tetrahedron(Function&& visit) {
     if (i >= 3) std::swap(corner[1], corner[2]);
     visit(corner);
   }
+}
+
+/// The points |x| + |y| + |z| ≤ n of the integer lattice, numbered with x fastest and z slowest.
+class OctahedronLattice {
+ public:
+  /// Allocates. Complexity: O(n³).
+  explicit OctahedronLattice(int n) : n_(n) {
+    const std::size_t side = 2 * static_cast<std::size_t>(n) + 1;
+    number_.assign(side * side * side, -1);
+    points_.reserve(static_cast<std::size_t>((2 * n + 1) * (2 * n * n + 2 * n + 3) / 3));
+    for (int k = -n; k <= n; ++k) {
+      for (int j = -n; j <= n; ++j) {
+        for (int i = -n; i <= n; ++i) {
+          if (layer({i, j, k}) > n) continue;
+          number_[slot({i, j, k})] = static_cast<int>(points_.size());
+          points_.push_back({i, j, k});
+        }
+      }
+    }
+  }
+  /// Number of layers n from the centre to the surface.
+  int layers() const { return n_; }
+  /// The layer |x| + |y| + |z| of a point.
+  static int layer(const std::array<int, 3>& at) {
+    return (at[0] < 0 ? -at[0] : at[0]) + (at[1] < 0 ? -at[1] : at[1]) +
+           (at[2] < 0 ? -at[2] : at[2]);
+  }
+  /// All points, in the order of their numbers.
+  const std::vector<std::array<int, 3>>& points() const { return points_; }
+  /// The number of a point.
+  int number(const std::array<int, 3>& at) const { return number_[slot(at)]; }
+
+ private:
+  std::size_t slot(const std::array<int, 3>& at) const {
+    const std::size_t side = 2 * static_cast<std::size_t>(n_) + 1;
+    const auto shifted = [&](std::size_t c) {
+      const int from_corner = at[c] + n_;
+      return static_cast<std::size_t>(from_corner);
+    };
+    return shifted(0) + side * (shifted(1) + side * shifted(2));
+  }
+
+  int n_;
+  std::vector<int> number_;
+  std::vector<std::array<int, 3>> points_;
+};
+
+/// Moves each lattice point along its ray, so that the octahedron becomes a ball. Returns the
+/// positions, 3×vertices. Allocates.
+template <RealScalar Scalar>
+Points<Scalar> ball_positions(const OctahedronLattice& lattice, const Scalar& radius,
+                              const Vector3<Scalar>& centre) {
+  using std::sqrt;
+  const double layers = static_cast<double>(lattice.layers());
+  Points<Scalar> positions(3, static_cast<Index>(lattice.points().size()));
+  Index vertex = 0;
+  for (const std::array<int, 3>& at : lattice.points()) {
+    const int squared = at[0] * at[0] + at[1] * at[1] + at[2] * at[2];
+    const Scalar length = sqrt(Scalar(static_cast<double>(squared)));
+    const Scalar share = Scalar(static_cast<double>(OctahedronLattice::layer(at)) / layers);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Index row = static_cast<Index>(c);
+      const Scalar along = at[c] == 0 ? Scalar(0) : Scalar(static_cast<double>(at[c])) / length;
+      positions(row, vertex) = centre[row] + radius * share * along;
+    }
+    ++vertex;
+  }
+  return positions;
+}
+
+/// Appends the tetrahedra of one octant of the octahedron: Kuhn's division of n ≥ p ≥ q ≥ r ≥ 0.
+/// `sign` holds the signs of x, y and z in the octant.
+inline void add_octant(const OctahedronLattice& lattice, const std::array<int, 3>& sign,
+                       std::vector<std::array<int, 4>>& tetrahedra) {
+  const bool mirrored = sign[0] * sign[1] * sign[2] < 0;
+  for (int p = 0; p < lattice.layers(); ++p) {
+    for (int q = 0; q <= p; ++q) {
+      for (int r = 0; r <= q; ++r) {
+        for_each_kuhn_tetrahedron([&](const std::array<int, 4>& corner) {
+          std::array<int, 4> t{};
+          for (std::size_t c = 0; c < 4; ++c) {
+            const int P = p + (corner[c] & 1), Q = q + (corner[c] >> 1 & 1),
+                      R = r + (corner[c] >> 2 & 1);
+            if (P < Q || Q < R) return;
+            t[c] = lattice.number({sign[0] * (P - Q), sign[1] * (Q - R), sign[2] * R});
+          }
+          if (mirrored) std::swap(t[0], t[1]);
+          tetrahedra.push_back(t);
+        });
+      }
+    }
+  }
+}
+
+/// Divides the octahedron into 8 n³ tetrahedra of equal volume, octant by octant. Allocates.
+inline std::vector<std::array<int, 4>> octahedron_tetrahedra(const OctahedronLattice& lattice) {
+  const std::size_t n = static_cast<std::size_t>(lattice.layers());
+  std::vector<std::array<int, 4>> tetrahedra;
+  tetrahedra.reserve(8 * n * n * n);
+  for (int octant = 0; octant < 8; ++octant)
+    add_octant(lattice, {1 - 2 * (octant & 1), 1 - (octant & 2), 1 - (octant & 4) / 2}, tetrahedra);
+  return tetrahedra;
 }
 
 }  // namespace detail
@@ -153,68 +255,15 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
 /// centre is not finite, or a volume is too small or large for Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<Scalar>& centre) {
-  using std::sqrt;
   if (resolution < 1 || resolution > 100)
     return Error{"ball resolution must be 1 to 100, got " + std::to_string(resolution)};
   if (!is_finite(radius) || !(Scalar(0) < radius))
     return Error{"ball radius must be positive, got " + number_text(radius)};
   if (!all_finite(centre)) return Error{"ball centre is not finite"};
-  const int n = resolution, side = 2 * n + 1;
-
+  const detail::OctahedronLattice lattice(resolution);
   TetMesh<Scalar> mesh;
-  std::vector<int> number(static_cast<std::size_t>(side) * static_cast<std::size_t>(side) *
-                              static_cast<std::size_t>(side),
-                          -1);
-  const auto slot = [n, side](const std::array<int, 3>& at) {
-    return static_cast<std::size_t>((at[0] + n) + side * ((at[1] + n) + side * (at[2] + n)));
-  };
-  const auto layer = [](const std::array<int, 3>& at) {
-    return (at[0] < 0 ? -at[0] : at[0]) + (at[1] < 0 ? -at[1] : at[1]) +
-           (at[2] < 0 ? -at[2] : at[2]);
-  };
-  int vertices = 0;
-  const int expected = (2 * n + 1) * (2 * n * n + 2 * n + 3) / 3;
-  mesh.positions.resize(3, expected);
-  for (int k = -n; k <= n; ++k) {
-    for (int j = -n; j <= n; ++j) {
-      for (int i = -n; i <= n; ++i) {
-        const std::array<int, 3> at{i, j, k};
-        if (layer(at) > n) continue;
-        const Scalar length = sqrt(Scalar(static_cast<double>(i * i + j * j + k * k)));
-        const Scalar share = Scalar(static_cast<double>(layer(at)) / static_cast<double>(n));
-        for (std::size_t c = 0; c < 3; ++c) {
-          const Index row = static_cast<Index>(c);
-          const Scalar along = at[c] == 0 ? Scalar(0) : Scalar(static_cast<double>(at[c])) / length;
-          mesh.positions(row, vertices) = centre[row] + radius * share * along;
-        }
-        number[slot(at)] = vertices++;
-      }
-    }
-  }
-
-  mesh.tetrahedra.reserve(8 * static_cast<std::size_t>(n) * static_cast<std::size_t>(n) *
-                          static_cast<std::size_t>(n));
-  for (int octant = 0; octant < 8; ++octant) {
-    const std::array<int, 3> sign{octant & 1 ? -1 : 1, octant & 2 ? -1 : 1, octant & 4 ? -1 : 1};
-    const bool mirrored = sign[0] * sign[1] * sign[2] < 0;
-    for (int p = 0; p < n; ++p) {
-      for (int q = 0; q <= p; ++q) {
-        for (int r = 0; r <= q; ++r) {
-          detail::for_each_kuhn_tetrahedron([&](const std::array<int, 4>& corner) {
-            std::array<int, 4> t{};
-            for (std::size_t c = 0; c < 4; ++c) {
-              const int P = p + (corner[c] & 1), Q = q + (corner[c] >> 1 & 1),
-                        R = r + (corner[c] >> 2 & 1);
-              if (P < Q || Q < R) return;
-              t[c] = number[slot({sign[0] * (P - Q), sign[1] * (Q - R), sign[2] * R})];
-            }
-            if (mirrored) std::swap(t[0], t[1]);
-            mesh.tetrahedra.push_back(t);
-          });
-        }
-      }
-    }
-  }
+  mesh.positions = detail::ball_positions(lattice, radius, centre);
+  mesh.tetrahedra = detail::octahedron_tetrahedra(lattice);
   if (std::string problem = mesh.validate(); !problem.empty()) return Error{"ball: " + problem};
   return mesh;
 }

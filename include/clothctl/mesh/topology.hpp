@@ -82,22 +82,22 @@ inline std::string bad_mesh_counts(std::int64_t vertices, std::size_t triangles)
   return {};
 }
 
-}  // namespace detail
+/// One side of a triangle.
+struct HalfEdge {
+  /// The ends of the edge, a < b.
+  int a, b;
+  int triangle;
+  /// The vertex of the triangle that is not on the edge.
+  int opposite;
+  /// True when the triangle traverses the edge from a to b.
+  bool forward;
+};
 
-/// Finds edges, border, neighbours and hinges of a mesh. A vertex may belong to no triangle; it
-/// then has no neighbours. Allocates. Complexity: O(n log n). Fails when: the vertex count is
-/// negative or exceeds the range of int, there are more than 357 million triangles, an index is off
-/// the mesh, a triangle has a vertex twice or repeats another triangle, or three triangles share an
-/// edge.
-inline Result<Topology> make_topology(std::int64_t vertex_count,
-                                      const std::vector<std::array<int, 3>>& triangles) {
-  if (std::string bad = detail::bad_mesh_counts(vertex_count, triangles.size()); !bad.empty())
-    return Error{std::move(bad)};
-  struct Side {
-    int a, b, triangle, opposite;
-    bool forward;
-  };
-  std::vector<Side> sides;
+/// Returns the half-edges of all triangles, ascending in (a, b, triangle). Allocates. Complexity:
+/// O(n log n). Fails when: a triangle has a vertex off the mesh or twice.
+inline Result<std::vector<HalfEdge>> half_edges(std::int64_t vertex_count,
+                                                const std::vector<std::array<int, 3>>& triangles) {
+  std::vector<HalfEdge> sides;
   sides.reserve(3 * triangles.size());
   for (std::size_t t = 0; t < triangles.size(); ++t) {
     const std::array<int, 3>& corner = triangles[t];
@@ -113,20 +113,24 @@ inline Result<Topology> make_topology(std::int64_t vertex_count,
                        corner[(i + 2) % 3], from < to});
     }
   }
-  std::sort(sides.begin(), sides.end(), [](const Side& p, const Side& q) {
+  std::sort(sides.begin(), sides.end(), [](const HalfEdge& p, const HalfEdge& q) {
     if (p.a != q.a) return p.a < q.a;
     return p.b != q.b ? p.b < q.b : p.triangle < q.triangle;
   });
+  return sides;
+}
 
-  Topology topology;
+/// Fills edges, border, hinges and orientation from sorted half-edges. Returns why the mesh is not
+/// a manifold, or "". Allocates.
+inline std::string pair_half_edges(const std::vector<HalfEdge>& sides, Topology& topology) {
   topology.edges.reserve(sides.size() / 2 + 1);
   for (std::size_t i = 0; i < sides.size();) {
     std::size_t end = i + 1;
     while (end < sides.size() && sides[end].a == sides[i].a && sides[end].b == sides[i].b) ++end;
     if (end - i > 2)
-      return Error{"edge " + std::to_string(sides[i].a) + "-" + std::to_string(sides[i].b) +
-                   " is shared by " + std::to_string(end - i) +
-                   " triangles, the third is triangle " + std::to_string(sides[i + 2].triangle)};
+      return "edge " + std::to_string(sides[i].a) + "-" + std::to_string(sides[i].b) +
+             " is shared by " + std::to_string(end - i) + " triangles, the third is triangle " +
+             std::to_string(sides[i + 2].triangle);
     MeshEdge edge;
     edge.a = sides[i].a;
     edge.b = sides[i].b;
@@ -139,15 +143,19 @@ inline Result<Topology> make_topology(std::int64_t vertex_count,
       topology.boundary_edges.push_back(index);
     } else {
       if (edge.opposite[0] == edge.opposite[1])
-        return Error{"triangle " + std::to_string(edge.triangle[1]) + " repeats triangle " +
-                     std::to_string(edge.triangle[0])};
+        return "triangle " + std::to_string(edge.triangle[1]) + " repeats triangle " +
+               std::to_string(edge.triangle[0]);
       if (sides[i].forward == sides[i + 1].forward) topology.consistently_oriented = false;
       topology.hinges.push_back({{edge.a, edge.b, edge.opposite[0], edge.opposite[1]}, index});
     }
     topology.edges.push_back(edge);
     i = end;
   }
+  return {};
+}
 
+/// Fills the neighbours of all vertices from the edges, which ascend in (a, b). Allocates.
+inline void list_neighbours(std::int64_t vertex_count, Topology& topology) {
   topology.neighbour_start.assign(static_cast<std::size_t>(vertex_count) + 1, 0);
   for (const MeshEdge& edge : topology.edges) {
     ++topology.neighbour_start[static_cast<std::size_t>(edge.a) + 1];
@@ -157,14 +165,33 @@ inline Result<Topology> make_topology(std::int64_t vertex_count,
     topology.neighbour_start[v + 1] += topology.neighbour_start[v];
   topology.neighbour_list.resize(2 * topology.edges.size());
   std::vector<int> next(topology.neighbour_start.begin(), topology.neighbour_start.end() - 1);
-  // Edges ascend in (a, b). The first loop writes the smaller neighbours of each vertex in
-  // ascending order, the second loop the larger ones.
+  // The first loop writes the smaller neighbours of each vertex in ascending order, the second loop
+  // the larger ones.
   for (const MeshEdge& edge : topology.edges)
     topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.b)]++)] =
         edge.a;
   for (const MeshEdge& edge : topology.edges)
     topology.neighbour_list[static_cast<std::size_t>(next[static_cast<std::size_t>(edge.a)]++)] =
         edge.b;
+}
+
+}  // namespace detail
+
+/// Finds edges, border, neighbours and hinges of a mesh. A vertex may belong to no triangle; it
+/// then has no neighbours. Allocates. Complexity: O(n log n). Fails when: the vertex count is
+/// negative or exceeds the range of int, there are more than 357 million triangles, an index is off
+/// the mesh, a triangle has a vertex twice or repeats another triangle, or three triangles share an
+/// edge.
+inline Result<Topology> make_topology(std::int64_t vertex_count,
+                                      const std::vector<std::array<int, 3>>& triangles) {
+  if (std::string bad = detail::bad_mesh_counts(vertex_count, triangles.size()); !bad.empty())
+    return Error{std::move(bad)};
+  Result<std::vector<detail::HalfEdge>> made = detail::half_edges(vertex_count, triangles);
+  if (!made) return Error{made.error()};
+  Topology topology;
+  if (std::string bad = detail::pair_half_edges(made.value(), topology); !bad.empty())
+    return Error{std::move(bad)};
+  detail::list_neighbours(vertex_count, topology);
   return topology;
 }
 

@@ -30,6 +30,7 @@ class PointFeatures {
   /// Adds the mean of `vertices` as a feature. Allocates.
   void add_centroid(const std::vector<int>& vertices) {
     std::vector<Term> terms;
+    terms.reserve(vertices.size());
     const Scalar share = Scalar(1) / Scalar(static_cast<double>(vertices.size()));
     for (int v : vertices) terms.push_back({v, share});
     add_sum(std::move(terms));

@@ -17,16 +17,15 @@ enum class WeightBearing {
   /// Tension, as in springs and in fabric.
   Tension,
   /// Elongation that the solver leaves, as in substepped position-based cloth: far more stretch
-  /// than
-  /// its tension explains.
+  /// than its tension explains.
   Elongation
 };
 
 /// Settings of planner, predictor and response for a plant that is not the predictor.
 template <RealScalar Scalar>
 struct LoosePlantProfile {
-  /// For the Planner: calm hands, strong anchor. Plan poses (GripInput::Pose): planned forces
-  /// follow about ten times worse.
+  /// For the Planner: poses, calm hands, strong anchor. Planned forces (GripInput::Force) follow
+  /// about ten times worse.
   PlannerSettings<Scalar> planner = {};
   /// For the LinearisedPredictor.
   LinearisedPredictorSettings<Scalar> predictor = {};
@@ -38,6 +37,7 @@ struct LoosePlantProfile {
 template <RealScalar Scalar>
 LoosePlantProfile<Scalar> loose_plant(WeightBearing weight = WeightBearing::Tension) {
   LoosePlantProfile<Scalar> profile;
+  profile.planner.input = GripInput::Pose;
   profile.planner.weights.smooth = Scalar(10);
   profile.planner.weights.anchor = Scalar(100);
   if (weight == WeightBearing::Elongation) {

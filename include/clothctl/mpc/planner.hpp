@@ -6,15 +6,11 @@
 // from the last active set (detail/window_qp.hpp), and returns the input of the first frame.
 // Reference: [Bai 2016], section 4.1.
 
-#include <algorithm>
-#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
-#include "clothctl/mpc/detail/rigid_motion.hpp"
 #include "clothctl/mpc/detail/window_cost.hpp"
 #include "clothctl/mpc/detail/window_qp.hpp"
 #include "clothctl/mpc/plan_types.hpp"
@@ -28,39 +24,20 @@ namespace clothctl::inline CLOTHCTL_ABI {
 /// `P` models Predictor. `Setup` is a PlannerSetup: it fixes the contact model of the fingers and
 /// the feature map. The solvers model BoxQpSolver and QpSolver and can be made without arguments,
 /// or from QpSettings.
-template <class P, class Setup = PlannerSetup<typename predictor_traits<P>::scalar_type>,
-          BoxQpSolver<typename predictor_traits<P>::scalar_type> BoxSolver =
-              BoxActiveSet<typename predictor_traits<P>::scalar_type>,
-          QpSolver<typename predictor_traits<P>::scalar_type> RowSolver =
-              ActiveSet<typename predictor_traits<P>::scalar_type>>
-requires Predictor<P, WindowRequest<typename predictor_traits<P>::scalar_type>,
-                   WindowResponse<typename predictor_traits<P>::scalar_type>>
+template <WindowPredictor P, class Setup = PlannerSetup<PredictorScalar<P>>,
+          BoxQpSolver<PredictorScalar<P>> BoxSolver = BoxActiveSet<PredictorScalar<P>>,
+          QpSolver<PredictorScalar<P>> RowSolver = ActiveSet<PredictorScalar<P>>>
 class Planner {
  public:
   /// The scalar type.
-  using Scalar = typename predictor_traits<P>::scalar_type;
+  using Scalar = PredictorScalar<P>;
   /// The contact model of the fingers.
   using Contact = typename Setup::contact_type;
 
   /// Makes a planner for a sheet that stands at `start` (3×n, m). Returns an error that names what
   /// is wrong with set-up, settings or predictor. Allocates.
   static Result<Planner> create(Setup setup, PlannerSettings<Scalar> settings, P predictor,
-                                const PointsView<Scalar>& start) {
-    std::string problem = settings.validate();
-    if (problem.empty() && !all_finite(start)) problem = "the start positions are not finite";
-    if (problem.empty()) problem = setup.validate(start.cols());
-    if constexpr (requires { Traits::vertex_count(predictor); }) {
-      if (problem.empty() && Traits::vertex_count(predictor) != start.cols()) {
-        problem = "the predictor is made for " + std::to_string(Traits::vertex_count(predictor)) +
-                  " vertices, the start positions have " + std::to_string(start.cols());
-      }
-    }
-    if (!problem.empty()) return Error{problem};
-    Planner planner(std::move(setup), std::move(settings), std::move(predictor), start);
-    if (!planner.response_fits())
-      return Error{"the predictor's reserve sized its response for another window"};
-    return planner;
-  }
+                                const PointsView<Scalar>& start);
 
   /// Returns the settings.
   const PlannerSettings<Scalar>& settings() const { return problem_.settings; }
@@ -76,24 +53,7 @@ class Planner {
   P& predictor() { return predictor_; }
 
   /// Makes a result with room for every frame. Allocates.
-  PlanResult<Scalar> make_result() const {
-    PlanResult<Scalar> result;
-    const Index held_count = static_cast<Index>(problem_.request.held.size());
-    if (problem_.settings.input == GripInput::Force &&
-        problem_.settings.command == PlantCommand::Force) {
-      result.input.force_vertices = problem_.request.held;
-      result.input.forces.setZero(3, held_count);
-      result.input.driven_positions.setZero(3, 0);
-    } else {
-      result.input.driven_vertices = problem_.request.held;
-      result.input.driven_positions.setZero(3, held_count);
-      result.input.forces.setZero(3, 0);
-    }
-    result.finger_forces.resize(static_cast<std::size_t>(problem_.basis.force_count()));
-    result.plan.setZero(problem_.basis.inputs(), problem_.settings.horizon);
-    result.predicted.setZero(3 * problem_.feature_count, problem_.settings.horizon);
-    return result;
-  }
+  PlanResult<Scalar> make_result() const;
 
   /// Plans from measured positions `x` (m) and velocities `v` (m/s), 3×n each, at time `t` (s).
   /// `target(feature, time)` is the wanted position of a feature (m), `wind(time)` the velocity of
@@ -101,93 +61,32 @@ class Planner {
   /// result stay as they were, and `check_input` says why.
   template <class Target, class Wind>
   [[nodiscard]] PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                                const Target& target, const Wind& wind,
-                                PlanResult<Scalar>& result) {
-    if (!fits(result) || !take_input(x, v, t, target, wind)) return PlanStatus::InvalidInput;
-    return plan_frame(x, v, result);
-  }
+                                const Target& target, const Wind& wind, PlanResult<Scalar>& result);
 
   /// Plans in still air.
   template <class Target>
   [[nodiscard]] PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                                const Target& target, PlanResult<Scalar>& result) {
-    return plan(x, v, t, target, still_air, result);
-  }
+                                const Target& target, PlanResult<Scalar>& result);
 
   /// Returns an empty string, or a line that names the first argument that `plan` would refuse, and
   /// its value. Allocates.
   template <class Target, class Wind>
   std::string check_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
                           const Target& target, const Wind& wind,
-                          const PlanResult<Scalar>& result) const {
-    if (!fits(result)) return "the result was not made by make_result of this planner";
-    if (!is_finite(t)) return "the time is " + number_text(t);
-    for (const auto& [name, points] :
-         {std::pair<const char*, const PointsView<Scalar>*>{"position", &x}, {"velocity", &v}}) {
-      if (points->cols() != vertex_count_) {
-        return "there are " + std::to_string(points->cols()) + " columns of " + name + " for " +
-               std::to_string(vertex_count_) + " vertices";
-      }
-      for (Index i = 0; i < points->cols(); ++i) {
-        if (!all_finite(points->col(i)))
-          return "the " + std::string(name) + " of vertex " + std::to_string(i) +
-                 text_of(points->col(i));
-      }
-    }
-    for (Index k = 0; k < problem_.settings.horizon; ++k) {
-      const Scalar start = t + count_of(k) * problem_.settings.dt,
-                   end = t + count_of(k + 1) * problem_.settings.dt;
-      const Vector3<Scalar> air = wind(start);
-      if (!all_finite(air)) return "the wind at " + number_text(start) + " s" + text_of(air);
-      for (Index i = 0; i < problem_.feature_count; ++i) {
-        const Vector3<Scalar> wanted = target(i, end);
-        if (!detail::within_reach(wanted)) {
-          return "the target of feature " + std::to_string(i) + " at " + number_text(end) + " s" +
-                 text_of(wanted) + within();
-        }
-      }
-    }
-    for (Index k = 0; Scalar(0) < problem_.settings.weights.anchor && k < problem_.settings.horizon;
-         ++k) {
-      const Scalar end = t + count_of(k + 1) * problem_.settings.dt;
-      for (std::size_t g = 0; g < grip_count(); ++g) {
-        const Vector3<Scalar> wanted = cost_.hand(problem_.settings, g, end, target);
-        if (!detail::within_reach(wanted)) {
-          return "where grip " + std::to_string(g) + " belongs at " + number_text(end) +
-                 " s, by the target at times around it," + text_of(wanted) + within();
-        }
-      }
-    }
-    return {};
-  }
+                          const PlanResult<Scalar>& result) const;
 
   /// The same in still air.
   template <class Target>
   std::string check_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                          const Target& target, const PlanResult<Scalar>& result) const {
-    return check_input(x, v, t, target, still_air, result);
-  }
+                          const Target& target, const PlanResult<Scalar>& result) const;
 
   /// Sets known constant forces on the vertices for the next windows (a table that supports the
   /// sheet), 3×n, N; no columns: none. Returns false and changes nothing when the number of columns
   /// is wrong or a force is not finite. Allocates when the size changes.
-  [[nodiscard]] bool set_outer_force(const PointsView<Scalar>& force) {
-    if ((force.cols() != 0 && force.cols() != vertex_count_) || !all_finite(force)) return false;
-    problem_.request.outer_force = force;
-    return true;
-  }
+  [[nodiscard]] bool set_outer_force(const PointsView<Scalar>& force);
 
   /// Forgets plan, active set and measurements. Call it after the plant jumped.
-  void reset() {
-    has_last_ = false;
-    has_plan_ = false;
-    problem_.request.has_path = false;
-    problem_.request.has_applied = false;
-    step_weight_ = Scalar(0);
-    start_plan();
-    Traits::reset(predictor_);
-    qp_.reset();
-  }
+  void reset();
 
  private:
   static constexpr int kMostAttempts = 4;
@@ -195,45 +94,14 @@ class Planner {
   using Traits = predictor_traits<P>;
 
   Planner(Setup setup, PlannerSettings<Scalar> settings, P predictor,
-          const PointsView<Scalar>& start)
-      : setup_(std::move(setup)),
-        predictor_(std::move(predictor)),
-        problem_(settings,
-                 detail::GripBasis<Scalar, Contact>(setup_.grips, setup_.triangles, settings.input),
-                 point_features(setup_.features)),
-        vertex_count_(start.cols()) {
-    const Index held_count = static_cast<Index>(held().size());
-    Traits::reserve(predictor_, problem_.request, problem_.response);
-    problem_.response.plan = problem_.request.plan;
-    cost_.reserve(problem_, anchors_for(start));
-    qp_.reserve(problem_);
-    point_.reserve(held().size());
-    column_.setZero(problem_.request.inputs());
-    change_.setZero(problem_.request.output_rows(), problem_.settings.horizon);
-    grip_velocity_.setZero(3, held_count);
-    features_.setZero(3, problem_.feature_count);
-    last_features_ = features_;
-    promised_ = features_;
-    start_plan();
-  }
+          const PointsView<Scalar>& start);
 
   /// Returns the features as weighted sums of vertices.
   template <class Features>
-  static PointFeatures<Scalar> point_features(const Features& features) {
-    PointFeatures<Scalar> points;
-    points.add_map(features);
-    return points;
-  }
+  static PointFeatures<Scalar> point_features(const Features& features);
 
   /// Returns true when the predictor's response has the size of the request.
-  bool response_fits() const {
-    const WindowRequest<Scalar>& q = problem_.request;
-    const WindowResponse<Scalar>& r = problem_.response;
-    return r.impulse_response.rows() == q.output_rows() &&
-           r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
-           r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
-           r.free_response.cols() == q.horizon;
-  }
+  bool response_fits() const;
 
   /// Returns the step weight from which damping grows when none is asked for, s²/m².
   static Scalar least_step_weight() { return Scalar(1e-4); }
@@ -247,302 +115,60 @@ class Planner {
   static Scalar count_of(Index n) { return Scalar(static_cast<double>(n)); }
   std::size_t grip_count() const { return problem_.basis.grips().size(); }
 
-  std::vector<HandAnchor<Scalar>> anchors_for(const PointsView<Scalar>& start) const {
-    if (!setup_.anchors.empty()) return setup_.anchors;
-    Points<Scalar> features(3, problem_.feature_count), hands(3, static_cast<Index>(grip_count()));
-    evaluate_features<Scalar>(setup_.features, start, features);
-    for (std::size_t g = 0; g < grip_count(); ++g)
-      hands.col(static_cast<Index>(g)) = problem_.basis.held().centroid(start, g);
-    return make_anchors(features, hands);
-  }
+  std::vector<HandAnchor<Scalar>> anchors_for(const PointsView<Scalar>& start) const;
 
   /// Sets all finger forces of the plan to zero.
-  void make_finger_plan() {
-    std::vector<FingerForce<Scalar>> none(static_cast<std::size_t>(problem_.basis.force_count()));
-    for (const auto& columns : problem_.basis.fingers()) {
-      for (std::size_t j = 0; j < columns.held_slots.size(); ++j) {
-        FingerForce<Scalar>& f = none[static_cast<std::size_t>(columns.first_force) + j];
-        f.grip = columns.grip;
-        f.finger = columns.finger;
-        f.vertex = held()[static_cast<std::size_t>(columns.held_slots[j])];
-      }
-    }
-    finger_plan_.assign(static_cast<std::size_t>(problem_.settings.horizon), none);
-  }
+  void make_finger_plan();
 
   /// Sets the plan before the first frame: the gravity load for forces, rest for poses.
-  void start_plan() {
-    make_finger_plan();
-    for (Index k = 0; k < problem_.settings.horizon; ++k) {
-      for (Index j = 0; j < static_cast<Index>(problem_.request.held.size()); ++j)
-        problem_.request.plan.template block<3, 1>(3 * j, k) = problem_.force_share;
-    }
-    problem_.request.applied = problem_.request.plan.col(0);
-  }
+  void start_plan();
 
   /// Plans the frame, once input and targets have been taken.
   PlanStatus plan_frame(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
-                        PlanResult<Scalar>& result) {
-    measure_agreement(x, result);
-    result.qp_iterations = 0;
-    result.qp_status = QpStatus::Solved;
-    result.used_rows = false;
-    shift_plan();
-    problem_.basis.update(x);
-    for (detail::HeldPatch<Scalar>& patch : problem_.patches)
-      patch.update(problem_.motion.position);
-    problem_.response.plan = problem_.request.plan;
-    if (!Traits::predict(predictor_, x, v, problem_.request, problem_.response) || !response_fits())
-      return fail(result);
-    PlanStatus status = PlanStatus::Failed;
-    step_weight_ *= Scalar(0.5);
-    if (step_weight_ < least_step_weight() || step_weight_ < problem_.settings.weights.step)
-      step_weight_ = problem_.settings.weights.step;
-    if (!has_plan_) step_weight_ = Scalar(0);  // nothing to keep to
-    for (int attempt = 0;; ++attempt) {
-      qp_.assemble(problem_, cost_.stack(problem_, step_weight_), x);
-      status = qp_.solve(problem_, result);
-      if (status == PlanStatus::Failed) return fail(result);
-      take_change(result);
-      if (attempt == kMostAttempts || !changes_too_much()) break;
-      step_weight_ *= Scalar(4);
-      if (step_weight_ < least_step_weight()) step_weight_ = least_step_weight();
-    }
-    extract(status, result);
-    problem_.motion.last_velocity = problem_.motion.velocity;
-    has_last_ = true;
-    return status;
-  }
+                        PlanResult<Scalar>& result);
 
   /// Returns true when a result was made by this planner or one of the same size.
-  bool fits(const PlanResult<Scalar>& result) const {
-    const Index held_count = static_cast<Index>(problem_.request.held.size());
-    const bool forces = problem_.settings.input == GripInput::Force &&
-                        problem_.settings.command == PlantCommand::Force;
-    return result.finger_forces.size() == static_cast<std::size_t>(problem_.basis.force_count()) &&
-           result.plan.rows() == problem_.basis.inputs() &&
-           result.plan.cols() == problem_.settings.horizon &&
-           result.predicted.rows() == 3 * problem_.feature_count &&
-           result.predicted.cols() == problem_.settings.horizon &&
-           (forces ? result.input.forces.cols() : result.input.driven_positions.cols()) ==
-               held_count;
-  }
+  bool fits(const PlanResult<Scalar>& result) const;
 
   template <class Target, class Wind>
   bool take_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                  const Target& target, const Wind& wind) {
-    if (x.cols() != vertex_count_ || v.cols() != vertex_count_) return false;
-    if (!is_finite(t) || !all_finite(x) || !all_finite(v)) return false;
-    for (Index k = 0; k < problem_.settings.horizon;
-         ++k) {  // the air that acts during a frame is that of its start
-      const Vector3<Scalar> air = wind(t + count_of(k) * problem_.settings.dt);
-      problem_.request.wind.col(k) = air;
-    }
-    if (!all_finite(problem_.request.wind) || !cost_.sample(problem_, t, target)) return false;
-    for (std::size_t j = 0; j < problem_.request.held.size(); ++j) {
-      problem_.motion.position.col(static_cast<Index>(j)) = x.col(problem_.request.held[j]);
-      problem_.motion.velocity.col(static_cast<Index>(j)) = v.col(problem_.request.held[j]);
-    }
-    if (!has_last_) problem_.motion.last_velocity = problem_.motion.velocity;
-    return true;
-  }
+                  const Target& target, const Wind& wind);
 
-  void measure_agreement(const PointsView<Scalar>& x, PlanResult<Scalar>& result) {
-    using std::sqrt;
-    last_features_.swap(features_);
-    evaluate_features<Scalar>(setup_.features, x, features_);
-    result.prediction_error = Scalar(0);
-    result.agreement = Scalar(1);
-    if (!has_last_) return;
-    const Scalar number = count_of(problem_.feature_count);
-    result.prediction_error = sqrt((features_ - promised_).squaredNorm() / number);
-    Scalar moved = sqrt((features_ - last_features_).squaredNorm() / number);
-    if (moved < Scalar(1e-3)) moved = Scalar(1e-3);
-    result.agreement = Scalar(1) - result.prediction_error / moved;
-    if (result.agreement < Scalar(0)) result.agreement = Scalar(0);
-  }
+  void measure_agreement(const PointsView<Scalar>& x, PlanResult<Scalar>& result);
 
   /// Moves the plan on by one frame; its last frame is repeated.
-  void shift_plan() {
-    if (!has_plan_) return;
-    for (Index k = 0; k + 1 < problem_.settings.horizon; ++k) {
-      problem_.request.plan.col(k) = problem_.request.plan.col(k + 1);
-      problem_.request.path.col(k) = problem_.request.path.col(k + 1);
-    }
-    for (std::size_t k = 0; k + 1 < finger_plan_.size(); ++k)
-      finger_plan_[k].swap(finger_plan_[k + 1]);
-    if (finger_plan_.size() > 1) finger_plan_.back() = finger_plan_[finger_plan_.size() - 2];
-    qp_.shift(problem_.basis.unknowns());
-  }
+  void shift_plan();
 
   /// Writes the raw inputs of the solution and the change of the outputs that they cause. Scales
   /// velocities back to max_change.
-  void take_change(PlanResult<Scalar>& result) {
-    using std::abs;
-    const Index p = problem_.basis.unknowns(), m = problem_.request.inputs(),
-                horizon = problem_.settings.horizon;
-    Scalar scale = Scalar(1);
-    for (Index k = 0; k < horizon; ++k) {
-      result.plan.col(k).noalias() = problem_.basis.matrix() * qp_.frame(k, p);
-      result.plan.col(k) += problem_.basis.offset();
-      if (!(Scalar(0) < problem_.settings.max_change) ||
-          problem_.settings.input == GripInput::Force || !has_plan_)
-        continue;
-      for (Index i = 0; i < m; ++i) {
-        const Scalar change = abs(result.plan(i, k) - problem_.response.plan(i, k));
-        if (problem_.settings.max_change < scale * change)
-          scale = problem_.settings.max_change / change;
-      }
-    }
-    if (scale < Scalar(1))
-      result.plan = problem_.response.plan + scale * (result.plan - problem_.response.plan);
-    change_.setZero();
-    for (Index k = 0; k < horizon; ++k) {
-      for (Index j = 0; j <= k; ++j) {
-        column_ = result.plan.col(j) - problem_.response.plan.col(j);
-        change_.col(k).noalias() +=
-            problem_.response.impulse_response.middleCols((k - j) * m, m) * column_;
-      }
-    }
-  }
+  void take_change(PlanResult<Scalar>& result);
 
   /// Returns true when planned forces change the velocity of a held vertex by more than max_change
   /// in a frame. Such a plan cannot be scaled back, because the previous plan need not lie inside
   /// of this frame's friction cones.
-  bool changes_too_much() const {
-    using std::abs;
-    if (problem_.settings.input != GripInput::Force ||
-        !(Scalar(0) < problem_.settings.max_change) || !has_plan_)
-      return false;
-    const Scalar most = problem_.settings.max_change * problem_.settings.dt;
-    for (Index i = 3 * problem_.feature_count; i < change_.rows(); ++i) {
-      if (most < abs(change_(i, 0))) return true;
-      for (Index k = 1; k < problem_.settings.horizon; ++k) {
-        if (most < abs(change_(i, k) - change_(i, k - 1))) return true;
-      }
-    }
-    return false;
-  }
+  bool changes_too_much() const;
 
-  void extract(PlanStatus status, PlanResult<Scalar>& result) {
-    const Index p = problem_.basis.unknowns(), horizon = problem_.settings.horizon;
-    problem_.response.free_response += change_;
-    result.predicted = problem_.response.free_response.topRows(3 * problem_.feature_count);
-    for (Index i = 0; i < problem_.feature_count; ++i)
-      promised_.col(i) = result.predicted.template block<3, 1>(3 * i, 0);
-    result.patch_residual = Scalar(0);
-    for (const detail::HeldPatch<Scalar>& patch : problem_.patches) {
-      for (Index i = 0; i < patch.affine.non_affine_count(); ++i) {
-        detail::take_non_affine(patch, i, problem_.feature_count, point_);
-        for (Index k = 0; k < horizon; ++k) {
-          Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-          for (const detail::OutputTerm<Scalar>& t : point_)
-            sum += t.weight * problem_.response.free_response.template block<3, 1>(3 * t.output, k);
-          const Scalar size = sum.cwiseAbs().maxCoeff();
-          if (result.patch_residual < size) result.patch_residual = size;
-        }
-      }
-    }
-    problem_.request.plan = result.plan;
-    has_plan_ = true;
-    take_path();
-    if (problem_.settings.input == GripInput::Force) {
-      for (Index k = 0; k < horizon; ++k)
-        problem_.basis.finger_forces(qp_.frame(k, p), finger_plan_[static_cast<std::size_t>(k)]);
-    }
-    send(result);
-    result.status = status;
-  }
+  void extract(PlanStatus status, PlanResult<Scalar>& result);
 
   /// Fills the input with the first frame of the plan and remembers it as applied.
-  void send(PlanResult<Scalar>& result) {
-    problem_.request.applied = result.plan.col(0);
-    problem_.request.has_applied = problem_.settings.input != GripInput::Force ||
-                                   problem_.settings.command == PlantCommand::Force;
-    if (problem_.settings.input == GripInput::Force) {
-      send_forces(result);
-      send_path(result);
-    } else {
-      command_poses(result);
-    }
-  }
+  void send(PlanResult<Scalar>& result);
 
   /// Keeps the velocities of the held vertices that the plan promises.
-  void take_path() {
-    for (std::size_t j = 0; j < problem_.request.held.size(); ++j) {
-      const Index row = 3 * (problem_.feature_count + static_cast<Index>(j));
-      Vector3<Scalar> before = problem_.motion.position.col(static_cast<Index>(j));
-      for (Index k = 0; k < problem_.settings.horizon; ++k) {
-        const Vector3<Scalar> after = problem_.response.free_response.template block<3, 1>(row, k);
-        problem_.request.path.template block<3, 1>(3 * static_cast<Index>(j), k) =
-            (after - before) / problem_.settings.dt;
-        before = after;
-      }
-    }
-    problem_.request.has_path = true;
-  }
+  void take_path();
 
   /// Sends the first frame of the finger forces; each vertex gets the sum over its fingers.
-  void send_forces(PlanResult<Scalar>& result) const {
-    result.finger_forces = finger_plan_.front();
-    result.input.forces.setZero();
-    if (problem_.settings.command != PlantCommand::Force) return;
-    for (const auto& columns : problem_.basis.fingers()) {
-      for (std::size_t j = 0; j < columns.held_slots.size(); ++j) {
-        result.input.forces.col(columns.held_slots[j]) +=
-            result.finger_forces[static_cast<std::size_t>(columns.first_force) + j].force;
-      }
-    }
-  }
+  void send_forces(PlanResult<Scalar>& result) const;
 
   /// Sends the positions of the held vertices after the first frame, at most max_step from the
   /// measured ones along each axis.
-  void send_path(PlanResult<Scalar>& result) const {
-    for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
-      Vector3<Scalar> step = Vector3<Scalar>::Zero();
-      if (problem_.request.has_path)
-        step = problem_.settings.dt * problem_.request.path.template block<3, 1>(3 * j, 0);
-      for (Index c = 0; c < 3; ++c) {
-        if (problem_.settings.max_step < step[c]) step[c] = problem_.settings.max_step;
-        if (step[c] < -problem_.settings.max_step) step[c] = -problem_.settings.max_step;
-      }
-      result.input.driven_positions.col(j) = problem_.motion.position.col(j) + step;
-    }
-  }
+  void send_path(PlanResult<Scalar>& result) const;
 
   /// Sends the first frame of the plan as a rigid motion of each grip.
-  void command_poses(PlanResult<Scalar>& result) {
-    for (std::size_t g = 0; g < grip_count(); ++g) {
-      const Index begin = static_cast<Index>(problem_.basis.held().grip_begin(g)),
-                  end = static_cast<Index>(problem_.basis.held().grip_begin(g + 1));
-      for (Index j = begin; j < end; ++j)
-        grip_velocity_.col(j) = result.plan.template block<3, 1>(3 * j, 0);
-      detail::move_rigidly<Scalar>(problem_.motion.position.middleCols(begin, end - begin),
-                                   grip_velocity_.middleCols(begin, end - begin),
-                                   problem_.settings.dt,
-                                   result.input.driven_positions.middleCols(begin, end - begin));
-    }
-  }
+  void command_poses(PlanResult<Scalar>& result);
 
   /// Fills the result with the previous plan, moved on by a frame; without one, with no force and
   /// no motion.
-  PlanStatus fail(PlanResult<Scalar>& result) {
-    result.status = PlanStatus::Failed;
-    if (has_plan_) {
-      result.plan = problem_.request.plan;
-    } else {
-      result.plan.setZero();
-    }
-    for (Index k = 0; k < problem_.settings.horizon; ++k) {
-      for (Index i = 0; i < problem_.feature_count; ++i)
-        result.predicted.template block<3, 1>(3 * i, k) = features_.col(i);
-    }
-    result.patch_residual = Scalar(0);
-    send(result);
-    has_last_ = false;
-    qp_.reset();
-    return PlanStatus::Failed;
-  }
+  PlanStatus fail(PlanResult<Scalar>& result);
 
   Setup setup_;
   P predictor_;
@@ -561,3 +187,5 @@ class Planner {
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI
+
+#include "clothctl/mpc/detail/planner_impl.hpp"

@@ -161,7 +161,7 @@ struct PlannerSettings {
       if (bad(*value) || !(Scalar(0) < *value))
         return std::string(name) + " is " + number_text(*value) + ", must be positive";
     }
-    if (!all_finite(gravity_load)) return "the supported force is not finite";
+    if (!all_finite(gravity_load)) return "gravity_load is not finite";
     if (input == GripInput::Pose && command != PlantCommand::Force)
       return "command is Position with pose input; poses are always sent as positions";
     if (const std::string problem(qp.validate()); !problem.empty()) return "qp: " + problem;

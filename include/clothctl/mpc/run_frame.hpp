@@ -6,6 +6,7 @@
 #include <cassert>
 #include <cmath>
 #include <string>
+#include <string_view>
 #include <type_traits>
 
 #include "clothctl/concepts/cloth.hpp"
@@ -29,6 +30,17 @@ enum class FrameStatus {
   NotAdvanced
 };
 
+/// Returns the name of a status.
+constexpr std::string_view to_string(FrameStatus status) {
+  switch (status) {
+    case FrameStatus::Advanced: return "advanced";
+    case FrameStatus::PlantMismatch: return "plant_mismatch";
+    case FrameStatus::NotPlanned: return "not_planned";
+    case FrameStatus::NotAdvanced: return "not_advanced";
+  }
+  return "unknown";
+}
+
 /// What one frame of control did.
 template <RealScalar Scalar>
 struct FrameReport {
@@ -46,8 +58,9 @@ struct FrameReport {
 };
 
 /// Returns an empty string, or a line that says where a planner's settings and a plant disagree:
-/// the number of vertices, the time step of a plant that has only one, and the gravity load, which
-/// the planner takes as the forces at rest, within 1 %. Allocates only for the message.
+/// the number of vertices, the time step of a plant that has only one, and the gravity load where
+/// forces are planned, within 1 %, unless the planner's is zero (plans then start without force).
+/// Allocates only for the message.
 template <class AnyPlanner, class Plant>
 requires ClothPlant<Plant, typename AnyPlanner::Scalar> std::string check_plant(
     const AnyPlanner& planner, const Plant& plant) {
@@ -115,7 +128,7 @@ requires ClothPlant<Plant, typename AnyPlanner::Scalar>
         features, i, [&](int vertex, const Scalar& weight) { gap += weight * x.col(vertex); });
     const Scalar error = sqrt(gap.squaredNorm());
     report.mean_error += error / Scalar(static_cast<double>(count));
-    if (report.max_error < error) report.max_error = error;
+    if (is_finite(report.max_error) && !(error <= report.max_error)) report.max_error = error;
   }
   return report;
 }

@@ -89,4 +89,13 @@ void add_plan(const MatrixX<Scalar>& u, WindowResponse<Scalar>& response) {
   }
 }
 
+/// The scalar type of a predictor.
+template <class P>
+using PredictorScalar = typename predictor_traits<P>::scalar_type;
+
+/// A Predictor that takes the planner's requests.
+template <class P>
+concept WindowPredictor =
+    Predictor<P, WindowRequest<PredictorScalar<P>>, WindowResponse<PredictorScalar<P>>>;
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

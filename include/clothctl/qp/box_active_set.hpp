@@ -36,35 +36,19 @@ class BoxActiveSet {
   /// Takes settings. Solves answer InvalidData with the text of `settings.validate()` when that is
   /// not empty.
   explicit BoxActiveSet(QpSettings<Scalar> settings = {})
-      : settings_(settings), fault_(settings.validate()) {}
+      : settings_(settings), settings_error_(settings.validate()) {}
 
   /// Makes room for up to n unknowns and forgets the Hessian. Afterwards no member function
   /// allocates for up to n unknowns; a result sizes itself at its first solve. Returns Solved, or
   /// InvalidData for a negative size: `refusal()` then names it, and nothing has changed.
   /// Allocates.
-  QpStatus reserve(Index n) {
-    if (!data_.may_reserve(n, 0)) return data_.refusal().status;
-    data_.reserve(n, 0);
-    method_.curvature().reserve(n);
-    method_.reserve(n);
-    product_.setZero(n);
-    gradient_.setZero(n);
-    zeros_.setZero(n);
-    return QpStatus::Solved;
-  }
+  QpStatus reserve(Index n);
 
   /// Takes H (n×n, symmetric, positive semidefinite) and keeps a copy. The active set is kept while
   /// n stays. Allocates only when n exceeds the reserved size. Fails when: an entry is not finite
   /// or not symmetric (InvalidData), a diagonal entry is negative or h_ij² > h_ii h_jj (NonConvex);
   /// `refusal()` says where, and the solver stays as it was. Complexity: O(n²).
-  [[nodiscard]] QpStatus set_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
-    if (data_.judge(H) != QpStatus::Solved) return data_.refusal().status;
-    if (H.rows() > data_.capacity_n()) reserve(H.rows());
-    data_.take(H);
-    method_.curvature().attach(data_.H());
-    method_.renew();
-    return QpStatus::Solved;
-  }
+  [[nodiscard]] QpStatus set_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H);
 
   /// What the last call of `reserve` or `set_hessian` refused.
   const QpRefusal& refusal() const { return data_.refusal(); }
@@ -73,53 +57,21 @@ class BoxActiveSet {
   /// allocates once `result` has seen this size. Fails when: sizes differ, g or a bound is NaN, or
   /// lb > ub (InvalidData; nothing is changed).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub,
-                               result_type& result) {
-    const VectorX<Scalar> none;
-    if (!data_.load(fault_, g, lb, ub, none, none, result)) return result.status;
-    method_.curvature().attach(data_.H());
-    const typename Method::Data data{data_.g(), data_.lo(), data_.hi()};
-    if (answered_ && data_.repeated()) {
-      result.status = QpStatus::Solved;
-    } else {
-      const detail::Budget budget(settings_, data_.n());
-      result.status =
-          method_.solve(data, settings_.stationarity_tolerance, budget, result.iterations);
-    }
-    report(data, lb, ub, result);
-    answered_ = result.status == QpStatus::Solved;
-    return result.status;
-  }
+                               result_type& result);
 
   /// Makes the next solve start from x (n): unknowns at a bound are active, those strictly inside
   /// are free. Returns false, and changes nothing, when x has another size or an entry that is not
   /// finite.
-  [[nodiscard]] bool warm_start(const VectorView& x) {
-    if (data_.n() == 0 || x.size() != data_.n() || !all_finite(x)) return false;
-    method_.warm_start(x);
-    answered_ = false;
-    return true;
-  }
+  [[nodiscard]] bool warm_start(const VectorView& x);
 
   /// Makes the next solve start from an active set, one side for each unknown: that of a result, or
   /// the caller's own guess. Sides that a bound does not offer count as Between. Returns false, and
   /// changes nothing, for another size or a value that is no side.
-  [[nodiscard]] bool warm_start(std::span<const QpSide> bounds) {
-    if (data_.n() == 0 || static_cast<Index>(bounds.size()) != data_.n() ||
-        !detail::are_sides(bounds))
-      return false;
-    method_.warm_start_sides([&](Index i) { return bounds[static_cast<std::size_t>(i)]; });
-    answered_ = false;
-    return true;
-  }
+  [[nodiscard]] bool warm_start(std::span<const QpSide> bounds);
 
   /// Makes the next solve start from an active set, and from x (n) for the unknowns that are
   /// Between.
-  [[nodiscard]] bool warm_start(const VectorView& x, std::span<const QpSide> bounds) {
-    if (static_cast<Index>(bounds.size()) != data_.n() || !detail::are_sides(bounds) ||
-        !warm_start(x))
-      return false;
-    return warm_start(bounds);
-  }
+  [[nodiscard]] bool warm_start(const VectorView& x, std::span<const QpSide> bounds);
 
   /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the
   /// tail repeats the last block.
@@ -143,89 +95,31 @@ class BoxActiveSet {
   /// Fills the result from x and a fresh gradient, and lets the definition have the last word on
   /// "Solved".
   void report(const typename Method::Data& data, const VectorView& lb, const VectorView& ub,
-              result_type& result) {
-    const Index n = data_.n();
-    if (method_.give_up_broken(data)) result.status = QpStatus::IterationLimit;
-    method_.refresh(data);
-    std::copy_n(method_.gradient().data(), n, gradient_.data());
-    for (Index i = 0; i < n; ++i) product_[i] = gradient_[i] - data.g[i];
-    const bool hidden = rounding_counts(data), seen = hidden && has_accurate_sums<Scalar>();
-    if (seen) sharpen(data);
-    KktResiduals<Scalar> r = judge(data, lb, ub, result);
-    if (seen && result.status == QpStatus::Solved) correct(data, lb, ub, result, r);
-    detail::conclude(r, settings_, result);
-    if (result.status == QpStatus::Solved && hidden && !seen)
-      result.status = QpStatus::SolvedInaccurate;
-    if (result.status == QpStatus::DualInfeasible) {
-      std::copy_n(method_.ray().data(), n, result.ray.data());
-    } else {
-      result.ray.setConstant(Scalar(0));
-      const VectorX<Scalar>& none = result.row_multipliers;
-      detail::note_sides<Scalar>(data.lo, data.hi, none, none, result);
-    }
-  }
+              result_type& result);
 
-  /// Newton steps from sharp gradients while x is no solution yet and each halves the residuals.
+  /// Newton steps from accurate gradients while x is no solution yet and each halves the residuals.
   void correct(const typename Method::Data& data, const VectorView& lb, const VectorView& ub,
-               result_type& result, KktResiduals<Scalar>& r) {
-    for (Scalar last = scalar_traits<Scalar>::infinity();;) {
-      const Scalar away = detail::residual_ratio(r, settings_);
-      if (!(away > Scalar(1)) || !(away < Scalar(0.5) * last)) return;
-      method_.correct(data, gradient_);
-      sharpen(data);
-      r = judge(data, lb, ub, result);
-      last = away;
-    }
-  }
+               result_type& result, KktResiduals<Scalar>& r);
 
   /// Takes x and multipliers into the result; residuals of product_ and gradient_.
-  KktResiduals<Scalar> judge(const typename Method::Data& data, const VectorView& lb,
-                             const VectorView& ub, result_type& result) const {
-    const Index n = data_.n();
-    std::copy_n(method_.x().data(), n, result.x.data());
-    for (Index i = 0; i < n; ++i) {
-      result.bound_multipliers[i] =
-          detail::bound_multiplier(gradient_[i], result.x[i], data.lo[i], data.hi[i]);
-    }
-    const VectorX<Scalar>& none = result.row_multipliers;
-    return detail::kkt_from_products<Scalar>(product_.head(n), none, zeros_.head(n), data.g.head(n),
-                                             none, none, lb, ub, result.x, none,
-                                             result.bound_multipliers);
-  }
+  KktResiduals<Scalar> measure_residuals(const typename Method::Data& data, const VectorView& lb,
+                                         const VectorView& ub, result_type& result) const;
 
   /// Returns true when rounding of H x could reach the tolerance of stationarity: its terms cancel
   /// that far.
-  bool rounding_counts(const typename Method::Data& data) const {
-    const Index n = data_.n();
-    if (n == 0) return false;
-    using std::abs;
-    Scalar slope(0), bend(0);
-    for (Index i = 0; i < n; ++i) {
-      slope = (std::max)(slope, Scalar(abs(data.g[i])));
-      bend = (std::max)(bend, Scalar(abs(product_[i])));
-    }
-    const Scalar scale = (std::max)(Scalar(1), (std::max)(slope, bend));
-    const Scalar rounding = scalar_traits<Scalar>::epsilon() * (slope + method_.largest_terms());
-    return !(rounding <= settings_.stationarity_tolerance * scale);
-  }
+  bool rounding_counts(const typename Method::Data& data) const;
 
   /// Product and gradient as if in twice the precision.
-  void sharpen(const typename Method::Data& data) {
-    for (Index j = 0; j < data_.n(); ++j) {
-      AccurateSum<Scalar> sum;
-      for (Index i = 0; i < data_.n(); ++i) sum.add_product(data_.H()(i, j), method_.x()[i]);
-      product_[j] = sum.value();
-      sum.add(data.g[j]);
-      gradient_[j] = sum.value();
-    }
-  }
+  void accurate_gradient(const typename Method::Data& data);
 
   QpSettings<Scalar> settings_;
   detail::ProblemData<Scalar> data_;
   Method method_;
   VectorX<Scalar> product_, gradient_, zeros_;
-  std::string_view fault_;  // of the settings, static text
-  bool answered_ = false;   // the iterate solves what was loaded last
+  std::string_view settings_error_;  // of the settings, static text
+  bool answered_ = false;            // the iterate solves what was loaded last
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI
+
+#include "clothctl/qp/detail/box_active_set_impl.hpp"

@@ -7,8 +7,7 @@
 //                     that is not there counts fully
 //   feasibility       largest violation of rl ≤ Ax ≤ ru and lb ≤ x ≤ ub
 //   complementarity   Σ |y_i| slack_i + Σ |z_j| slack_j, where the slack is the distance to the
-//   bound
-//                     that the sign of the multiplier names
+//                     lower bound for a positive multiplier, else to the upper bound
 //
 // Relative values divide by max(1, |Hx|, |g|, |Aᵀy|), by max(1, |Ax|, |x|) and by
 // max(1, |objective|), in infinity norms. A NaN or an overflow makes its residual infinite.
@@ -49,10 +48,10 @@ struct KktResiduals {
 
 namespace detail {
 
-/// Raises `worst` to `error`; an error that is not finite counts as infinite. Holds under
-/// -ffast-math.
+/// worst = max(worst, error). An error that is not finite counts as infinite, under -ffast-math
+/// too.
 template <RealScalar Scalar>
-void raise_error(Scalar& worst, const Scalar& error) {
+void update_max(Scalar& worst, const Scalar& error) {
   if (!is_finite(error)) {
     worst = scalar_traits<Scalar>::infinity();
   } else if (error > worst) {
@@ -69,29 +68,29 @@ Scalar relative_error(const Scalar& error, const Scalar& scale) {
 
 /// Adds one bounded quantity `value` in [lower, upper] with its multiplier to the residuals.
 template <RealScalar Scalar>
-void judge_bound(const Scalar& value, const Scalar& lower, const Scalar& upper,
-                 const Scalar& multiplier, KktResiduals<Scalar>& r) {
+void add_bound_residuals(const Scalar& value, const Scalar& lower, const Scalar& upper,
+                         const Scalar& multiplier, KktResiduals<Scalar>& r) {
   using std::abs;
   const Scalar zero(0);
   const bool has_lower = !is_unbounded(lower);
   const bool has_upper = !is_unbounded(upper);
-  if (has_lower) raise_error(r.feasibility, Scalar(lower - value));
-  if (has_upper) raise_error(r.feasibility, Scalar(value - upper));
-  if (!is_finite(value)) raise_error(r.feasibility, value);
+  if (has_lower) update_max(r.feasibility, Scalar(lower - value));
+  if (has_upper) update_max(r.feasibility, Scalar(value - upper));
+  if (!is_finite(value)) update_max(r.feasibility, value);
   if (!is_finite(multiplier)) {
-    raise_error(r.stationarity, multiplier);
-    raise_error(r.complementarity, multiplier);
+    update_max(r.stationarity, multiplier);
+    update_max(r.complementarity, multiplier);
   } else if (multiplier > zero) {
     if (has_lower) {
       r.complementarity += multiplier * abs(value - lower);
     } else {
-      raise_error(r.stationarity, multiplier);
+      update_max(r.stationarity, multiplier);
     }
   } else if (multiplier < zero) {
     if (has_upper) {
       r.complementarity += -multiplier * abs(upper - value);
     } else {
-      raise_error(r.stationarity, Scalar(-multiplier));
+      update_max(r.stationarity, Scalar(-multiplier));
     }
   }
 }
@@ -110,20 +109,20 @@ KktResiduals<Scalar> kkt_from_products(
   Scalar dual_scale(1);
   Scalar primal_scale(1);
   const auto raise = [](Scalar& scale, const Scalar& value) {
-    raise_error(scale, Scalar(abs(value)));
+    update_max(scale, Scalar(abs(value)));
   };
   for (Index j = 0; j < x.size(); ++j) {
     raise(dual_scale, Hx[j]);
     raise(dual_scale, g[j]);
     raise(dual_scale, Aty[j]);
     raise(primal_scale, x[j]);
-    raise_error(r.stationarity, Scalar(abs(Hx[j] + g[j] - Aty[j] - z[j])));
-    judge_bound(x[j], lb[j], ub[j], z[j], r);
+    update_max(r.stationarity, Scalar(abs(Hx[j] + g[j] - Aty[j] - z[j])));
+    add_bound_residuals(x[j], lb[j], ub[j], z[j], r);
     r.objective += (Scalar(0.5) * Hx[j] + g[j]) * x[j];
   }
   for (Index i = 0; i < y.size(); ++i) {
     raise(primal_scale, Ax[i]);
-    judge_bound(Ax[i], rl[i], ru[i], y[i], r);
+    add_bound_residuals(Ax[i], rl[i], ru[i], y[i], r);
   }
   Scalar value_scale(1);
   raise(value_scale, r.objective);

@@ -227,7 +227,7 @@ inline bool are_sides(std::span<const QpSide> sides) {
 /// symmetric (beyond the rounding of a product JᵀJ), a negative diagonal entry, or h_ij² > h_ii
 /// h_jj. Never allocates. Complexity: O(n²).
 template <RealScalar Scalar>
-QpRefusal judge_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
+QpRefusal validate_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   using std::abs;
   using std::sqrt;
   const Index n = H.rows();

@@ -87,60 +87,16 @@ class ConstrainedIk {
     resize(static_cast<Index>(planes.size()));
     problem_.clamp(q);
     problem_.start(tasks, reference.size() > 0 ? reference : View(q), settings_.posture_weight);
+    if (!evaluate_start(model, tasks, planes, q, report)) return report;
     Scalar mu = settings_.damping;
-    report.cost = problem_.evaluate(model, tasks, q);
-    Scalar violation = total_violation(model, planes);
-    if (!is_finite(report.cost) || !is_finite(violation)) {
-      report.status = IkStatus::InvalidInput;
-      report.message = problem_.kNoPose;
-      return report;
-    }
-    price_ = Scalar(1) + Scalar(10) * problem_.current_residuals().cwiseAbs().sum();
     for (;;) {
       report.error = problem_.largest_residual();
-      violation_ = violation;
-      const bool reached = report.error <= settings_.tolerance && violation <= settings_.tolerance;
+      const bool reached = report.error <= settings_.tolerance && violation_ <= settings_.tolerance;
       report.status = reached ? IkStatus::Reached : IkStatus::Stalled;
       if ((reached && !(problem_.weight() > Scalar(0))) || n_ == 0) return report;
       problem_.linearise(model, tasks, q);
       linearise_planes(model, planes);
-      for (bool better = false; !better;) {
-        if (report.iterations == settings_.max_iterations) {
-          if (!reached) report.status = IkStatus::IterationLimit;
-          return report;
-        }
-        ++report.iterations;
-        if (!find_step(mu)) {
-          mu *= Scalar(4);
-          if (!(mu < Scalar(1e12))) return report;
-          continue;
-        }
-        report.gradient = projected_gradient();
-        if (report.gradient <= settings_.gradient_tolerance) {
-          if (!reached) report.status = IkStatus::LocalMinimum;
-          return report;
-        }
-        if (QpTraits::solution(answer_).tail(planes_).sum() > settings_.tolerance &&
-            price_ < Scalar(1e6)) {
-          // The QP violates planes. A higher price tells whether it could meet them.
-          price_ *= Scalar(10);
-          continue;
-        }
-        Traits::advance(model, q, step_, trial_);
-        problem_.clamp(trial_);
-        const Scalar cost = problem_.evaluate(model, tasks, trial_);
-        const Scalar next = total_violation(model, planes);
-        better = cost + price_ * next < report.cost + price_ * violation;
-        if (better) {
-          q = trial_;
-          report.cost = cost;
-          violation = next;
-          mu = (std::max)(scalar_traits<Scalar>::epsilon(), Scalar(mu / Scalar(5)));
-        } else {
-          mu *= Scalar(4);
-          if (!(mu < Scalar(1e12))) return report;
-        }
-      }
+      if (!descend(model, tasks, planes, q, mu, report)) return report;
     }
   }
 
@@ -166,6 +122,76 @@ class ConstrainedIk {
         return "a plane's normal is not a unit vector";
     }
     return problem_.validate(model, tasks, reference, q);
+  }
+
+  /// Evaluates tasks and planes at the first q, and sets the first price ρ. Returns false when they
+  /// are not finite.
+  bool evaluate_start(const Model& model, Tasks tasks, HalfSpaces planes, const View& q,
+                      IkReport<Scalar>& report) {
+    report.cost = problem_.evaluate(model, tasks, q);
+    const Scalar violation = total_violation(model, planes);
+    if (!is_finite(report.cost) || !is_finite(violation)) {
+      report.status = IkStatus::InvalidInput;
+      report.message = problem_.kNoPose;
+      return false;
+    }
+    violation_ = violation;
+    price_ = Scalar(1) + Scalar(10) * problem_.current_residuals().cwiseAbs().sum();
+    return true;
+  }
+
+  /// Moves q by one step that lowers the merit function. Increases μ, or the price ρ, until there
+  /// is one. Returns false when the solve ends here; the report says how.
+  bool descend(const Model& model, Tasks tasks, HalfSpaces planes, Eigen::Ref<VectorX<Scalar>> q,
+               Scalar& mu, IkReport<Scalar>& report) {
+    const bool reached = report.status == IkStatus::Reached;
+    for (;;) {
+      if (report.iterations == settings_.max_iterations) {
+        if (!reached) report.status = IkStatus::IterationLimit;
+        return false;
+      }
+      ++report.iterations;
+      if (!find_step(mu)) {
+        if (!increase_damping(mu)) return false;
+        continue;
+      }
+      report.gradient = projected_gradient();
+      if (report.gradient <= settings_.gradient_tolerance) {
+        if (!reached) report.status = IkStatus::LocalMinimum;
+        return false;
+      }
+      if (QpTraits::solution(answer_).tail(planes_).sum() > settings_.tolerance &&
+          price_ < Scalar(1e6)) {
+        // The QP violates planes. A higher price tells whether it could meet them.
+        price_ *= Scalar(10);
+        continue;
+      }
+      if (accept_step(model, tasks, planes, q, report)) {
+        mu = (std::max)(scalar_traits<Scalar>::epsilon(), Scalar(mu / Scalar(5)));
+        return true;
+      }
+      if (!increase_damping(mu)) return false;
+    }
+  }
+
+  /// Moves q by the step when that lowers the merit function. Returns true when it did.
+  bool accept_step(const Model& model, Tasks tasks, HalfSpaces planes,
+                   Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report) {
+    Traits::advance(model, q, step_, trial_);
+    problem_.clamp(trial_);
+    const Scalar cost = problem_.evaluate(model, tasks, trial_);
+    const Scalar violation = total_violation(model, planes);
+    if (!(cost + price_ * violation < report.cost + price_ * violation_)) return false;
+    q = trial_;
+    report.cost = cost;
+    violation_ = violation;
+    return true;
+  }
+
+  /// Increases μ. Returns false when it is too large to go on.
+  static bool increase_damping(Scalar& mu) {
+    mu *= Scalar(4);
+    return mu < Scalar(1e12);
   }
 
   Vector3<Scalar> point_of(const Model& model, const HalfSpace<Scalar>& plane) const {

@@ -45,12 +45,10 @@ enum class DynamicsStatus {
   /// The accelerations are finite. Use them.
   Solved,
   /// Poses, velocities or torques hold NaN or an infinity. Do not use the accelerations; correct
-  /// the
-  /// input.
+  /// the input.
   InvalidInput,
   /// A joint moves nothing that has inertia and has no diagonal; the report names its body. Give
-  /// the
-  /// link an inertia or the joint a diagonal.
+  /// the link an inertia or the joint a diagonal.
   NoInertia,
   /// A vector is not of length nv; nothing was written. Correct the call.
   WrongSize,

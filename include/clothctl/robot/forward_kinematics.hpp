@@ -57,7 +57,8 @@ enum class TreeStatus {
   /// A vector or matrix does not have the size that the tree asks for; nothing was written. Correct
   /// the call.
   WrongSize,
-  /// Poses or workspace were made for another tree; nothing was written. Make them for this one.
+  /// Poses were made for a tree with another number of bodies, or the workspace for another tree;
+  /// nothing was written. Make them for this one.
   OtherTree,
   /// The link number is negative or beyond the tree's links; nothing was written. Correct the call.
   NoLink
@@ -243,5 +244,12 @@ TreeStatus link_jacobian(const KinematicTree<Scalar>& tree, const BodyPoses<Scal
                          int link, Eigen::Ref<MatrixX<Scalar>> J) {
   return point_jacobian<Scalar>(tree, body_poses, link, link_pose(tree, body_poses, link).p, J);
 }
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(TreeStatus forward_kinematics<double>(const KinematicTree<double>&,
+                                                           const KinematicTree<double>::VectorView&,
+                                                           BodyPoses<double>&));
+CLOTHCTL_INSTANTIATE(Pose<double> link_pose<double>(const KinematicTree<double>&,
+                                                    const BodyPoses<double>&, int));
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

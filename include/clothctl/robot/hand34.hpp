@@ -129,4 +129,8 @@ VectorX<Scalar> hand34_home(const KinematicTree<Scalar>& tree) {
   return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(KinematicTreeBuilder<double> hand34_builder<double>());
+CLOTHCTL_INSTANTIATE(KinematicTree<double> hand34<double>());
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

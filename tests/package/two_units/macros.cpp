@@ -1,5 +1,4 @@
-// Headers of some systems define common words as macros. Ours do not mind, whatever was included
-// before them.
+// Some systems' headers define common words as macros. The library's headers compile after them.
 
 #include <Eigen/Dense>
 #include <algorithm>
@@ -31,11 +30,11 @@
 #include <variant>
 #include <vector>
 
-// Function-like, of windows.h.
+// Function-like macros of windows.h.
 #define min(a, b) (((a) < (b)) ? (a) : (b))
 #define max(a, b) (((a) > (b)) ? (a) : (b))
 
-// Words that stand for nothing or for a number there: here, whatever uses one does not compile.
+// These words are empty or numbers there. Here, any use of one is an error.
 #define CLOTHCTL_TAKEN static_assert(false, "a word that others define")
 // windows.h
 #define near CLOTHCTL_TAKEN

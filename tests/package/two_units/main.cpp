@@ -1,6 +1,6 @@
-// A program of two units of the same source, one of them compiled for a wider instruction set where
-// the compiler has it. That it links shows that no function of the headers is defined twice; that
-// both compute the same, that neither takes the other's code or memory for its own.
+// A program of two translation units made from the same source. One is compiled for a wider
+// instruction set if the compiler has it. If it links, no function is defined twice. If both give
+// the same results, neither uses the code or memory layout of the other.
 
 #include <cmath>
 #include <cstdio>

@@ -1,6 +1,6 @@
-// One unit of the program, compiled once for any processor as `plain` and once for a wider
-// instruction set as `wide`. Both use the same templates of the library on the same types, so that
-// a linker has all of them twice.
+// One unit of the program, compiled as `plain` for any processor and as `wide` for a wider
+// instruction set. Both instantiate the same templates with the same types, so the linker sees each
+// of them twice.
 
 #include <clothctl/clothctl.hpp>
 #include <clothctl/io.hpp>
@@ -22,7 +22,7 @@ clothctl::SpringNetwork<Scalar> sheet() {
   return clothctl::sheet_network(grid, clothctl::Material<Scalar>{}).value();
 }
 
-/// |A x - b| / |b| of a block-sparse system, four right-hand sides at once.
+/// |A x - b| / |b| of a block-sparse system with four right-hand sides.
 template <class Scalar>
 double factor_error() {
   const clothctl::SpringNetwork<Scalar> network = sheet<Scalar>();
@@ -43,7 +43,7 @@ double factor_error() {
   return static_cast<double>((back - b).norm() / b.norm());
 }
 
-/// Where a sheet's corner is after some steps, its other side held.
+/// The position of a sheet's corner after some steps with its other side held.
 template <class Scalar>
 double fall() {
   const auto model = clothctl::MassSpring<Scalar>::create(sheet<Scalar>()).value();
@@ -58,12 +58,12 @@ double fall() {
   return static_cast<double>(state.positions.col(0).norm());
 }
 
-/// The objective of a quadratic program with bounds, or with bounds and rows.
+/// The objective of a quadratic program with bounds, and with or without rows.
 template <class Scalar>
 double program(bool rows) {
   const Index n = 40, m = 15;
   using Matrix = Eigen::Matrix<Scalar, Eigen::Dynamic,
-                               Eigen::Dynamic>;  // of the caller's default storage order
+                               Eigen::Dynamic>;  // in the caller's default storage order
   Matrix M(n, n), A(m, n);
   for (Index i = 0; i < M.size(); ++i)
     M(i % n, i / n) = Scalar(static_cast<double>(i * 7919 % 101) / 101 - 0.5);
@@ -92,8 +92,8 @@ double program(bool rows) {
   return static_cast<double>(result.objective);
 }
 
-/// How far a hand of 34 joints is after stable PD drove it for some frames, and its distance from
-/// an inverse kinematics answer.
+/// The error of a 34-joint hand after some frames of stable PD, and its distance from an answer of
+/// inverse kinematics.
 std::pair<double, double> hand() {
   using Tree = clothctl::KinematicTree<double>;
   const Tree tree = clothctl::hand34<double>();
@@ -109,7 +109,7 @@ std::pair<double, double> hand() {
   const double miss = ik.solve(tree, tasks, VectorX<double>(), goal).error;
   auto settings = clothctl::StablePdSettings<double>::uniform(tree.nv());
   settings.dt = 0.01;
-  auto pd = clothctl::StablePd<Tree>::make(tree, settings).value();
+  auto pd = clothctl::StablePd<Tree>::create(tree, settings).value();
   VectorX<double> qd = VectorX<double>::Zero(tree.nv()), torques = qd, qdd = qd;
   for (int k = 0; k < 50; ++k) {
     const auto step =

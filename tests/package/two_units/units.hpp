@@ -1,15 +1,15 @@
 #pragma once
 
-// What both units offer to main.cpp, which sees nothing of the library.
+// The interface of both units to main.cpp, which does not include the library.
 
 #include <Eigen/Core>
 #include <vector>
 
-/// What a unit computed; the same in both but for rounding.
+/// A result of a unit; equal in both units up to rounding.
 struct Figure {
   const char* name;
   double value;
-  double tolerance;  ///< of a difference between two units, relative to the larger value or 1
+  double tolerance;  ///< of the difference between the units, relative to the larger value or 1
 };
 
 /// Containers that one unit fills, another grows and a third frees.

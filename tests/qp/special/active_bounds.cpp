@@ -21,7 +21,7 @@ Eigen::Map<const MatrixX<double>> map(const MatrixX<double>& H) {
 
 }  // namespace
 
-TEST_CASE("the minimiser on changing active sets is that of the optimality equations", "[qp]") {
+TEST_CASE("on changing active sets, the minimiser solves the optimality equations", "[qp]") {
   std::mt19937 random(9);
   for (const Index n : {3, 12, 65, 140}) {
     const MatrixX<double> H = definite(n, static_cast<unsigned>(n));
@@ -74,7 +74,7 @@ TEST_CASE("the minimiser on changing active sets is that of the optimality equat
   }
 }
 
-TEST_CASE("the active-set mode declines what it is not for", "[qp]") {
+TEST_CASE("the active-set mode declines problems that it is not meant for", "[qp]") {
   const Index n = 12;
   MatrixX<double> H = definite(n, 4), scratch(n, n);
   Mode mode;
@@ -103,7 +103,7 @@ TEST_CASE("the active-set mode declines what it is not for", "[qp]") {
   nearly.diagonal().array() += 1e-9 * singular.diagonal().maxCoeff();
   mode.prepare(map(nearly), scratch);
   CHECK_FALSE(mode.known());
-  mode.reserve(Mode::kMostUnknowns + 100);  // room for many, used by few
+  mode.reserve(Mode::kMostUnknowns + 100);  // reserved for many unknowns, used by few
   mode.prepare(map(H), scratch);
   REQUIRE(mode.known());
   mode.start_rounds(g);

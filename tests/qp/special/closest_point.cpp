@@ -37,7 +37,8 @@ struct Contradiction {
     }
   }
 
-  // Violation of rl ≤ Ax + s ≤ ru and of the bounds, and the slope of ½|s|² that no bound holds.
+  // Violation of rl ≤ Ax + s ≤ ru and of the bounds, and the slope of ½|s|² along unknowns that no
+  // bound stops.
   double error(const VectorX<S>& x, const VectorX<S>& s) const {
     const VectorX<S> ax = A * x, slope = -(A.transpose() * s);
     double worst = 0;
@@ -59,7 +60,7 @@ struct Contradiction {
 
 }  // namespace
 
-TEMPLATE_TEST_CASE("infeasible problems go to the closest point when asked to", "[qp]", float,
+TEMPLATE_TEST_CASE("on request, infeasible problems end at the closest point", "[qp]", float,
                    double) {
   using S = TestType;
   const double tolerance = sizeof(S) == 8 ? 1e-6 : 2e-2;
@@ -90,7 +91,7 @@ TEMPLATE_TEST_CASE("infeasible problems go to the closest point when asked to", 
     CHECK(q.error(result.x, result.row_shifts) <
           tolerance * (1.0 + double(q.A.cwiseAbs().maxCoeff())));
     if (sizeof(S) == 4) continue;
-    // The least objective among the closest points: moving x within them never helps.
+    // Among the closest points the objective is least: no move within them lowers it.
     const VectorX<S> width = VectorX<S>::Constant(q.A.rows(), S(1e-8));
     QpResult<S> best;
     const QpStatus found = plain.solve(q.g, q.lb, q.ub, q.rl - result.row_shifts - width,
@@ -100,12 +101,12 @@ TEMPLATE_TEST_CASE("infeasible problems go to the closest point when asked to", 
     CHECK(objective <= best.objective + S(1e-4) * (S(1) + std::abs(best.objective)));
   }
   CHECK(infeasible > 100);
-  // In float, rounding may keep from the least objective where nearly dependent rows meet (one in a
+  // In float, rounding can prevent the least objective if nearly dependent rows meet (one in a
   // thousand).
   CHECK(unfinished <= (sizeof(S) == 8 ? 0 : infeasible / 100));
 }
 
-TEST_CASE("contradicting rows meet in the middle, weighed by their scale", "[qp]") {
+TEST_CASE("contradicting rows meet in the middle, weighted by their scale", "[qp]") {
   for (const double scale : {1.0, 2.0}) {
     QpSettings<double> settings;
     settings.closest_point = true;
@@ -137,8 +138,9 @@ TEST_CASE("contradicting rows meet in the middle, weighed by their scale", "[qp]
   }
 }
 
-TEST_CASE("what the closest point presses on is held, the rest stays open", "[qp]") {
-  // x0 = 4 against x0 <= 1; x1 <= 2 and a slack row of x1 have no part in it.
+TEST_CASE("constraints active at the closest point become equalities, the others stay open",
+          "[qp]") {
+  // x0 = 4 contradicts x0 <= 1. x1 <= 2 and a slack row of x1 are not involved.
   detail::ProximalProblem<double> problem;
   detail::ClosestPoint<double> closest;
   problem.reserve(2, 3);
@@ -158,9 +160,9 @@ TEST_CASE("what the closest point presses on is held, the rest stays open", "[qp
   CHECK(closest.shifts()[0] == Approx(3.0));
   VectorX<double> E(3);
   E << 2.0, 1.0, 1.0;
-  problem.rl[0] = problem.ru[0] = 8.0;  // row 0 twice as long
+  problem.rl[0] = problem.ru[0] = 8.0;  // row 0 scaled by two
   problem.x[0] = problem.hi[0];
-  closest.hold(problem, E);
+  closest.tighten_bounds(problem, E);
   CHECK(problem.rl[0] == Approx(2.0));
   CHECK(problem.ru[0] == problem.rl[0]);
   CHECK(problem.lo[0] == 1.0);
@@ -171,7 +173,7 @@ TEST_CASE("what the closest point presses on is held, the rest stays open", "[qp
   CHECK_FALSE(detail::has_bound(problem.rl[2]));
   CHECK(problem.lo[1] == -5.0);
   CHECK(problem.hi[1] == 2.0);
-  // Two rows that pull apart: both stay at their distance, as equalities.
+  // Two contradicting rows: both become equalities at their distance.
   problem.rl << 4.0, -none, -none;
   problem.ru << none, 7.0, 6.0;  // x0 >= 4, 3 x0 <= 6
   problem.lo[0] = -5.0;
@@ -179,7 +181,7 @@ TEST_CASE("what the closest point presses on is held, the rest stays open", "[qp
   problem.x[0] = 0.0;
   problem.state[0] = detail::ProximalProblem<double>::State::Free;
   REQUIRE(closest.find(problem, detail::Budget(QpSettings<double>{}, 5), iterations));
-  closest.hold(problem, VectorX<double>::Ones(3));
+  closest.tighten_bounds(problem, VectorX<double>::Ones(3));
   CHECK(problem.rl[0] == problem.ru[0]);
   CHECK(problem.rl[2] == problem.ru[2]);
   CHECK(problem.rl[0] == Approx(2.2));  // least (4 - x)² + (6 - 3x)²
@@ -188,7 +190,7 @@ TEST_CASE("what the closest point presses on is held, the rest stays open", "[qp
   CHECK(problem.hi[0] == 9.0);
 }
 
-TEST_CASE("the way to the closest point keeps to the budget and off the heap", "[qp]") {
+TEST_CASE("the search for the closest point obeys iteration limits and does not allocate", "[qp]") {
   std::mt19937 random(5);
   const Contradiction<double> q(40, 60, random);
   QpSettings<double> settings;
@@ -225,7 +227,7 @@ TEST_CASE("the way to the closest point keeps to the budget and off the heap", "
   }
 }
 
-TEST_CASE("a closest point without a least objective says so", "[qp]") {
+TEST_CASE("a closest point without a least objective is reported", "[qp]") {
   QpSettings<double> settings;
   settings.closest_point = true;
   ActiveSet<double> solver(settings);
@@ -233,7 +235,7 @@ TEST_CASE("a closest point without a least objective says so", "[qp]") {
   A << 1.0, 0.0, 1.0, 0.0;
   const double inf = scalar_traits<double>::infinity();
   VectorX<double> g(2), lb(2), ub(2), rl(2), ru(2);
-  g << 0.0, -1.0;  // falls along x1 for ever
+  g << 0.0, -1.0;  // falls along x1 without limit
   lb.setConstant(-inf);
   ub.setConstant(inf);
   rl << 3.0, -inf;

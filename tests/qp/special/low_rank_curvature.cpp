@@ -1,4 +1,4 @@
-// Woodbury solves, rank-one changes and walks of D + NᵀN against the dense matrix.
+// Woodbury solves, rank-one changes and walks of D + NᵀN, compared with the dense matrix.
 
 #include "clothctl/qp/detail/special/low_rank_curvature.hpp"
 
@@ -14,7 +14,7 @@ using namespace clothctl;
 using clothctl_test::FactoredHessian;
 
 TEMPLATE_TEST_CASE(
-    "a rank-one change gives the factor of the changed matrix, or says that there is none",
+    "a rank-one change gives the factor of the changed matrix, or reports that there is none",
     "[qp][low_rank]", float, double) {
   using S = TestType;
   const S tolerance = S(200) * scalar_traits<S>::epsilon();
@@ -40,7 +40,7 @@ TEMPLATE_TEST_CASE(
   }
 }
 
-TEST_CASE("Newton steps and products are those of the dense matrix, whatever came and went",
+TEST_CASE("Newton steps and products agree with the dense matrix after any changes of the free set",
           "[qp][low_rank]") {
   const Index n = 60, r = 9;
   const FactoredHessian<double> given(n, r, 3);
@@ -83,7 +83,7 @@ TEST_CASE("Newton steps and products are those of the dense matrix, whatever cam
   if (clothctl_test::allocation_counting_works()) CHECK(inside == 0);
 }
 
-TEST_CASE("the low-rank minimiser on changing active sets is that of the optimality equations",
+TEST_CASE("on changing active sets, the low-rank minimiser solves the optimality equations",
           "[qp][low_rank]") {
   const Index n = 50, r = 8;
   const FactoredHessian<double> given(n, r, 21);
@@ -121,7 +121,7 @@ TEST_CASE("the low-rank minimiser on changing active sets is that of the optimal
   }
 }
 
-TEST_CASE("degenerate bounds settle at once: x on a bound and z = 0 to rounding",
+TEST_CASE("degenerate bounds settle at once: x at a bound with z = 0 up to rounding",
           "[qp][low_rank]") {
   std::mt19937 random(31);
   std::normal_distribution<double> normal;
@@ -135,7 +135,7 @@ TEST_CASE("degenerate bounds settle at once: x on a bound and z = 0 to rounding"
       lo[i] = -std::abs(normal(random)) - 0.3;
       hi[i] = std::abs(normal(random)) + 0.3;
       x[i] = i % 3 == 0 ? lo[i] : i % 3 == 1 ? hi[i] : 0.1 * lo[i];
-      if (i % 6 == 0) z[i] = 1.0;  // every second bound is one that presses nothing
+      if (i % 6 == 0) z[i] = 1.0;  // every second active bound has a zero multiplier
     }
     const VectorX<double> g = z - H * x;
     detail::LowRankCurvature<double> low;
@@ -149,7 +149,7 @@ TEST_CASE("degenerate bounds settle at once: x on a bound and z = 0 to rounding"
     detail::PrimalDualActiveSet<double> rounds;
     rounds.reserve(n);
     const detail::Budget budget(QpSettings<double>{}, n);
-    // In and out of the set: the bounds that press nothing may be either.
+    // Bounds with a zero multiplier may be in the set or not.
     for (const bool in : {true, false}) {
       const auto side_of = [&](Index i) {
         return i % 6 == 0          ? QpSide::Lower
@@ -167,16 +167,14 @@ TEST_CASE("degenerate bounds settle at once: x on a bound and z = 0 to rounding"
         CHECK((rounds.x() - x).cwiseAbs().maxCoeff() < 1e-11);
       };
       settles(low);
-      if (!in) settles(dense);  // with all of them in, more than a third are active
+      if (!in) settles(dense);  // with all of them, more than a third are active
     }
   }
-  CHECK(late <= 4);  // of 120: rounding can be larger than what counts as such
+  CHECK(late <= 4);  // of 120; rounding may exceed the threshold
 }
 
-TEST_CASE(
-    "a walk whose unknowns stop one by one has the slope, curvature and gradient of the dense "
-    "matrix",
-    "[qp][low_rank]") {
+TEST_CASE("a walk along which unknowns stop one by one agrees with the dense matrix",
+          "[qp][low_rank]") {
   const Index n = 20, r = 4;
   const FactoredHessian<double> given(n, r, 8);
   const MatrixX<double> H = given.dense();
@@ -204,8 +202,7 @@ TEST_CASE(
   CHECK((q - start - H * x).norm() < 1e-11 * (H * x).norm());
 }
 
-TEST_CASE("a new matrix is not mistaken for the old one when the free set is the same",
-          "[qp][low_rank]") {
+TEST_CASE("a new matrix with the same free set is not mistaken for the old one", "[qp][low_rank]") {
   const Index n = 20, r = 4;
   detail::LowRankCurvature<double> curvature;
   curvature.reserve(n, r);

@@ -10,7 +10,7 @@ using namespace clothctl;
 
 namespace {
 
-// x and z on an active set by a dense solve with H.
+// Computes x and z for an active set by a dense solve.
 struct DenseMinimiser {
   MatrixX<double> H;
   int calls = 0;
@@ -43,7 +43,7 @@ detail::Budget rounds(int most) {
 
 }  // namespace
 
-TEST_CASE("rounds that end give the minimiser, from any active set", "[qp]") {
+TEST_CASE("rounds that converge give the minimiser, from any active set", "[qp]") {
   std::mt19937 random(6);
   std::normal_distribution<double> normal;
   int ended = 0;
@@ -52,7 +52,7 @@ TEST_CASE("rounds that end give the minimiser, from any active set", "[qp]") {
     MatrixX<double> J(n, n);
     for (Index k = 0; k < J.size(); ++k) J.data()[k] = normal(random);
     DenseMinimiser minimiser{J.transpose() * J + 0.5 * MatrixX<double>::Identity(n, n)};
-    VectorX<double> g(n + 2), lo(n + 2), hi(n + 2);  // more room than unknowns
+    VectorX<double> g(n + 2), lo(n + 2), hi(n + 2);  // longer than the number of unknowns
     for (Index i = 0; i < n + 2; ++i) {
       g[i] = 3.0 * normal(random);
       lo[i] = -std::abs(normal(random));
@@ -81,7 +81,7 @@ TEST_CASE("rounds that end give the minimiser, from any active set", "[qp]") {
       if (x[i] > lo[i]) CHECK(q[i] < 1e-9);
       if (x[i] < hi[i]) CHECK(q[i] > -1e-9);
       const QpSide side = rounds_of.side(i);
-      if (!(lo[i] < hi[i])) CHECK(side != QpSide::Between);  // fixed unknowns never part
+      if (!(lo[i] < hi[i])) CHECK(side != QpSide::Between);  // fixed unknowns stay active
       if (lo[i] < hi[i]) CHECK((side == QpSide::Between) == (x[i] > lo[i] && x[i] < hi[i]));
     }
     int again = 0;
@@ -93,9 +93,9 @@ TEST_CASE("rounds that end give the minimiser, from any active set", "[qp]") {
   CHECK(ended > 180);
 }
 
-TEST_CASE("rounds that cycle, run out of budget or cannot go on come back", "[qp]") {
-  // Three unknowns that push each other out in a circle: a matrix, not symmetric, for which the
-  // rounds cycle.
+TEST_CASE("rounds that cycle, reach their limit or fail return", "[qp]") {
+  // Three unknowns that push each other out in a circle: with this asymmetric matrix the rounds
+  // cycle.
   DenseMinimiser circle{MatrixX<double>::Identity(3, 3)};
   circle.H << 1.0, 4.0, 0.0, 0.0, 1.0, 4.0, 4.0, 0.0, 1.0;
   const VectorX<double> g = VectorX<double>::Constant(3, -1.0), lo = VectorX<double>::Zero(3),
@@ -120,5 +120,5 @@ TEST_CASE("rounds that cycle, run out of budget or cannot go on come back", "[qp
   circle.able = true;
   circle.H.setConstant(std::numeric_limits<double>::quiet_NaN());
   CHECK_FALSE(rounds_of.find(circle, 3, g, lo, hi, first, 1e-12, rounds(1000),
-                             iterations));  // numbers broke
+                             iterations));  // a number became infinite or NaN
 }

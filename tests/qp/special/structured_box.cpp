@@ -1,5 +1,5 @@
-// Rows that define unknowns are substituted: the answers are those of the whole problem, whatever
-// structure comes and goes.
+// Substitution of rows that define unknowns. The answers must be those of the whole problem while
+// the structure changes.
 
 #include "clothctl/qp/detail/special/structured_box.hpp"
 
@@ -14,7 +14,7 @@ using namespace clothctl;
 namespace {
 
 /// Steps of two forces w and five coefficients d each, interleaved: w_k - Σ_{j<=k} M_{k-j} d_j =
-/// b_k, 0 <= d <= 1.
+/// b_k with 0 <= d <= 1.
 template <class S>
 struct Contacts {
   Index n, m;
@@ -53,7 +53,7 @@ struct Contacts {
     }
     change();
   }
-  /// Another frame.
+  /// Draws the data of another frame.
   void change() {
     std::normal_distribution<double> normal;
     for (Index i = 0; i < n; ++i) g[i] += S(2 * normal(random));
@@ -72,13 +72,13 @@ QpStatus solve(ActiveSet<S>& solver, const Contacts<S>& p, QpResult<S>& result) 
   return solver.solve(p.g, p.lb, p.ub, p.b, p.b, result);
 }
 
-/// Whether the structured method takes the problem.
+/// Whether the structured method accepts the problem.
 bool structured(const Contacts<double>& p) {
   detail::ProblemData<double> data;
   data.reserve(p.n, p.m);
-  REQUIRE(data.judge(p.H) == QpStatus::Solved);
+  REQUIRE(data.validate_hessian(p.H) == QpStatus::Solved);
   data.take(p.H);
-  REQUIRE(data.judge_rows(p.A) == QpStatus::Solved);
+  REQUIRE(data.validate_rows(p.A) == QpStatus::Solved);
   data.take_rows(p.A);
   QpResult<double> result;
   REQUIRE(data.load("", p.g, p.lb, p.ub, p.b, p.b, result));
@@ -90,7 +90,7 @@ bool structured(const Contacts<double>& p) {
 }  // namespace
 
 TEMPLATE_TEST_CASE(
-    "structured problems end at points that keep the optimality conditions of the whole problem",
+    "structured problems end at points that satisfy the optimality conditions of the whole problem",
     "[qp][structured_box]", float, double) {
   using S = TestType;
   for (const Index steps : {1, 4, 12}) {
@@ -117,19 +117,18 @@ TEMPLATE_TEST_CASE(
       CHECK(r.relative_stationarity <= most);
       CHECK(r.relative_feasibility <= most);
       CHECK(r.relative_complementarity <= most);
-      // What the result says of itself is what an independent judge finds.
+      // The reported residuals agree with an independent check.
       CHECK(result.objective == Approx(r.objective).epsilon(1e-4));
       CHECK(result.feasibility == Approx(r.relative_feasibility).margin(1e-6));
     }
   }
 }
 
-TEST_CASE("the structured answer is that of the general method", "[qp][structured_box]") {
+TEST_CASE("the structured answer agrees with the general method", "[qp][structured_box]") {
   Contacts<double> p(10);
   ActiveSet<double> structured_solver, general;
   REQUIRE(structured(p));
-  Contacts<double> loose =
-      p;  // the same problem in the general method's eyes: w has bounds, far away
+  Contacts<double> loose = p;  // far bounds on w make the same problem general
   for (Index i = 0; i < p.n; ++i) {
     loose.lb[i] = std::max(loose.lb[i], -1e6);
     loose.ub[i] = std::min(loose.ub[i], 1e6);
@@ -147,9 +146,8 @@ TEST_CASE("the structured answer is that of the general method", "[qp][structure
   CHECK(a.objective == Approx(c.objective).epsilon(1e-9));
 }
 
-TEST_CASE(
-    "bounds on a defined unknown, and rows that are no equalities, come and go from frame to frame",
-    "[qp][structured_box]") {
+TEST_CASE("bounds on defined unknowns, and inequality rows, may change from frame to frame",
+          "[qp][structured_box]") {
   Contacts<double> p(6);
   ActiveSet<double> solver;
   REQUIRE(solver.set_hessian(p.H) == QpStatus::Solved);
@@ -170,7 +168,8 @@ TEST_CASE(
   }
 }
 
-TEST_CASE("what only looks like the structure goes to the general method", "[qp][structured_box]") {
+TEST_CASE("problems that only resemble the structure go to the general method",
+          "[qp][structured_box]") {
   const Contacts<double> good(4);
   REQUIRE(structured(good));
   const auto refused = [&](auto change) {
@@ -187,7 +186,7 @@ TEST_CASE("what only looks like the structure goes to the general method", "[qp]
   CHECK(refused([](Contacts<double>& p) { p.A(0, 0) = 0.0; }));    // row 0 defines nothing
 }
 
-TEST_CASE("budgets end structured solves too, within the bounds and on the rows",
+TEST_CASE("iteration limits end structured solves within the bounds and on the rows",
           "[qp][structured_box]") {
   Contacts<double> p(12);
   QpSettings<double> settings;
@@ -202,7 +201,8 @@ TEST_CASE("budgets end structured solves too, within the bounds and on the rows"
   CHECK(result.feasibility < 1e-12);
 }
 
-TEST_CASE("small budgets make progress from structured solve to solve", "[qp][structured_box]") {
+TEST_CASE("with small iteration limits, repeated structured solves make progress",
+          "[qp][structured_box]") {
   for (const int budget : {1, 2, 3, 4, 7}) {
     Contacts<double> p(12);
     QpSettings<double> settings;
@@ -227,7 +227,8 @@ TEST_CASE("small budgets make progress from structured solve to solve", "[qp][st
   }
 }
 
-TEST_CASE("an answer that its judge refuses is worked on, not given up", "[qp][structured_box]") {
+TEST_CASE("an answer that fails the check of residuals is refined, not discarded",
+          "[qp][structured_box]") {
   Contacts<double> p(12);
   QpSettings<double> sharp;
   sharp.stationarity_tolerance =

@@ -126,7 +126,10 @@ class XmlReader {
 
   /// Sets the link or joint that messages name from now on.
   void enter(const char* kind, const std::string& name) {
-    owner_ = kind + (" " + quote(name)) + ": ";
+    owner_ = kind;
+    owner_ += ' ';
+    owner_ += quote(name);
+    owner_ += ": ";
   }
   /// Ends that: messages name no link or joint.
   void leave() { owner_.clear(); }

@@ -54,6 +54,29 @@ std::vector<std::vector<std::size_t>> colour_items(std::vector<std::size_t> item
   return colours;
 }
 
+/// The ends of a distance constraint, and how they lie now.
+template <RealScalar Scalar>
+struct Separation {
+  int a, b;
+  /// p_a - p_b.
+  Triple<Scalar> d;
+  Scalar squared_length;
+};
+
+template <RealScalar Scalar>
+CLOTHCTL_FORCE_INLINE Separation<Scalar> separation(const Points<Scalar>& p,
+                                                    const std::array<int, 2>& ends) {
+  const Triple<Scalar> d = column(p, ends[0]) - column(p, ends[1]);
+  return {ends[0], ends[1], d, squared_norm(d)};
+}
+
+/// Two ends are at one place when their squared distance, relative to the squared rest length, is
+/// below this; they then have no direction.
+template <RealScalar Scalar>
+Scalar squared_resolution() {
+  return scalar_traits<Scalar>::epsilon() * scalar_traits<Scalar>::epsilon();
+}
+
 /// The springs as rigid distance constraints, in the order of the network.
 template <RealScalar Scalar>
 class RigidDistances {
@@ -99,13 +122,10 @@ class RigidDistances {
 
   void sweep(Points<Scalar>& p, const Scratch& scratch) const {
     using std::sqrt;
-    const Scalar tiny = scalar_traits<Scalar>::epsilon() * scalar_traits<Scalar>::epsilon();
+    const Scalar tiny = squared_resolution<Scalar>();
     for (std::size_t e = 0; e < ends_.size(); ++e) {
       const Index i = static_cast<Index>(e);
-      const int a = ends_[e][0];
-      const int b = ends_[e][1];
-      const Triple<Scalar> d = column(p, a) - column(p, b);
-      const Scalar squared = squared_norm(d);
+      const auto [a, b, d, squared] = separation(p, ends_[e]);
       if (squared <= tiny * rest_[e] * rest_[e]) continue;
       const Scalar length = sqrt(squared);
       const Scalar c = (length - rest_[e]) / length;
@@ -194,13 +214,10 @@ class CompliantDistances {
   template <bool kDamped>
   void sweep_springs(Points<Scalar>& p, const Points<Scalar>& start, Scratch& s) const {
     using std::sqrt;
-    const Scalar tiny = scalar_traits<Scalar>::epsilon() * scalar_traits<Scalar>::epsilon();
+    const Scalar tiny = squared_resolution<Scalar>();
     for (std::size_t e = 0; e < ends_.size(); ++e) {
       const Index i = static_cast<Index>(e);
-      const int a = ends_[e][0];
-      const int b = ends_[e][1];
-      const Triple<Scalar> d = column(p, a) - column(p, b);
-      const Scalar squared = squared_norm(d);
+      const auto [a, b, d, squared] = separation(p, ends_[e]);
       const Scalar smallest = tiny * rest_[i] * rest_[i];
       const Scalar inverse_length = Scalar(1) / sqrt(squared < smallest ? smallest : squared);
       Scalar force = s.stiffness[i] * (squared * inverse_length - rest_[i]) + s.multiplier[i];

@@ -13,7 +13,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Returns the line with which `check_input` of a model refuses a workspace.
+/// Returns the message of a model's `check_input` for a workspace that another model made.
 inline std::string foreign_workspace_line() {
   return "the workspace was made by another model; use make_workspace() of the model that steps";
 }

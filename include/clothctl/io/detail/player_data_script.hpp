@@ -18,7 +18,8 @@ const decode = id => {
   for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
   return bytes.buffer;
 };
-const N = scene.vertices, F = scene.frames, K = scene.features.length, A = scene.arrows, dt = scene.dt;
+const N = scene.vertices, F = scene.frames, K = scene.features.length, A = scene.arrows;
+const dt = scene.dt;
 const quantised = new Uint16Array(decode('positions'));   // F × N × 3
 const triangles = new Uint32Array(decode('triangles'));   // 3 indices each
 const segments = new Uint32Array(decode('segments'));     // 2 indices each
@@ -54,7 +55,11 @@ const columnAt = (data, count, index, frame) => {
 const sub = (a, b) => [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const cross = (a, b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0]
+];
 const norm = a => Math.hypot(a[0], a[1], a[2]);
 const unit = a => { const n = norm(a) || 1; return [a[0] / n, a[1] / n, a[2] / n]; };
 const multiply = (a, b) => {
@@ -67,10 +72,11 @@ const multiply = (a, b) => {
   return out;
 };
 
-// Distance of each feature to its target, frame by frame, and the mean over the frames that are scored.
+// Distance of each feature to its target in each frame, and its mean over the scored frames.
 const errors = new Float32Array(F * K);
 for (let i = 0; i < F * K; ++i) {
-  errors[i] = Math.hypot(actual[3 * i] - target[3 * i], actual[3 * i + 1] - target[3 * i + 1], actual[3 * i + 2] - target[3 * i + 2]);
+  const [dx, dy, dz] = [0, 1, 2].map(c => actual[3 * i + c] - target[3 * i + c]);
+  errors[i] = Math.hypot(dx, dy, dz);
 }
 const scored = scene.scored > 0 ? Math.min(scene.scored, F) : F;
 let meanError = 0, errorCount = 0, largestError = 0;
@@ -102,13 +108,17 @@ const colourOf = k => palette[theme()][k % 8];
 const css = name => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const rgb = hex => [1, 3, 5].map(i => parseInt(hex.slice(i, i + 2), 16) / 255);
 
-// Listeners of the things that change; `draw` is asked for at most once a screen refresh.
+// Functions that paint what changes. `invalidate` lets them run once in the next screen refresh.
 const painters = [];
 let asked = false;
 const invalidate = () => {
   if (asked) return;
   asked = true;
-  requestAnimationFrame(now => { asked = false; tick(now); for (const paint of painters) paint(); });
+  requestAnimationFrame(now => {
+    asked = false;
+    tick(now);
+    for (const paint of painters) paint();
+  });
 };
 )js";
 

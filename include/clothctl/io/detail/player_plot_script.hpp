@@ -20,7 +20,9 @@ const ticks = (limit, count) => {
 };
 const tickText = (x, step) => x.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
 const frame_ = { left: 40, right: 10, top: 8, bottom: 22 };
-const plotX = (f, width) => frame_.left + (F > 1 ? f / (F - 1) : 0) * (width - frame_.left - frame_.right);
+const plotX = (f, width) => {
+  return frame_.left + (F > 1 ? f / (F - 1) : 0) * (width - frame_.left - frame_.right);
+};
 const paintPlot = () => {
   if (!K) return;
   const ratio = window.devicePixelRatio || 1, width = plot.clientWidth, height = plot.clientHeight;
@@ -37,18 +39,23 @@ const paintPlot = () => {
   pen.lineWidth = 1;
   pen.fillStyle = muted;
   pen.strokeStyle = line;
-  const vertical = ticks(limit, 3.2), span = (F - 1) * dt, horizontal = ticks(Math.max(span, dt), clamp(width / 90, 2, 10));
+  const vertical = ticks(limit, 3.2), span = (F - 1) * dt;
+  const horizontal = ticks(Math.max(span, dt), clamp(width / 90, 2, 10));
   pen.textAlign = 'right';
   pen.textBaseline = 'middle';
   for (const v of vertical.out) {
     const at = Math.round(y(v)) + .5;
-    pen.beginPath(); pen.moveTo(frame_.left, at); pen.lineTo(width - frame_.right, at); pen.stroke();
+    pen.beginPath();
+    pen.moveTo(frame_.left, at);
+    pen.lineTo(width - frame_.right, at);
+    pen.stroke();
     pen.fillText(tickText(v, vertical.step), frame_.left - 8, at);
   }
   pen.textBaseline = 'top';
   for (const t of horizontal.out) {
     if (t > span) continue;
-    const text = tickText(t, horizontal.step) + ' s', x = plotX(t / dt, width), half = pen.measureText(text).width / 2;
+    const text = tickText(t, horizontal.step) + ' s', x = plotX(t / dt, width);
+    const half = pen.measureText(text).width / 2;
     pen.textAlign = 'center';
     pen.fillText(text, clamp(x, frame_.left - 8 + half, width - half - 1), bottom + 7);
   }
@@ -78,14 +85,24 @@ const paintPlot = () => {
     pen.strokeStyle = ink;
     pen.lineWidth = 1;
     pen.setLineDash([5, 4]);
-    pen.beginPath(); pen.moveTo(frame_.left, at); pen.lineTo(width - frame_.right, at); pen.stroke();
+    pen.beginPath();
+    pen.moveTo(frame_.left, at);
+    pen.lineTo(width - frame_.right, at);
+    pen.stroke();
     pen.setLineDash([]);
   }
   const x = plotX(state.frame, width), accent = css('--accent');
   pen.strokeStyle = pen.fillStyle = accent;
   pen.lineWidth = 1.5;
-  pen.beginPath(); pen.moveTo(x, frame_.top - 3); pen.lineTo(x, bottom); pen.stroke();
-  pen.beginPath(); pen.moveTo(x - 5, bottom + 7); pen.lineTo(x + 5, bottom + 7); pen.lineTo(x, bottom); pen.fill();
+  pen.beginPath();
+  pen.moveTo(x, frame_.top - 3);
+  pen.lineTo(x, bottom);
+  pen.stroke();
+  pen.beginPath();
+  pen.moveTo(x - 5, bottom + 7);
+  pen.lineTo(x + 5, bottom + 7);
+  pen.lineTo(x, bottom);
+  pen.fill();
   const [f, g, w] = blend(state.frame);
   for (let k = 0; k < K; ++k) {
     const e = errors[f * K + k] * (1 - w) + errors[g * K + k] * w;
@@ -100,21 +117,24 @@ const legendValues = [];
 const buildLegend = () => {
   if (!K) return void ($('plot-card').hidden = true);
   $('plot-unit').textContent = '(' + unitName + ')';
-  plot.setAttribute('aria-label', `Distance of ${K} features to their targets over time: mean ${shown(meanError)} ${unitName}, largest ${shown(largestError)} ${unitName}. Drag to scrub.`);
+  const mean = shown(meanError) + ' ' + unitName, largest = shown(largestError) + ' ' + unitName;
+  plot.setAttribute('aria-label', `Distance of ${K} features to their targets over time: `
+    + `mean ${mean}, largest ${largest}. Drag to scrub.`);
   const add = (name, text) => {
-    const item = document.createElement('span'), swatch = document.createElement('i'), value = document.createElement('b');
+    const item = document.createElement('span'), value = document.createElement('b');
+    const swatch = document.createElement('i');
     value.textContent = text;
     item.append(swatch, name, value);
     $('legend').append(item);
     return [swatch, value];
   };
-  if (K > 8) $('legend').append(K + ' features, largest ' + shown(largestError) + ' ' + unitName);
+  if (K > 8) $('legend').append(K + ' features, largest ' + largest);
   else scene.features.forEach((name, k) => {
     const [swatch, value] = add(name || 'feature ' + k, '');
     swatch.dataset.feature = k;
     legendValues[k] = value;
   });
-  if (Number.isFinite(meanError)) add('mean', shown(meanError) + ' ' + unitName)[0].className = 'dashed';
+  if (Number.isFinite(meanError)) add('mean', mean)[0].className = 'dashed';
 };
 )js";
 

@@ -31,13 +31,20 @@ const build = () => {
       gl.attachShader(program, shader);
     }
     gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) throw new Error(name + ': ' + gl.getProgramInfoLog(program));
+    if (!gl.getProgramParameter(program, gl.LINK_STATUS) && !gl.isContextLost()) {
+      throw new Error(name + ': ' + gl.getProgramInfoLog(program));
+    }
     const uniforms = {}, attributes = {};
     for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_UNIFORMS); ++i) {
       const { name: u, type } = gl.getActiveUniform(program, i);
       const at = gl.getUniformLocation(program, u);
-      uniforms[u] = { [gl.FLOAT]: x => gl.uniform1f(at, x), [gl.FLOAT_VEC2]: x => gl.uniform2fv(at, x), [gl.FLOAT_VEC3]: x => gl.uniform3fv(at, x),
-        [gl.FLOAT_VEC4]: x => gl.uniform4fv(at, x), [gl.FLOAT_MAT4]: x => gl.uniformMatrix4fv(at, false, x) }[type];
+      uniforms[u] = {
+        [gl.FLOAT]: x => gl.uniform1f(at, x),
+        [gl.FLOAT_VEC2]: x => gl.uniform2fv(at, x),
+        [gl.FLOAT_VEC3]: x => gl.uniform3fv(at, x),
+        [gl.FLOAT_VEC4]: x => gl.uniform4fv(at, x),
+        [gl.FLOAT_MAT4]: x => gl.uniformMatrix4fv(at, false, x)
+      }[type];
     }
     for (let i = 0; i < gl.getProgramParameter(program, gl.ACTIVE_ATTRIBUTES); ++i) {
       const { name: a } = gl.getActiveAttrib(program, i);
@@ -53,24 +60,32 @@ const build = () => {
   };
   const Indices = N > 65535 ? Uint32Array : Uint16Array;
   const grid = [];
-  const cells = 40, reach = cells * cell, cx = Math.round(middle[0] / cell) * cell, cy = Math.round(middle[1] / cell) * cell;
+  const cells = 40, reach = cells * cell;
+  const cx = Math.round(middle[0] / cell) * cell, cy = Math.round(middle[1] / cell) * cell;
+  const z = groundHeight;
   for (let i = -cells; i <= cells; ++i) {
     for (let j = -cells; j < cells; ++j) {
-      grid.push(cx + i * cell, cy + j * cell, groundHeight, cx + i * cell, cy + (j + 1) * cell, groundHeight);
-      grid.push(cx + j * cell, cy + i * cell, groundHeight, cx + (j + 1) * cell, cy + i * cell, groundHeight);
+      grid.push(cx + i * cell, cy + j * cell, z, cx + i * cell, cy + (j + 1) * cell, z);
+      grid.push(cx + j * cell, cy + i * cell, z, cx + (j + 1) * cell, cy + i * cell, z);
     }
   }
-  const keep = lines => ({ buffer: buffer(lines.data.subarray(0, lines.count * 60)), count: lines.count });
+  const keep = lines => {
+    return { buffer: buffer(lines.data.subarray(0, lines.count * 60)), count: lines.count };
+  };
   gpu = {
     programs, indexType: N > 65535 ? gl.UNSIGNED_INT : gl.UNSIGNED_SHORT,
     corners: buffer(new Float32Array([-1, -1, 1, -1, -1, 1, 1, 1])),
     position: buffer(points, gl.DYNAMIC_DRAW), normal: buffer(normals, gl.DYNAMIC_DRAW),
     triangles: buffer(new Indices(triangles), gl.STATIC_DRAW, gl.ELEMENT_ARRAY_BUFFER),
     inner: buffer(new Indices(inner), gl.STATIC_DRAW, gl.ELEMENT_ARRAY_BUFFER),
-    grid: buffer(new Float32Array(grid)), gridCount: grid.length / 3, gridReach: Math.min(reach, 2.6 * diagonal),
+    grid: buffer(new Float32Array(grid)), gridCount: grid.length / 3,
+    gridReach: Math.min(reach, 2.6 * diagonal),
     scratch: gl.createBuffer(),
-    border: new Lines(border.length / 2), rope: new Lines(segments.length / 2), gaps: new Lines(Math.max(1, K)),
-    actual: [...Array(K).keys()].map(k => keep(curveLines(actual, k))), target: [...Array(K).keys()].map(k => keep(curveLines(target, k)))
+    border: new Lines(border.length / 2),
+    rope: new Lines(segments.length / 2),
+    gaps: new Lines(Math.max(1, K)),
+    actual: [...Array(K).keys()].map(k => keep(curveLines(actual, k))),
+    target: [...Array(K).keys()].map(k => keep(curveLines(target, k)))
   };
 };
 
@@ -83,24 +98,36 @@ const use = (name, values) => {
   const program = gpu.programs[name];
   gl.useProgram(program.program);
   for (let i = 0; i < 6; ++i) gl.disableVertexAttribArray(i);
-  for (const [u, value] of Object.entries(values)) if (program.uniforms[u]) program.uniforms[u](value);
+  for (const [u, value] of Object.entries(values)) {
+    if (program.uniforms[u]) program.uniforms[u](value);
+  }
   return program;
 };
-const upload = data => { gl.bindBuffer(gl.ARRAY_BUFFER, gpu.scratch); gl.bufferData(gl.ARRAY_BUFFER, data, gl.STREAM_DRAW); return gpu.scratch; };
+const upload = data => {
+  gl.bindBuffer(gl.ARRAY_BUFFER, gpu.scratch);
+  gl.bufferData(gl.ARRAY_BUFFER, data, gl.STREAM_DRAW);
+  return gpu.scratch;
+};
 
 const paintView = () => {
   const ratio = Math.min(window.devicePixelRatio || 1, 2), box = canvas.getBoundingClientRect();
-  const width = Math.max(1, Math.round(box.width * ratio)), height = Math.max(1, Math.round(box.height * ratio));
+  const width = Math.max(1, Math.round(box.width * ratio));
+  const height = Math.max(1, Math.round(box.height * ratio));
   const { matrix, near, eye, right, up, back } = cameraMatrix(width / height);
   for (const mark of $('triad').children) {
     const c = Number(mark.dataset.axis), reach = mark.tagName === 'text' ? 25 : 17;
-    if (mark.tagName === 'line') { mark.setAttribute('x2', right[c] * reach); mark.setAttribute('y2', -up[c] * reach); }
-    else { mark.setAttribute('x', right[c] * reach); mark.setAttribute('y', -up[c] * reach); }
+    const x = right[c] * reach, y = -up[c] * reach, line = mark.tagName === 'line';
+    mark.setAttribute(line ? 'x2' : 'x', x);
+    mark.setAttribute(line ? 'y2' : 'y', y);
   }
   if (!gpu) return;
-  if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+  if (canvas.width !== width || canvas.height !== height) {
+    canvas.width = width;
+    canvas.height = height;
+  }
   const frame = state.frame, show = state.show, dark = theme() === 'dark';
-  const top = rgb(css('--stage-top')), bottom = rgb(css('--stage-bottom')), ink = rgb(css('--ink')), panel = rgb(css('--panel'));
+  const top = rgb(css('--stage-top')), bottom = rgb(css('--stage-bottom'));
+  const ink = rgb(css('--ink')), panel = rgb(css('--panel'));
   positionsAt(frame, points);
   gl.viewport(0, 0, width, height);
   gl.clear(gl.DEPTH_BUFFER_BIT | gl.STENCIL_BUFFER_BIT);
@@ -117,13 +144,17 @@ const paintView = () => {
 
   if (show.ground) {
     const centre = [middle[0], middle[1], groundHeight];
-    bind(use('flat', { camera: matrix, centre, reach: gpu.gridReach, colour: [...ink, dark ? .16 : .13] }), 'position', gpu.grid, 3);
+    const colour = [...ink, dark ? .16 : .13];
+    const ground = use('flat', { camera: matrix, centre, reach: gpu.gridReach, colour });
+    bind(ground, 'position', gpu.grid, 3);
     gl.drawArrays(gl.LINES, 0, gpu.gridCount);
     if (show.surface && triangles.length && eye[2] > groundHeight) {
       gl.enable(gl.STENCIL_TEST);
       gl.stencilFunc(gl.EQUAL, 0, 255);
       gl.stencilOp(gl.KEEP, gl.KEEP, gl.INCR);
-      bind(use('shadow', { camera: matrix, ground: groundHeight, colour: [0, 0, 0, dark ? .3 : .09] }), 'position', gpu.position, 3);
+      const black = [0, 0, 0, dark ? .3 : .09];
+      const shadow = use('shadow', { camera: matrix, ground: groundHeight, colour: black });
+      bind(shadow, 'position', gpu.position, 3);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gpu.triangles);
       gl.drawElements(gl.TRIANGLES, triangles.length, gpu.indexType, 0);
       gl.disable(gl.STENCIL_TEST);
@@ -131,13 +162,23 @@ const paintView = () => {
   }
 
   const lit = { camera: matrix, eye, light: unit(add(add(back, right, -.55), [0, 0, 1], .75)) };
+  const usual = {
+    camera: matrix, near, viewport: [width, height], top, bottom,
+    dash: 0, now: 1e9, veil: 0, lift: 4e-4, round_shade: 0, least: .02
+  };
   const strokes = (data, count, values) => {
     if (!count) return;
-    const program = use('line', { camera: matrix, near, viewport: [width, height], top, bottom, dash: 0, now: 1e9, veil: 0, lift: 4e-4, round_shade: 0, least: .02, ...values, width: values.width * ratio });
-    for (const [name, size, offset] of [['a', 3, 0], ['b', 3, 12], ['corner', 2, 24], ['along', 1, 32], ['stamp', 1, 36]]) bind(program, name, data, size, 40, offset);
+    const program = use('line', { ...usual, ...values, width: values.width * ratio });
+    const parts = [
+      ['a', 3, 0], ['b', 3, 12], ['corner', 2, 24], ['along', 1, 32], ['stamp', 1, 36]
+    ];
+    for (const [name, size, offset] of parts) bind(program, name, data, size, 40, offset);
     gl.drawArrays(gl.TRIANGLES, 0, count * 6);
   };
-  const stream = (lines, values) => { if (lines.count) strokes(upload(lines.data.subarray(0, lines.count * 60)), lines.count, values); };
+  const stream = (lines, values) => {
+    if (!lines.count) return;
+    strokes(upload(lines.data.subarray(0, lines.count * 60)), lines.count, values);
+  };
 
   gl.depthMask(true);
   if (show.surface && triangles.length) {
@@ -147,7 +188,8 @@ const paintView = () => {
     gl.enable(gl.POLYGON_OFFSET_FILL);
     gl.polygonOffset(1, 1);
     const sides = dark ? [[.80, .77, .72], [.50, .60, .68]] : [[.93, .90, .85], [.66, .75, .82]];
-    const program = use('surface', { ...lit, gloss: .045, front: sides[flipped ? 1 : 0], back: sides[flipped ? 0 : 1] });
+    const [front, back] = flipped ? [sides[1], sides[0]] : sides;
+    const program = use('surface', { ...lit, gloss: .045, front, back });
     bind(program, 'position', gpu.position, 3);
     bind(program, 'normal', gpu.normal, 3);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gpu.triangles);
@@ -157,7 +199,10 @@ const paintView = () => {
   if (show.surface && segments.length) {
     edgeLines(gpu.rope, segments);
     // The solid core hides what lies behind it, then the smooth rim is laid over.
-    const rope = { colour: [...(dark ? [.80, .74, .66] : [.66, .55, .44]), 1], width: clamp(1800 / segments.length, 1.5, 6.5), round_shade: 1, lift: 0 };
+    const rope = {
+      colour: [...(dark ? [.80, .74, .66] : [.66, .55, .44]), 1],
+      width: clamp(1800 / segments.length, 1.5, 6.5), round_shade: 1, lift: 0
+    };
     stream(gpu.rope, { ...rope, least: .98 });
     gl.depthMask(false);
     stream(gpu.rope, { ...rope, lift: 2e-5 });
@@ -173,7 +218,10 @@ const paintView = () => {
   }
   gl.depthMask(false);
   if (triangles.length && show.lines) {
-    bind(use('flat', { camera: matrix, centre: middle, reach: 0, colour: [.1, .13, .18, show.surface ? clamp(9 / Math.sqrt(inner.length), .07, .2) : .45] }), 'position', gpu.position, 3);
+    const alpha = show.surface ? clamp(9 / Math.sqrt(inner.length), .07, .2) : .45;
+    const colour = [.1, .13, .18, alpha];
+    const mesh = use('flat', { camera: matrix, centre: middle, reach: 0, colour });
+    bind(mesh, 'position', gpu.position, 3);
     if (!show.surface && dark) gpu.programs.flat.uniforms.colour([.85, .9, 1, .4]);
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gpu.inner);
     gl.drawElements(gl.LINES, inner.length, gpu.indexType, 0);
@@ -187,13 +235,18 @@ const paintView = () => {
   for (const [order, veil] of [[gl.GREATER, .76], [gl.LEQUAL, 0]]) {
     gl.depthFunc(order);
     for (let k = 0; k < K; ++k) {
-      const colour = [...rgb(colourOf(k)), 1], light = [...rgb(colourOf(k)).map((c, i) => c + .38 * (top[i] - c)), 1];
-      if (show.target) strokes(gpu.target[k].buffer, gpu.target[k].count, { colour: light, width: 1.8, dash: diagonal / 55, veil });
-      if (show.actual) strokes(gpu.actual[k].buffer, gpu.actual[k].count, { colour, width: 2.4, now: frame, veil });
+      const colour = [...rgb(colourOf(k)), 1];
+      const light = [...rgb(colourOf(k)).map((c, i) => c + .38 * (top[i] - c)), 1];
+      const dashed = { colour: light, width: 1.8, dash: diagonal / 55, veil };
+      const plain = { colour, width: 2.4, now: frame, veil };
+      if (show.target) strokes(gpu.target[k].buffer, gpu.target[k].count, dashed);
+      if (show.actual) strokes(gpu.actual[k].buffer, gpu.actual[k].count, plain);
     }
     if (show.actual && show.target) {
       gpu.gaps.clear();
-      for (let k = 0; k < K; ++k) gpu.gaps.add(columnAt(actual, K, k, frame), columnAt(target, K, k, frame));
+      for (let k = 0; k < K; ++k) {
+        gpu.gaps.add(columnAt(actual, K, k, frame), columnAt(target, K, k, frame));
+      }
       stream(gpu.gaps, { colour: [...ink, 1], width: 1.3, veil });
     }
     for (let k = 0; k < K; ++k) {
@@ -201,7 +254,9 @@ const paintView = () => {
       for (const [data, hollow, wanted] of [[target, 1, show.target], [actual, 0, show.actual]]) {
         const p = columnAt(data, K, k, frame);
         if (!wanted || !Number.isFinite(p[0] + p[1] + p[2])) continue;
-        bind(use('marker', { camera: matrix, size: (hollow ? 15 : 12) * ratio, hollow, colour: [...rgb(colourOf(k)), alpha], rim: panel }), 'position', upload(new Float32Array(p)), 3);
+        const size = (hollow ? 15 : 12) * ratio, colour = [...rgb(colourOf(k)), alpha];
+        const marker = use('marker', { camera: matrix, size, hollow, colour, rim: panel });
+        bind(marker, 'position', upload(new Float32Array(p)), 3);
         gl.drawArrays(gl.POINTS, 0, 1);
       }
     }
@@ -209,11 +264,27 @@ const paintView = () => {
   gl.depthMask(true);
 };
 const startView = () => {
-  const options = { alpha: false, antialias: true, stencil: true, powerPreference: 'high-performance', preserveDrawingBuffer: false };
-  try { gl = canvas.getContext('webgl', options) || canvas.getContext('experimental-webgl', options); } catch (e) { gl = null; }
-  if (!gl) return fail('This browser offers no WebGL. Playback, the plot and the figures work all the same; switch on hardware acceleration to see the motion in space.');
-  if (N > 65535 && !gl.getExtension('OES_element_index_uint')) return fail('This mesh has more vertices than this device can index.');
-  try { build(); } catch (e) { return fail('The graphics driver refused a shader. ' + e.message); }
+  const options = {
+    alpha: false, antialias: true, stencil: true, powerPreference: 'high-performance',
+    preserveDrawingBuffer: false
+  };
+  try {
+    gl = canvas.getContext('webgl', options) || canvas.getContext('experimental-webgl', options);
+  } catch (e) {
+    gl = null;
+  }
+  if (!gl) {
+    return fail('This browser offers no WebGL. Playback, the plot and the figures work all the '
+      + 'same; switch on hardware acceleration to see the motion in space.');
+  }
+  if (N > 65535 && !gl.getExtension('OES_element_index_uint')) {
+    return fail('This mesh has more vertices than this device can index.');
+  }
+  try {
+    build();
+  } catch (e) {
+    return fail('The graphics driver refused a shader. ' + e.message);
+  }
   canvas.addEventListener('webglcontextlost', e => { e.preventDefault(); gpu = null; });
   canvas.addEventListener('webglcontextrestored', () => { build(); invalidate(); });
 };

@@ -3,11 +3,11 @@
 // Dense kernels of the multifrontal factorisation, column major, leading dimension ld.
 //
 // A front is F = [F_pp .; F_bp F_bb], symmetric, p pivot and b border rows (both multiples of 3).
-// With F_pp = L Lᵀ and V = F_bp L⁻ᵀ, elimination leaves L and V in the pivot columns and the Schur
-// complement U = F_bb - V Vᵀ for the parent. Columns are taken in panels of at most 12; each
-// panel's diagonal block of L is replaced by its inverse, so that solves (solve_kernels.hpp) are
-// products with small dense matrices and nothing else. Work is done in tiles of registers, lanes
-// running down the rows.
+// With F_pp = L Lᵀ and V = F_bp L⁻ᵀ, the elimination replaces the pivot columns by L and V, and
+// computes the Schur complement U = F_bb - V Vᵀ for the parent. It works on panels of at most 12
+// columns. The diagonal block of L in each panel is replaced by its inverse. Solves
+// (solve_kernels.hpp) then consist only of products with small dense matrices. The kernels work on
+// tiles of vector registers, whose lanes are successive rows.
 
 #include <algorithm>
 #include <cmath>
@@ -19,8 +19,8 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// Columns of a full panel: four vertices.
 inline constexpr int kPanel = 12;
 
-/// How `columns` (a multiple of 3) are cut into panels of at most kPanel: as equal as multiples of
-/// 3 allow.
+/// The division of `columns` (a multiple of 3) into panels of at most kPanel columns. The widths
+/// are multiples of 3, and as equal as possible.
 struct Panels {
   /// Columns in thirds.
   int vertices;
@@ -33,7 +33,7 @@ struct Panels {
   int begin(int i) const { return count == 0 ? 0 : i * vertices / count * 3; }
 };
 
-/// Scalars that pack_front writes.
+/// Number of scalars that pack_front writes.
 inline Index packed_size(Index pivots, Index border) {
   Index size = pivots * border;
   const Panels panels(pivots);
@@ -68,7 +68,7 @@ struct DiagonalBlock {
     for (int j = 0; j < width; ++j) {
       for (int i = 0; i < kStride; ++i) l[kStride * j + i] = i < width ? a[lda * j + i] : Scalar(0);
     }
-    // Right-looking; what happens above the diagonal is never read.
+    // Right-looking. The values above the diagonal are not used.
     for (int j = 0; j < width; ++j) {
       const Scalar pivot = l[kStride * j + j];
       if (!is_finite(pivot) || !(Scalar(0) < pivot)) return false;
@@ -84,7 +84,7 @@ struct DiagonalBlock {
         other.store(l + kStride * i);
       }
     }
-    // Column k of L⁻¹ from the later ones: t_k = (e_k - Σ_{j>k} L_jk t_j) / L_kk.
+    // Column k of L⁻¹ follows from the later columns: t_k = (e_k - Σ_{j>k} L_jk t_j) / L_kk.
     for (int k = width - 1; k >= 0; --k) {
       Scalar* t = inverse + kStride * k;
       for (int i = 0; i < kStride; ++i) t[i] = Scalar(0);
@@ -169,9 +169,9 @@ CLOTHCTL_KERNEL void for_each_row_tile(Index first, Index last, Function&& funct
   for (; row < last; row += kLanes) function(std::integral_constant<int, 1>{}, row);
 }
 
-/// Finishes kWidth pivot columns from `first` on: updates them by all columns before, replaces the
-/// diagonal block by L⁻¹ and what lies below by rows of L. Rows up to `rows` rounded up to whole
-/// registers are written. Fails when: the block is not positive definite.
+/// Computes kWidth pivot columns from `first` on: subtracts the products of all columns before,
+/// replaces the diagonal block by L⁻¹, and the rows below by those of L. Writes `rows` rows,
+/// rounded up to whole registers. Fails when: the block is not positive definite.
 template <int kWidth, class Scalar>
 bool eliminate_panel(Scalar* f, Index ld, Index rows, Index first) {
   constexpr Index kLanes = native_lanes<Scalar>();
@@ -208,10 +208,10 @@ bool eliminate_panel(Scalar* f, Index ld, Index rows, Index first) {
   return true;
 }
 
-/// Eliminates the `pivots` columns of a front with `pivots + border` rows and subtracts V Vᵀ from
-/// its lower border block u. `fresh`: u is taken as zero instead of read. ld and ldu are multiples
-/// of native_lanes; rows beyond are padding that may be written; native_lanes numbers after the
-/// last column of f must be readable. Fails when: not positive definite.
+/// Eliminates the `pivots` columns of a front with `pivots + border` rows, and subtracts V Vᵀ from
+/// its lower border block u. If `fresh`, it takes u as zero and does not read it. ld and ldu are
+/// multiples of native_lanes. It may write the padding rows. After the last column of f,
+/// native_lanes more numbers must be readable. Fails when: the front is not positive definite.
 template <class Scalar>
 bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u, Index ldu,
                      bool fresh) {
@@ -247,9 +247,9 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
   return true;
 }
 
-/// Copies the pivot columns of an eliminated front in the order in which solves read them: panel by
-/// panel of rows (pivots, then border), each a column after the other, as many columns as lie left
-/// of and on the diagonal.
+/// Copies the pivot columns of an eliminated front in the order in which solves read them: one
+/// panel of rows after the other (pivots, then border). Each panel is stored column by column, up
+/// to its diagonal block.
 template <class Scalar>
 void pack_front(const Scalar* f, Index ld, Index pivots, Index border, Scalar* to) {
   const auto pack_rows = [&](Index first, int width, Index columns) {

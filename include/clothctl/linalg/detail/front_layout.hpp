@@ -1,8 +1,8 @@
 #pragma once
 
-// The symbolic half of a multifrontal factorisation: which vertices meet in which front, where each
-// block of the matrix and each row of a child's update matrix goes, and where everything lies in
-// memory. Depends on the pattern and the order of elimination only.
+// The symbolic part of a multifrontal factorisation (Liu 1992): the vertices of each front, the
+// places of all blocks of the matrix and of all rows of the children's update matrices, and the
+// layout of the memory. It depends only on the pattern and the elimination order.
 
 #include <algorithm>
 #include <cassert>
@@ -14,25 +14,27 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// One dense front; sizes in scalars. Its rows: pivots, then border, each by position.
+/// One dense front, with sizes in scalars. Its rows are the pivots and then the border, each sorted
+/// by position in the elimination order.
 struct Front {
   Index pivots = 0, border = 0;
   Index ld = 0, ldu = 0;         // leading dimensions of its pivot columns and of its update matrix
-  Index factor = 0, update = 0;  // where its packed columns and its update matrix begin
-  int vertex_begin = 0;          // its rows' vertices
+  Index factor = 0, update = 0;  // begin of its packed columns and of its update matrix
+  int vertex_begin = 0;          // begin of the vertices of its rows
   int entry_begin = 0, entry_end = 0;  // its blocks of the matrix
   int child_begin = 0, child_end = 0;
 };
 
-/// A block of the matrix: slot (-1: diagonal), its vertices (row > column unless diagonal), whether
-/// it is added as its transpose, and where its first scalar goes in the pivot columns.
+/// A block of the matrix: its slot (-1 for a diagonal block), its vertices (row > column unless
+/// diagonal), true if it is added as its transpose, and the place of its first scalar in the pivot
+/// columns.
 struct FrontEntry {
   int slot, row, column;
   bool transposed;
   Index target;
 };
 
-/// Rows of a child's update matrix that stay neighbours in the parent's front.
+/// Rows of a child's update matrix that are contiguous in the parent's front too.
 struct FrontRun {
   Index source, target, length;
 };
@@ -56,8 +58,8 @@ struct FrontLayout {
 
   FrontLayout() = default;
 
-  /// Analyses; leading dimensions are multiples of `align`. Allocates. Fails when: the tree is not
-  /// valid (assert).
+  /// Computes the layout. Leading dimensions are multiples of `align`. Allocates. Fails when: the
+  /// tree is not valid (assert).
   template <class Scalar>
   FrontLayout(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree, int align)
       : rows(pattern.rows()),
@@ -71,7 +73,7 @@ struct FrontLayout {
   }
 
  private:
-  /// A block and the positions of its later and its earlier vertex.
+  /// A block with the positions of its later and its earlier vertex in the elimination order.
   struct Placed {
     int late, early;
     FrontEntry entry;
@@ -80,7 +82,7 @@ struct FrontLayout {
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   Index padded(Index n) const { return (n + align_ - 1) / align_ * align_; }
 
-  /// The blocks of the matrix by the node of their earlier vertex.
+  /// Returns the blocks of the matrix, grouped by the node of their earlier vertex.
   template <class Scalar>
   static std::vector<std::vector<Placed>> blocks_by_node(const BlockSymmetric<Scalar>& pattern,
                                                          const EliminationTree& tree) {
@@ -115,7 +117,8 @@ struct FrontLayout {
     std::vector<int> local(static_cast<std::size_t>(rows), -1);
     for (std::size_t k = 0; k < blocks.size(); ++k) {
       const int begin = tree.node_begin[k], end = tree.node_begin[k + 1];
-      std::vector<int>& border = fronts_border_[k];  // holds what the children left
+      std::vector<int>& border =
+          fronts_border_[k];  // already holds the rows that the children pass on
       for (const Placed& block : blocks[k]) {
         if (block.late >= end) border.push_back(block.late);
       }
@@ -155,10 +158,10 @@ struct FrontLayout {
     }
   }
 
-  /// The children of each front, in ascending order, and where the rows of their update matrices
-  /// go.
+  /// Computes the children of each front, in ascending order, and the places of the rows of their
+  /// update matrices.
   void lay_out_children(const EliminationTree& tree) {
-    // Lists of children with something to pass on, linked through their numbers.
+    // Linked lists of the children that have a border.
     std::vector<int> first(fronts.size(), -1), next(fronts.size(), -1);
     for (std::size_t c = fronts.size(); c-- > 0;) {
       if (fronts[c].border == 0) continue;
@@ -173,8 +176,8 @@ struct FrontLayout {
     }
   }
 
-  /// Where the rows of the update matrix of node k's child c go. A run ends where the parent's
-  /// border begins.
+  /// Computes the places of the rows of the update matrix of child c in the front of node k. A run
+  /// never extends from the pivots of the parent into its border.
   void lay_out_child(const EliminationTree& tree, std::size_t k, std::size_t c) {
     const Front& front = fronts[k];
     FrontChild child{static_cast<int>(c), static_cast<int>(runs.size()), 0};
@@ -199,14 +202,14 @@ struct FrontLayout {
     children.push_back(child);
   }
 
-  /// Gives each update matrix the first gap that is free from its own elimination to its parent's
-  /// assembly.
+  /// Gives each update matrix the first gap in memory that is free from its own elimination until
+  /// its parent has assembled it.
   void lay_out_updates() {
     struct Live {
       Index begin, end;
       int front;
     };
-    std::vector<Live> live;  // by begin
+    std::vector<Live> live;  // sorted by begin
     for (std::size_t k = 0; k < fronts.size(); ++k) {
       Front& front = fronts[k];
       const Index wanted = front.ldu * front.border;

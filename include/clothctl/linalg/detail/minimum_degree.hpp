@@ -1,12 +1,13 @@
 #pragma once
 
-// An order in which to eliminate the nodes of a symmetric sparse matrix so that its factor stays
-// sparse: always the node with the fewest neighbours left, counted from above.
+// Approximate minimum degree: an elimination order that keeps the factor of a sparse symmetric
+// matrix sparse. It always eliminates the node for which an upper bound of the degree is smallest.
 //
-// Eliminating p joins its neighbours into a clique, kept as one element L_p = (A_p ∪ ⋃ L_e over its
-// elements e) \ {p}, which replaces those elements: the graph never grows. L_p is column p of the
-// factor, so the fill is known when the order is. Degree bound of i after p:  |A_i| + |L_p \ i| +
-// Σ_e |L_e \ L_p|. Reference: Amestoy, Davis, Duff, SIAM J. Matrix Anal. 17 (1996).
+// The elimination of p makes its neighbours a clique. The clique is stored as one element
+// L_p = (A_p ∪ ⋃ L_e over its elements e) \ {p}, which replaces these elements, so the graph does
+// not grow. L_p is the pattern of column p of the factor, so the order also gives the fill. After
+// p, the degree of i is at most |A_i| + |L_p \ i| + Σ_e |L_e \ L_p|. Reference: Amestoy, Davis and
+// Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
 
 #include <algorithm>
 #include <vector>
@@ -15,12 +16,12 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Orders nodes by approximate minimum degree. All memory comes from `reserve`; ties go to the node
-/// that changed last.
+/// Orders nodes by approximate minimum degree. Among nodes of equal degree it takes the one whose
+/// degree changed last. All memory comes from `reserve`.
 class MinimumDegree {
  public:
-  /// Makes room for graphs of so many nodes and neighbours (each edge counts twice) and so much
-  /// fill. Allocates.
+  /// Makes room for graphs with so many nodes and neighbours (each edge counts twice) and for so
+  /// many entries of the factor. Allocates.
   void reserve(Index nodes, Index neighbours, Index fill) {
     const std::size_t n = static_cast<std::size_t>(nodes);
     for (std::vector<int>* v : {&first_, &elements_, &variables_, &size_, &outside_, &mark_,
@@ -33,8 +34,8 @@ class MinimumDegree {
     start(0);
   }
 
-  /// Begins a graph of so many nodes: call `neighbour` for all neighbours of node 0, then `close`,
-  /// then for node 1, …
+  /// Starts a graph of so many nodes. For each node in turn, call `neighbour` for all its
+  /// neighbours and then `close`.
   void start(Index nodes) {
     nodes_ = static_cast<int>(nodes);
     node_ = 0;
@@ -45,11 +46,11 @@ class MinimumDegree {
   void neighbour(Index other) {
     list_[static_cast<std::size_t>(used_++)] = static_cast<int>(other);
   }
-  /// Ends the present node.
+  /// Ends the neighbours of the present node.
   void close() { first_[static_cast<std::size_t>(++node_)] = used_; }
 
-  /// Finds the order. Returns false when the factor would hold more than `fill` entries, of which
-  /// there must be room for, or take more than `work` operations Σ |L_p|². Never allocates.
+  /// Finds the order. Returns false when the factor would have more than `fill` entries (at most as
+  /// many as reserved), or when Σ |L_p|² would exceed `work`. Never allocates.
   bool order(double work, Index fill) {
     most_ = (std::min)(static_cast<int>(fill), static_cast<int>(cliques_.size()));
     for (int i = 0; i <= nodes_; ++i) {
@@ -82,11 +83,11 @@ class MinimumDegree {
 
   /// The node at place k of the order.
   int node(int k) const { return order_[static_cast<std::size_t>(k)]; }
-  /// The number of entries below the diagonal in the column of the node p.
+  /// Number of entries below the diagonal in the column of node p.
   int column(int p) const { return size_[static_cast<std::size_t>(p)]; }
-  /// All entries below the diagonal of the factor.
+  /// Number of entries of the factor below the diagonal.
   int fill() const { return fill_; }
-  /// Σ |L_p|²: twice that many operations make the factor.
+  /// Σ |L_p|². A factorisation takes twice as many operations.
   double work() const { return work_; }
 
  private:
@@ -109,8 +110,8 @@ class MinimumDegree {
     }
   }
 
-  /// Makes the element of p: its neighbours, through variables and through elements, which it
-  /// absorbs.
+  /// Makes the element of p: the union of its variables and of the members of its elements. Absorbs
+  /// these elements. Returns false when the memory is full.
   bool join(int p) {
     const int begin = fill_;
     at(clique_first_, p) = begin;
@@ -138,11 +139,11 @@ class MinimumDegree {
     return true;
   }
 
-  /// The element is covered by another; its column of the factor keeps its length.
+  /// Marks an element as part of another one. The length of its column of the factor stays.
   void absorb(int e) { at(outside_, e) = kAbsorbed; }
   bool absorbed(int e) { return at(outside_, e) == kAbsorbed; }
 
-  /// Prunes the lists of the members of p and bounds their degrees; returns the least.
+  /// Updates the lists and degree bounds of the members of p. Returns the smallest bound.
   int renew_degrees(int p, int k) {
     const int begin = at(clique_first_, p);
     const int end = begin + at(size_, p);
@@ -152,10 +153,11 @@ class MinimumDegree {
       for (int q = list; q < list + at(elements_, i); ++q) {
         const int e = at(list_, q);
         if (absorbed(e)) continue;
-        if (at(mark_, e) != p) {  // an element is no member: its mark is free
+        // Elements are not members of p, so their marks are free for use here. An element that is
+        // not absorbed still has all its members, since the elimination of one absorbs it.
+        if (at(mark_, e) != p) {
           at(mark_, e) = p;
-          at(outside_, e) =
-              at(size_, e);  // all of its members are left: eliminating one absorbs it
+          at(outside_, e) = at(size_, e);
         }
         --at(outside_, e);
       }
@@ -193,10 +195,11 @@ class MinimumDegree {
 
   static constexpr int kAbsorbed = -2;
 
-  std::vector<int> first_, elements_, variables_,
-      list_;  // node i: its elements, then its variables, from first_[i]
-  std::vector<int> cliques_, clique_first_, size_,
-      outside_;  // element e: its members; those outside the present one
+  /// The elements and then the variables of node i begin at list_[first_[i]].
+  std::vector<int> first_, elements_, variables_, list_;
+  /// The size_[e] members of element e begin at cliques_[clique_first_[e]]. outside_[e] counts
+  /// those that are not members of p.
+  std::vector<int> cliques_, clique_first_, size_, outside_;
   std::vector<int> mark_, degree_, next_, previous_, head_, order_, scratch_;
   int nodes_ = 0, node_ = 0, used_ = 0, fill_ = 0, most_ = 0;
   double work_ = 0;

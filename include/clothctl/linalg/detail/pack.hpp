@@ -1,9 +1,9 @@
 #pragma once
 
-// A pack: a few numbers side by side, held in as many vector registers as they need. It uses the
-// vector types of g++ and clang, so that one source becomes SSE, AVX, AVX-512, NEON or WebAssembly
-// code. Other scalars and compilers use plain arrays. A chunk is one register: the widest whose
-// length divides the pack.
+// A pack: a few numbers in as many vector registers as they need. It uses the vector types of g++
+// and clang, so that the same source compiles to SSE, AVX, AVX-512, NEON or WebAssembly code. Other
+// scalars and compilers use plain arrays. A chunk is one register, the widest one whose length
+// divides that of the pack.
 
 #include <cstring>
 #include <type_traits>
@@ -16,8 +16,8 @@
 // CLOTHCTL_KERNEL_LAMBDA  stands after the parameters of a lambda, for the same purpose.
 //
 // Kernels consist of many small functions, which are fast only when they are inlined. The
-// undefined-behaviour sanitizer is switched off in them: its checks multiply their code, and
-// kernels compute no indices from data.
+// undefined-behaviour sanitizer is off in them, because its checks would multiply their code, and
+// no index depends on data.
 #if defined(__GNUC__)
 #define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE __attribute__((no_sanitize("undefined")))
 #define CLOTHCTL_KERNEL_LAMBDA __attribute__((always_inline, no_sanitize("undefined")))
@@ -28,8 +28,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Leading dimensions of memory that packs walk over are multiples of this: the widest register of
-/// any machine, so that the memory looks the same whatever unit of a program laid it out.
+/// Leading dimensions are multiples of this, the widest register of any machine. So the layout of
+/// the memory is the same in all units of a program, even if their compiler flags differ.
 template <class Scalar>
 constexpr int padded_lanes() {
   return std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double> ? 64 / int(sizeof(Scalar))
@@ -45,7 +45,7 @@ inline constexpr int kVectorBytes = 32;
 inline constexpr int kVectorBytes = 16;
 #endif
 
-/// True where the machine has 32 vector registers, else 16 are assumed.
+/// True if the machine has 32 vector registers. Otherwise 16 are assumed.
 #if defined(__AVX512F__) || defined(__aarch64__)
 inline constexpr bool kManyRegisters = true;
 #else
@@ -84,7 +84,7 @@ struct Register<Scalar, 1> {
   typedef Scalar type;
 };
 
-/// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, written out by the compiler.
+/// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, unrolled at compile time.
 template <int kCount, class Function>
 CLOTHCTL_KERNEL void unroll(Function&& function) {
   [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_KERNEL_LAMBDA {
@@ -159,7 +159,7 @@ struct Pack {
     unroll<kChunks>([&](auto i)
                         CLOTHCTL_KERNEL_LAMBDA { chunk[i] = chunk[i] + a.chunk[i] * b.chunk[i]; });
   }
-  /// Sum of the lanes: of the chunks first, then pairwise within one.
+  /// Sum of the lanes. Adds the chunks first, and then the lanes of the result pairwise.
   CLOTHCTL_KERNEL Scalar sum() const {
     Chunk total = chunk[0];
     unroll<kChunks - 1>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { total = total + chunk[i + 1]; });

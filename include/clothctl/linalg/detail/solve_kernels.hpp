@@ -3,9 +3,9 @@
 // Solves with a packed front (pack_front in dense_kernels.hpp), panel by panel of its rows:
 //     forward   x_i <- L_ii⁻¹ (x_i - Σ_{k<i} L_ik x_k),
 //     backward  x_i <- L_ii⁻ᵀ x_i,  then x_k <- x_k - L_ikᵀ x_i for all k < i, last panel first.
-// The factor is read once in each pass, from front to back and from back to front. Several
-// right-hand sides: lanes run over them and entries of the factor are broadcast. One right-hand
-// side: lanes run over the rows of a panel.
+// Each pass reads the factor once: the forward pass from begin to end, the backward pass from end
+// to begin. For several right-hand sides, each lane is one of them, and entries of the factor are
+// broadcast. For one right-hand side, the lanes are the rows of a panel.
 
 #include <cstdint>
 
@@ -13,8 +13,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Asks for the memory `offset` scalars from an address, inside or outside of any object, ahead of
-/// its use.
+/// Prefetches the memory `offset` scalars from an address. The address need not be inside an
+/// object.
 template <class Scalar>
 CLOTHCTL_KERNEL void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unused]] Index offset) {
 #if defined(__GNUC__)
@@ -23,13 +23,13 @@ CLOTHCTL_KERNEL void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unuse
 #endif
 }
 
-/// kRows rows of right-hand sides, kLanes wide.
+/// kRows rows of kLanes right-hand sides.
 template <class Scalar, int kRows, int kLanes>
 struct RowBlock {
-  /// One right-hand side lies in one pack, several in one pack a row.
+  /// A single right-hand side is stored in one pack, several in one pack for each row.
   static constexpr bool kSingle = kLanes == 1;
   static constexpr int kPacks = kSingle ? 1 : kRows;
-  /// How far ahead of a forward pass memory is asked for; measured.
+  /// Prefetch distance of a forward pass, in scalars; found by measurement.
   static constexpr Index kAhead = 2048 / Index(sizeof(Scalar));
   using Row = Pack<Scalar, kSingle ? kRows : kLanes>;
   Row row[kPacks];
@@ -37,7 +37,7 @@ struct RowBlock {
   CLOTHCTL_KERNEL void set_zero() {
     unroll<kPacks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].set_zero(); });
   }
-  /// Rows that lie one after the other.
+  /// Loads contiguous rows.
   CLOTHCTL_KERNEL void load(const Scalar* x) {
     unroll<kPacks>([&](auto i) CLOTHCTL_KERNEL_LAMBDA { row[i].load(x + i * kLanes); });
   }
@@ -64,7 +64,7 @@ struct RowBlock {
   }
   /// x -= blockᵀ · this.
   CLOTHCTL_KERNEL void subtract_transposed(const Scalar* block, Index columns, Scalar* x) const {
-    const Index before = -columns * kRows;  // the panel above, next in turn
+    const Index before = -columns * kRows;  // the panel above comes next
     for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
       prefetch(block, before);
       Row other;
@@ -118,8 +118,8 @@ struct RowBlock {
   }
 };
 
-/// Forward pass of a front: solves for the pivot rows x in place, then calls `subtract(row, block)`
-/// with products V x for each panel of border rows, the first of which is `row`.
+/// Forward pass of a front. Solves for the pivot rows x in place. Then calls `subtract(row, block)`
+/// with the product V x of each panel of border rows; `row` is the first row of the panel.
 template <int kLanes, class Scalar, class Subtract>
 void solve_front_forward(const Scalar* packed, Index pivots, Index border, Scalar* x,
                          Subtract&& subtract) {
@@ -151,8 +151,8 @@ void solve_front_forward(const Scalar* packed, Index pivots, Index border, Scala
   }
 }
 
-/// Backward pass of a front: solves for the pivot rows x in place. `load(row, block)` fills a block
-/// of border rows, the first of which is `row`.
+/// Backward pass of a front. Solves for the pivot rows x in place. `load(row, block)` must fill a
+/// block of border rows that begins at `row`.
 template <int kLanes, class Scalar, class Load>
 void solve_front_backward(const Scalar* packed, Index pivots, Index border, Scalar* x,
                           Load&& load) {

@@ -3,7 +3,10 @@
 // The unknowns of a planner that plans contact forces: coefficients d >= 0 of the generators of
 // each finger's contact model (concepts/contact_model.hpp),
 //
-//   r = B d + r0,   r: forces on the held vertices (3 a slot);  r0: minus the adhesion
+//   r = B d + r0
+//
+// r holds the forces on the held vertices, three coordinates each; the place of a held vertex in r
+// is its slot. r0 is the force at d = 0: an adhesive finger presses less than nothing and pulls.
 //
 // Reference: [Bai 2016], eq. 1-2.
 

@@ -1,8 +1,8 @@
 #pragma once
 
-// A QP whose equality rows cannot all be met, relaxed: A u + s⁺ - s⁻ = b with s⁺, s⁻ >= 0 and a
-// penalty ρ Σ (s⁺ + s⁻) above the multipliers of the rows, so that rows that can be met are (exact
-// L1 penalty).
+// A QP whose equality rows cannot all be met, relaxed: A u + s⁺ - s⁻ = b with s⁺, s⁻ >= 0 and the
+// penalty ρ Σ (s⁺ + s⁻), ρ = 1e3 max(1, H_ii). As long as no multiplier of a row exceeds ρ, rows
+// that can be met are met (exact L1 penalty).
 
 #include "clothctl/concepts/qp_solver.hpp"
 #include "clothctl/core/types.hpp"

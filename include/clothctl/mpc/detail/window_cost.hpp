@@ -138,7 +138,8 @@ class WindowCost {
     stack_.add(problem.response, point_, past_, 3, sqrt(w.jerk) / settings.dt, none);
   }
 
-  /// Change of the affine shape of a patch and, where the patch is soft, its non-affine motion.
+  /// Adds the cost of deforming a patch: the change of its affine shape (rotation, stretch, shear)
+  /// from frame to frame and, for a soft patch, its non-affine motion.
   void add_patch(const Problem& problem, const HeldPatch<Scalar>& patch) {
     using std::sqrt;
     const PlannerSettings<Scalar>& settings = problem.settings;

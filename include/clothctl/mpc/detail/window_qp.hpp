@@ -110,6 +110,7 @@ class WindowQp {
     result.used_rows = false;
     if (!hard) {
       const PlanStatus status = solve_box(result);
+      if (force && status != PlanStatus::Failed) remove_negatives();
       if (status == PlanStatus::Failed || !force || limits_hold(problem)) return status;
     }
     result.used_rows = true;
@@ -260,12 +261,18 @@ class WindowQp {
     return true;
   }
 
-  /// Removes what a row solver leaves above the limits, or below zero: the contact law still holds.
-  void keep_limits(const Problem& problem) {
-    const Basis& basis = problem.basis;
+  /// Sets coefficients of generators that a solver leaves below zero to zero: a finger only
+  /// presses.
+  void remove_negatives() {
     for (Index i = 0; i < unknowns_; ++i) {
       if (solution_[i] < Scalar(0)) solution_[i] = Scalar(0);
     }
+  }
+
+  /// Removes what a row solver leaves above the limits, or below zero: the contact law still holds.
+  void keep_limits(const Problem& problem) {
+    const Basis& basis = problem.basis;
+    remove_negatives();
     for (Index k = 0; k < problem.settings.horizon; ++k) {
       for (const FingerColumns& columns : basis.fingers()) {
         const Scalar adhesion = basis.adhesion(columns);
@@ -278,9 +285,10 @@ class WindowQp {
     }
   }
 
-  /// The rows of all frames, frame by frame: a grip limit for each finger, then the non-affine
-  /// modes of the patches. A patch whose vertices span more dimensions has fewer modes; it leaves
-  /// rows without entries and bounds.
+  /// Fills the rows of all frames, frame by frame: a limit of the normal force for each finger,
+  /// then the non-affine modes of the patches. Each patch has rows for the largest possible number
+  /// of modes. Where its vertices span a plane rather than a line, more of its motion is affine,
+  /// fewer modes remain, and the unused rows stay empty and unbounded.
   void fill_rows(const Problem& problem) {
     const Basis& basis = problem.basis;
     const Index a_frame = limits_a_frame_ + patch_rows_a_frame_;

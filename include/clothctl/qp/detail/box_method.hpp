@@ -140,7 +140,7 @@ class BoxMethod {
 
   /// Replaces an iterate that is not finite: x goes to the point of the box nearest to zero, and
   /// the next solve is cold. Returns true when it replaced x.
-  bool give_up_broken(const Data& data) {
+  bool replace_nonfinite(const Data& data) {
     if (all_finite(x_.head(n_))) return false;
     for (Index i = 0; i < n_; ++i)
       x_[i] = (std::min)((std::max)(Scalar(0), data.lo[i]), data.hi[i]);

@@ -1,23 +1,23 @@
 #pragma once
 
 // Provides a start for the box method by a primal-dual active-set method
-// (special/primal_dual_active_set.hpp), when a minimiser on a given active set is cheap. The start
-// is mostly optimal already. It is always cheap with a low-rank Hessian. With a dense one it needs
-// the inverse K = H⁻¹ (special/active_bounds.hpp), which is made once the same Hessian has been
-// used for several solves.
+// (special/primal_dual_active_set.hpp). In most cases the start is already optimal. The method pays
+// only if the minimiser on a given active set is cheap. With a low-rank Hessian it always is. With
+// a dense Hessian it needs the inverse K = H⁻¹ (special/active_bounds.hpp), which is computed after
+// several solves with the same Hessian.
 
 #include "clothctl/qp/detail/dense_curvature.hpp"
 #include "clothctl/qp/detail/special/primal_dual_active_set.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Guesses for the box method on a curvature. All memory comes from `reserve`.
+/// Finds starts ("guesses") for the box method. All memory comes from `reserve`.
 template <RealScalar Scalar, class Curvature>
 class BoxWarmStart {
  public:
   using Vector = VectorX<Scalar>;
 
-  /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
+  /// Makes room for n unknowns. The owner of the curvature reserves that. Allocates.
   void reserve(Index n) {
     rounds_.reserve(n);
     uses_ = 0;
@@ -25,7 +25,7 @@ class BoxWarmStart {
     skip_ = false;
   }
 
-  /// The Hessian changed.
+  /// Call this after a change of the Hessian.
   void forget(Curvature& curvature) {
     if (uses_ > 0) lasting_ = uses_ >= kLasting;
     uses_ = 0;
@@ -33,22 +33,24 @@ class BoxWarmStart {
     if constexpr (!Curvature::kDefinite) curvature.active_bounds().forget();
   }
 
-  /// A solve with this Hessian, cold or warm, ended well or not, with so many active bounds.
-  /// Empties the curvature's factor where it gets the active-set mode ready.
-  void end_solve(Curvature& curvature, bool warm, bool well, Index active) {
+  /// Call this after each solve: it counts the uses of the Hessian. After a successful cold solve
+  /// with few `active` bounds it may prepare the inverse for the next solves; this clears the
+  /// curvature's factor.
+  void end_solve(Curvature& curvature, bool warm, bool solved, Index active) {
     ++uses_;
     if constexpr (!Curvature::kDefinite) {
       const Index n = curvature.unknowns();
-      if (!warm && well && lasting_ && n <= kEager && ActiveBounds<Scalar>::suits(active, n))
+      if (!warm && solved && lasting_ && n <= kEager && ActiveBounds<Scalar>::suits(active, n))
         prepare(curvature);
     }
   }
 
-  /// The guess came to nothing and took the whole budget: the next solve does without.
+  /// Makes the next solve start without a guess. Call this when the guess used the whole budget and
+  /// was of no use.
   void skip_next() { skip_ = true; }
 
-  /// Looks for a guess from the active set side_of(i), so many of them active. Returns false when
-  /// there is none.
+  /// Searches for a guess, starting from the active set side_of(i) with `active` active bounds.
+  /// Returns false when it finds none.
   template <class SideOf>
   bool find(Curvature& curvature, bool warm, Index active, const Vector& g, const Vector& lo,
             const Vector& hi, SideOf side_of, const Scalar& tolerance, const Budget& budget,
@@ -68,22 +70,24 @@ class BoxWarmStart {
     }
   }
 
-  /// The guess, and whether its rounds came to an end.
+  /// The guess, and whether the rounds that led to it converged.
   const PrimalDualActiveSet<Scalar>& rounds() const { return rounds_; }
 
-  /// One more Newton step of the active-set mode, p from gradient q, for what rounding left in a
-  /// guess. Returns false where the factor of the box method does as well.
+  /// Computes one more Newton step p from the gradient q, which removes most of the rounding error
+  /// of a guess. Returns false for a low-rank Hessian: the factor of the box method is as accurate
+  /// there.
   bool refine(Curvature& curvature, const Vector& q, Vector& p) {
     if constexpr (!Curvature::kDefinite) curvature.active_bounds().newton(q, p);
     return !Curvature::kDefinite;
   }
 
  private:
-  static constexpr Index kEager =
-      200;  // up to here a cold solve makes ready for warm ones: about a millisecond
-  static constexpr int kLasting = 8;  // solves after which a Hessian counts as one that is kept
+  /// Up to this size a cold solve prepares the inverse at once; this takes about a millisecond.
+  static constexpr Index kEager = 200;
+  /// After this many solves with one Hessian it is likely that more will follow.
+  static constexpr int kLasting = 8;
 
-  /// Makes the active-set mode ready, with the memory of the free-set factor.
+  /// Computes K in the memory of the free-set factor.
   static void prepare(Curvature& curvature) {
     ActiveBounds<Scalar>& mode = curvature.active_bounds();
     if (!mode.ready()) mode.prepare(curvature.H(), curvature.factor().lend());
@@ -91,7 +95,7 @@ class BoxWarmStart {
 
   PrimalDualActiveSet<Scalar> rounds_;
   int uses_ = 0;         // solves with this Hessian
-  bool lasting_ = true;  // the Hessian before was kept, or there was none
+  bool lasting_ = true;  // the previous Hessian, if any, was used for kLasting solves
   bool skip_ = false;
 };
 

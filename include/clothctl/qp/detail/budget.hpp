@@ -1,7 +1,7 @@
 #pragma once
 
-// The budget of a solve: a number of rounds, and seconds by the caller's clock. The library itself
-// reads no clock.
+// The budget of a solve: a number of rounds, and a time limit by the caller's clock. The library
+// itself has no clock.
 
 #include <algorithm>
 
@@ -9,11 +9,12 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The budget of one solve, counted from its making.
+/// The budget of one solve. It starts with the construction.
 class Budget {
  public:
-  /// The budget that `settings` give a problem of `size` unknowns and rows. Reads the clock once if
-  /// there is a time limit.
+  /// Takes the limits of iterations and time from `settings`. `size`, the number of unknowns plus
+  /// constraint rows, sets the default limit of iterations. With a time limit it reads the clock
+  /// once, as the start.
   template <RealScalar Scalar>
   Budget(const QpSettings<Scalar>& settings, Index size)
       : rounds_(settings.max_iterations > 0 ? settings.max_iterations
@@ -24,15 +25,16 @@ class Budget {
     deadline_ = clock_(context_) + settings.time_limit;
   }
 
-  /// Half of the rounds that are left after `rounds`, at least one; the same deadline.
+  /// Returns a budget with half of the rounds that remain after `rounds`, at least one, and with
+  /// the same deadline.
   Budget half(int rounds) const {
     Budget share = *this;
     share.rounds_ = rounds + (std::max)(1, (rounds_ - rounds) / 2);
     return share;
   }
 
-  /// Solved while there is something left after `rounds` rounds, else what ran out. Reads the
-  /// clock.
+  /// Returns Solved while the budget lasts after `rounds` rounds, else IterationLimit or TimeLimit.
+  /// Reads the clock if there is a time limit.
   QpStatus after(int rounds) const {
     if (rounds >= rounds_) return QpStatus::IterationLimit;
     return clock_ != nullptr && !(clock_(context_) < deadline_) ? QpStatus::TimeLimit

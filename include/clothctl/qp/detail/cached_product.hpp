@@ -1,7 +1,7 @@
 #pragma once
 
-// Keeps the product H x between solves. Most unknowns of a warm start have not moved since the
-// product was made, so only the columns of the others have to be added.
+// Keeps the product H x between solves. In a warm start most unknowns have the same value as when
+// the product was computed, so only the columns of the other unknowns are added.
 
 #include <algorithm>
 #include "clothctl/core/types.hpp"
@@ -9,7 +9,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The product of a curvature's H with the x it was last made for. All memory comes from `reserve`.
+/// The product H x for the last x. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class CachedProduct {
  public:
@@ -21,13 +21,13 @@ class CachedProduct {
     known_ = false;
   }
 
-  /// H or the number of unknowns changed.
+  /// Call this after a change of H or of the number of unknowns.
   void forget() { known_ = false; }
 
-  /// Returns true when the product was made for this very x of n unknowns.
+  /// Returns true when the product belongs to exactly this x of n unknowns.
   bool is_of(const Vector& x, Index n) const { return known_ && moved(x, n) == 0; }
 
-  /// H x, n entries in use: from scratch, or made so for this very x.
+  /// Returns H x, n entries in use. Computes it from scratch unless it belongs to exactly this x.
   template <class Curvature>
   const Vector& refresh(Curvature& curvature, const Vector& x) {
     const Index n = curvature.unknowns();
@@ -39,12 +39,12 @@ class CachedProduct {
     return product_;
   }
 
-  /// H x, rounded by how far x went since `refresh`: where few unknowns moved, only their part is
-  /// new.
+  /// Returns H x. If at most a quarter of the unknowns moved since `refresh`, only their columns
+  /// are added; the rounding error then grows with the distance that they moved.
   template <class Curvature>
   const Vector& update(Curvature& curvature, const Vector& x) {
-    const Index n = curvature.unknowns(), away = known_ ? moved(x, n) : n;
-    if (away == 0 || 4 * away > n) return refresh(curvature, x);
+    const Index n = curvature.unknowns(), count = known_ ? moved(x, n) : n;
+    if (count == 0 || 4 * count > n) return refresh(curvature, x);
     for (Index j = 0; j < n; ++j) move_[j] = x[j] - at_[j];
     std::copy_n(product_.data(), n, sum_.data());
     curvature.add_product(move_, sum_);
@@ -52,7 +52,7 @@ class CachedProduct {
   }
 
  private:
-  /// The number of unknowns that are not where the product was made.
+  /// Returns the number of unknowns that differ from those of the product.
   Index moved(const Vector& x, Index n) const {
     Index count = 0;
     for (Index j = 0; j < n; ++j) count += x[j] < at_[j] || x[j] > at_[j] ? 1 : 0;

@@ -5,14 +5,17 @@
 //   y_{k+1} - y_k  ->  Farkas pair:  refined towards Aᵀy = 0 on the free unknowns
 //   x_{k+1} - x_k  ->  ray:          refined towards H d = 0 and A d = 0 on the active rows
 //
-// The factor of the regularised problem serves for the refinement. It ends when the sums that
-// should vanish are no larger than their own rounding errors; anything larger is rejected. So a
-// problem whose solutions lie far out, or that is nearly flat, gets no certificate.
+// The refinement uses the factor of the regularised problem. It succeeds when all sums that should
+// be zero are no larger than their own rounding errors. Larger sums are rejected. So there is no
+// certificate for a problem whose solutions are only far away or whose curvature is only small.
 //
-// The differences contain small entries for rows and unknowns that do not belong to the
-// certificate. Such an entry, alone in a sum, would never cancel. Entries below a threshold
-// therefore count as zero; the threshold starts large and gets smaller. Scaling is by powers of
-// two, so a relative test here is the same test on the caller's data.
+// The differences contain small entries for rows and unknowns that are not part of the certificate.
+// If such an entry is the only term of a sum, nothing cancels it. Entries below a drop tolerance
+// therefore count as zero. Several drop tolerances are tried, the largest first. Scaling is by
+// powers of two, so a relative test here is the same test on the caller's data.
+//
+// Reference for differences of iterates as certificates, there of ADMM: Banjac, Goulart, Stellato
+// and Boyd, J. Optim. Theory Appl. 183 (2019).
 
 #include <algorithm>
 #include <cmath>
@@ -25,18 +28,19 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// What was learnt about a direction.
+/// The result of a search for a ray.
 enum class RayStatus {
-  /// It is no ray.
+  /// The direction is no ray.
   NotFound,
-  /// It leaves no bound and is so flat that the proximal term governs the step: the minimum may lie
-  /// far along it.
+  /// No bound blocks the direction, and its curvature is so small that the proximal term limited
+  /// the step: the minimum may be far along it.
   FarMinimum,
-  /// It proves that the problem is unbounded (if it is feasible).
+  /// The direction proves that the problem is unbounded, if it is feasible.
   Proven
 };
 
-/// Searches for proofs around the iterate of a proximal problem. All memory comes from `reserve`.
+/// Searches for certificates near the iterates of a proximal problem. All memory comes from
+/// `reserve`.
 template <RealScalar Scalar>
 class CertificateSearch {
  public:
@@ -47,17 +51,17 @@ class CertificateSearch {
   void reserve(Index n, Index m) {
     set_zero<Scalar>({&d_, &hd_, &hd_size_, &residual_, &p_, &z_, &z_size_}, n);
     set_zero<Scalar>({&y_, &ad_, &ad_size_, &eta_, &r2_, &delta_}, m);
-    held_.assign(static_cast<std::size_t>(n), 0);
+    fixed_.assign(static_cast<std::size_t>(n), 0);
   }
 
-  /// The row part y of a proof of infeasibility (scaled space, first m entries).
+  /// The row part y of the Farkas certificate (scaled space, first m entries).
   const Vector& farkas_rows() const { return y_; }
-  /// The bound part z of a proof of infeasibility (first n entries).
+  /// The bound part z of the Farkas certificate (first n entries).
   const Vector& farkas_bounds() const { return z_; }
   /// The ray, or the direction of a far minimum (first n entries).
   const Vector& direction() const { return d_; }
 
-  /// Returns true when y - yk proves infeasibility. Never allocates.
+  /// Returns true when y - yk leads to a Farkas certificate. Never allocates.
   bool infeasible(Problem& problem) {
     using std::abs;
     const Index n = problem.unknowns();
@@ -69,15 +73,15 @@ class CertificateSearch {
     Scalar reach(1);
     for (Index j = 0; j < n; ++j) reach = (std::max)(reach, Scalar(abs(problem.x[j])));
     bool synced = false;
-    Scalar threshold = coarsest_trace<Scalar>();
-    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
+    Scalar threshold = largest_drop_tolerance<Scalar>();
+    for (int level = 0; level < kDropLevels; ++level, threshold *= threshold) {
       for (Index i = 0; i < m; ++i) y_[i] = (problem.yk[i] - problem.y[i]) / largest;
       if (refine_farkas(problem, threshold, reach, synced)) return true;
     }
     return false;
   }
 
-  /// Judges x - xk as a ray. Never allocates.
+  /// Checks whether x - xk leads to a ray. Never allocates.
   RayStatus unbounded(Problem& problem) {
     using std::abs;
     const Index n = problem.unknowns();
@@ -90,18 +94,18 @@ class CertificateSearch {
     if (!(largest > Scalar(0)) || !is_finite(largest)) return RayStatus::NotFound;
     bool synced = false;
     bool is_close = false;
-    Scalar threshold = coarsest_trace<Scalar>();
-    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
+    Scalar threshold = largest_drop_tolerance<Scalar>();
+    for (int level = 0; level < kDropLevels; ++level, threshold *= threshold) {
       for (Index j = 0; j < n; ++j) d_[j] = moved(j) / largest;
-      const RayStatus verdict = refine_ray(problem, threshold, synced);
-      if (verdict == RayStatus::Proven) return verdict;
-      is_close = verdict == RayStatus::FarMinimum;
+      const RayStatus status = refine_ray(problem, threshold, synced);
+      if (status == RayStatus::Proven) return status;
+      is_close = status == RayStatus::FarMinimum;
     }
     return is_close && has_far_minimum(problem) ? RayStatus::FarMinimum : RayStatus::NotFound;
   }
 
-  /// After FarMinimum: moves x to the minimum of the objective along `direction()`, as far as the
-  /// bounds of x let it. Call refresh_products afterwards.
+  /// After FarMinimum: moves x to the minimum of the objective along `direction()` and then back
+  /// into its bounds. Call refresh_products afterwards.
   void go_to_far_minimum(Problem& problem) const {
     for (Index j = 0; j < problem.unknowns(); ++j) {
       problem.x[j] = (std::min)((std::max)(Scalar(problem.x[j] + step_ * d_[j]), problem.lo[j]),
@@ -110,17 +114,19 @@ class CertificateSearch {
   }
 
  private:
-  static constexpr int kSteps = 10, kHeldBack = 16;
-  static constexpr int kNearly =
-      1000;  // errors over what rounding explains from which on sums are accurate
+  static constexpr int kSteps = 10;
+  /// The proximal term limits a step when the curvature is below this many times ρ |d|².
+  static constexpr int kSmallCurvature = 16;
+  /// When errors are below this many rounding bounds, accurate sums replace the plain ones.
+  static constexpr int kUseAccurateSums = 1000;
 
-  /// Refines y_ towards a proof of infeasibility.
+  /// Refines y_ towards a Farkas certificate. Returns true on success.
   bool refine_farkas(Problem& problem, const Scalar& threshold, const Scalar& reach, bool& synced) {
     using std::abs;
     const Index n = problem.unknowns();
     const Index m = problem.rows();
     std::fill_n(r2_.data(), m, Scalar(0));
-    bool nearly = false;
+    bool accurate = false;
     Scalar last = scalar_traits<Scalar>::infinity();
     for (int step = 0; step < kSteps; ++step) {
       std::fill_n(z_.data(), n, Scalar(0));
@@ -132,19 +138,20 @@ class CertificateSearch {
         problem.columns_of_At().add(i, -v, z_);
         problem.columns_of_At().add_size(i, v, z_size_);
       }
-      for (Index j = 0; nearly && j < n; ++j) {
+      for (Index j = 0; accurate && j < n; ++j) {
         AccurateSum<Scalar> sum;
         problem.columns_of_A().add_dot(j, y_, sum);
         z_[j] = -sum.value();
       }
       std::copy_n(z_.data(), n, residual_.data());
-      const ProofCheck<Scalar> proof = check_farkas<Scalar>(
+      const CertificateCheck<Scalar> certificate = check_farkas<Scalar>(
           y_.head(m), z_.head(n), z_size_.head(n), problem.rl.head(m), problem.ru.head(m),
           problem.lo.head(n), problem.hi.head(n), Scalar(16) * reach);
-      if (proof.proven) return true;
-      if (step > 1 && (!proof.promising || !worth_a_step(proof.error, last))) return false;
-      last = proof.error;
-      nearly = proof.promising && proof.error < Scalar(kNearly);
+      if (certificate.holds) return true;
+      if (step > 1 && (!certificate.promising || !worth_a_step(certificate.error, last)))
+        return false;
+      last = certificate.error;
+      accurate = certificate.promising && certificate.error < Scalar(kUseAccurateSums);
       if (!synchronise(problem, synced)) return false;
       problem.factor.solve(residual_, r2_, p_, delta_);
       for (Index k = 0; k < problem.factor.row_size(); ++k)
@@ -153,14 +160,14 @@ class CertificateSearch {
     return false;
   }
 
-  /// Brings the factor to the sets, once.
+  /// Updates the factor to the present sets, unless that is done.
   bool synchronise(Problem& problem, bool& synced) {
     bool changed = false;
     if (!synced) synced = problem.sync(changed);
     return synced;
   }
 
-  /// Refines d_ towards a ray: Proven, FarMinimum where it is nearly one, or None.
+  /// Refines d_ towards a ray. Returns FarMinimum when d_ is only almost a ray.
   RayStatus refine_ray(Problem& problem, const Scalar& threshold, bool& synced) {
     using std::abs;
     const Index n = problem.unknowns();
@@ -169,46 +176,46 @@ class CertificateSearch {
     const Scalar loose =
         Scalar(64) * certificate_tolerance<Scalar>() / (Scalar(4) * summation_error<Scalar>(n));
     Scalar last = scalar_traits<Scalar>::infinity();
-    held_count_ = 0;
-    bool nearly = false;
-    RayStatus verdict = RayStatus::FarMinimum;
+    fixed_count_ = 0;
+    bool accurate = false;
+    RayStatus status = RayStatus::FarMinimum;
     for (int step = 0; step < kSteps; ++step) {
       for (Index j = 0; j < n; ++j) {
         if (abs(d_[j]) < threshold) d_[j] = Scalar(0);
       }
       multiply(problem);
-      if (nearly) sharpen(problem);
-      const ProofCheck<Scalar> proof =
+      if (accurate) multiply_accurately(problem);
+      const CertificateCheck<Scalar> certificate =
           check_ray<Scalar>(d_.head(n), hd_.head(n), ad_.head(m), hd_size_.head(n),
                             ad_size_.head(m), problem.g.head(n), problem.rl.head(m),
                             problem.ru.head(m), problem.lo.head(n), problem.hi.head(n));
-      if (proof.proven) verdict = RayStatus::Proven;
-      if (!proof.admissible || (step > 1 && !(proof.row_error <= loose)))
-        verdict = RayStatus::NotFound;
-      if (verdict != RayStatus::FarMinimum || !proof.promising ||
-          (step > 1 && !(proof.error <= loose)))
+      if (certificate.holds) status = RayStatus::Proven;
+      if (!certificate.admissible || (step > 1 && !(certificate.row_error <= loose)))
+        status = RayStatus::NotFound;
+      if (status != RayStatus::FarMinimum || !certificate.promising ||
+          (step > 1 && !(certificate.error <= loose)))
         break;
-      if (step > 1 && !worth_a_step(proof.error, last) &&
-          (held_count_ > 0 || !hold(problem, synced)))
+      if (step > 1 && !worth_a_step(certificate.error, last) &&
+          (fixed_count_ > 0 || !fix_bounded(problem, synced)))
         break;
-      last = proof.error;
-      nearly = proof.error < Scalar(kNearly);
+      last = certificate.error;
+      accurate = certificate.error < Scalar(kUseAccurateSums);
       if (!synchronise(problem, synced)) {
-        verdict = RayStatus::NotFound;
+        status = RayStatus::NotFound;
         break;
       }
       refine(problem);
     }
-    if (held_count_ > 0) synced = false;
-    for (Index k = 0; k < held_count_; ++k)
-      problem.state[static_cast<std::size_t>(held(k))] = Problem::State::Free;
-    return verdict;
+    if (fixed_count_ > 0) synced = false;
+    for (Index k = 0; k < fixed_count_; ++k)
+      problem.state[static_cast<std::size_t>(fixed(k))] = Problem::State::Free;
+    return status;
   }
 
-  /// Takes unknowns that a bound keeps out of the ray from the free set: else each step moves them,
-  /// and putting them back disturbs the others. Returns whether there are any; they are to be freed
-  /// again.
-  bool hold(Problem& problem, bool& synced) {
+  /// Fixes the free unknowns that have a bound and are zero in d. Each refinement step would move
+  /// them, and setting them back to zero disturbs the other unknowns. Returns true when there are
+  /// any. The caller must free them afterwards.
+  bool fix_bounded(Problem& problem, bool& synced) {
     for (Index j = 0; j < problem.unknowns(); ++j) {
       typename Problem::State& state = problem.state[static_cast<std::size_t>(j)];
       const bool moves = d_[j] < Scalar(0) || d_[j] > Scalar(0);
@@ -216,20 +223,21 @@ class CertificateSearch {
           (!has_bound(problem.lo[j]) && !has_bound(problem.hi[j])))
         continue;
       state = Problem::State::Lower;
-      held_[static_cast<std::size_t>(held_count_++)] = j;
+      fixed_[static_cast<std::size_t>(fixed_count_++)] = j;
     }
-    if (held_count_ > 0) synced = false;
-    return held_count_ > 0;
+    if (fixed_count_ > 0) synced = false;
+    return fixed_count_ > 0;
   }
-  Index held(Index k) const { return held_[static_cast<std::size_t>(k)]; }
+  Index fixed(Index k) const { return fixed_[static_cast<std::size_t>(k)]; }
 
-  /// Errors halve from step to step; near the rounding limit they wander, and another step may hit.
+  /// Returns true when one more refinement step can help: the error was halved, or it is so close
+  /// to its rounding bound that it varies from step to step.
   static bool worth_a_step(const Scalar& error, const Scalar& last) {
     return error < Scalar(0.5) * last || error < Scalar(8);
   }
 
-  /// Returns true when the proximal term, not curvature, ended the step along d, and finds the step
-  /// to the objective's minimum.
+  /// Returns true when the proximal term, not the curvature, limited the step along d. Then sets
+  /// `step_` to the minimum of the objective.
   bool has_far_minimum(const Problem& problem) {
     using std::abs;
     const Index n = problem.unknowns();
@@ -243,13 +251,13 @@ class CertificateSearch {
     }
     if (!(slope < Scalar(0)) || !(curvature > Scalar(2) * summation_error<Scalar>(n) * size))
       return false;
-    if (!(curvature < Scalar(kHeldBack) * problem.rho * dot_product(n, d_.data(), d_.data())))
+    if (!(curvature < Scalar(kSmallCurvature) * problem.rho * dot_product(n, d_.data(), d_.data())))
       return false;
     step_ = -slope / curvature;
     return is_finite(step_) && step_ < largest_bound<Scalar>();
   }
 
-  /// hd = H d, ad = A d and the sizes of their terms.
+  /// Computes hd = H d, ad = A d, and the sums |H||d| and |A||d|.
   void multiply(const Problem& problem) {
     const Index n = problem.unknowns();
     const Index m = problem.rows();
@@ -268,8 +276,8 @@ class CertificateSearch {
     }
   }
 
-  /// hd and ad as if summed in twice the precision.
-  void sharpen(const Problem& problem) {
+  /// Computes hd and ad as if in twice the precision.
+  void multiply_accurately(const Problem& problem) {
     for (Index j = 0; j < problem.unknowns(); ++j) {
       AccurateSum<Scalar> sum;
       problem.columns_of_H().add_dot(j, d_, sum);
@@ -282,8 +290,8 @@ class CertificateSearch {
     }
   }
 
-  /// One step towards H d = 0 on the free unknowns and A d = 0 on the active rows that d would
-  /// leave.
+  /// One refinement step towards H d = 0 on the free unknowns, and A d = 0 on the active rows where
+  /// A d points at a finite bound.
   void refine(Problem& problem) {
     const Index n = problem.unknowns();
     std::copy_n(hd_.data(), n, residual_.data());
@@ -303,8 +311,8 @@ class CertificateSearch {
 
   Vector d_, hd_, hd_size_, residual_, p_, z_, z_size_;
   Vector y_, ad_, ad_size_, eta_, r2_, delta_;
-  std::vector<Index> held_;
-  Index held_count_ = 0;
+  std::vector<Index> fixed_;
+  Index fixed_count_ = 0;
   Scalar step_ = Scalar(0);
 };
 

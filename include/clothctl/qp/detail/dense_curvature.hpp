@@ -1,7 +1,7 @@
 #pragma once
 
-// The dense Hessian as the box method sees it: products, the factor of its free block, and the line
-// it walks along.
+// The operations of the box method on a dense Hessian: products, the factor of the free block, and
+// slope and curvature along a search path.
 
 #include <algorithm>
 #include <vector>
@@ -12,14 +12,14 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// A dense, perhaps semidefinite H with L Lᵀ = H_FF. All memory comes from `reserve`.
+/// A dense positive semidefinite H with the factor L Lᵀ = H_FF. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class DenseCurvature {
  public:
   using Vector = VectorX<Scalar>;
   using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
 
-  /// Free unknowns may depend on each other: flat directions exist.
+  /// H_FF may be singular, so directions of zero curvature exist.
   static constexpr bool kDefinite = false;
 
   /// Makes room for n unknowns. Allocates.
@@ -30,7 +30,7 @@ class DenseCurvature {
     solution_.setZero(n);
     n_ = 0;
   }
-  /// Points at the matrix of the solves to come; it must outlive them.
+  /// Sets the matrix of the next solves. It is not copied, so it must outlive them.
   void attach(const ConstMap& H) {
     data_ = H.data();
     n_ = H.rows();
@@ -44,7 +44,7 @@ class DenseCurvature {
   Scalar diagonal(Index i) const { return H()(i, i); }
   /// The factor of the free block.
   UpdatableCholesky<Scalar>& factor() { return factor_; }
-  /// The mode for few active bounds.
+  /// The minimiser for few active bounds.
   ActiveBounds<Scalar>& active_bounds() { return active_bounds_; }
 
   /// Number of unknowns in the factor.
@@ -55,15 +55,17 @@ class DenseCurvature {
   Index place(Index i) const { return factor_.place(i); }
   /// Empties the factor.
   void clear() { factor_.clear(); }
-  /// Returns true when so many changes are cheaper than a new factor of `kept` unknowns.
+  /// Returns true when `changes` single updates are cheaper than a new factor, given that `kept`
+  /// unknowns stay.
   bool few(Index changes, Index kept) const {
     return changes <= kFewChanges || kUpdateCost * changes <= kept;
   }
-  /// Takes unknown i into the factor, unless it depends on those there.
+  /// Adds unknown i to the factor, unless the enlarged block would be singular.
   void append(Index i) { factor_.append(H(), i, Scalar(0), pivot_tolerance()); }
-  /// Takes the unknown at place k out.
+  /// Removes the unknown at place k.
   void remove(Index k) { factor_.remove(k); }
-  /// Factors `wanted[0 … count-1]` afresh; dependent ones stay out.
+  /// Factors the block of `wanted[0 … count-1]` from scratch. Leaves out unknowns that would make
+  /// it singular.
   void renew(const std::vector<Index>& wanted, Index count) {
     factor_.rebuild(H(), wanted, count, Scalar(0), pivot_tolerance());
   }
@@ -83,7 +85,7 @@ class DenseCurvature {
     for (Index k = 0; k < f; ++k) p[order(k)] = solution_[k];
   }
 
-  /// Starts a walk along p, which is zero but at moving[0 … count-1].
+  /// Starts a search along p. Only the entries moving[0 … count-1] of p are not zero.
   void start_walk(const std::vector<Index>& moving, Index count, const Vector& p, const Vector&) {
     std::fill_n(w_.data(), n_, Scalar(0));
     ColumnSum<Scalar> sum(data_, n_, n_, w_.data());
@@ -93,7 +95,8 @@ class DenseCurvature {
     }
     sum.finish();
   }
-  /// Slope qᵀp and curvature pᵀH p of what still moves; `size` is Σ H_ii p_i².
+  /// Computes slope qᵀp and curvature pᵀH p over the unknowns that still move. `size` is Σ H_ii
+  /// p_i².
   void line(const std::vector<Index>& moving, Index count, const Vector& p, const Vector& q,
             Scalar& slope, Scalar& curvature, Scalar& size) const {
     slope = curvature = size = Scalar(0);
@@ -104,13 +107,13 @@ class DenseCurvature {
       size += diagonal(i) * p[i] * p[i];
     }
   }
-  /// Goes on by `step`.
+  /// Moves on by `step` and updates the gradient q.
   void advance(const Scalar& step, Vector& q) { add_scaled(n_, step, w_.data(), q.data()); }
-  /// Unknown i stops here.
+  /// Stops unknown i at its bound: removes p_i from the direction.
   void stop(Index i, const Vector& p, Vector&) {
     add_scaled(n_, Scalar(-p[i]), data_ + i * n_, w_.data());
   }
-  /// Ends the walk: q is the gradient at its end.
+  /// Ends the search. q is the gradient at its end.
   void end_walk(const std::vector<Index>&, Index, const Vector&, Vector&) {}
 
  private:

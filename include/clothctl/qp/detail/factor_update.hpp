@@ -1,7 +1,7 @@
 #pragma once
 
-// Updates a factor over a changing set of unknowns to a wanted set: by single updates when few
-// unknowns change, else from scratch.
+// Updates a factor to a new set of unknowns: by single updates when few unknowns change, else from
+// scratch.
 
 #include <vector>
 
@@ -9,11 +9,11 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Makes `factor` hold the unknowns i of n that wanted(i) names, in the order in which they came.
-/// The factor has size(), order(k), place(i), append(i), remove(k), renew(list, count) and
-/// few(changes, kept), which says whether updates are cheaper; it may refuse unknowns. `fresh`
-/// then lists those that were new; their number is the answer. `kept` is scratch; both have room
-/// for n. Never allocates.
+/// Changes `factor` to hold the unknowns i < n for which wanted(i) is true. Unknowns that stay keep
+/// their order; new ones follow. The factor has size(), order(k), place(i), append(i), remove(k),
+/// renew(list, count), and few(changes, kept), which returns true when single updates are cheaper.
+/// It may refuse an unknown. Returns the number of new unknowns, and lists them in `fresh`. `kept`
+/// is scratch memory. Both lists have room for n entries. Never allocates.
 template <class Factor, class Wanted>
 Index update_factor_to(Factor& factor, Index n, Wanted wanted, std::vector<Index>& fresh,
                        std::vector<Index>& kept) {

@@ -1,10 +1,10 @@
 #pragma once
 
-// The factor of the regularised optimality equations over changing sets of unknowns and rows: dense
-// (linalg/row_factor.hpp), or sparse (linalg/sparse_ldlt.hpp) when H and A have enough zeros to
-// make it cheaper. A pivot of the sparse factor can fail by rounding alone. The dense factor then
-// takes over: its first block is H_FF + ρ I itself, so it shows whether negative curvature is the
-// cause.
+// The factor of the regularised optimality equations over changing sets of unknowns and rows. It is
+// sparse (linalg/sparse_ldlt.hpp) when H and A have so many zeros that this is cheaper, else dense
+// (linalg/row_factor.hpp). A pivot of the sparse factor can fail because of rounding alone. The
+// dense factor then takes over. It factors H_FF + ρ I first, so its pivots show whether negative
+// curvature is the cause.
 
 #include "clothctl/linalg/row_factor.hpp"
 #include "clothctl/linalg/sparse_ldlt.hpp"
@@ -25,13 +25,13 @@ class KktFactor {
     is_sparse_ = false;
   }
 
-  /// Forgets everything and works on dense matrices until `choose`.
+  /// Clears everything, and uses the dense factor until `choose` is called.
   void reset() {
     is_sparse_ = false;
     clear();
   }
 
-  /// Forgets everything and chooses a factor for H, A and Aᵀ.
+  /// Clears everything, and chooses the cheaper factor for H, A and Aᵀ.
   void choose(const Columns<Scalar>& H, const Columns<Scalar>& A, const Columns<Scalar>& At) {
     reset();
     if (!H.sparse() || !A.sparse() || !At.sparse()) return;
@@ -43,12 +43,12 @@ class KktFactor {
   /// Returns true when the sparse factor was chosen.
   bool sparse() const { return is_sparse_; }
 
-  /// Forgets the sets (the matrices or ρ changed).
+  /// Clears the sets. Call this after a change of the matrices or of ρ.
   void clear() {
     dense_.clear();
     sparse_.clear();
   }
-  /// Forgets what depends on μ.
+  /// Discards what depends on μ. Call this after a change of μ.
   void touch() { is_sparse_ ? sparse_.touch() : dense_.touch(); }
 
   /// Number of free unknowns.
@@ -60,8 +60,9 @@ class KktFactor {
   /// The active row at place k.
   Index row(Index k) const { return is_sparse_ ? sparse_.row(k) : dense_.row(k); }
 
-  /// Brings the factor to the sets that the predicates name; At is Aᵀ. Returns false when a pivot
-  /// fails: raise ρ (when `free_failed()`) or μ. `changed` says whether a set differs from before.
+  /// Updates the factor to the sets given by the predicates; At is Aᵀ. Returns false when a pivot
+  /// is not large enough: the caller then increases ρ if `free_failed()`, else μ. `changed` becomes
+  /// true when a set differs from the previous one.
   template <class IsFree, class IsActive>
   bool sync(const MatrixView& H, const MatrixView& At, const Scalar& rho, const Scalar& mu,
             IsFree is_free, IsActive is_active, bool& changed) {
@@ -72,18 +73,18 @@ class KktFactor {
     return dense_.sync(H, At, rho, mu, is_free, is_active, changed);
   }
 
-  /// Returns true when the last failure lay at an unknown (else at a row).
+  /// Returns true when the pivot of an unknown failed last, false when it was that of a row.
   bool free_failed() const { return is_sparse_ ? sparse_.free_failed() : dense_.free_failed(); }
 
-  /// Solves for r1 (n, read at free places) and r2 (m, read at active places); p and delta (full
-  /// length) are written at free and active places only.
+  /// Solves for the right-hand sides r1 (n, read at free unknowns) and r2 (m, read at active rows).
+  /// Writes p (n) at free unknowns and delta (m) at active rows only.
   void solve(const Vector& r1, const Vector& r2, Vector& p, Vector& delta) {
     is_sparse_ ? sparse_.solve(r1, r2, p, delta) : dense_.solve(r1, r2, p, delta);
   }
 
  private:
-  static constexpr double kDenseSpeed =
-      32;  // operations of the dense factor in the time of one of the sparse
+  /// The dense factor does this many operations in the time of one operation of the sparse factor.
+  static constexpr double kDenseSpeed = 32;
 
   RowFactor<Scalar> dense_;
   SparseLdlt<Scalar> sparse_;

@@ -1,11 +1,11 @@
 #pragma once
 
-// The caller's problem as the solvers keep it: checked once and copied, with an exactly symmetric H
-// and with `no_bound` in place of infinite bounds.
+// The solvers' copy of the caller's problem. H is made exactly symmetric, and `no_bound` replaces
+// infinite bounds.
 //
-// A matrix is checked first (`judge`) and copied then (`take`), so a refused matrix changes
-// nothing. Vectors are loaded for each solve. The bounds in use change only when all new ones are
-// good.
+// `validate_hessian` and `validate_rows` check a matrix before `take` and `take_rows` copy it, so a
+// refused matrix changes nothing. `load` takes the vectors of each solve. It replaces the bounds
+// only if all new ones are valid.
 
 #include <algorithm>
 #include <string_view>
@@ -25,7 +25,7 @@ class ProblemData {
   /// A read-only view of a matrix.
   using MatrixView = Eigen::Ref<const MatrixX<Scalar>>;
 
-  /// Makes room for n unknowns and m rows and forgets both matrices. Allocates.
+  /// Makes room for n unknowns and m rows, and discards both matrices. Allocates.
   void reserve(Index n, Index m) {
     capacity_n_ = n;
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
@@ -36,7 +36,7 @@ class ProblemData {
     reserve_rows(m);
   }
 
-  /// Returns true when sizes can be reserved. A negative one is refused, and nothing changes.
+  /// Returns true when no size is negative. Otherwise sets `refusal()` and changes nothing else.
   bool may_reserve(Index n, Index m) {
     if (n >= 0 && m >= 0) return true;
     refusal_ = {
@@ -46,7 +46,7 @@ class ProblemData {
     return false;
   }
 
-  /// Makes room for m rows and forgets the rows; the Hessian stays. Allocates.
+  /// Makes room for m rows and discards the rows. The Hessian stays. Allocates.
   void reserve_rows(Index m) {
     capacity_m_ = m;
     matrix_.assign(static_cast<std::size_t>(capacity_n_ * m), Scalar(0));
@@ -54,13 +54,13 @@ class ProblemData {
     m_ = 0;
   }
 
-  /// Number of unknowns; 0 before a Hessian was taken.
+  /// Number of unknowns; 0 before the first Hessian.
   Index n() const { return n_; }
   /// Number of rows.
   Index m() const { return m_; }
-  /// Unknowns that there is room for.
+  /// Number of unknowns that fit in the memory.
   Index capacity_n() const { return capacity_n_; }
-  /// Rows that there is room for.
+  /// Number of rows that fit in the memory.
   Index capacity_m() const { return capacity_m_; }
   /// H, n×n.
   Eigen::Map<const MatrixX<Scalar>> H() const { return {hessian_.data(), n_, n_}; }
@@ -76,20 +76,20 @@ class ProblemData {
   const VectorX<Scalar>& rl() const { return rl_; }
   /// Upper row bounds.
   const VectorX<Scalar>& ru() const { return ru_; }
-  /// What was refused last.
+  /// What the last check of sizes or of a matrix refused.
   const QpRefusal& refusal() const { return refusal_; }
 
-  /// Returns true when the last `load` brought what the one before it had, for the same matrices.
+  /// Returns true when the last `load` had the same vectors and matrices as the one before.
   bool repeated() const { return repeated_; }
 
-  /// Judges a Hessian (judge_hessian).
-  QpStatus judge(const MatrixView& H) {
-    refusal_ = hessian_refusal_ = judge_hessian<Scalar>(H);
+  /// Checks a Hessian as `detail::validate_hessian` does.
+  QpStatus validate_hessian(const MatrixView& H) {
+    refusal_ = hessian_refusal_ = detail::validate_hessian<Scalar>(H);
     return refusal_.status;
   }
 
-  /// Copies a judged Hessian that there is room for. Returns whether n changed; the rows are
-  /// forgotten then.
+  /// Copies a valid Hessian that fits in the memory. Returns true when n changed; this discards the
+  /// rows.
   bool take(const MatrixView& H) {
     const Index n = H.rows();
     const bool resized = n != n_;
@@ -105,8 +105,8 @@ class ProblemData {
     return resized;
   }
 
-  /// Judges rows: as long as the Hessian, finite.
-  QpStatus judge_rows(const MatrixView& A) {
+  /// Checks that A has as many columns as the Hessian and only finite entries.
+  QpStatus validate_rows(const MatrixView& A) {
     refusal_ = {};
     if (n_ == 0 && A.rows() > 0) refusal_ = kNoHessian;
     if (n_ > 0 && A.cols() != n_ && A.rows() > 0)
@@ -120,7 +120,7 @@ class ProblemData {
     return refusal_.status;
   }
 
-  /// Copies judged rows that there is room for. Returns whether m changed.
+  /// Copies valid rows that fit in the memory. Returns true when m changed.
   bool take_rows(const MatrixView& A) {
     const bool resized = A.rows() != m_;
     loaded_ = false;
@@ -131,16 +131,17 @@ class ProblemData {
     return resized;
   }
 
-  /// Clears the head of `result`, sizes it, and takes gradient and bounds of a solve. Returns
-  /// false, with status, message and index in the result, when there is no Hessian, the settings
-  /// have a fault (static text), sizes differ, or an entry is refused.
-  bool load(std::string_view fault, const VectorView& g, const VectorView& lb, const VectorView& ub,
-            const VectorView& rl, const VectorView& ru, QpResult<Scalar>& result) {
+  /// Sizes and clears `result`, and copies gradient and bounds of a solve. Returns false when there
+  /// is no Hessian, `settings_error` (static text) is not empty, a size is wrong, or an entry is
+  /// not valid; status, message and index in the result then name the reason.
+  bool load(std::string_view settings_error, const VectorView& g, const VectorView& lb,
+            const VectorView& ub, const VectorView& rl, const VectorView& ru,
+            QpResult<Scalar>& result) {
     result.resize(n_, m_);
     result.iterations = 0;
     result.stationarity = result.feasibility = result.complementarity = result.objective =
         Scalar(0);
-    const QpRefusal refusal = judge_vectors(fault, g, lb, ub, rl, ru);
+    const QpRefusal refusal = validate_vectors(settings_error, g, lb, ub, rl, ru);
     result.status = refusal.status;
     result.message = refusal.message;
     result.invalid_index = refusal.index;
@@ -161,11 +162,12 @@ class ProblemData {
   }
 
  private:
-  QpRefusal judge_vectors(std::string_view fault, const VectorView& g, const VectorView& lb,
-                          const VectorView& ub, const VectorView& rl, const VectorView& ru) {
+  QpRefusal validate_vectors(std::string_view settings_error, const VectorView& g,
+                             const VectorView& lb, const VectorView& ub, const VectorView& rl,
+                             const VectorView& ru) {
     constexpr QpStatus bad = QpStatus::InvalidData;
     if (n_ == 0) return hessian_refusal_;
-    if (!fault.empty()) return {bad, fault.data(), -1};
+    if (!settings_error.empty()) return {bad, settings_error.data(), -1};
     if (g.size() != n_) return {bad, "gradient differs in size from the Hessian", -1};
     if (lb.size() != n_) return {bad, "lower bounds differ in size from the Hessian", -1};
     if (ub.size() != n_) return {bad, "upper bounds differ in size from the Hessian", -1};

@@ -5,14 +5,15 @@
 //   x_{k+1} = argmin over lb ≤ x ≤ ub of f(x) + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
 //   y_{k+1} = y(x_{k+1})
 //
-// Every subproblem is strictly convex and feasible (proximal_problem.hpp), so dependent rows,
-// degenerate vertices, semidefinite H and linear programs are no special cases. Once the active
-// sets are right, a few refinement steps give the exact solution: they solve the optimality
-// equations of these sets without the terms in ρ and μ, with the factor of the regularised
-// equations. When no solution exists, y_{k+1} - y_k and x_{k+1} - x_k tend to a Farkas pair and to
-// a ray (certificate_search.hpp). Scaling is by powers of two, hence exact. Tolerances apply to
-// unscaled residuals. Reference: Rockafellar, Math. Oper. Res. 1 (1976); Hermans, Themelis and
-// Patrinos, QPALM, Math. Program. Comput. 14 (2022), for Newton steps in the inner loop.
+// Every subproblem is strictly convex and feasible (proximal_problem.hpp). So dependent rows,
+// degenerate vertices, semidefinite H and linear programs need no special treatment. When the
+// active sets are right, a few refinement steps give the solution to rounding: they solve the
+// optimality equations of these sets without the terms in ρ and μ, with the factor of the
+// regularised equations. When no solution exists, y_{k+1} - y_k and x_{k+1} - x_k converge to a
+// Farkas pair or to a ray (certificate_search.hpp). Scaling is by powers of two, hence exact.
+// Tolerances apply to unscaled residuals. References: Rockafellar, Math. Oper. Res. 1 (1976);
+// Hermans, Themelis and Patrinos, QPALM, Math. Program. Comput. 14 (2022), for Newton steps in the
+// inner loop.
 
 #include <algorithm>
 
@@ -26,20 +27,20 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Where a run of the proximal method starts from.
+/// The start of a run of the proximal method.
 enum class ProximalStart {
-  /// Zero, with the strong weights of the first steps.
+  /// x = 0, y = 0, and a large first weight ρ.
   Cold,
-  /// The x that was loaded.
+  /// The loaded x.
   FromX,
-  /// The active set that was loaded, one side for each unknown and row.
+  /// The loaded active set, with one side for each unknown and row.
   FromSides,
   /// The end of the last run.
   Warm
 };
 
-/// Iterate, weights and scales of the method. Use: `scale` after a matrix changed, `load` for each
-/// start, `run`, `settle`.
+/// Iterate, weights and scales of the method. Call `scale` after each change of a matrix, then for
+/// each solve `load`, `run` and `settle`.
 template <RealScalar Scalar>
 class ProximalMethod {
  public:
@@ -48,20 +49,20 @@ class ProximalMethod {
   using State = typename Problem::State;
   using Start = ProximalStart;
 
-  /// Takes settings, for their tolerances.
+  /// Takes the tolerances from the settings.
   explicit ProximalMethod(const QpSettings<Scalar>& settings) : settings_(settings) {}
 
   /// Makes room for n unknowns and m rows. Allocates.
   void reserve(Index n, Index m) {
     problem_.reserve(n, m);
-    proofs_.reserve(n, m);
+    certificates_.reserve(n, m);
     best_.reserve(n, m);
     set_zero<Scalar>({&D_, &q_, &old_x_, &p_}, n);
     set_zero<Scalar>({&E_, &old_y_, &delta_, &r2_}, m);
     weighted_ = false;
   }
 
-  /// Takes H and A and scales them: Ĥ = D H D, Â = E A D.
+  /// Copies and scales H and A: Ĥ = D H D, Â = E A D.
   void scale(const ProblemData<Scalar>& data) {
     const Index n = data.n(), m = data.m();
     problem_.resize(n, m);
@@ -75,8 +76,8 @@ class ProximalMethod {
     weighted_ = false;
   }
 
-  /// Loads gradient and bounds of the data, the start x = D x̂ (within its bounds), y = E ŷ, and
-  /// chooses the weights. The states of the unknowns, in `problem()`, are the caller's to set.
+  /// Loads gradient, bounds and the start x = D x̂ (within its bounds), y = E ŷ, and chooses the
+  /// weights. The caller sets the states of the unknowns in `problem()`.
   void load(const ProblemData<Scalar>& data, const Vector& x, const Vector& y, Start start) {
     using std::abs;
     const auto scaled = [](const Scalar& bound, const Scalar& factor) {
@@ -100,55 +101,60 @@ class ProximalMethod {
     choose_weights(steepest, start);
   }
 
-  /// Forgets the best iterate of earlier runs, which `settle` falls back to.
+  /// Discards the best iterate of earlier runs. `settle` uses that of the runs since.
   void forget_best() { best_.forget(); }
 
-  /// Runs from the loaded start; adds rounds with a change of sets to `iterations`. Returns Solved,
-  /// what ran out, NonConvex, or with a proof in `proofs()` PrimalInfeasible or DualInfeasible.
-  /// IterationLimit with budget left: rounding stopped progress. Never allocates.
+  /// Runs from the loaded start. Adds the rounds that change a set to `iterations`. Returns Solved,
+  /// IterationLimit, TimeLimit, NonConvex, or PrimalInfeasible or DualInfeasible with a certificate
+  /// in `certificates()`. IterationLimit before the end of the budget means that rounding errors
+  /// prevent progress. Never allocates.
   QpStatus run(const Budget& budget, int& iterations) {
     const Scalar one(1);
     problem_.refresh_products();
-    KktResiduals<Scalar> now = judge();
+    KktResiduals<Scalar> now = measure_residuals();
     if (from_sides_ && residual_ratio(now) > one) now = refine_sides(now);
-    if (residual_ratio(now) <= one && sharp_) return QpStatus::Solved;
+    if (residual_ratio(now) <= one && met_in_scaled_space_) return QpStatus::Solved;
     keep(now);
     Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
     Scalar gap = scalar_traits<Scalar>::infinity();
-    int patience = 0;  // steps after the answer passed, for what its largest terms hide: until it
-                       // passes in scaled space too
-    bool falling = false;  // a ray is known; what is left to find is a feasible point, without the
-                           // objective's slope
+    // Extra steps for a point that meets the tolerances, but not in scaled space.
+    int extra_steps = 0;
+    // True when a ray is known. A feasible point then proves that the problem is unbounded; the
+    // search for it ignores g.
+    bool ray_known = false;
     for (int outer = 0; outer < kOuterLimit; ++outer) {
       std::copy_n(problem_.x.data(), n(), problem_.xk.data());
       std::copy_n(problem_.y.data(), m(), problem_.yk.data());
       const typename Problem::Outcome outcome = problem_.minimise(tolerance, iterations, budget);
-      if (outcome == Problem::Outcome::Concave) return QpStatus::NonConvex;
+      if (outcome == Problem::Outcome::NonConvex) return QpStatus::NonConvex;
       problem_.refresh_products();
-      now = judge();
+      now = measure_residuals();
       const Scalar violation = row_residual_ratio(now, settings_);
-      if (falling && is_feasible(now)) return QpStatus::DualInfeasible;
-      if (!falling) keep(now);
-      if (outcome == Problem::Outcome::TimeSpent) return QpStatus::TimeLimit;
+      if (ray_known && is_feasible(now)) return QpStatus::DualInfeasible;
+      if (!ray_known) keep(now);
+      if (outcome == Problem::Outcome::TimeLimit) return QpStatus::TimeLimit;
       if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
-      if (!falling && residual_ratio(now) <= one && (sharp_ || ++patience > kPatience))
+      if (!ray_known && residual_ratio(now) <= one &&
+          (met_in_scaled_space_ || ++extra_steps > kExtraSteps))
         return finish(now);
-      if (!is_feasible(now) && proofs_.infeasible(problem_)) return QpStatus::PrimalInfeasible;
-      if (!falling && is_unbounded_along_step()) {
+      if (!is_feasible(now) && certificates_.infeasible(problem_))
+        return QpStatus::PrimalInfeasible;
+      if (!ray_known && is_unbounded_along_step()) {
         if (now.feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
-        falling = true;
+        ray_known = true;
         seek_feasible_point();
         gap = scalar_traits<Scalar>::infinity();
         continue;
       }
       bool changed = false;
       if (problem_.sync(changed)) {
-        now = refine(judge());
-        if (falling && is_feasible(now)) return QpStatus::DualInfeasible;
-        if (!falling && residual_ratio(now) <= one && (sharp_ || ++patience > kPatience))
+        now = refine(measure_residuals());
+        if (ray_known && is_feasible(now)) return QpStatus::DualInfeasible;
+        if (!ray_known && residual_ratio(now) <= one &&
+            (met_in_scaled_space_ || ++extra_steps > kExtraSteps))
           return QpStatus::Solved;
-        if (!falling) keep(now);
+        if (!ray_known) keep(now);
       }
       if (row_residual_ratio(now, settings_) > one && violation > Scalar(0.1) * gap)
         lower_mu(outer);
@@ -162,10 +168,11 @@ class ProximalMethod {
     return QpStatus::IterationLimit;
   }
 
-  /// Ends a solve: after a status without an answer the iterate becomes the best one met, and
-  /// Solved if that passes; one that is not finite is given up. Products and `gradient()` are fresh
-  /// afterwards, and known to a fraction of the tolerances where the number type allows. Returns
-  /// the status to report.
+  /// Ends a solve and returns the status to report. After IterationLimit, TimeLimit and NonConvex
+  /// it restores the best iterate, and returns Solved if that meets the tolerances. An iterate that
+  /// is not finite is replaced by the point of the box nearest to zero. Afterwards products and
+  /// `gradient()` are up to date. Where plain rounding could reach the tolerances, they are
+  /// computed in twice the precision if the scalar type has accurate sums.
   QpStatus settle(const ProblemData<Scalar>& data, QpStatus status) {
     load_gradient(data);
     std::copy_n(problem_.x.data(), n(), old_x_.data());
@@ -173,7 +180,7 @@ class ProximalMethod {
     const bool unfinished = status == QpStatus::IterationLimit || status == QpStatus::TimeLimit ||
                             status == QpStatus::NonConvex;
     if (unfinished && best_.known()) {
-      if (best_.away() <= Scalar(1)) status = QpStatus::Solved;
+      if (best_.ratio() <= Scalar(1)) status = QpStatus::Solved;
       std::copy_n(best_.x().data(), n(), problem_.x.data());
       std::copy_n(best_.y().data(), m(), problem_.y.data());
     }
@@ -186,36 +193,36 @@ class ProximalMethod {
     }
     problem_.refresh_products();
     problem_.reduced_gradient(q_);
-    blurred_ = rounding_counts(problem_, D_, E_, settings_, q_);
-    if (blurred_ && has_accurate_sums<Scalar>()) {
-      look_closely(status == QpStatus::Solved);
-      blurred_ = false;
+    limited_by_rounding_ = rounding_counts(problem_, D_, E_, settings_, q_);
+    if (limited_by_rounding_ && has_accurate_sums<Scalar>()) {
+      refine_accurately(status == QpStatus::Solved);
+      limited_by_rounding_ = false;
     }
     return status;
   }
 
-  /// Returns true when rounding of the products of the last `settle` could hide an error of the
-  /// size of a tolerance, and the number type knows no better.
-  bool blurred() const { return blurred_; }
+  /// Returns true when, in the last `settle`, rounding errors of products could hide an error of
+  /// the size of a tolerance, and the scalar type has no accurate sums.
+  bool limited_by_rounding() const { return limited_by_rounding_; }
   /// The scaled problem with its iterate.
   Problem& problem() { return problem_; }
   const Problem& problem() const { return problem_; }
-  /// The proof of the last PrimalInfeasible or DualInfeasible, in scaled space.
-  const CertificateSearch<Scalar>& proofs() const { return proofs_; }
+  /// The certificate of the last PrimalInfeasible or DualInfeasible, in scaled space.
+  const CertificateSearch<Scalar>& certificates() const { return certificates_; }
   /// Scales of the unknowns, n entries in use.
   const Vector& D() const { return D_; }
   /// Scales of the rows, m entries in use.
   const Vector& E() const { return E_; }
-  /// Where the last run stood before `settle`, in scaled space: an unfinished one goes on from
-  /// there, not from its best iterate.
+  /// The last x of the run before `settle`, in scaled space. A solve that reached a limit continues
+  /// from here, not from its best iterate.
   const Vector& last_x() const { return old_x_; }
-  /// The row multipliers that its last step started from.
+  /// The row multipliers at the start of its last step.
   const Vector& last_y() const { return old_y_; }
   /// Ĥx̂ + ĝ - Âᵀŷ of the last `settle`, n entries in use.
   const Vector& gradient() const { return q_; }
 
  private:
-  static constexpr int kOuterLimit = 200, kGentle = 3, kPatience = 8;
+  static constexpr int kOuterLimit = 200, kFirstSteps = 3, kExtraSteps = 8;
 
   Index n() const { return problem_.unknowns(); }
   Index m() const { return problem_.rows(); }
@@ -224,12 +231,12 @@ class ProximalMethod {
     for (Index j = 0; j < n(); ++j) problem_.g[j] = D_[j] * data.g()[j];
   }
 
-  /// Weights in the units of the scaled problem: those of the last run are kept where they are of
-  /// the right size.
+  /// Chooses ρ and μ in the units of the scaled problem. Keeps those of the last run if they have
+  /// the right order of magnitude.
   void choose_weights(const Scalar& steepest, Start start) {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
-    // Smaller numbers count as zero: they are far below every tolerance, and ρ would underflow.
+    // Smaller numbers count as zero: they are far below all tolerances, and ρ would underflow.
     const Scalar least = Scalar(1e-30);
     const Scalar slope = steepest > least ? steepest : Scalar(1);
     const Scalar unit = curvature_ > least ? curvature_ : slope;
@@ -237,8 +244,8 @@ class ProximalMethod {
     const bool stale = !weighted_ || start == Start::Cold || mu_unit > Scalar(64) * mu_unit_ ||
                        mu_unit < mu_unit_ / Scalar(64);
     if (stale) {
-      // A cold start takes its first steps close to x and falls to the lasting weight: far fewer
-      // bounds are met in vain.
+      // A cold start begins with a large ρ, which keeps the first steps short: this avoids many
+      // needless changes of the active set. ρ then decreases to rho_unit_.
       rho_unit_ = Scalar(8) * half * unit;
       problem_.rho = start == Start::Cold ? (std::max)(rho_unit_, Scalar(1e-2) * unit) : rho_unit_;
       problem_.mu = (start == Start::FromSides ? sqrt(half) : Scalar(0.1)) * mu_unit;
@@ -246,31 +253,31 @@ class ProximalMethod {
       mu_unit_ = mu_unit;
       weighted_ = true;
       problem_.factor.clear();
-    } else if (problem_.rho < rho_unit_) {  // lowered for a far minimum
+    } else if (problem_.rho < rho_unit_) {  // a far minimum had decreased it
       problem_.rho = rho_unit_;
       problem_.factor.clear();
     }
   }
 
-  /// Makes violated rows stiffer, in the first steps only so far.
+  /// Decreases μ, which penalises violated rows more. The first steps have a higher lower limit.
   void lower_mu(int outer) {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     problem_.mu = (std::max)(Scalar(0.1) * problem_.mu,
-                             Scalar((outer < kGentle ? sqrt(half) : half) * mu_unit_));
+                             Scalar((outer < kFirstSteps ? sqrt(half) : half) * mu_unit_));
     problem_.factor.touch();
   }
 
-  /// Residuals of the present (x, y); q_ holds the scaled gradient afterwards.
-  KktResiduals<Scalar> judge() {
-    if (precise_) {
-      problem_.sharpen_products(q_);
+  /// Computes the residuals of the present (x, y), and the scaled gradient in q_.
+  KktResiduals<Scalar> measure_residuals() {
+    if (accurate_sums_) {
+      problem_.accurate_products(q_);
     } else {
       problem_.reduced_gradient(q_);
     }
-    const ScaledResiduals<Scalar> judgement = scaled_residuals(problem_, D_, E_, settings_, q_);
-    sharp_ = judgement.met_in_scaled_space;
-    return judgement.residuals;
+    const ScaledResiduals<Scalar> measured = scaled_residuals(problem_, D_, E_, settings_, q_);
+    met_in_scaled_space_ = measured.met_in_scaled_space;
+    return measured.residuals;
   }
 
   Scalar residual_ratio(const KktResiduals<Scalar>& r) const {
@@ -283,17 +290,17 @@ class ProximalMethod {
     best_.offer(now, settings_, problem_.x.head(n()), problem_.y.head(m()));
   }
 
-  /// Products and gradient as if summed in twice the precision. Where they show that a solution is
-  /// none yet, it is refined.
-  void look_closely(bool solution) {
-    precise_ = true;
-    const KktResiduals<Scalar> now = judge();
+  /// Computes products and gradient in twice the precision. Refines a `solution` that does not meet
+  /// the tolerances then.
+  void refine_accurately(bool solution) {
+    accurate_sums_ = true;
+    const KktResiduals<Scalar> now = measure_residuals();
     bool changed = false;
     if (solution && residual_ratio(now) > Scalar(1) && problem_.sync(changed)) refine(now);
-    precise_ = false;
+    accurate_sums_ = false;
   }
 
-  /// Solves for x and y on the sets that the start names.
+  /// Solves for x and y on the active sets of the start.
   KktResiduals<Scalar> refine_sides(const KktResiduals<Scalar>& now) {
     const bool good = problem_.sync_rows([this](Index i) {
       return !(problem_.rl[i] < problem_.ru[i]) || problem_.y[i] > Scalar(0) ||
@@ -302,8 +309,8 @@ class ProximalMethod {
     return good ? refine(now) : now;
   }
 
-  /// Refines (x, y) on the sets of the factor towards the unregularised optimality equations while
-  /// that helps.
+  /// Refines (x, y) on the sets of the factor towards the optimality equations without
+  /// regularisation, as long as this halves the residuals.
   KktResiduals<Scalar> refine(KktResiduals<Scalar> now) {
     constexpr int kSteps = 12;
     for (int step = 0; step < kSteps && residual_ratio(now) > Scalar(1e-3); ++step) {
@@ -311,12 +318,12 @@ class ProximalMethod {
       std::copy_n(problem_.y.data(), m(), old_y_.data());
       take_refinement_step();
       problem_.refresh_products();
-      const KktResiduals<Scalar> next = judge();
+      const KktResiduals<Scalar> next = measure_residuals();
       if (!(residual_ratio(next) < residual_ratio(now))) {
         std::copy_n(old_x_.data(), n(), problem_.x.data());
         std::copy_n(old_y_.data(), m(), problem_.y.data());
         problem_.refresh_products();
-        return judge();
+        return measure_residuals();
       }
       if (!(residual_ratio(next) < Scalar(0.5) * residual_ratio(now))) return next;
       now = next;
@@ -324,7 +331,7 @@ class ProximalMethod {
     return now;
   }
 
-  /// One solve for the optimality equations on the sets of the factor, whose gradient is in q_.
+  /// One refinement step on the sets of the factor. q_ holds the gradient.
   void take_refinement_step() {
     const KktFactor<Scalar>& factor = problem_.factor;
     for (Index k = 0; k < factor.row_size(); ++k) {
@@ -350,12 +357,12 @@ class ProximalMethod {
     }
   }
 
-  /// Asks whether x - xk is a ray. Near-rays lead to a far minimum: x goes there, and ρ falls so
-  /// that it does not hold x back.
+  /// Returns true when x - xk leads to a ray. When it leads to a far minimum, moves x there and
+  /// decreases ρ, so that the proximal term no longer limits the steps.
   bool is_unbounded_along_step() {
-    const RayStatus verdict = proofs_.unbounded(problem_);
-    if (verdict != RayStatus::FarMinimum) return verdict == RayStatus::Proven;
-    proofs_.go_to_far_minimum(problem_);
+    const RayStatus status = certificates_.unbounded(problem_);
+    if (status != RayStatus::FarMinimum) return status == RayStatus::Proven;
+    certificates_.go_to_far_minimum(problem_);
     problem_.refresh_products();
     const Scalar floor = Scalar(64) * scalar_traits<Scalar>::epsilon() * problem_.rho_ceiling;
     if (problem_.rho > floor) {
@@ -365,7 +372,7 @@ class ProximalMethod {
     return false;
   }
 
-  /// Starts afresh without the objective's slope.
+  /// Restarts near zero with g = 0.
   void seek_feasible_point() {
     std::fill_n(problem_.g.data(), n(), Scalar(0));
     put_near_zero();
@@ -379,13 +386,13 @@ class ProximalMethod {
     problem_.refresh_products();
   }
 
-  /// x at the point of the box nearest to zero.
+  /// Sets x to the point of the box nearest to zero.
   void put_near_zero() {
     for (Index j = 0; j < n(); ++j)
       problem_.x[j] = (std::min)((std::max)(Scalar(0), problem_.lo[j]), problem_.hi[j]);
   }
 
-  /// Polishes a point that already passes.
+  /// Refines a point that already meets the tolerances.
   QpStatus finish(const KktResiduals<Scalar>& now) {
     bool changed = false;
     if (problem_.sync(changed)) refine(now);
@@ -394,13 +401,13 @@ class ProximalMethod {
 
   QpSettings<Scalar> settings_;
   Problem problem_;
-  CertificateSearch<Scalar> proofs_;
+  CertificateSearch<Scalar> certificates_;
   BestIterate<Scalar> best_;
   Vector D_, q_, old_x_, p_;
   Vector E_, old_y_, delta_, r2_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
-  bool weighted_ = false, from_sides_ = false, sharp_ = false;
-  bool blurred_ = false, precise_ = false;
+  bool weighted_ = false, from_sides_ = false, met_in_scaled_space_ = false;
+  bool limited_by_rounding_ = false, accurate_sums_ = false;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -5,13 +5,15 @@
 //   φ(x) = ½ xᵀHx + gᵀx + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
 //   y(x) = (Π(v) - v)/μ,  v = Ax - μ y_k         ∇φ = Hx + g + ρ (x - x_k) - Aᵀ y(x)
 //
-// φ is strictly convex, bounded below and finite for every x in the box, so its minimiser exists
-// whatever the rows are. It is found by Newton steps on the free unknowns and violated rows, each
-// with an exact search along the path that bends at the bounds; unknowns that meet a bound leave
-// the free set, those with a wrong multiplier sign join it once the reduced gradient is small.
+// φ is strictly convex, bounded below and finite for every x in the box, so it has a minimiser even
+// if the rows contradict each other. The minimiser is found by Newton steps on the free unknowns
+// and the violated rows. Each step has an exact line search along a path that bends at the bounds:
+// an unknown that meets its bound stops there and leaves the free set. When the gradient on the
+// free set is small, unknowns at a bound whose multiplier has the wrong sign become free.
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -23,8 +25,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Data, iterate and factor of the proximal subproblem, in scaled space. Members are plain: the
-/// method around it is the only user.
+/// Data, iterate and factor of the proximal subproblem, in scaled space. Members are public because
+/// only the proximal method uses the class.
 template <RealScalar Scalar>
 class ProximalProblem {
  public:
@@ -32,7 +34,7 @@ class ProximalProblem {
   using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
   using Map = Eigen::Map<MatrixX<Scalar>>;
   enum class State : signed char { Lower = -1, Free = 0, Upper = 1 };
-  enum class Outcome { Minimised, RoundsSpent, TimeSpent, Concave, Broken };
+  enum class Outcome { Minimised, IterationLimit, TimeLimit, NonConvex, NumericalError };
 
   /// Makes room. Allocates.
   void reserve(Index n, Index m) {
@@ -55,7 +57,8 @@ class ProximalProblem {
     at_.reserve(n, m);
     n_ = m_ = 0;
   }
-  /// Sets the problem's size, within what was reserved. H, A and Aᵀ are to be written then.
+  /// Sets the size of the problem, at most the reserved one. The caller must then write H, A and
+  /// Aᵀ.
   void resize(Index n, Index m) {
     n_ = n;
     m_ = m;
@@ -64,19 +67,19 @@ class ProximalProblem {
     a_.view(rows_.data(), m, n);
     at_.view(columns_.data(), n, m);
   }
-  /// Writes Aᵀ from A.
+  /// Computes Aᵀ from A.
   void refresh_transpose() {
     for (Index i = 0; i < m_; ++i) {
       for (Index j = 0; j < n_; ++j) At()(j, i) = A()(i, j);
     }
   }
-  /// Takes the matrices where they are now: a copy of this has its own.
+  /// Updates the pointers to the matrices. Needed after this object was copied or moved.
   void attach() {
     h_.attach(hessian_.data());
     a_.attach(rows_.data());
     at_.attach(columns_.data());
   }
-  /// Makes use of zeros in H, A and Aᵀ; to be called again after they change.
+  /// Lists the nonzeros of H, A and Aᵀ, unless the problem is small. Call it after each change.
   void index() {
     constexpr Index kSmall = 40;
     if (n_ + m_ < kSmall) return;
@@ -98,7 +101,7 @@ class ProximalProblem {
   const Columns<Scalar>& columns_of_A() const { return a_; }
   const Columns<Scalar>& columns_of_At() const { return at_; }
 
-  /// hx = H x and ax = A x from scratch; the rows' moves are counted from here.
+  /// Computes hx = H x and ax = A x from scratch, and resets the moves of the rows to zero.
   void refresh_products() {
     std::fill_n(hx.data(), n_, Scalar(0));
     std::fill_n(ax.data(), m_, Scalar(0));
@@ -110,7 +113,7 @@ class ProximalProblem {
     anchor();
   }
 
-  /// out = H x + g - Aᵀ y for the present x, y.
+  /// Computes out = H x + g - Aᵀ y from hx and y.
   void reduced_gradient(Vector& out) const {
     for (Index j = 0; j < n_; ++j) out[j] = hx[j] + g[j];
     for (Index i = 0; i < m_; ++i) {
@@ -118,8 +121,8 @@ class ProximalProblem {
     }
   }
 
-  /// hx, ax and out = H x + g - Aᵀ y as if summed in twice the precision (accurate_sum.hpp).
-  void sharpen_products(Vector& out) {
+  /// Computes hx, ax and out = H x + g - Aᵀ y as if in twice the precision (accurate_sum.hpp).
+  void accurate_products(Vector& out) {
     for (Index j = 0; j < n_; ++j) {
       AccurateSum<Scalar> sum, rows;
       h_.add_dot(j, x, sum);
@@ -136,27 +139,27 @@ class ProximalProblem {
     }
   }
 
-  /// y(x) and ∇φ from hx and from how far the rows moved since `refresh_products`.
+  /// Computes y(x) and ∇φ from hx and from the moves of the rows since `refresh_products`.
   void update_multipliers() {
     for (Index i = 0; i < m_; ++i) y[i] = multiplier(i);
     reduced_gradient(grad);
     for (Index j = 0; j < n_; ++j) grad[j] += rho * (x[j] - xk[j]);
   }
 
-  /// Sign violation of the multiplier of an unknown at a bound, given its gradient; 0 where it
-  /// holds.
+  /// Returns by how much the multiplier of an unknown at a bound has the wrong sign, given the
+  /// gradient; 0 for a right sign and for a free unknown.
   Scalar violation(Index i, const Vector& gradient) const {
     const State s = state[static_cast<std::size_t>(i)];
     if (s == State::Free || !(lo[i] < hi[i])) return Scalar(0);
     return (std::max)(Scalar(0), s == State::Lower ? Scalar(-gradient[i]) : gradient[i]);
   }
 
-  /// Minimises φ from x until free gradient and sign violations are below `wanted`, or below their
-  /// rounding. hx and ax must be fresh. Adds set changes to `iterations`. Returns Broken when no
-  /// factor can be had: numbers are not finite, or lie beyond the range of the scalar.
+  /// Minimises φ from x until the gradient on the free set and all sign violations are below
+  /// `wanted`, or below their rounding errors. hx and ax must be up to date. Adds the number of set
+  /// changes to `iterations`. Returns NumericalError when no factor exists because numbers are not
+  /// finite or are out of the range of the scalar.
   Outcome minimise(const Scalar& wanted, int& iterations, const Budget& budget) {
-    using std::abs;
-    if (!usable_weights()) return Outcome::Broken;
+    if (!usable_weights()) return Outcome::NumericalError;
     update_multipliers();
     restart_progress();
     int stalls = 0;
@@ -164,51 +167,28 @@ class ProximalProblem {
     int idle = 0;
     for (;;) {
       const Scalar tolerance = (std::max)(wanted, rounding());
-      Scalar inside(0);
-      Scalar outside(0);
-      Index worst = -1;
-      for (Index i = 0; i < n_; ++i) {
-        if (state[static_cast<std::size_t>(i)] == State::Free)
-          inside = (std::max)(inside, Scalar(abs(grad[i])));
-        const Scalar v = violation(i, grad);
-        if (v > outside) {
-          outside = v;
-          worst = i;
-        }
-      }
-      const bool bottom = !(inside > tolerance) || settled > 2;
-      if (bottom && !(outside > tolerance)) return Outcome::Minimised;
+      const GradientSize size = measure_gradient();
+      const bool bottom = !(size.free > tolerance) || settled > 2;
+      if (bottom && !(size.violation > tolerance)) return Outcome::Minimised;
       stalls = progressed() ? 0 : stalls + 1;
-      if (stalls > kStalls || idle > kIdle)
-        return Outcome::Minimised;  // rounding rules: the outer loop judges
-      if (outside > tolerance && (bottom || settled > 0 || inside < Scalar(0.1) * outside)) {
-        const bool one = stalls > kStalls / 2;
-        for (Index i = 0; i < n_; ++i) {
-          if (one ? i == worst : violation(i, grad) > tolerance)
-            state[static_cast<std::size_t>(i)] = State::Free;
+      // Rounding errors prevent progress. The outer loop checks the residuals.
+      if (stalls > kStalls || idle > kIdle) return Outcome::Minimised;
+      if (size.violation > tolerance &&
+          (bottom || settled > 0 || size.free < Scalar(0.1) * size.violation)) {
+        if (stalls > kStalls / 2) {
+          state[static_cast<std::size_t>(size.worst)] = State::Free;
+        } else {
+          release_bounds(tolerance);
         }
         settled = 0;
       }
       bool changed = false;
-      for (int tries = 0; !sync(changed); ++tries) {
-        if (tries == kTries) return Outcome::Broken;
-        if (factor.free_failed()) {
-          if (rho > Scalar(1e-2) * rho_ceiling) return Outcome::Concave;
-          rho *= Scalar(16);
-          factor.clear();
-        } else {
-          mu *= Scalar(16);
-          factor.touch();
-        }
-        if (!usable_weights()) return Outcome::Broken;
-        update_multipliers();
-        restart_progress();
-      }
+      if (const std::optional<Outcome> failure = factorise(changed)) return *failure;
       idle = changed ? 0 : idle + 1;
       if (changed) {
         const QpStatus spent = budget.after(++iterations);
-        if (spent == QpStatus::TimeLimit) return Outcome::TimeSpent;
-        if (spent != QpStatus::Solved) return Outcome::RoundsSpent;
+        if (spent == QpStatus::TimeLimit) return Outcome::TimeLimit;
+        if (spent != QpStatus::Solved) return Outcome::IterationLimit;
       }
       std::fill_n(zero_rows_.data(), m_, Scalar(0));
       factor.solve(grad, zero_rows_, p_, delta_);
@@ -217,8 +197,8 @@ class ProximalProblem {
     }
   }
 
-  /// Brings the factor to the free unknowns and to the rows that `is_active` names, whatever x and
-  /// y are.
+  /// Updates the factor to the free unknowns and to the rows for which `is_active` is true. Does
+  /// not depend on x and y.
   template <class IsActive>
   bool sync_rows(IsActive is_active) {
     for (Index i = 0; i < m_; ++i) active_[static_cast<std::size_t>(i)] = is_active(i) ? 1 : 0;
@@ -226,7 +206,7 @@ class ProximalProblem {
     return sync_sets(changed);
   }
 
-  /// Brings the factor to the present sets.
+  /// Updates the factor to the free unknowns and to the equality and violated rows.
   bool sync(bool& changed) {
     for (Index i = 0; i < m_; ++i) {
       const Scalar v = position(i);
@@ -245,6 +225,55 @@ class ProximalProblem {
  private:
   static constexpr int kStalls = 8, kIdle = 60, kTries = 40;
 
+  /// Infinity norms of ∇φ on the free unknowns, and of the sign violations.
+  struct GradientSize {
+    Scalar free = Scalar(0), violation = Scalar(0);
+    /// The unknown of the largest sign violation, or -1.
+    Index worst = -1;
+  };
+
+  GradientSize measure_gradient() const {
+    using std::abs;
+    GradientSize size;
+    for (Index i = 0; i < n_; ++i) {
+      if (state[static_cast<std::size_t>(i)] == State::Free)
+        size.free = (std::max)(size.free, Scalar(abs(grad[i])));
+      const Scalar v = violation(i, grad);
+      if (v > size.violation) {
+        size.violation = v;
+        size.worst = i;
+      }
+    }
+    return size;
+  }
+
+  /// Frees the unknowns at bounds whose sign violation exceeds the tolerance.
+  void release_bounds(const Scalar& tolerance) {
+    for (Index i = 0; i < n_; ++i) {
+      if (violation(i, grad) > tolerance) state[static_cast<std::size_t>(i)] = State::Free;
+    }
+  }
+
+  /// Updates the factor to the present sets. When a pivot fails, increases ρ or μ and tries again.
+  /// Returns nothing on success, else the outcome of `minimise`.
+  std::optional<Outcome> factorise(bool& changed) {
+    for (int tries = 0; !sync(changed); ++tries) {
+      if (tries == kTries) return Outcome::NumericalError;
+      if (factor.free_failed()) {
+        if (rho > Scalar(1e-2) * rho_ceiling) return Outcome::NonConvex;
+        rho *= Scalar(16);
+        factor.clear();
+      } else {
+        mu *= Scalar(16);
+        factor.touch();
+      }
+      if (!usable_weights()) return Outcome::NumericalError;
+      update_multipliers();
+      restart_progress();
+    }
+    return std::nullopt;
+  }
+
   /// Updates the factor to the free unknowns in `state` and the rows in `active_`.
   bool sync_sets(bool& changed) {
     const auto is_active = [this](Index i) { return active_[static_cast<std::size_t>(i)] != 0; };
@@ -255,8 +284,8 @@ class ProximalProblem {
     return factor.sync(self.H(), self.At(), rho, mu, is_free, is_active, changed);
   }
 
-  /// Takes the rows' edges from where x stands now: with small moves, y = (edge - A x)/μ is not
-  /// drowned by the rounding of A x.
+  /// Stores the bounds of the rows relative to the present A x. Later moves are small, so that the
+  /// rounding error of A x does not dominate y = (bound - A x)/μ.
   void anchor() {
     for (Index i = 0; i < m_; ++i) {
       below_[i] = has_bound(rl[i]) ? Scalar(rl[i] - ax[i]) : rl[i];
@@ -265,15 +294,16 @@ class ProximalProblem {
     }
   }
 
-  /// Ax - μ y_k, from the anchor.
+  /// Returns A x - μ y_k, relative to A x at the last `anchor`.
   Scalar position(Index i) const { return moved_[i] - mu * yk[i]; }
 
+  /// Returns y(x) of row i.
   Scalar multiplier(Index i) const {
     const Scalar v = position(i);
     return v < below_[i] ? (below_[i] - v) / mu : v > above_[i] ? (above_[i] - v) / mu : Scalar(0);
   }
 
-  /// What rounding leaves in the multipliers.
+  /// Returns an estimate of the rounding error of the multipliers.
   Scalar rounding() const {
     using std::abs;
     Scalar farthest(0);
@@ -281,20 +311,20 @@ class ProximalProblem {
     return Scalar(8) * scalar_traits<Scalar>::epsilon() * farthest / mu;
   }
 
+  /// Returns true when ρ and μ are finite and positive.
   bool usable_weights() const {
     return is_finite(rho) && is_finite(mu) && rho > Scalar(0) && mu > Scalar(0);
   }
 
-  /// Gradient of φ without its row part.
+  /// Returns the gradient of φ without the term of the rows.
   Scalar smooth_slope(Index j) const { return hx[j] + g[j] + rho * (x[j] - xk[j]); }
 
-  /// Forgets what `progressed` compares with.
+  /// Makes `progressed` compare with the present x from now on.
   void restart_progress() { fresh_ = true; }
 
-  /// Returns true when φ is lower than ever since the restart. Changes of φ are summed, so that a
-  /// large constant hides nothing: the smooth part changes by ½ (s + s')ᵀ(x - x'), the row part by
-  /// μ/2 (y
-  /// + y')ᵀ(y - y').
+  /// Returns true when φ is lower than at all earlier calls since the restart. It sums the changes
+  /// of φ, because a large value of φ would hide small changes: the smooth part changes by
+  /// ½ (s + s')ᵀ(x - x'), the row part by μ/2 (y + y')ᵀ(y - y').
   bool progressed() {
     using std::abs;
     Scalar change(0);
@@ -324,8 +354,8 @@ class ProximalProblem {
     return true;
   }
 
-  /// First minimum of φ(x + t p) on 0 ≤ t ≤ end, given φ'(0) < 0 and the curvature without rows;
-  /// `end` when there is none.
+  /// Returns the first minimiser of φ(x + t p) on 0 ≤ t ≤ end, given φ'(0) = `slope` < 0 and the
+  /// curvature without rows. Returns `end` when φ decreases up to there.
   Scalar minimum_along(const Scalar& slope, const Scalar& curvature, const Scalar& end) {
     Index kinks = 0;
     Scalar bend = curvature;
@@ -341,7 +371,7 @@ class ProximalProblem {
         if (!has_bound(edge)) return;
         const Scalar t = (edge - v) / b;
         if (t < Scalar(0) || !(t < end)) return;
-        if (!(t > Scalar(0)) && inwards) return;  // on the edge, moving in: was not counted
+        if (!(t > Scalar(0)) && inwards) return;  // on the bound and moving in: not violated
         kinks_[static_cast<std::size_t>(kinks++)] = {t, inwards ? Scalar(-stiffness) : stiffness};
       };
       kink(below_[i], b > Scalar(0));
@@ -363,15 +393,27 @@ class ProximalProblem {
     return (std::min)(end, Scalar(t - s / bend));
   }
 
-  /// Walks along the bent path of the Newton direction. Returns true when it was one whole step
-  /// within the present sets.
+  /// Moves x along the Newton direction, which bends at the bounds. Returns true when this was the
+  /// whole step, with no change of the sets.
   bool walk() {
-    const Scalar big = no_bound<Scalar>();
     const Index count = factor.free_size();
+    const Index hits = ratio_test(count);
+    const bool whole = keeps_bounds(hits) && keeps_row_sides();
+    if (whole) {
+      advance(Scalar(1), count);
+    } else {
+      search_bent_path(hits, count);
+    }
+    stay_inside(count);
+    return whole;
+  }
+
+  /// Computes w = H p and b = A p. For each unknown that moves towards a bound, computes the step
+  /// length `limit_` to this bound, and lists the unknown in `hits_`. Returns their number.
+  Index ratio_test(Index count) {
     std::fill_n(w_.data(), n_, Scalar(0));
     std::fill_n(b_.data(), m_, Scalar(0));
     Index hits = 0;
-    bool whole = true;
     for (Index k = 0; k < count; ++k) {
       const Index i = factor.unknown(k);
       moving_[static_cast<std::size_t>(k)] = i;
@@ -381,24 +423,38 @@ class ProximalProblem {
       const Scalar edge = p_[i] < Scalar(0) ? lo[i] : hi[i];
       if (!has_bound(edge)) continue;
       limit_[i] = (std::max)(Scalar(0), Scalar((edge - x[i]) / p_[i]));
-      if (limit_[i] < Scalar(1)) whole = false;
       hits_[static_cast<std::size_t>(hits++)] = i;
     }
-    for (Index i = 0; whole && i < m_; ++i) {
+    return hits;
+  }
+
+  /// Returns true when the whole step crosses none of the listed bounds.
+  bool keeps_bounds(Index hits) const {
+    for (Index k = 0; k < hits; ++k) {
+      if (limit_[hits_[static_cast<std::size_t>(k)]] < Scalar(1)) return false;
+    }
+    return true;
+  }
+
+  /// Returns true when the whole step leaves each inequality row on its side of its bounds.
+  bool keeps_row_sides() const {
+    for (Index i = 0; i < m_; ++i) {
       if (!(rl[i] < ru[i])) continue;
       const Scalar v = position(i);
       const Scalar ahead = v + b_[i];
       if ((v < below_[i]) != (ahead < below_[i]) || (v > above_[i]) != (ahead > above_[i]))
-        whole = false;
+        return false;
     }
-    if (whole) {
-      advance(Scalar(1), count);
-      stay_inside(count);
-      return true;
-    }
+    return true;
+  }
+
+  /// Moves x to the first minimum of φ along the bent path. The path is straight from one bound to
+  /// the next; an unknown stops at the bound that it meets.
+  void search_bent_path(Index hits, Index count) {
     std::sort(hits_.begin(), hits_.begin() + hits, [this](Index a, Index c) {
       return limit_[a] < limit_[c] || (!(limit_[c] < limit_[a]) && a < c);
     });
+    const Scalar big = no_bound<Scalar>();
     Scalar t(0);
     for (Index hit = 0;; ++hit) {
       Scalar slope(0);
@@ -409,25 +465,29 @@ class ProximalProblem {
         curvature += (w_[i] + rho * p_[i]) * p_[i];
       }
       for (Index i = 0; i < m_; ++i) slope -= multiplier(i) * b_[i];
-      if (!(slope < Scalar(0))) break;
+      if (!(slope < Scalar(0))) return;
       const Index next = hit < hits ? hits_[static_cast<std::size_t>(hit)] : Index(-1);
       const Scalar end = next >= 0 ? Scalar(limit_[next] - t) : big;
       const Scalar step = minimum_along(slope, curvature, end);
-      if (!(step < big)) break;
+      if (!(step < big)) return;
       advance(step, count);
       t += step;
-      if (step < end) break;
-      const bool down = p_[next] < Scalar(0);
-      x[next] = down ? lo[next] : hi[next];
-      state[static_cast<std::size_t>(next)] = down ? State::Lower : State::Upper;
-      h_.add(next, -p_[next], w_);
-      a_.add(next, -p_[next], b_);
-      p_[next] = Scalar(0);
+      if (step < end) return;
+      stop_at_bound(next);
     }
-    stay_inside(count);
-    return false;
   }
 
+  /// Sets an unknown to the bound that it moves towards, and removes it from the direction.
+  void stop_at_bound(Index i) {
+    const bool down = p_[i] < Scalar(0);
+    x[i] = down ? lo[i] : hi[i];
+    state[static_cast<std::size_t>(i)] = down ? State::Lower : State::Upper;
+    h_.add(i, -p_[i], w_);
+    a_.add(i, -p_[i], b_);
+    p_[i] = Scalar(0);
+  }
+
+  /// Moves x by `step` along the direction, and updates hx and the moves of the rows.
   void advance(const Scalar& step, Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving_[static_cast<std::size_t>(k)];
@@ -437,7 +497,7 @@ class ProximalProblem {
     add_scaled(m_, step, b_.data(), moved_.data());
   }
 
-  /// Rounding must not leave the box.
+  /// Puts x back within its bounds after rounding errors.
   void stay_inside(Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving_[static_cast<std::size_t>(k)];
@@ -452,7 +512,7 @@ class ProximalProblem {
       last_y_;
   Scalar total_ = Scalar(0), least_ = Scalar(0);
   std::vector<Index> moving_, hits_;
-  std::vector<char> active_;  // rows that the factor should hold
+  std::vector<char> active_;  // 1 for each row that belongs in the factor
   std::vector<Kink> kinks_;
   Index n_ = 0, m_ = 0;
   bool fresh_ = true;

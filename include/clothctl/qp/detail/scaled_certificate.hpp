@@ -1,12 +1,12 @@
 #pragma once
 
-// The conditions of qp/certificate.hpp in the scaled space of a solver, with error bounds: a
-// candidate is a certificate when each sum that should vanish is no larger than its own rounding
-// error.
+// Checks the conditions of qp/certificate.hpp in the scaled space of a solver, with bounds on the
+// rounding errors: a candidate is a certificate when each sum that should be zero is no larger than
+// its own rounding error.
 //
 //   infeasible:  Aᵀy + z = 0  and
 //                Σ_i max{y_i t : rl_i ≤ t ≤ ru_i} + Σ_j max{z_j t : lb_j ≤ t ≤ ub_j} < 0
-//   unbounded:   H d = 0,  gᵀd < 0,  neither d nor A d runs into a finite bound
+//   unbounded:   H d = 0,  gᵀd < 0,  neither d nor A d points at a finite bound
 
 #include <algorithm>
 #include <cmath>
@@ -15,7 +15,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Spacing to the power 3/4 (1.8e-12 in double): what is small enough to be refined away.
+/// Machine spacing to the power 3/4 (1.8e-12 in double). Errors below it can be refined away.
 template <RealScalar Scalar>
 Scalar certificate_tolerance() {
   using std::sqrt;
@@ -23,19 +23,21 @@ Scalar certificate_tolerance() {
   return half * sqrt(half);
 }
 
-/// Levels of the threshold below which entries of a proof count as zero.
-inline constexpr int kTraceLevels = 3;
+/// Number of drop tolerances that are tried. Entries of a candidate below the drop tolerance count
+/// as zero.
+inline constexpr int kDropLevels = 3;
 
-/// The first threshold, relative to the largest entry; its square and the square of that follow.
+/// The first drop tolerance, relative to the largest entry. Each later one is the square of the one
+/// before.
 template <RealScalar Scalar>
-Scalar coarsest_trace() {
+Scalar largest_drop_tolerance() {
   using std::sqrt;
   return sqrt(sqrt(certificate_tolerance<Scalar>()));
 }
 
-/// Adds max over [lower, upper] of v t to `value` and its size to `size`. An infinite side counts
-/// through `reach`, a bound on |t| that any useful solution keeps, so that rounding alone does not
-/// spoil a proof.
+/// Adds max{v t : lower ≤ t ≤ upper} to `value` and its absolute value to `size`. In place of an
+/// infinite bound it takes `reach`, an upper bound of |t| for all useful solutions. Otherwise a
+/// rounding error in v would make the maximum infinite.
 template <RealScalar Scalar>
 void add_support(const Scalar& v, const Scalar& lower, const Scalar& upper, const Scalar& reach,
                  Scalar& value, Scalar& size) {
@@ -46,117 +48,117 @@ void add_support(const Scalar& v, const Scalar& lower, const Scalar& upper, cons
   size += abs(term);
 }
 
-/// How far a candidate is from a proof.
+/// The result of a check: how far a candidate is from a certificate.
 template <RealScalar Scalar>
-struct ProofCheck {
-  /// Every condition holds to the rounding of its own sums.
-  bool proven = false;
-  /// The deciding value (support, or slope) is negative beyond rounding, and no sign is wrong.
+struct CertificateCheck {
+  /// The candidate is a certificate: every condition holds to rounding.
+  bool holds = false;
+  /// The candidate is admissible, and the number that must be negative is so by more than rounding:
+  /// the support function of a Farkas pair, or the objective's slope along a ray.
   bool promising = false;
-  /// No sign is wrong, every number finite.
+  /// Each multiplier, or entry of the ray, has a sign that its bounds allow, and all are finite.
   bool admissible = false;
-  /// Largest error over what rounding explains; at most 1 when proven.
+  /// Largest error over its rounding bound; at most 1 for a certificate.
   Scalar error = Scalar(0);
-  /// The part of it that comes from rows (rays only).
+  /// The same over the rows only (rays only).
   Scalar row_error = Scalar(0);
 };
 
-/// Rounding error of a sum of `terms` products, relative to the sum of their sizes.
+/// Bound on the rounding error of a sum of `terms` products, relative to the sum of their absolute
+/// values (Higham, Accuracy and Stability of Numerical Algorithms, 2002, §3.1).
 template <RealScalar Scalar>
 Scalar summation_error(Index terms) {
   return Scalar(0.5) * static_cast<Scalar>(terms + 2) * scalar_traits<Scalar>::epsilon();
 }
 
-/// How far below zero a deciding sum of `terms` products has to be, relative to the sum of their
-/// sizes.
+/// How far below zero the support or slope of `terms` products must be, relative to the sum of
+/// their absolute values.
 template <RealScalar Scalar>
-Scalar deciding_margin(Index terms) {
+Scalar sign_margin(Index terms) {
   return certificate_tolerance<Scalar>() + Scalar(8) * summation_error<Scalar>(terms);
 }
 
-/// Judges (y, z) as a proof that the loaded bounds cannot be met; z must equal -Aᵀy and `z_size`
-/// hold |Aᵀ||y|. On an infinite side z must vanish except for the rounding of its own sum, and is
-/// then set to zero. Complexity: O(n + m).
+/// Checks (y, z) as a Farkas certificate for the loaded bounds. z must be -Aᵀy and `z_size`
+/// |Aᵀ||y|. Where z_j pushes towards an infinite bound, it must be zero up to the rounding of its
+/// own sum; a certificate gets an exact zero there. Complexity: O(n + m).
 template <RealScalar Scalar>
-ProofCheck<Scalar> check_farkas(const Eigen::Ref<const VectorX<Scalar>>& y,
-                                Eigen::Ref<VectorX<Scalar>> z,
-                                const Eigen::Ref<const VectorX<Scalar>>& z_size,
-                                const Eigen::Ref<const VectorX<Scalar>>& rl,
-                                const Eigen::Ref<const VectorX<Scalar>>& ru,
-                                const Eigen::Ref<const VectorX<Scalar>>& lo,
-                                const Eigen::Ref<const VectorX<Scalar>>& hi, const Scalar& reach) {
+CertificateCheck<Scalar> check_farkas(
+    const Eigen::Ref<const VectorX<Scalar>>& y, Eigen::Ref<VectorX<Scalar>> z,
+    const Eigen::Ref<const VectorX<Scalar>>& z_size, const Eigen::Ref<const VectorX<Scalar>>& rl,
+    const Eigen::Ref<const VectorX<Scalar>>& ru, const Eigen::Ref<const VectorX<Scalar>>& lo,
+    const Eigen::Ref<const VectorX<Scalar>>& hi, const Scalar& reach) {
   using std::abs;
-  ProofCheck<Scalar> proof;
+  CertificateCheck<Scalar> certificate;
   const Scalar rounding = summation_error<Scalar>(y.size());
   const Scalar margin =
-      Scalar(15) * certificate_tolerance<Scalar>() + deciding_margin<Scalar>(y.size() + z.size());
+      Scalar(15) * certificate_tolerance<Scalar>() + sign_margin<Scalar>(y.size() + z.size());
   Scalar value(0);
   Scalar size(0);
-  Scalar open_value(0);
+  Scalar infinite_side_value(0);
   for (Index i = 0; i < y.size(); ++i) {
-    if (!is_finite(y[i])) return proof;
+    if (!is_finite(y[i])) return certificate;
     if (!(y[i] < Scalar(0)) && !(y[i] > Scalar(0))) continue;
-    if (!has_bound(y[i] > Scalar(0) ? ru[i] : rl[i])) return proof;
+    if (!has_bound(y[i] > Scalar(0) ? ru[i] : rl[i])) return certificate;
     add_support(y[i], rl[i], ru[i], reach, value, size);
   }
   for (Index j = 0; j < z.size(); ++j) {
-    if (!is_finite(z[j])) return proof;
+    if (!is_finite(z[j])) return certificate;
     if (!(z[j] < Scalar(0)) && !(z[j] > Scalar(0))) continue;
     if (has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) {
       add_support(z[j], lo[j], hi[j], reach, value, size);
     } else {
-      proof.error = (std::max)(proof.error, Scalar(abs(z[j]) / (rounding * z_size[j])));
-      open_value += abs(z[j]) * reach;
+      certificate.error = (std::max)(certificate.error, Scalar(abs(z[j]) / (rounding * z_size[j])));
+      infinite_side_value += abs(z[j]) * reach;
     }
   }
-  proof.admissible = is_finite(value) && is_finite(size);
-  proof.promising = proof.admissible && size > Scalar(0) && value < -margin * size;
-  proof.proven = proof.promising && proof.error <= Scalar(1) &&
-                 value + open_value < -margin * (size + open_value);
-  if (!proof.proven) return proof;
+  certificate.admissible = is_finite(value) && is_finite(size);
+  certificate.promising = certificate.admissible && size > Scalar(0) && value < -margin * size;
+  certificate.holds = certificate.promising && certificate.error <= Scalar(1) &&
+                      value + infinite_side_value < -margin * (size + infinite_side_value);
+  if (!certificate.holds) return certificate;
   for (Index j = 0; j < z.size(); ++j) {
     if (!has_bound(z[j] > Scalar(0) ? hi[j] : lo[j])) z[j] = Scalar(0);
   }
-  return proof;
+  return certificate;
 }
 
-/// Judges d with products Hd and Ad as a proof of unboundedness. The sizes are those of the terms
-/// that were summed. Components of d must not leave a bound at all; Hd, and Ad towards a bound,
-/// must vanish except for the rounding of their own sums. Complexity: O(n + m).
+/// Checks d, with its products Hd and Ad, as a certificate of unboundedness. Hd_size = |H||d| and
+/// Ad_size = |A||d|. No component of d may point at a finite bound. Hd, and Ad where it points at a
+/// finite bound, must be zero up to the rounding of their own sums. Complexity: O(n + m).
 template <RealScalar Scalar>
-ProofCheck<Scalar> check_ray(
+CertificateCheck<Scalar> check_ray(
     const Eigen::Ref<const VectorX<Scalar>>& d, const Eigen::Ref<const VectorX<Scalar>>& Hd,
     const Eigen::Ref<const VectorX<Scalar>>& Ad, const Eigen::Ref<const VectorX<Scalar>>& Hd_size,
     const Eigen::Ref<const VectorX<Scalar>>& Ad_size, const Eigen::Ref<const VectorX<Scalar>>& g,
     const Eigen::Ref<const VectorX<Scalar>>& rl, const Eigen::Ref<const VectorX<Scalar>>& ru,
     const Eigen::Ref<const VectorX<Scalar>>& lo, const Eigen::Ref<const VectorX<Scalar>>& hi) {
   using std::abs;
-  ProofCheck<Scalar> proof;
+  CertificateCheck<Scalar> certificate;
   const Scalar rounding = Scalar(4) * summation_error<Scalar>(d.size());
   Scalar slope(0);
   Scalar size(0);
-  const auto demand = [&](const Scalar& value, const Scalar& terms, Scalar& error) {
+  const auto add_error = [&](const Scalar& value, const Scalar& terms, Scalar& error) {
     if (value < Scalar(0) || value > Scalar(0))
       error = (std::max)(error, Scalar(abs(value) / (rounding * terms)));
   };
   for (Index j = 0; j < d.size(); ++j) {
-    if (!is_finite(d[j]) || !is_finite(Hd[j])) return proof;
+    if (!is_finite(d[j]) || !is_finite(Hd[j])) return certificate;
     if ((d[j] < Scalar(0) && has_bound(lo[j])) || (d[j] > Scalar(0) && has_bound(hi[j])))
-      return proof;
+      return certificate;
     slope += g[j] * d[j];
     size += abs(g[j] * d[j]);
-    demand(Hd[j], Hd_size[j], proof.error);
+    add_error(Hd[j], Hd_size[j], certificate.error);
   }
   for (Index i = 0; i < Ad.size(); ++i) {
-    if (!is_finite(Ad[i])) return proof;
+    if (!is_finite(Ad[i])) return certificate;
     if ((Ad[i] < Scalar(0) && has_bound(rl[i])) || (Ad[i] > Scalar(0) && has_bound(ru[i])))
-      demand(Ad[i], Ad_size[i], proof.row_error);
+      add_error(Ad[i], Ad_size[i], certificate.row_error);
   }
-  proof.error = (std::max)(proof.error, proof.row_error);
-  proof.admissible = is_finite(size);
-  proof.promising = proof.admissible && slope < -deciding_margin<Scalar>(d.size()) * size;
-  proof.proven = proof.promising && proof.error <= Scalar(1);
-  return proof;
+  certificate.error = (std::max)(certificate.error, certificate.row_error);
+  certificate.admissible = is_finite(size);
+  certificate.promising = certificate.admissible && slope < -sign_margin<Scalar>(d.size()) * size;
+  certificate.holds = certificate.promising && certificate.error <= Scalar(1);
+  return certificate;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,9 +1,9 @@
 #pragma once
 
-// Residuals of an iterate of the proximal problem, in the caller's units and in scaled space. The
-// residuals in the caller's units are relative to the largest terms, as in kkt.hpp, and decide
-// whether the problem is solved. When unknowns differ by many orders of magnitude, these residuals
-// can hide errors of the small unknowns. The scaled ones show such errors.
+// Residuals of an iterate of the proximal problem, in the caller's units and in scaled space. Those
+// in the caller's units are relative to the largest terms, as in kkt.hpp, and decide whether the
+// problem is solved. When unknowns differ by many orders of magnitude, they can hide errors of the
+// small unknowns. The residuals in scaled space show such errors.
 
 #include <algorithm>
 
@@ -15,56 +15,59 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// The residuals of an iterate in both spaces.
 template <RealScalar Scalar>
 struct ScaledResiduals {
-  /// Unscaled residuals; complementarity counts the rounding of A x as slack.
+  /// Residuals in the caller's units. Complementarity counts the rounding error of A x as slack.
   KktResiduals<Scalar> residuals;
-  /// True when stationarity and feasibility are within tolerance in scaled space, too.
+  /// True when stationarity and feasibility are within the tolerances in scaled space too.
   bool met_in_scaled_space = false;
 };
 
-/// Measures (x, y) of a problem with fresh products, its `gradient` Ĥx̂ + ĝ - Âᵀŷ and scales D (n),
-/// E (m): x = D x̂, y = E ŷ. z is chosen from the gradient by position and sign. Points beyond 1e20
-/// do not pass. Never allocates.
+/// Computes the residuals of (x, y). The products in `problem` and its `gradient` Ĥx̂ + ĝ - Âᵀŷ
+/// must be up to date. Scales are D (n) and E (m): x = D x̂, y = E ŷ. Each z_j is the part of the
+/// gradient that the bounds at x_j allow. A point beyond 1e20 gets an infinite feasibility
+/// residual. Never allocates.
 template <RealScalar Scalar>
 ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
                                          const VectorX<Scalar>& D, const VectorX<Scalar>& E,
                                          const QpSettings<Scalar>& settings,
                                          const VectorX<Scalar>& gradient) {
   using std::abs;
-  ScaledResiduals<Scalar> judgement;
-  KktResiduals<Scalar>& r = judgement.residuals;
+  ScaledResiduals<Scalar> result;
+  KktResiduals<Scalar>& r = result.residuals;
   Scalar dual_scale(1), farthest(1);
-  Scalar wrong(0), off(0), slopes(0), places(0);  // the same errors and their sizes in scaled space
+  // In scaled space: stationarity and feasibility errors, and the sizes that they are relative to.
+  Scalar scaled_stationarity(0), scaled_violation(0), scaled_dual(0), scaled_primal(0);
   for (Index j = 0; j < problem.unknowns(); ++j) {
     const Scalar hx = problem.hx[j], g = problem.g[j], aty = hx + g - gradient[j];
     const Scalar z = bound_multiplier(gradient[j], problem.x[j], problem.lo[j], problem.hi[j]);
     const Scalar error = abs(gradient[j] - z);
-    raise_error(wrong, error);
-    raise_error(r.stationarity, Scalar(error / D[j]));
+    update_max(scaled_stationarity, error);
+    update_max(r.stationarity, Scalar(error / D[j]));
     for (const Scalar& term : {hx, g, aty}) {
-      raise_error(slopes, Scalar(abs(term)));
-      raise_error(dual_scale, Scalar(abs(term) / D[j]));
+      update_max(scaled_dual, Scalar(abs(term)));
+      update_max(dual_scale, Scalar(abs(term) / D[j]));
     }
-    raise_error(places, Scalar(abs(problem.x[j])));
-    raise_error(farthest, Scalar(abs(problem.x[j]) * D[j]));
+    update_max(scaled_primal, Scalar(abs(problem.x[j])));
+    update_max(farthest, Scalar(abs(problem.x[j]) * D[j]));
     r.objective += (Scalar(0.5) * hx + g) * problem.x[j];
   }
   Scalar primal_scale = farthest;
   for (Index i = 0; i < problem.rows(); ++i) {
     const Scalar ax = problem.ax[i], y = problem.y[i];
     const Scalar below = problem.rl[i] - ax, above = ax - problem.ru[i];
-    raise_error(places, Scalar(abs(ax)));
-    raise_error(primal_scale, Scalar(abs(ax) / E[i]));
-    if (has_bound(problem.rl[i])) raise_error(off, below);
-    if (has_bound(problem.ru[i])) raise_error(off, above);
-    if (has_bound(problem.rl[i])) raise_error(r.feasibility, Scalar(below / E[i]));
-    if (has_bound(problem.ru[i])) raise_error(r.feasibility, Scalar(above / E[i]));
+    update_max(scaled_primal, Scalar(abs(ax)));
+    update_max(primal_scale, Scalar(abs(ax) / E[i]));
+    if (has_bound(problem.rl[i])) update_max(scaled_violation, below);
+    if (has_bound(problem.ru[i])) update_max(scaled_violation, above);
+    if (has_bound(problem.rl[i])) update_max(r.feasibility, Scalar(below / E[i]));
+    if (has_bound(problem.ru[i])) update_max(r.feasibility, Scalar(above / E[i]));
     const Scalar edge = y > Scalar(0) ? below : above;
     if (!is_finite(y) || y > Scalar(0) || y < Scalar(0)) r.complementarity += abs(y * edge);
-    r.complementarity +=
-        scalar_traits<Scalar>::epsilon() * abs(y * ax);  // the slack is known no better
+    // The rounding error of A x limits how well the slack is known.
+    r.complementarity += scalar_traits<Scalar>::epsilon() * abs(y * ax);
   }
-  judgement.met_in_scaled_space = wrong <= settings.stationarity_tolerance * slopes &&
-                                  off <= settings.feasibility_tolerance * places;
+  result.met_in_scaled_space =
+      scaled_stationarity <= settings.stationarity_tolerance * scaled_dual &&
+      scaled_violation <= settings.feasibility_tolerance * scaled_primal;
   r.relative_stationarity = relative_error(r.stationarity, dual_scale);
   r.relative_feasibility = relative_error(r.feasibility, primal_scale);
   r.relative_complementarity =
@@ -72,12 +75,12 @@ ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
   if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
   if (farthest > largest_bound<Scalar>())
     r.relative_feasibility = scalar_traits<Scalar>::infinity();
-  return judgement;
+  return result;
 }
 
-/// Returns true when rounding of plain products could reach half of a tolerance: terms of H x, Aᵀ y
-/// or A x cancel that far. Products and `gradient` are those of the iterate. Never allocates.
-/// Complexity: O(n + nnz(A)).
+/// Returns true when the rounding error of plain products could exceed half of a tolerance, because
+/// large terms of H x, Aᵀ y or A x cancel. The products in `problem` and its `gradient` must be up
+/// to date. Never allocates. Complexity: O(n + nnz(A)).
 template <RealScalar Scalar>
 bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scalar>& D,
                      const VectorX<Scalar>& E, const QpSettings<Scalar>& settings,
@@ -86,27 +89,29 @@ bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scala
   using std::sqrt;
   const Scalar unit = Scalar(2) * scalar_traits<Scalar>::epsilon();
   const auto root = [&](Index j) { return sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j)))); };
-  Scalar length(0), slopes(0), dual_scale(1), primal_scale(1), places(0), pressure(0), objective(0);
+  Scalar length(0), dual_terms(0), dual_scale(1), primal_terms(0), primal_scale(1);
+  Scalar complementarity_terms(0), objective(0);
   for (Index j = 0; j < problem.unknowns(); ++j) length += root(j) * abs(problem.x[j]);
   for (Index j = 0; j < problem.unknowns(); ++j) {
     const Scalar hx = problem.hx[j], g = problem.g[j];
-    const Scalar terms = root(j) * length + abs(g) +
-                         problem.columns_of_A().size_of_dot(j, problem.y);  // |h_jk| ≤ √(h_jj h_kk)
-    raise_error(slopes, Scalar(terms / D[j]));
+    // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
+    const Scalar terms =
+        root(j) * length + abs(g) + problem.columns_of_A().size_of_dot(j, problem.y);
+    update_max(dual_terms, Scalar(terms / D[j]));
     for (const Scalar& term : {hx, g, Scalar(hx + g - gradient[j])})
-      raise_error(dual_scale, Scalar(abs(term) / D[j]));
-    raise_error(primal_scale, Scalar(abs(problem.x[j]) * D[j]));
+      update_max(dual_scale, Scalar(abs(term) / D[j]));
+    update_max(primal_scale, Scalar(abs(problem.x[j]) * D[j]));
     objective += (Scalar(0.5) * hx + g) * problem.x[j];
   }
   for (Index i = 0; i < problem.rows(); ++i) {
     const Scalar terms = problem.columns_of_At().size_of_dot(i, problem.x);
-    raise_error(places, Scalar(terms / E[i]));
-    raise_error(primal_scale, Scalar(abs(problem.ax[i]) / E[i]));
-    pressure += abs(problem.y[i]) * terms;
+    update_max(primal_terms, Scalar(terms / E[i]));
+    update_max(primal_scale, Scalar(abs(problem.ax[i]) / E[i]));
+    complementarity_terms += abs(problem.y[i]) * terms;
   }
-  return !(unit * slopes <= settings.stationarity_tolerance * dual_scale) ||
-         !(unit * places <= settings.feasibility_tolerance * primal_scale) ||
-         !(unit * pressure <=
+  return !(unit * dual_terms <= settings.stationarity_tolerance * dual_scale) ||
+         !(unit * primal_terms <= settings.feasibility_tolerance * primal_scale) ||
+         !(unit * complementarity_terms <=
            settings.complementarity_tolerance * (std::max)(Scalar(1), Scalar(abs(objective))));
 }
 

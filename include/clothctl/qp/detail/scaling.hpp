@@ -4,7 +4,7 @@
 //
 //   x = D x̂,  Ĥ = D H D,  Â = E A D,  y = E ŷ,  z = D⁻¹ ẑ
 //
-// A few sweeps bring the largest entry of each column of (Ĥ; Â) and of each row of Â close to one.
+// A few sweeps make the largest entry of each column of (Ĥ; Â) and of each row of Â close to one.
 // Reference: Ruiz, RAL-TR-2001-034 (2001).
 
 #include <algorithm>
@@ -14,21 +14,21 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// product_i = a_i b_i for the first n entries.
+/// Computes product_i = a_i b_i for the first n entries.
 template <RealScalar Scalar>
 void multiply_entries(Index n, const VectorX<Scalar>& a, const VectorX<Scalar>& b,
                       VectorX<Scalar>& product) {
   for (Index i = 0; i < n; ++i) product[i] = a[i] * b[i];
 }
 
-/// quotient_i = a_i / b_i for the first n entries.
+/// Computes quotient_i = a_i / b_i for the first n entries.
 template <RealScalar Scalar>
 void divide_entries(Index n, const VectorX<Scalar>& a, const VectorX<Scalar>& b,
                     VectorX<Scalar>& quotient) {
   for (Index i = 0; i < n; ++i) quotient[i] = a[i] / b[i];
 }
 
-/// The power of two nearest to a positive value (in the logarithm), within 2^±60.
+/// Returns the power of two whose logarithm is nearest to that of a positive value, within 2^±60.
 template <RealScalar Scalar>
 Scalar nearest_power_of_two(const Scalar& value) {
   Scalar power(1);
@@ -39,8 +39,8 @@ Scalar nearest_power_of_two(const Scalar& value) {
   return power;
 }
 
-/// Scales H (n×n) and A (m×n) in place; D and E receive the factors. Never allocates. Complexity:
-/// O(n² + mn).
+/// Scales H (n×n) and A (m×n) in place, and writes the factors to D and E. Never allocates.
+/// Complexity: O(n² + mn).
 template <RealScalar Scalar>
 void equilibrate(Eigen::Ref<MatrixX<Scalar>> H, Eigen::Ref<MatrixX<Scalar>> A,
                  Eigen::Ref<VectorX<Scalar>> D, Eigen::Ref<VectorX<Scalar>> E) {

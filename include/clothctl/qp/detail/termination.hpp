@@ -1,7 +1,7 @@
 #pragma once
 
-// Compares an iterate with the tolerances: the ratio of residuals to tolerances, the status that
-// follows from it, and the best iterate of a solve that runs out of budget.
+// Termination tests: the ratio of residuals to tolerances, the status that follows from it, and the
+// best iterate of a solve that reaches a limit.
 
 #include <algorithm>
 
@@ -10,11 +10,11 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Tolerances that an inaccurate solution may be away.
+/// An inaccurate solution may exceed the tolerances by this factor.
 inline constexpr int kLooseTolerances = 1000;
 
-/// How many tolerances the worst residual is away: at most one means solved. Infinite when a
-/// residual is not finite.
+/// Returns the largest ratio of a residual to its tolerance. At most one means solved. Infinite
+/// when a residual is not finite.
 template <RealScalar Scalar>
 Scalar residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
   return (std::max)(
@@ -23,15 +23,15 @@ Scalar residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& s
                  Scalar(r.relative_complementarity / settings.complementarity_tolerance)));
 }
 
-/// The same of what rows have a part in: violation and complementarity.
+/// The same for feasibility and complementarity only, the residuals that depend on the rows.
 template <RealScalar Scalar>
 Scalar row_residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
   return (std::max)(Scalar(r.relative_feasibility / settings.feasibility_tolerance),
                     Scalar(r.relative_complementarity / settings.complementarity_tolerance));
 }
 
-/// Writes the residuals of the caller's data into the result, and the status that they allow:
-/// Solved, IterationLimit and TimeLimit follow the residual_ratio, other statuses stay.
+/// Writes the residuals of the caller's data into the result. If its status is Solved,
+/// IterationLimit or TimeLimit, the residuals decide the new status. Other statuses stay.
 template <RealScalar Scalar>
 void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
               QpResult<Scalar>& result) {
@@ -46,21 +46,22 @@ void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
   bool too_far = false;
   for (Index j = 0; j < result.x.size(); ++j)
     too_far = too_far || !(Scalar(abs(result.x[j])) < largest_bound<Scalar>());
-  const Scalar away = too_far ? scalar_traits<Scalar>::infinity() : residual_ratio(r, settings);
-  if (away <= Scalar(1)) {
+  const Scalar ratio = too_far ? scalar_traits<Scalar>::infinity() : residual_ratio(r, settings);
+  if (ratio <= Scalar(1)) {
     result.status = QpStatus::Solved;
-  } else if (away <= Scalar(kLooseTolerances)) {
+  } else if (ratio <= Scalar(kLooseTolerances)) {
     result.status = QpStatus::SolvedInaccurate;
   } else if (!unfinished) {
     result.status = QpStatus::IterationLimit;
   }
 }
 
-/// Writes the active set that x and the multipliers in the result show, for loaded bounds lo, hi of
-/// the unknowns and rl, ru of the rows.
+/// Writes the active set into the result. It follows from x, the multipliers, the loaded bounds lo,
+/// hi of the unknowns, and rl, ru of the rows.
 template <RealScalar Scalar>
-void note_sides(const VectorX<Scalar>& lo, const VectorX<Scalar>& hi, const VectorX<Scalar>& rl,
-                const VectorX<Scalar>& ru, QpResult<Scalar>& result) {
+void write_active_set(const VectorX<Scalar>& lo, const VectorX<Scalar>& hi,
+                      const VectorX<Scalar>& rl, const VectorX<Scalar>& ru,
+                      QpResult<Scalar>& result) {
   const Scalar zero(0);
   for (Index j = 0; j < result.x.size(); ++j) {
     QpSide& side = result.bound_sides[static_cast<std::size_t>(j)];
@@ -82,9 +83,9 @@ void note_sides(const VectorX<Scalar>& lo, const VectorX<Scalar>& hi, const Vect
   }
 }
 
-/// The best iterate of a solve. Order when none is optimal: first those that pass for inaccurate
-/// solutions, by their residual_ratio; then by violation, and by residual_ratio where that is
-/// within its tolerance.
+/// The best iterate of a solve. Inaccurate solutions are best, and are compared by residual_ratio.
+/// Other iterates are compared by violation first. Violations within the tolerance count as equal;
+/// residual_ratio then decides.
 template <RealScalar Scalar>
 class BestIterate {
  public:
@@ -95,18 +96,18 @@ class BestIterate {
     forget();
   }
 
-  /// Forgets it, for a new solve.
+  /// Discards the iterate before a new solve.
   void forget() { rank_ = {}; }
-  /// Returns true when there is one.
+  /// Returns true when there is an iterate.
   bool known() const { return is_finite(rank_.residual_ratio); }
-  /// How many tolerances it is away.
-  const Scalar& away() const { return rank_.residual_ratio; }
-  /// Its unknowns; as many as were offered are in use.
+  /// Its residual_ratio.
+  const Scalar& ratio() const { return rank_.residual_ratio; }
+  /// Its unknowns. The first entries are in use, as many as `offer` got.
   const VectorX<Scalar>& x() const { return x_; }
   /// Its row multipliers.
   const VectorX<Scalar>& y() const { return y_; }
 
-  /// Keeps (x, y) with residuals r when it is the best so far. Never allocates.
+  /// Keeps a copy of (x, y) with residuals r if it is the best so far. Never allocates.
   void offer(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
              const Eigen::Ref<const VectorX<Scalar>>& x,
              const Eigen::Ref<const VectorX<Scalar>>& y) {

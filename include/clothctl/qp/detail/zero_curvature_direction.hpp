@@ -1,12 +1,12 @@
 #pragma once
 
-// The direction of zero curvature that belongs to an unknown i which depends on the free ones:
+// The direction of zero curvature of an unknown i for which H becomes singular on F and i:
 //
 //   p_i = ±1,  p_F = ∓H_FF⁻¹ H_Fi        so that  H_F p = 0
 //
-// Its curvature pᵀHp is the pivot that was refused, which is zero except for rounding. So the
-// direction is refined towards H_F p = 0 before it is used. When H p = 0 in every row and p runs
-// into no bound, it is a certificate that the problem is unbounded.
+// Its curvature pᵀHp is the pivot that the factorisation refused; this is zero up to rounding.
+// Before use, the direction is refined towards H_F p = 0. When H p = 0 in every row and no bound
+// blocks p, p is a certificate that the problem is unbounded.
 
 #include <algorithm>
 #include <cmath>
@@ -19,7 +19,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Builds, refines and proves flat directions. All memory comes from `reserve`.
+/// Computes directions of zero curvature and checks them as rays. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class ZeroCurvatureDirection {
  public:
@@ -28,14 +28,14 @@ class ZeroCurvatureDirection {
   /// Makes room for n unknowns. Allocates.
   void reserve(Index n) { set_zero<Scalar>({&product_, &size_, &correction_, &ray_}, n); }
 
-  /// Writes the direction in which unknown i moves by `sign` to p, at the places that `moving` then
-  /// lists. Returns how many.
+  /// Computes the direction p in which unknown i moves by `sign`. Writes only the entries of p that
+  /// are not zero, and lists them in `moving`. Returns their number.
   Index open(DenseCurvature<Scalar>& curvature, Index i, const Scalar& sign,
              std::vector<Index>& moving, Vector& p) {
     UpdatableCholesky<Scalar>& factor = curvature.factor();
     const Index f = factor.size();
-    factor.append(curvature.H(), i, Scalar(0),
-                  Scalar(2));  // always refused: leaves L⁻¹ H_Fi behind
+    // No pivot passes a tolerance of 2, so this only computes the column L⁻¹ H_Fi.
+    factor.append(curvature.H(), i, Scalar(0), Scalar(2));
     std::copy_n(factor.column().data(), f, correction_.data());
     factor.solve_upper(correction_);
     for (Index k = 0; k < f; ++k) {
@@ -52,10 +52,11 @@ class ZeroCurvatureDirection {
     return f + 1;
   }
 
-  /// Returns true when the direction p over moving[0 … count-1] is flat in every row of H, to the
-  /// rounding of the product, falls along g, and leaves no bound; if so leaves it in `ray()`.
-  /// Entries below a threshold, coarse at first, count as zero: alone in a row they would never
-  /// cancel. The part in the factor is refined towards H p = 0.
+  /// Returns true when the direction p over moving[0 … count-1] leads to a ray: H p = 0 up to
+  /// rounding, gᵀp < 0, and no bound blocks p. Stores it in `ray()`. Entries below a drop tolerance
+  /// count as zero, because nothing cancels an entry that is the only term of a row. Several drop
+  /// tolerances are tried, the largest first. The entries in the factor are refined towards H p =
+  /// 0.
   bool is_ray(DenseCurvature<Scalar>& curvature, const std::vector<Index>& moving, Index count,
               const Vector& p, const Vector& g, const Vector& lo, const Vector& hi) {
     using std::abs;
@@ -65,38 +66,38 @@ class ZeroCurvatureDirection {
     for (Index k = 0; k < count; ++k)
       largest = (std::max)(largest, Scalar(abs(p[moving[static_cast<std::size_t>(k)]])));
     if (!(largest > Scalar(0)) || !is_finite(largest)) return false;
-    Scalar threshold = coarsest_trace<Scalar>();
-    for (int level = 0; level < kTraceLevels; ++level, threshold *= threshold) {
+    Scalar threshold = largest_drop_tolerance<Scalar>();
+    for (int level = 0; level < kDropLevels; ++level, threshold *= threshold) {
       std::fill_n(ray_.data(), n, Scalar(0));
       for (Index k = 0; k < count; ++k) {
         const Index i = moving[static_cast<std::size_t>(k)];
         ray_[i] = p[i] / largest;
       }
-      constexpr int kSteps = 4, kNearly = 1000;
-      bool nearly = false;  // where the rounding of plain products is what refinement runs into
+      constexpr int kSteps = 4, kUseAccurateSums = 1000;
+      bool accurate = false;  // near the end, the rounding of plain products limits the refinement
       for (int step = 0; step < kSteps; ++step) {
         for (Index j = 0; j < n; ++j) {
           if (abs(ray_[j]) < threshold) ray_[j] = Scalar(0);
         }
         multiply(curvature, moving, count, ray_);
-        if (nearly) sharpen(curvature, moving, count, ray_);
-        const ProofCheck<Scalar> proof =
+        if (accurate) multiply_accurately(curvature, moving, count, ray_);
+        const CertificateCheck<Scalar> certificate =
             check_ray<Scalar>(ray_.head(n), product_.head(n), none, size_.head(n), none, g.head(n),
                               none, none, lo.head(n), hi.head(n));
-        if (proof.proven) return true;
-        if (!proof.promising) break;
-        nearly = proof.error < Scalar(kNearly);
+        if (certificate.holds) return true;
+        if (!certificate.promising) break;
+        accurate = certificate.error < Scalar(kUseAccurateSums);
         refine(curvature.factor(), ray_);
       }
     }
     return false;
   }
 
-  /// What `is_ray` proved, n entries in use.
+  /// The ray that `is_ray` found, n entries in use.
   const Vector& ray() const { return ray_; }
 
  private:
-  /// H v and the sizes of its terms, for v over moving[0 … count-1].
+  /// Computes H v and |H||v|, for v over moving[0 … count-1].
   void multiply(const DenseCurvature<Scalar>& curvature, const std::vector<Index>& moving,
                 Index count, const Vector& v) {
     using std::abs;
@@ -112,9 +113,9 @@ class ZeroCurvatureDirection {
     }
   }
 
-  /// H v as if summed in twice the precision.
-  void sharpen(const DenseCurvature<Scalar>& curvature, const std::vector<Index>& moving,
-               Index count, const Vector& v) {
+  /// Computes H v as if in twice the precision.
+  void multiply_accurately(const DenseCurvature<Scalar>& curvature,
+                           const std::vector<Index>& moving, Index count, const Vector& v) {
     for (Index j = 0; j < curvature.unknowns(); ++j) {
       AccurateSum<Scalar> sum;
       for (Index k = 0; k < count; ++k) {

@@ -45,6 +45,8 @@ class IkProblem {
     reference_ = beyond_limit_;
     for (Index i = 0; i < lower_.size(); ++i) {
       if (is_unbounded(lower_[i])) lower_[i] = Scalar(-kUnlimited);
+    }
+    for (Index i = 0; i < upper_.size(); ++i) {
       if (is_unbounded(upper_[i])) upper_[i] = Scalar(kUnlimited);
     }
   }
@@ -54,6 +56,7 @@ class IkProblem {
   std::string_view validate(const Model& model, const Tasks& tasks, const View& reference,
                             const View& q) const {
     const Index positions = Traits::nq(model);
+    if (lower_.size() != upper_.size()) return "the robot's limits differ in their sizes";
     if (positions != lower_.size() || Traits::nv(model) != n_ || !workspace_fits(model, work_))
       return "the robot is not the one that memory was made for";
     if (q.size() != positions) return "q is not of the robot's size";

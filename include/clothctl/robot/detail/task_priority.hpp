@@ -79,8 +79,7 @@ class TaskPriority {
   }
 
   /// Adds the next level, J q̇ = ẋ with J rows × n. Never allocates. Complexity: O(rows² n) for
-  /// each
-  /// sweep of rotations, about six sweeps.
+  /// each sweep of rotations, about six sweeps.
   PriorityReport<Scalar> add(const MatrixView& J, const View& velocity) {
     using std::sqrt;
     PriorityReport<Scalar> report;

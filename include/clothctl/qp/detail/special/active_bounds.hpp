@@ -1,13 +1,14 @@
 #pragma once
 
-// The active-set mode of the bound solver with a dense H, for sequences in which few bounds are
-// active. With K = H⁻¹, made once for H, the minimiser on the active set A (x_A = b_A) is
+// The minimiser on a given active set for a dense H, for sequences of problems in which few bounds
+// are active. With K = H⁻¹, computed once for each H, the minimiser on the active set A (x_A = b_A)
+// is
 //
 //   u = -K g,   K_AA z_A = b_A - u_A,   x = u + K_{:A} z_A
 //
-// K_AA is factored over the changing set (updatable_cholesky.hpp). Cost: n³/2 for K; a solve n² for
-// u and, a round, n a, and a² for each unknown that joins or parts: nothing depends on how many
-// unknowns are free.
+// The factor of K_AA is updated when A changes (updatable_cholesky.hpp). Cost with a active bounds:
+// n³/2 for K, n² for u in each solve, n a in each round, and a² for each unknown that enters or
+// leaves A. It does not depend on the number of free unknowns.
 
 #include <algorithm>
 #include <cmath>
@@ -27,11 +28,10 @@ class ActiveBounds {
   using Vector = VectorX<Scalar>;
   using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
 
-  /// Most unknowns that the mode is for: K takes milliseconds, once, which larger problems would
-  /// not get back soon.
+  /// Largest number of unknowns. For more, the computation of K takes longer than it saves.
   static constexpr Index kMostUnknowns = 400;
 
-  /// Makes room for n unknowns, or as many as the mode is for. Allocates.
+  /// Makes room for n unknowns, at most kMostUnknowns. Allocates.
   void reserve(Index n) {
     n = (std::min)(n, kMostUnknowns);
     K_.setZero(n, n);
@@ -41,22 +41,22 @@ class ActiveBounds {
     forget();
   }
 
-  /// The Hessian changed: K is no more.
+  /// Discards K. Call this after a change of the Hessian.
   void forget() {
     known_ = refused_ = false;
     factor_.clear();
   }
   /// Returns true when K is known.
   bool known() const { return known_; }
-  /// Returns true when n unknowns, so many of them at bounds, suit the mode.
+  /// Returns true when this class suits n unknowns with `active` active bounds.
   static bool suits(Index active, Index n) { return n <= kMostUnknowns && active <= most(n); }
 
-  /// Returns true when `prepare` did what it can.
+  /// Returns true when `prepare` was called for this Hessian, with success or not.
   bool ready() const { return known_ || refused_; }
 
-  /// Makes K. There is none when a pivot of H shows it singular or close to it; what K loses
-  /// otherwise is the judge's to notice. `scratch`, at least n×n, is overwritten. Never allocates.
-  /// Complexity: n³/2.
+  /// Computes K, unless a pivot shows that H is almost singular. The rounding errors of K are not
+  /// checked here: the solver checks the residuals of every solution. Overwrites `scratch`, at
+  /// least n×n. Never allocates. Complexity: n³/2.
   void prepare(const ConstMap& H, Eigen::Ref<MatrixX<Scalar>> scratch) {
     using std::sqrt;
     forget();
@@ -95,14 +95,15 @@ class ActiveBounds {
     known_ = true;
   }
 
-  /// Takes the gradient of a solve, n entries.
+  /// Starts the rounds of a solve with gradient g, n entries.
   void start_rounds(const Vector& g) {
     for (Index i = 0; i < n_; ++i) solution_[i] = -g[i];
     multiply(solution_, u_);
   }
 
-  /// x and, on the active set, z of the minimiser on it (primal_dual_active_set.hpp). Returns false
-  /// when the set is too large, or dependent to rounding. Never allocates.
+  /// Computes the minimiser x on the active set and, on the set, the multipliers z
+  /// (primal_dual_active_set.hpp). Returns false when the set is too large, or K_AA is singular to
+  /// rounding. Never allocates.
   template <class SideOf>
   bool minimise(const Vector&, const Vector& lo, const Vector& hi, SideOf side_of,
                 const Scalar& tolerance, Vector& x, Vector& z) {
@@ -114,40 +115,42 @@ class ActiveBounds {
     if (size() != active) return false;
     const auto bound = [&](Index i) { return side_of(i) == QpSide::Lower ? lo[i] : hi[i]; };
     for (Index k = 0; k < active; ++k) solution_[k] = bound(order(k)) - u_[order(k)];
-    add_pulls(u_, x);
+    add_bound_forces(u_, x);
     using std::abs;
     using std::sqrt;
-    Scalar pull(0), most_pull(0);  // in units in which every K_ii is 1
+    Scalar sum_of_forces(0), largest_force(0);  // |z_i|, in units in which every K_ii is 1
     for (Index k = 0; k < active; ++k) {
       const Scalar own = abs(solution_[k]) * sqrt(K_(order(k), order(k)));
-      pull += own;
-      most_pull = (std::max)(most_pull, own);
+      sum_of_forces += own;
+      largest_force = (std::max)(largest_force, own);
     }
     const Scalar rounding = Scalar(32) * scalar_traits<Scalar>::epsilon();
     for (Index i = 0; i < n_; ++i) {
       if (place(i) < 0)
-        x[i] = snap(x[i], lo[i], hi[i], Scalar(rounding * (abs(u_[i]) + sqrt(K_(i, i)) * pull)));
+        x[i] = snap(x[i], lo[i], hi[i],
+                    Scalar(rounding * (abs(u_[i]) + sqrt(K_(i, i)) * sum_of_forces)));
     }
     for (Index k = 0; k < active; ++k) {
       const Index i = order(k);
-      z[i] = abs(solution_[k]) * sqrt(K_(i, i)) <= tolerance * most_pull ? Scalar(0) : solution_[k];
+      z[i] = abs(solution_[k]) * sqrt(K_(i, i)) <= tolerance * largest_force ? Scalar(0)
+                                                                             : solution_[k];
       x[i] = bound(i);
     }
     return true;
   }
 
-  /// p_F = -H_FF⁻¹ q_F over the unknowns outside the last set, 0 on the set; n entries of q and p
-  /// are used. Never allocates.
+  /// Computes p_F = -H_FF⁻¹ q_F for the unknowns outside the last active set, and p = 0 on it. Uses
+  /// n entries of q and p. Never allocates.
   void newton(const Vector& q, Vector& p) {
     for (Index i = 0; i < n_; ++i) p[i] = -q[i];
     for (Index k = 0; k < size(); ++k) p[order(k)] = Scalar(0);
     multiply(p, u_);
     for (Index k = 0; k < size(); ++k) solution_[k] = -u_[order(k)];
-    add_pulls(u_, p);
+    add_bound_forces(u_, p);
     for (Index k = 0; k < size(); ++k) p[order(k)] = Scalar(0);
   }
 
-  // What update_factor_to asks of the factor of K_AA.
+  // The interface that update_factor_to needs of the factor of K_AA.
   Index size() const { return factor_.size(); }
   Index order(Index k) const { return factor_.order(k); }
   Index place(Index i) const { return factor_.place(i); }
@@ -162,14 +165,14 @@ class ActiveBounds {
   static Index most(Index n) { return n / 3; }
   static Scalar dependent() { return Scalar(8) * scalar_traits<Scalar>::epsilon(); }
 
-  /// product = K v.
+  /// Computes product = K v.
   void multiply(const Vector& v, Vector& product) const {
     std::fill_n(product.data(), n_, Scalar(0));
     add_product(K_.data(), K_.outerStride(), n_, n_, v.data(), product.data());
   }
 
-  /// x = u + K_{:A} K_AA⁻¹ r for r in the head of solution_, which then holds K_AA⁻¹ r.
-  void add_pulls(const Vector& u, Vector& x) {
+  /// Computes x = u + K_{:A} K_AA⁻¹ r for r in the head of solution_, and leaves K_AA⁻¹ r there.
+  void add_bound_forces(const Vector& u, Vector& x) {
     factor_.solve_lower(solution_);
     factor_.solve_upper(solution_);
     std::copy_n(u.data(), n_, x.data());

@@ -1,13 +1,13 @@
 #pragma once
 
-// The closest feasible point of rows that contradict each other or the bounds:
+// A closest point to rows that contradict each other or the bounds:
 //
 //   s = argmin |s|²  over  rl ≤ A x + s ≤ ru,  lb ≤ x ≤ ub
 //
-// that is x minimising ½ dist²(Ax, [rl, ru]) over the box, s = Π(Ax) - Ax. The shifts s are unique;
-// x is any minimiser. The proximal problem without H and g, with μ = 1 and y_k = 0, is one proximal
-// step of this least-squares problem; a few of them with a falling weight ρ converge, however the
-// rows depend on each other.
+// x minimises ½ dist²(Ax, [rl, ru]) over the box, and s = Π(Ax) - Ax. The shifts s are unique; x
+// may not be. The proximal problem with H = 0, g = 0, μ = 1 and y_k = 0 is one proximal step for
+// this least-squares problem. A few steps with a decreasing weight ρ converge, even if rows are
+// linearly dependent (Rockafellar 1976).
 
 #include <algorithm>
 
@@ -32,10 +32,10 @@ class ClosestPoint {
   /// The shifts s, in the units of the rows of the problem.
   const Vector& shifts() const { return shifts_; }
 
-  /// Minimises the distance from the present x, which must be finite, over the rows and bounds in
-  /// `problem`. H, g, the weights and the multipliers of the problem are overwritten. Returns false
-  /// when the budget or rounding ended it: the shifts are then those of the point reached. Never
-  /// allocates.
+  /// Minimises the distance to the rows of `problem` within its bounds, starting from its x, which
+  /// must be finite. Overwrites H, g, the weights and the multipliers of the problem. Returns false
+  /// when the budget ended, or rounding errors prevented progress; the shifts then belong to the
+  /// last point. Never allocates.
   bool find(Problem& problem, const Budget& budget, int& iterations) {
     const Index n = problem.unknowns(), m = problem.rows();
     std::fill_n(problem.H().data(), n * n, Scalar(0));
@@ -66,7 +66,7 @@ class ClosestPoint {
       problem.refresh_products();
       if (outcome != Problem::Outcome::Minimised) break;
       problem.update_multipliers();
-      done = steepest_way_down(problem) <= Scalar(4) * wanted;
+      done = projected_gradient_norm(problem) <= Scalar(4) * wanted;
       if (done) break;
       problem.rho = (std::max)(least_rho, Scalar(0.25) * problem.rho);
       problem.factor.clear();
@@ -75,19 +75,20 @@ class ClosestPoint {
       const Scalar below = problem.rl[i] - problem.ax[i], above = problem.ru[i] - problem.ax[i];
       shifts_[i] = below > Scalar(0) ? below : above < Scalar(0) ? above : Scalar(0);
     }
-    pull_ = size(problem, false);
+    slope_size_ = size(problem, false);
     problem.reduced_gradient(slope_);
     return done;
   }
 
-  /// After `find`: shrinks the bounds of `problem`, whose row i is E_i times as long as it was
-  /// then, to the closest points. Rows that are apart become equalities at their shift and unknowns
-  /// that the distance presses on a bound stay there, as at every closest point: left as
-  /// inequalities they would leave a set without interior, whose multipliers have no bound.
-  void hold(Problem& problem, const Vector& E) const {
+  /// After `find`: tightens the bounds of `problem`, whose rows are now scaled by E, until only
+  /// closest points remain. A row with a shift becomes an equality. An unknown becomes fixed at its
+  /// bound if the distance has a nonzero slope there. Both hold at every closest point. As
+  /// inequalities, they would describe a set without interior, where multipliers are unbounded.
+  void tighten_bounds(Problem& problem, const Vector& E) const {
     using std::abs;
     using std::sqrt;
-    const Scalar part = sqrt(scalar_traits<Scalar>::epsilon());  // below it, what `find` leaves
+    // Smaller shifts and slopes, relative to the largest, are errors of `find`.
+    const Scalar relative_zero = sqrt(scalar_traits<Scalar>::epsilon());
     const Index n = problem.unknowns(), m = problem.rows();
     Scalar farthest(0);
     for (Index i = 0; i < m; ++i) farthest = (std::max)(farthest, Scalar(abs(shifts_[i])));
@@ -95,12 +96,12 @@ class ClosestPoint {
       const Scalar shift = shifts_[i] * E[i];
       if (has_bound(problem.rl[i])) problem.rl[i] -= shift;
       if (has_bound(problem.ru[i])) problem.ru[i] -= shift;
-      if (!(abs(shifts_[i]) > part * farthest)) continue;
+      if (!(abs(shifts_[i]) > relative_zero * farthest)) continue;
       (shift > Scalar(0) ? problem.ru[i] : problem.rl[i]) =
           shift > Scalar(0) ? problem.rl[i] : problem.ru[i];
     }
     for (Index j = 0; j < n; ++j) {
-      if (!(abs(slope_[j]) > part * pull_)) continue;
+      if (!(abs(slope_[j]) > relative_zero * slope_size_)) continue;
       const bool at_lower = !(problem.x[j] > problem.lo[j]),
                  at_upper = !(problem.x[j] < problem.hi[j]);
       if (at_lower && slope_[j] > Scalar(0)) problem.hi[j] = problem.lo[j];
@@ -111,14 +112,14 @@ class ClosestPoint {
  private:
   static constexpr int kSteps = 60;
 
-  /// What counts as no slope, over |A|ᵀ|Π(Ax) - Ax|.
+  /// Tolerance of the projected gradient, relative to |A|ᵀ|Π(Ax) - Ax|.
   static Scalar tolerance() {
     using std::sqrt;
     return Scalar(1e-3) * sqrt(scalar_traits<Scalar>::epsilon());
   }
 
-  /// Largest entry of |A|ᵀ|v|, v the distances Π(Ax) - Ax, or A x and those: the rounding of the
-  /// distances is that of A x.
+  /// Returns the largest entry of |A|ᵀ|Π(Ax) - Ax|, or with rows of |A|ᵀ(|Π(Ax) - Ax| + |Ax|),
+  /// since the rounding error of the distances is that of A x.
   Scalar size(const Problem& problem, bool with_rows) {
     using std::abs;
     const Index n = problem.unknowns();
@@ -134,20 +135,20 @@ class ClosestPoint {
     return largest;
   }
 
-  /// Largest slope of ½ dist² that the bounds do not hold.
-  Scalar steepest_way_down(const Problem& problem) {
+  /// Returns the largest entry of the gradient of ½ dist² after projection on the bounds.
+  Scalar projected_gradient_norm(const Problem& problem) {
     using std::abs;
     Scalar most(0);
     problem.reduced_gradient(slope_);
     for (Index j = 0; j < problem.unknowns(); ++j) {
-      const Scalar held = bound_multiplier(slope_[j], problem.x[j], problem.lo[j], problem.hi[j]);
-      most = (std::max)(most, Scalar(abs(slope_[j] - held)));
+      const Scalar z = bound_multiplier(slope_[j], problem.x[j], problem.lo[j], problem.hi[j]);
+      most = (std::max)(most, Scalar(abs(slope_[j] - z)));
     }
     return most;
   }
 
   Vector slope_, shifts_;
-  Scalar pull_ = Scalar(0);  // largest sum of the terms of a slope
+  Scalar slope_size_ = Scalar(0);  // largest entry of |A|ᵀ|s|
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

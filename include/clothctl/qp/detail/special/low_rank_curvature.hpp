@@ -1,14 +1,14 @@
 #pragma once
 
-// A Hessian that is diagonal plus low rank, as the box method sees it:
+// The operations of the box method on a Hessian that is diagonal plus low rank:
 //
 //   H = D + NᵀN,  D > 0 diagonal, N r×n          S = I + N_F D_F⁻¹ N_Fᵀ = L diag(d) Lᵀ,  r×r
 //   H_FF⁻¹ = D_F⁻¹ - D_F⁻¹ N_Fᵀ S⁻¹ N_F D_F⁻¹      (Woodbury)
 //
-// An unknown joins or leaves F by a rank-one change of L and d, O(r²), whatever the size of F; a
-// Newton step is O(r f + r²), a gradient O(r n), and a breakpoint of a walk O(r), for q along it is
-// q + D Δx + NᵀU with U = N Δx. The minimiser on an active set A, x_A = b_A, follows from c = N x
-// alone, in O(r n + r²):
+// When an unknown enters or leaves F, L and d change by a rank-one update, O(r²) for any size f of
+// F. A Newton step costs O(r f + r²), a gradient O(r n), and a breakpoint of a line search O(r),
+// because the gradient along the search is q + D Δx + NᵀU with U = N Δx. The minimiser on an active
+// set A, x_A = b_A, follows from c = N x in O(r n + r²):
 //
 //   S c = N_A b_A - N_F D_F⁻¹ g_F,   x_F = -D_F⁻¹ (g_F + N_Fᵀ c),   z_A = D_A b_A + g_A + N_Aᵀ c
 
@@ -23,10 +23,10 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// L diag(d) Lᵀ ← L diag(d) Lᵀ + weight v vᵀ in place for a unit lower L (r×r); v is overwritten.
-/// Returns false where the result would not be definite: the factor is then spoilt. Complexity:
-/// O(r²), one division a column. Reference: Gill, Golub, Murray, Saunders, Math. Comp. 28 (1974),
-/// method C1.
+/// L diag(d) Lᵀ ← L diag(d) Lᵀ + weight v vᵀ in place, for a unit lower triangular L (r×r).
+/// Overwrites v. Returns false when the result would not be positive definite; the factor is then
+/// no longer valid. Complexity: O(r²), one division a column. Reference: Gill, Golub, Murray and
+/// Saunders, Math. Comp. 28 (1974), method C1.
 template <RealScalar Scalar>
 bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> d,
                      Eigen::Ref<VectorX<Scalar>> v, Scalar weight) {
@@ -52,14 +52,14 @@ bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> 
   return true;
 }
 
-/// D + NᵀN with the factor of S over its free unknowns. All memory comes from `reserve`.
+/// D + NᵀN with the factor of S for the free unknowns. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class LowRankCurvature {
  public:
   using Matrix = MatrixX<Scalar>;
   using Vector = VectorX<Scalar>;
 
-  /// D > 0: no unknown depends on others.
+  /// D > 0, so H_FF is never singular.
   static constexpr bool kDefinite = true;
 
   /// Makes room for n unknowns and rank r. Allocates.
@@ -76,7 +76,7 @@ class LowRankCurvature {
     place_.assign(static_cast<std::size_t>(n), -1);
     n_ = r_ = size_ = 0;
   }
-  /// Sets the sizes of D and N, which are then to be filled, and empties the free set.
+  /// Sets the sizes of D and N, and clears the free set. The caller must then fill D and N.
   void resize(Index n, Index r) {
     clear();
     n_ = n;
@@ -84,7 +84,7 @@ class LowRankCurvature {
     summed_ = kMostSummed;
     for (Index i = 0; i < n; ++i) place_[static_cast<std::size_t>(i)] = -1;
   }
-  /// N, r×n, to be filled.
+  /// N, r×n, for the caller to fill.
   Eigen::Ref<Matrix> N() { return N_.topLeftCorner(r_, n_); }
   /// Sets D_i > 0.
   void set_diagonal(Index i, const Scalar& d) {
@@ -111,20 +111,20 @@ class LowRankCurvature {
     set_identity(L_);
     std::fill_n(d_.data(), r_, Scalar(1));
   }
-  /// Returns true when so many changes of the factor are cheaper than bringing S, and then its
-  /// factor, to the set with `kept` unknowns.
+  /// Returns true when `changes` updates of the factor are cheaper than an update of S and a new
+  /// factor, given that `kept` unknowns stay.
   bool few(Index changes, Index kept) const {
     const Index to_sum = (std::min)(kept, static_cast<Index>(updates_) + changes);
     return updates_ + changes <= kMostUpdates && kUpdateCost * changes <= to_sum + r_ / 2;
   }
 
-  /// Takes unknown i into the free set.
+  /// Adds unknown i to the free set.
   void append(Index i) {
     order_[static_cast<std::size_t>(size_)] = i;
     place_[static_cast<std::size_t>(i)] = size_++;
     change(i, 1);
   }
-  /// Takes the unknown at place k out; the last one moves there.
+  /// Removes the unknown at place k. The last unknown takes its place.
   void remove(Index k) {
     const Index i = order(k), last = order(--size_);
     order_[static_cast<std::size_t>(k)] = last;
@@ -132,7 +132,7 @@ class LowRankCurvature {
     place_[static_cast<std::size_t>(i)] = -1;
     change(i, -1);
   }
-  /// Makes `wanted[0 … count-1]` the free set and factors S afresh.
+  /// Makes `wanted[0 … count-1]` the free set, and factors S from scratch.
   void renew(const std::vector<Index>& wanted, Index count) {
     for (Index k = 0; k < size_; ++k) place_[static_cast<std::size_t>(order(k))] = -1;
     for (Index k = 0; k < count; ++k) {
@@ -172,12 +172,12 @@ class LowRankCurvature {
     }
   }
 
-  /// Primal-dual rounds with another gradient begin.
+  /// Starts the primal-dual rounds of a solve.
   void start_rounds(const Vector&) {
     std::fill_n(right_.data(), r_, Scalar(0));
     std::fill_n(share_.data(), n_, Scalar(0));
   }
-  /// x and, on the active set that side_of names, z of the minimiser on it
+  /// Computes the minimiser x on the active set of side_of and, on the set, the multipliers z
   /// (primal_dual_active_set.hpp). Never allocates.
   template <class SideOf>
   bool minimise(const Vector& g, const Vector& lo, const Vector& hi, SideOf side_of,
@@ -213,7 +213,7 @@ class LowRankCurvature {
     return true;
   }
 
-  /// Starts a walk along p, which is zero but at moving[0 … count-1].
+  /// Starts a search along p. Only the entries moving[0 … count-1] of p are not zero.
   void start_walk(const std::vector<Index>& moving, Index count, const Vector& p, const Vector& q) {
     std::fill_n(v_.data(), r_, Scalar(0));
     std::fill_n(U_.data(), r_, Scalar(0));
@@ -229,20 +229,20 @@ class LowRankCurvature {
     sum.finish();
     bend_ = dot_product(r_, v_.data(), v_.data());
   }
-  /// Slope qᵀp and curvature pᵀH p of what still moves.
+  /// Returns slope qᵀp and curvature pᵀH p over the unknowns that still move.
   void line(const std::vector<Index>&, Index, const Vector&, const Vector&, Scalar& slope,
             Scalar& curvature, Scalar& size) const {
     slope = left_ > 0 ? slope_ : Scalar(0);
     curvature = axial_ + bend_;
     size = curvature;
   }
-  /// Goes on by `step`.
+  /// Moves on by `step`.
   void advance(const Scalar& step, Vector&) {
     slope_ += step * (axial_ + bend_);
     add_scaled(r_, step, v_.data(), U_.data());
     length_ += step;
   }
-  /// Unknown i stops here.
+  /// Stops unknown i at its bound: removes p_i from the direction.
   void stop(Index i, const Vector& p, Vector& q) {
     q[i] += D_[i] * p[i] * length_;
     slope_ -= p[i] * (q[i] + dot_product(r_, column(i), U_.data()));
@@ -252,11 +252,11 @@ class LowRankCurvature {
     bend_ = dot_product(r_, v_.data(), v_.data());
     --left_;
   }
-  /// Ends the walk: q is the gradient at its end.
+  /// Ends the search. q is the gradient at its end.
   void end_walk(const std::vector<Index>& moving, Index count, const Vector& p, Vector& q) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving[static_cast<std::size_t>(k)];
-      q[i] += D_[i] * p[i] * length_;  // p is zero where it stopped
+      q[i] += D_[i] * p[i] * length_;  // p_i is zero for an unknown that stopped
     }
     add_transposed_product(N_.data(), N_.outerStride(), r_, n_, U_.data(), q.data());
   }
@@ -266,7 +266,7 @@ class LowRankCurvature {
 
   const Scalar* column(Index i) const { return N_.data() + i * N_.outerStride(); }
 
-  /// Adds columns of N to v.
+  /// A sum of columns of N, added to v.
   ColumnSum<Scalar> sum_of_columns(Vector& v) const {
     return {N_.data(), N_.outerStride(), r_, v.data()};
   }
@@ -284,6 +284,7 @@ class LowRankCurvature {
     }
   }
 
+  /// Updates the factor when unknown i enters (sign = 1) or leaves (sign = -1) the free set.
   void change(Index i, int sign) {
     ++updates_;
     std::copy_n(column(i), r_, work_.data());
@@ -292,7 +293,7 @@ class LowRankCurvature {
       refactor();
   }
 
-  /// Adds weight · N_i N_iᵀ to what S is to get.
+  /// Adds weight · N_i N_iᵀ to the batch of changes of S.
   void sum(Index i, const Scalar& weight) {
     for (Index k = 0; k < r_; ++k) {
       batch_(k, batched_) = column(i)[k];
@@ -301,7 +302,7 @@ class LowRankCurvature {
     if (++batched_ == kBatch) add_batch();
   }
 
-  /// Adds it, to the lower triangle.
+  /// Adds the batch to the lower triangle of S.
   void add_batch() {
     for (Index j = 0; j < r_ && batched_ > 0; j += kTile) {
       const Index rest = r_ - j, nj = (std::min)(kTile, rest);
@@ -311,15 +312,15 @@ class LowRankCurvature {
     batched_ = 0;
   }
 
-  /// Brings S to the free set: by what changed since, or from the start when that is less or when
-  /// rounding may have gathered.
-  void sum_up() {
+  /// Updates S to the free set. Adds and subtracts the unknowns that changed, or sums all from
+  /// scratch when these are fewer, or when rounding errors of many changes may have accumulated.
+  void update_S() {
     Index changes = 0;
     for (Index i = 0; i < n_; ++i)
       changes += (place(i) >= 0) != (in_S_[static_cast<std::size_t>(i)] != 0) ? 1 : 0;
-    const bool afresh =
+    const bool from_scratch =
         summed_ >= kMostSummed || summed_ + changes > kMostSummed || changes > size_;
-    if (afresh) {
+    if (from_scratch) {
       set_identity(S_);
       std::fill(in_S_.begin(), in_S_.end(), char(0));
       summed_ = 0;
@@ -336,15 +337,16 @@ class LowRankCurvature {
     add_batch();
   }
 
+  /// Factors S from scratch.
   void refactor() {
     updates_ = 0;
-    sum_up();
+    update_S();
     for (Index c = 0; c < r_; ++c) {
       for (Index k = 0; k < r_; ++k) L_(k, c) = S_(k, c);
       d_[c] = S_(c, c);
     }
-    cholesky_in_place<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_),
-                              Scalar(0));  // S ≥ I: no pivot fails
+    // No pivot fails, because S - I is positive semidefinite.
+    cholesky_in_place<Scalar>(L_.topLeftCorner(r_, r_), d_.head(r_), Scalar(0));
     for (Index c = 0; c < r_; ++c) {
       const Scalar root = L_(c, c);
       scale_by(r_ - c, Scalar(Scalar(1) / root), &L_.coeffRef(c, c));
@@ -353,10 +355,10 @@ class LowRankCurvature {
   }
 
   Matrix N_, L_, S_;
-  Matrix batch_, weighted_;  // columns on their way into S_
-  std::vector<char> in_S_;   // the unknowns in S_
+  Matrix batch_, weighted_;  // columns to add to S_
+  std::vector<char> in_S_;   // 1 for each unknown in S_
   Vector D_, inverse_, work_, v_, U_, d_;
-  Vector right_, share_;  // N times what each unknown gives to it
+  Vector right_, share_;  // right_ = N share_
   std::vector<Index> order_, place_, fresh_, kept_;
   Scalar slope_ = Scalar(0), axial_ = Scalar(0), bend_ = Scalar(0), length_ = Scalar(0);
   Index n_ = 0, r_ = 0, size_ = 0, left_ = 0, batched_ = 0, updates_ = 0, summed_ = kMostSummed;

@@ -1,15 +1,15 @@
 #pragma once
 
-// Primal-dual active set for bounds: from a set A of active ones,
+// A primal-dual active-set method for bounds. One round, for a set A of active bounds, is
 //
 //   x minimises ½ xᵀHx + gᵀx with x_A at its bounds,   z = Hx + g
-//   bounds that x leaves join A, those whose multiplier z has the wrong sign part: all at once
+//   bounds that x violates enter A, bounds whose multiplier z has the wrong sign leave A
 //
-// until nothing changes; x is then the minimiser. From a good start a few rounds do, fewer than a
-// method that keeps x within its bounds needs; but they need not end. So they stop once the number
-// of changes no longer falls, and what they found is a guess that another method starts from and
-// judges. How x and z follow from A is the minimiser's business (active_bounds.hpp,
-// low_rank_curvature.hpp). Reference: Hintermüller, Ito, Kunisch, SIAM J. Optim. 13 (2002).
+// When A does not change, x is the minimiser. From a good start the method needs few rounds, fewer
+// than a method that keeps x within its bounds. But it may cycle. So it stops when the number of
+// changes no longer decreases. Its result is a guess: another method starts from it and checks it.
+// The minimiser computes x and z for a given A (active_bounds.hpp, low_rank_curvature.hpp).
+// Reference: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002).
 
 #include <algorithm>
 #include <vector>
@@ -20,10 +20,11 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The rounds, on a minimiser with minimise(g, lo, hi, side, tolerance, x, z): x (n) and, where
-/// side(i) is not Between, z on a set; false when it cannot. An x that is outside its bounds by
-/// rounding alone is to be put there, and a z that is below `tolerance`, relative to its terms, to
-/// be 0: else the same problem would change sets again. All memory comes from `reserve`.
+/// The method for a minimiser with minimise(g, lo, hi, side, tolerance, x, z). This computes x (n)
+/// and, where side(i) is not Between, z on the active set; it returns false when it cannot. It must
+/// put an x_i that violates a bound by rounding only on that bound, and set a z_i below
+/// `tolerance`, relative to its terms, to zero. Otherwise rounding errors would change the set. All
+/// memory comes from `reserve`.
 template <RealScalar Scalar>
 class PrimalDualActiveSet {
  public:
@@ -35,10 +36,10 @@ class PrimalDualActiveSet {
     side_.assign(static_cast<std::size_t>(n), QpSide::Between);
   }
 
-  /// Goes from the active set side_of(i) of n unknowns; of g, lo and hi n entries are read. Adds
-  /// rounds that change the set to `iterations`. Returns false where the minimiser could not go on
-  /// or numbers broke; else `x()`, within the bounds, and `side()` are the guess, exact but for
-  /// rounding where the rounds came to an end. Never allocates.
+  /// Starts from the active set side_of(i) of n unknowns. Reads n entries of g, lo and hi. Adds the
+  /// rounds that change the set to `iterations`. Returns false when the minimiser fails or x is not
+  /// finite. Otherwise `x()`, within the bounds, and `side()` are the guess. It is the minimiser,
+  /// to rounding, if the method converged. Never allocates.
   template <class Minimiser, class SideOf>
   bool find(Minimiser& minimiser, Index n, const Vector& g, const Vector& lo, const Vector& hi,
             SideOf side_of, const Scalar& tolerance, const Budget& budget, int& iterations) {
@@ -64,7 +65,7 @@ class PrimalDualActiveSet {
     return true;
   }
 
-  /// Returns true when the rounds of the last `find` came to an end.
+  /// Returns true when the last `find` converged: no bound changed in its last round.
   bool ended() const { return ended_; }
   /// The guess of the last `find`.
   const Vector& x() const { return x_; }
@@ -76,7 +77,7 @@ class PrimalDualActiveSet {
 
   QpSide& at(Index i) { return side_[static_cast<std::size_t>(i)]; }
 
-  /// Lets bounds join and part. Returns how many did.
+  /// Updates the active set. Returns the number of changes.
   Index change(Index n, const Vector& lo, const Vector& hi) {
     Index changes = 0;
     for (Index i = 0; i < n; ++i) {

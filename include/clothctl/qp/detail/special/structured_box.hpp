@@ -1,15 +1,16 @@
 #pragma once
 
-// Equality rows that define unknowns are substituted away. Where every row i has an unknown w_i of
-// its own, open on both sides,
+// Eliminates equality rows that define unknowns. If each row i has an unknown w_i without bounds
+// that appears in no other row, then
 //
-//   a_i w_i + (A_d d)_i = b_i    ->    w = c + M d,   c = b / a,  M = -A_d / a
-//   ½ wᵀQ w + g_wᵀw + ½ dᵀD d + g_dᵀd    ->    ½ dᵀ(D + NᵀN) d + g'ᵀd,   Q = U Uᵀ,  N = UᵀM,  g' =
-//   g_d + Mᵀ(g_w + Q c) y = (Q w + g_w) / a,   z_w = 0,   z_d = D d + g_d - A_dᵀ y
+//   a_i w_i + (A_d d)_i = b_i              ->  w = c + M d,   c = b / a,   M = -A_d / a
+//   ½ wᵀQ w + g_wᵀw + ½ dᵀD d + g_dᵀd      ->  ½ dᵀ(D + NᵀN) d + g'ᵀd,   Q = U Uᵀ,   N = UᵀM,
+//                                              g' = g_d + Mᵀ(g_w + Q c)
+//   y = (Q w + g_w) / a,   z_w = 0,   z_d = D d + g_d - A_dᵀ y
 //
-// bounds alone remain, on a Hessian that is diagonal plus low rank (low_rank_curvature.hpp):
-// contact forces w of friction-cone coefficients d are such a case. Structure is looked for once
-// for H and A; c, g' and the answer cost O(nnz(A) + m²) a solve.
+// Only bounds remain, and the Hessian is diagonal plus low rank (low_rank_curvature.hpp). Contact
+// forces w with friction-cone coefficients d have this structure. The search for it runs once for
+// each H and A. c, g' and the solution cost O(nnz(A) + m²) a solve.
 
 #include <algorithm>
 #include <span>
@@ -24,7 +25,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Finds the structure and solves problems that have it. All memory comes from `reserve`.
+/// Finds the structure, and solves problems that have it. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class StructuredBox {
  public:
@@ -46,11 +47,11 @@ class StructuredBox {
     forget();
   }
 
-  /// H or A changed: structure is looked for anew.
+  /// Discards the structure. Call this after a change of H or A.
   void forget() { searched_ = found_ = false; }
 
-  /// Returns true when the loaded problem has the structure. Looks for it after `forget`, O(nm +
-  /// m²n); else O(m).
+  /// Returns true when the loaded problem has the structure. The first call after `forget` searches
+  /// for it, O(nm + m²n). Later calls are O(m).
   bool ready(const Data& data) {
     if (!searched_) {
       found_ = find(data);
@@ -59,9 +60,9 @@ class StructuredBox {
     return found_ && fits(data);
   }
 
-  /// Solves a problem that is ready and fills the result but for its ray. Returns false when the
-  /// answer is not good enough, and another method should take over. `lb`, `ub`, `rl`, `ru`: the
-  /// caller's bounds. Never allocates.
+  /// Solves a problem for which `ready` is true. Fills the result except for its ray. lb, ub, rl,
+  /// ru are the caller's bounds. Returns false when the solution does not meet the tolerances; the
+  /// caller should then use another method. Never allocates.
   bool solve(const Data& data, const QpSettings<Scalar>& settings, const Budget& budget,
              const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
              const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
@@ -71,10 +72,10 @@ class StructuredBox {
     for (const typename Method::Check criterion : {Method::Check::Caller, Method::Check::Method}) {
       result.status = method_.solve(reduced, settings.stationarity_tolerance, budget,
                                     result.iterations, criterion);
-      if (method_.give_up_broken(reduced)) return false;
-      const bool claimed = result.status == QpStatus::Solved;
+      if (method_.replace_nonfinite(reduced)) return false;
+      const bool converged = result.status == QpStatus::Solved;
       report(data, settings, lb, ub, rl, ru, result);
-      if (result.status == QpStatus::Solved || !claimed) return true;
+      if (result.status == QpStatus::Solved || !converged) return true;
       load(data);
     }
     return false;
@@ -86,15 +87,15 @@ class StructuredBox {
     for (Index k = 0; k < count_; ++k) g_[k] = x[full(k)];
     method_.warm_start(g_.head(count_));
   }
-  /// Makes the next solve start from an active set of the whole problem, one side for each unknown,
-  /// and from x between bounds.
+  /// Makes the next solve start from an active set of the whole problem, with one side for each
+  /// unknown, and from x for unknowns between their bounds.
   void warm_start(const Eigen::Ref<const Vector>& x, std::span<const QpSide> sides) {
     warm_start(x);
     if (!found_) return;
     method_.warm_start_sides([&](Index k) { return sides[static_cast<std::size_t>(full(k))]; });
   }
-  /// Moves the active set on by so many unknowns of the whole problem, where its pattern repeats
-  /// after them; elsewhere the set stays.
+  /// Shifts the active set forward by `unknowns` unknowns of the whole problem, if the pattern of
+  /// eliminated unknowns repeats after so many. Otherwise the set stays.
   void shift(Index unknowns) {
     if (!found_ || unknowns <= 0) return;
     Index step = 0;
@@ -104,7 +105,7 @@ class StructuredBox {
     }
     method_.shift(step);
   }
-  /// Forgets the active set.
+  /// Forgets the active set: the next solve is cold.
   void reset() { method_.reset(); }
 
  private:
@@ -117,7 +118,7 @@ class StructuredBox {
     return !has_bound(data.lo()[j]) && !has_bound(data.hi()[j]);
   }
 
-  /// Returns true when rows are equalities and their unknowns open in this solve.
+  /// Returns true when, in this solve, all rows are equalities and their unknowns w have no bounds.
   bool fits(const Data& data) const {
     for (Index i = 0; i < data.m(); ++i) {
       if (data.rl()[i] < data.ru()[i] || !open(data, owner(i))) return false;
@@ -131,7 +132,8 @@ class StructuredBox {
     return find_owners(data) && separate(data) && factor_hessian(data) && build(data);
   }
 
-  /// Gives each row an open unknown that no other row holds: the one of the largest entry.
+  /// Assigns to each row an unknown without bounds that appears in no other row. If there are
+  /// several, it takes the one with the largest entry.
   bool find_owners(const Data& data) {
     using std::abs;
     const Index n = data.n(), m = data.m();
@@ -163,7 +165,7 @@ class StructuredBox {
     return true;
   }
 
-  /// Returns true when H couples w only with w, and is a positive diagonal on d.
+  /// Returns true when H has no block between w and d, and is a positive diagonal on d.
   bool separate(const Data& data) const {
     const Index n = data.n();
     for (Index j = 0; j < n; ++j) {
@@ -177,7 +179,8 @@ class StructuredBox {
     return true;
   }
 
-  /// Q = U Uᵀ by Cholesky with diagonal pivots, up to its rank; Uᵀ in the first rank_ rows of Ut_.
+  /// Factors Q = U Uᵀ by Cholesky with diagonal pivoting (Golub and Van Loan 2013, §4.2), up to
+  /// its rank. Uᵀ is in the first rank_ rows of Ut_.
   bool factor_hessian(const Data& data) {
     using std::sqrt;
     const Index m = data.m();
@@ -204,15 +207,15 @@ class StructuredBox {
       for (Index i = 0; i < m; ++i) pivot_[i] -= Ut_(rank_, i) * Ut_(rank_, i);
       pivot_[best] = Scalar(0);
     }
-    // What is left must be rounding, or Q is not semidefinite.
+    // The rest must be rounding errors. Otherwise Q is not positive semidefinite.
     for (Index i = 0; i < m; ++i) {
       if (pivot_[i] < -Scalar(8) * least) return false;
     }
     return rank_ > 0;
   }
 
-  /// Fills D and N. Refuses D so small against NᵀN that the Woodbury form would lose half of the
-  /// digits.
+  /// Computes D and N. Returns false when D is so small compared to NᵀN that the Woodbury formula
+  /// would lose half of the digits.
   bool build(const Data& data) {
     using std::sqrt;
     LowRankCurvature<Scalar>& curvature = method_.curvature();
@@ -238,7 +241,7 @@ class StructuredBox {
     return true;
   }
 
-  /// c, g' and the bounds on d.
+  /// Computes c, g' and the bounds on d.
   void load(const Data& data) {
     const Index m = data.m();
     for (Index i = 0; i < m; ++i) {
@@ -255,7 +258,7 @@ class StructuredBox {
     }
   }
 
-  /// Fills the result, with the status that its residuals allow.
+  /// Fills the result, and sets its status from the residuals.
   void report(const Data& data, const QpSettings<Scalar>& settings,
               const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
               const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
@@ -266,10 +269,10 @@ class StructuredBox {
         hx_.head(n), ax_.head(m), aty_.head(n), data.g().head(n), rl, ru, lb, ub, result.x,
         result.row_multipliers, result.bound_multipliers);
     conclude(r, settings, result);
-    note_sides<Scalar>(data.lo(), data.hi(), data.rl(), data.ru(), result);
+    write_active_set<Scalar>(data.lo(), data.hi(), data.rl(), data.ru(), result);
   }
 
-  /// h_ = Q w.
+  /// Computes h_ = Q w.
   void multiply_defined(Index m, const Vector& w) {
     std::fill_n(h_.data(), m, Scalar(0));
     for (Index j = 0; j < m; ++j) {
@@ -277,7 +280,7 @@ class StructuredBox {
     }
   }
 
-  /// Column j of A times v.
+  /// Returns the product of column j of A with v.
   Scalar column_dot(const Data& data, Index j, const Vector& v) const {
     const Index first = first_[static_cast<std::size_t>(j)],
                 length = last_[static_cast<std::size_t>(j)] - first + 1;
@@ -285,7 +288,7 @@ class StructuredBox {
     return dot_product(length, data.A().data() + j * data.m() + first, v.data() + first);
   }
 
-  /// x, y, z and the products Hx, Ax, Aᵀy of the whole problem.
+  /// Computes x, y, z and the products Hx, Ax, Aᵀy of the whole problem.
   void recover(const Data& data, QpResult<Scalar>& result) {
     const Index m = data.m();
     std::fill_n(ax_.data(), m, Scalar(0));
