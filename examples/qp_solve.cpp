@@ -92,19 +92,19 @@ class Solver {
 
 /// A cold solve: the time includes a new solver, its memory and its matrices.
 Answer solve_cold(const QpProblem& problem, const QpSequenceFrame& frame, const Request& o) {
-  const double before = seconds_now();
+  const double before = thread_seconds();
   Solver solver(problem, o);
   solver.solve(frame);
-  const double seconds = seconds_now() - before;
+  const double seconds = thread_seconds() - before;
   return solver.answer(frame, seconds);
 }
 
 /// A warm solve of the next frame: the time includes the shift.
 double seconds_of_frame(Solver& solver, const QpSequenceFrame& frame, bool first) {
-  const double before = seconds_now();
+  const double before = thread_seconds();
   if (!first) solver.shift();
   solver.solve(frame);
-  return seconds_now() - before;
+  return thread_seconds() - before;
 }
 
 int solve_single(const QpProblem& problem, const Request& o) {

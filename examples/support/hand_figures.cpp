@@ -1,22 +1,11 @@
 #include "support/hand_figures.hpp"
 
 #include <cstdio>
-#include <ctime>
 #include <filesystem>
 
 #include "support/options.hpp"
 
 namespace program {
-
-double thread_seconds() {
-#ifdef CLOCK_THREAD_CPUTIME_ID
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-#else
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-#endif
-}
 
 void print_figures(const nlohmann::ordered_json& figures, bool json) {
   if (json) {

@@ -1,7 +1,7 @@
 #pragma once
 
-// Shared by the programs for hands: the ends of a robot's fingers, a motion from pose to pose,
-// times, and printing.
+// Shared by the programs for hands: the ends of a robot's fingers, a motion from pose to pose
+// and printing.
 
 #include <nlohmann/json.hpp>
 #include <string>
@@ -10,10 +10,6 @@
 #include "clothctl/robot/kinematic_tree.hpp"
 
 namespace program {
-
-/// Returns the processor time of this thread (s), which hardly depends on other work of the
-/// machine.
-double thread_seconds();
 
 /// Prints figures as one JSON object on a line, or as a table without the null entries.
 void print_figures(const nlohmann::ordered_json& figures, bool json);

@@ -5,7 +5,8 @@
 #include <nlohmann/json.hpp>
 
 #include "clothctl/core/number_text.hpp"
-#include "clothctl/io/detail/qpt_text.hpp"
+#include "clothctl/io/file.hpp"
+#include "clothctl/io/qpt_writer.hpp"
 #include "support/options.hpp"
 #include "support/timing.hpp"
 

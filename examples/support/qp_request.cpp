@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cctype>
 #include <chrono>
-#include <ctime>
 #include <filesystem>
 
-#include "clothctl/io/detail/qpt_text.hpp"
+#include "clothctl/io/file.hpp"
 #include "clothctl/io/qps.hpp"
 #include "clothctl/io/qpt.hpp"
 #include "support/options.hpp"
@@ -38,16 +37,6 @@ void keep_apart(const char* what, const std::string& path, const char* other,
 }
 
 }  // namespace
-
-double seconds_now() {
-#ifdef CLOCK_THREAD_CPUTIME_ID
-  timespec t{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
-#else
-  return static_cast<double>(std::clock()) / CLOCKS_PER_SEC;
-#endif
-}
 
 QpProblem read_problem(const std::string& path) {
   const std::string text = must(clothctl::read_file(path));

@@ -27,8 +27,4 @@ clothctl::QpProblem read_problem(const std::string& path);
 /// Returns the settings of a solver for the request.
 clothctl::QpSettings<double> settings_of(const Request& request);
 
-/// Returns the processor time of this thread (s), which hardly depends on other work of the
-/// machine.
-double seconds_now();
-
 }  // namespace program

@@ -10,6 +10,10 @@ namespace program {
 /// Milliseconds since `from`.
 double milliseconds(std::chrono::steady_clock::time_point from);
 
+/// Returns the processor time of this thread (s), which hardly depends on other work of the
+/// machine.
+double thread_seconds();
+
 /// Returns the q-quantile of the values, or 0 without values.
 double quantile(std::vector<double> values, double q);
 

@@ -10,4 +10,5 @@
 #include "clothctl/io/qp_problem.hpp"
 #include "clothctl/io/qps.hpp"
 #include "clothctl/io/qpt.hpp"
+#include "clothctl/io/qpt_writer.hpp"
 #include "clothctl/io/targets.hpp"

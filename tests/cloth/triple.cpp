@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 #include <random>
 
 #include <Eigen/Geometry>
@@ -52,4 +53,32 @@ TEST_CASE("triples read and write columns", "[cloth]") {
   subtract_from_column(points, 1, {2.0, 4.0, 6.0});
   CHECK(points.col(0) == Vector3<double>(8, 9, 10));
   CHECK(points.col(1).isZero(0.0));
+}
+
+TEST_CASE("triples read and write rows of coordinates", "[cloth]") {
+  Lanes<double, 1> row(1, 6);
+  row << 1, 2, 3, 4, 5, 6;
+  CHECK(same_bits<double>(point(row, 1), Vector3<double>(4, 5, 6)));
+  set_point(row, 0, {7.0, 8.0, 9.0});
+  CHECK(as_points(row).col(0) == Vector3<double>(7, 8, 9));
+  CHECK(as_points(row).data() == row.data());
+}
+
+TEST_CASE("points move along a direction, in place too", "[cloth]") {
+  Points<double> x(3, 2), v(3, 2), out(3, 2);
+  x << 1, 2, 3, 4, 5, 6;
+  v << 1, 0, -1, 2, 0, 4;
+  move_along(x, 0.5, v, out);
+  CHECK(out == x + 0.5 * v);
+  move_along(x, -1.0, v, x);
+  CHECK(x == out - 1.5 * v);
+}
+
+TEST_CASE("the largest magnitude of an entry skips what is not a number", "[cloth]") {
+  Points<double> x(3, 2);
+  x << 1, -7, 3, 4, 5, 6;
+  CHECK(largest_magnitude(x) == 7.0);
+  x(0, 1) = std::numeric_limits<double>::quiet_NaN();
+  CHECK(largest_magnitude(x) == 6.0);
+  CHECK(largest_magnitude(Points<double>(3, 0)) == 0.0);
 }

@@ -5,8 +5,8 @@
 
 #include <string>
 
-#include "clothctl/io/detail/qpt_text.hpp"
 #include "clothctl/io/qpt.hpp"
+#include "clothctl/io/qpt_writer.hpp"
 #include "io/qpt_programs.hpp"
 #include "io/spoilt_text.hpp"
 #include "support/catch.hpp"

@@ -494,17 +494,18 @@ static_assert(BoxQpSolver<Descent>);
 
 }  // namespace other_engine
 
+using ForeignPlanner = Planner<Predicting, PlannerSetup<double>, other_engine::Descent>;
+
+static ForeignPlanner foreign_planner(const PlannerSettings<double>& p) {
+  Predicting predictor(MassSpringResponse<float>(sheet().model(Integration::LinearlyImplicit)));
+  return ForeignPlanner::create(setup(), p, std::move(predictor), sheet().state.positions).value();
+}
+
 TEST_CASE("a foreign box solver works in the planner, and its corrupted answers are not sent",
           "[mpc]") {
-  using Foreign = Planner<Predicting, PlannerSetup<double>, other_engine::Descent>;
   PlannerSettings<double> p = settings(GripInput::Pose);
   p.horizon = 3;
-  Foreign foreign =
-      Foreign::create(
-          setup(), p,
-          Predicting(MassSpringResponse<float>(sheet().model(Integration::LinearlyImplicit))),
-          sheet().state.positions)
-          .value();
+  ForeignPlanner foreign = foreign_planner(p);
   Planning ours = planner_for(setup(), p);
   PlanResult<double> a = foreign.make_result(), b = ours.make_result();
   const AsyncTarget target(sheet());
@@ -520,15 +521,9 @@ TEST_CASE("a foreign box solver works in the planner, and its corrupted answers 
 }
 
 TEST_CASE("a finger never pulls, whatever a foreign box solver answers", "[mpc]") {
-  using Foreign = Planner<Predicting, PlannerSetup<double>, other_engine::Descent>;
   PlannerSettings<double> p = settings(GripInput::Force);
   p.horizon = 3;
-  Foreign foreign =
-      Foreign::create(
-          setup(), p,
-          Predicting(MassSpringResponse<float>(sheet().model(Integration::LinearlyImplicit))),
-          sheet().state.positions)
-          .value();
+  ForeignPlanner foreign = foreign_planner(p);
   PlanResult<double> a = foreign.make_result();
   const AsyncTarget target(sheet());
   other_engine::Descent::shift = -1.0;

@@ -8,8 +8,6 @@
 4. Only F includes the headers in F/detail.
 5. The umbrella clothctl.hpp includes every entry header except those of the `outside` folders.
 6. Every header has #pragma once.
-
-F/detail/NAME_impl.hpp defines members of F/NAME.hpp, which includes it at its end: no cycle.
 """
 
 import re
@@ -106,9 +104,7 @@ def main():
             if inner not in known:
                 report.add(shown, line, f"includes {target}, which does not exist")
                 continue
-            # Definitions of a door's members, and explicit instantiations, come after the door.
-            if not re.search(r"(_impl|/precompiled)\.hpp$", name):
-                mine.add(inner)
+            mine.add(inner)
             other = inner.split("/")[0] if "/" in inner else None
             if config:
                 report.add(shown, line, "config.hpp includes nothing of clothctl")

@@ -1,9 +1,6 @@
 #!/usr/bin/env python3
 """Checks that include/clothctl/FOLDER/NAME.hpp and FOLDER/detail/NAME.hpp each have a test file
-tests/FOLDER/NAME.cpp that includes them.
-
-NAME_impl.hpp defines what NAME.hpp declares and is tested with it; precompiled.hpp only
-instantiates and is tested in tests/package."""
+tests/FOLDER/NAME.cpp that includes them."""
 
 from house import Report, arguments, headers, includes
 
@@ -15,8 +12,6 @@ def main():
     for header in headers(options.root):
         if len(header.parts) == 1 or header.parts[0] == "bridge":
             continue  # entry headers have no code; adapters may lack their library
-        if header.stem.endswith("_impl") or header.stem == "precompiled":
-            continue
         checked += 1
         name = "clothctl/" + header.as_posix()
         mirror = "/".join(part for part in header.with_suffix(".cpp").parts if part != "detail")

@@ -35,6 +35,8 @@ TREE = {
 
 #include <vector>
 
+#include "clothctl/config.hpp"
+
 namespace clothctl {
 
 /// Names a colour.
@@ -181,6 +183,8 @@ CASES = [
     ("a header has no guard", "check_layers.py", [], TWICE, "#pragma once", "", "no #pragma once"),
     ("a header needs what it does not include", "check_headers_alone.py", "compiler", NUMBER,
      "#include <vector>", "", "does not compile alone"),
+    ("a header does not include the configuration", "check_headers_alone.py", "compiler", NUMBER,
+     '#include "clothctl/config.hpp"\n', "", "does not include config.hpp"),
     ("a header shadows a name", "check_headers_alone.py", "compiler", TWICE,
      "  return Scalar(2) * x;",
      "  {\n    Scalar x = Scalar(1);\n    if (x > Scalar(2)) return x;\n  }\n  return x;",

@@ -34,7 +34,9 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/detail/mass_spring_workspace.hpp"
 #include "clothctl/cloth/detail/spring_forces.hpp"
+#include "clothctl/cloth/detail/step_energy.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/core/cloth_state.hpp"
@@ -58,30 +60,7 @@ class MassSpring {
   using State = ClothState<Scalar>;
 
   /// All memory of a step. `make_workspace` makes it; a step refuses any other.
-  struct Workspace {
-    /// Hash of the structure (pattern and order of elimination) that the workspace was made for.
-    std::uint64_t structure = 0;
-    /// The step matrix, and the part of it that is constant over a step: inertia, drag, dampers,
-    /// air and bending.
-    BlockSymmetric<Scalar> matrix, frozen;
-    /// The factor of `matrix`.
-    BlockCholesky<Scalar> factor;
-    /// 1 for driven and pinned vertices, else 0.
-    std::vector<unsigned char> held;
-    /// Unit vectors of the springs at the start of the step.
-    Points<Scalar> direction;
-    /// Forces that are constant over the step (gravity, input, C w), velocities at its end, trial
-    /// velocities of the line search, positions at its end, and the gradient of the energy.
-    Points<Scalar> outer, velocity, trial, position, gradient;
-    /// Air matrices C_t, one for each triangle; empty without air.
-    std::vector<Matrix3<Scalar>> air;
-    /// Right-hand side of the linear system, and a product of the step matrix.
-    Lanes<Scalar, 1> rhs, product;
-    /// Length of the last step, s; 0 before the first.
-    Scalar dt = Scalar(0);
-    /// True when the last step was a single linear solve.
-    bool linear = false;
-  };
+  using Workspace = detail::MassSpringWorkspace<Scalar>;
 
   /// Makes a model of a network and analyses the step matrix once. Allocates. Fails when:
   /// `network.validate()` or `settings.validate()` finds a fault, or a pinned vertex is off the
@@ -153,16 +132,13 @@ class MassSpring {
   StepStatus refuse(const State& state, const ClothInput<Scalar>& input, Scalar dt,
                     Workspace& ws) const;
 
-  /// Hash of pattern and order of elimination. Nothing else of a workspace depends on the model.
-  std::uint64_t structure_hash() const;
-
   /// Moves the state to the end of the step unless the solve failed.
   StepReport<Scalar> finish(State& state, const ClothInput<Scalar>& input, Scalar dt,
                             StepReport<Scalar> report, Workspace& ws) const;
 
   MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings);
 
-  bool air() const { return settings_.air.enabled(); }
+  std::size_t air_count() const { return settings_.air.enabled() ? network_.triangles.size() : 0; }
 
   /// Computes what is constant over a step: directions of the dampers, air matrices, outer forces
   /// and ws.frozen. Sets ws.velocity = v, with held vertices at their prescribed velocity.
@@ -176,81 +152,21 @@ class MassSpring {
   /// at the start, with the prescribed one on held rows.
   StepReport<Scalar> solve_linear(const State& state, Scalar dt, Workspace& ws) const;
 
-  /// The energy of a step (J), and a bound on its rounding error divided by ε.
-  struct Energy {
-    Scalar value, size;
-  };
-
   /// Runs Newton's method from ws.velocity and leaves the best velocities there. `solves` counts
   /// the linear solves so far. `compression` is the first γ; with 0 it stays at the projection. A
   /// step shorter than `step_tolerance` is the last.
   StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves,
                              Scalar compression, Scalar step_tolerance, Workspace& ws) const;
 
+  detail::StepEnergy<Scalar> energy_at(const State& state, const Points<Scalar>& v, Scalar dt,
+                                       Workspace& ws) const {
+    return detail::step_energy(network_, settings_.drag, total_stiffness_, state, v, dt, ws);
+  }
+
   Scalar velocity_tolerance() const {
     using std::cbrt;
     const Scalar given = settings_.velocity_tolerance;
     return Scalar(0) < given ? given : Scalar(2) * cbrt(scalar_traits<Scalar>::epsilon());
-  }
-
-  /// Sets ws.rhs to minus the gradient on the free vertices, and `largest` to its largest entry.
-  /// Returns true when every vertex meets the tolerance.
-  bool load_residual(Scalar tolerance, Scalar& largest, Workspace& ws) const {
-    bool converged = true;
-    largest = Scalar(0);
-    for (Index i = 0; i < vertex_count(); ++i) {
-      if (held(ws, i)) {
-        set_point(ws.rhs, i, {Scalar(0), Scalar(0), Scalar(0)});
-        continue;
-      }
-      const detail::Triple<Scalar> g = detail::column(ws.gradient, i);
-      set_point(ws.rhs, i, {-g.x, -g.y, -g.z});
-      Scalar size = Scalar(0);
-      for (const Scalar& entry : {g.x, g.y, g.z}) {
-        const Scalar magnitude = entry < Scalar(0) ? -entry : entry;
-        if (!(magnitude <= size)) size = magnitude;  // keeps a NaN
-        if (!is_finite(size)) break;
-      }
-      if (is_finite(largest) && !(size <= largest)) largest = size;
-      if (!(size < tolerance * network_.mass[i])) converged = false;
-    }
-    return converged;
-  }
-
-  /// Returns the energy of the step at velocities `v`. Writes its gradient to ws.gradient and x0 +
-  /// h v to ws.position. On a held vertex the gradient is the impulse that holds it.
-  Energy objective(const State& state, const Points<Scalar>& v, Scalar dt, Workspace& ws) const;
-
-  bool held(const Workspace& ws, Index i) const {
-    return ws.held[static_cast<std::size_t>(i)] != 0;
-  }
-  static Eigen::Map<Points<Scalar>> as_points(Lanes<Scalar, 1>& row) {
-    return {row.data(), 3, row.cols() / 3};
-  }
-  static detail::Triple<Scalar> point(const Lanes<Scalar, 1>& row, Index i) {
-    return {row[3 * i], row[3 * i + 1], row[3 * i + 2]};
-  }
-  static void set_point(Lanes<Scalar, 1>& row, Index i, const detail::Triple<Scalar>& v) {
-    row[3 * i] = v.x;
-    row[3 * i + 1] = v.y;
-    row[3 * i + 2] = v.z;
-  }
-  /// out = a + factor · b, entry by entry; `out` may be `a`.
-  template <class Other>
-  static void add_scaled(const Points<Scalar>& a, const Scalar& factor, const Other& b,
-                         Points<Scalar>& out) {
-    for (Index k = 0; k < out.size(); ++k) out.data()[k] = a.data()[k] + factor * b.data()[k];
-  }
-  /// Returns the largest magnitude of an entry; it ignores NaN.
-  template <class Matrix>
-  static Scalar largest_entry(const Matrix& matrix) {
-    Scalar largest = Scalar(0);
-    for (Index k = 0; k < matrix.size(); ++k) {
-      const Scalar& entry = matrix.data()[k];
-      const Scalar magnitude = entry < Scalar(0) ? -entry : entry;
-      if (largest < magnitude) largest = magnitude;
-    }
-    return largest;
   }
 
   SpringNetwork<Scalar> network_;
@@ -261,6 +177,269 @@ class MassSpring {
   std::uint64_t structure_ = 0;
 };
 
-}  // namespace clothctl::inline CLOTHCTL_ABI
+template <RealScalar S>
+auto MassSpring<S>::create(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings)
+    -> Result<MassSpring> {
+  std::string problem = network.validate();
+  if (problem.empty()) problem = settings.validate();
+  for (int v : settings.pinned) {
+    if (problem.empty() && (v < 0 || v >= network.vertex_count()))
+      problem = "pinned vertex " + std::to_string(v) + " is off the mesh";
+  }
+  if (!problem.empty()) return Error{problem};
+  return MassSpring(std::move(network), std::move(settings));
+}
 
-#include "clothctl/cloth/detail/mass_spring_impl.hpp"
+template <RealScalar S>
+bool MassSpring<S>::set_drag(Scalar drag) {
+  if (!is_finite(drag) || drag < Scalar(0)) return false;
+  settings_.drag = drag;
+  return true;
+}
+
+template <RealScalar S>
+auto MassSpring<S>::rest_state() const -> State {
+  return {network_.rest_positions, Points<Scalar>::Zero(3, vertex_count())};
+}
+
+template <RealScalar S>
+auto MassSpring<S>::make_workspace() const -> Workspace {
+  Workspace ws;
+  ws.structure = structure_;
+  ws.reserve(network_, pattern_.matrix(), tree_, air_count());
+  return ws;
+}
+
+template <RealScalar S>
+std::string MassSpring<S>::check_input(const State& state, const ClothInput<Scalar>& input,
+                                       Scalar dt, const Workspace& ws) const {
+  if (!fits(ws)) return detail::foreign_workspace_line();
+  return check_step_input(state, input, dt, vertex_count());
+}
+
+template <RealScalar S>
+auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                         Workspace& ws) const -> StepReport<Scalar> {
+  const StepStatus refused = refuse(state, input, dt, ws);
+  if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
+  prepare(state, input, dt, ws);
+  StepReport<Scalar> report = solve_linear(state, dt, ws);
+  if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
+    report =
+        iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), Scalar(0), ws);
+  }
+  return finish(state, input, dt, report, ws);
+}
+
+template <RealScalar S>
+bool MassSpring<S>::holding_forces(std::span<const int> vertices, Workspace& ws,
+                                   Eigen::Ref<Points<Scalar>> forces) const {
+  if (!fits(ws) || !(Scalar(0) < ws.dt)) return false;
+  if (static_cast<Index>(vertices.size()) != forces.cols()) return false;
+  for (const int i : vertices) {
+    if (i < 0 || i >= vertex_count()) return false;
+  }
+  if (ws.linear) {
+    detail::as_points(ws.rhs) = ws.velocity;
+    ws.matrix.multiply(ws.rhs, ws.product);
+  }
+  for (std::size_t j = 0; j < vertices.size(); ++j) {
+    const Index i = vertices[j];
+    const detail::Triple<Scalar> g = detail::column(ws.gradient, i);
+    detail::Triple<Scalar> force = g / ws.dt;
+    if (ws.linear) {
+      const detail::Triple<Scalar> before = detail::column(ws.trial, i) * network_.mass[i];
+      force = (detail::point(ws.product, i) - before) / ws.dt - g;
+    }
+    forces(0, static_cast<Index>(j)) = force.x;
+    forces(1, static_cast<Index>(j)) = force.y;
+    forces(2, static_cast<Index>(j)) = force.z;
+  }
+  return true;
+}
+
+template <RealScalar S>
+auto MassSpring<S>::step_from(const PointsView<Scalar>& guess, int newton_steps, State& state,
+                              const ClothInput<Scalar>& input, Scalar dt, Workspace& ws,
+                              Scalar step_tolerance) const -> StepReport<Scalar> {
+  const StepStatus refused = refuse(state, input, dt, ws);
+  if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
+  if (guess.cols() != vertex_count() || !all_finite(guess))
+    return {StepStatus::InvalidInput, false, Scalar(0), 0};
+  prepare(state, input, dt, ws);
+  for (Index i = 0; i < vertex_count(); ++i) {
+    if (!ws.is_held(i)) detail::set_column(ws.velocity, i, detail::column(guess, i));
+  }
+  return finish(state, input, dt,
+                iterate(state, dt, newton_steps, 0, Scalar(0), step_tolerance, ws), ws);
+}
+
+template <RealScalar S>
+bool MassSpring<S>::fits(const Workspace& ws) const {
+  return ws.structure == structure_ && ws.fits(network_, pattern_.matrix(), air_count());
+}
+
+template <RealScalar S>
+StepStatus MassSpring<S>::refuse(const State& state, const ClothInput<Scalar>& input, Scalar dt,
+                                 Workspace& ws) const {
+  if (!fits(ws)) return StepStatus::InvalidWorkspace;
+  return detail::check_step(state, input, dt, vertex_count(), ws.held);
+}
+
+template <RealScalar S>
+auto MassSpring<S>::finish(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                           StepReport<Scalar> report, Workspace& ws) const -> StepReport<Scalar> {
+  if (report.status != StepStatus::Converged && report.status != StepStatus::IterationLimit)
+    return report;
+  detail::move_along(state.positions, dt, ws.velocity, ws.position);
+  for (int v : settings_.pinned)
+    detail::set_column(ws.position, v, detail::column(state.positions, v));
+  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+    detail::set_column(ws.position, input.driven_vertices[i],  // exact, not x + h v
+                       detail::column(input.driven_positions, static_cast<Index>(i)));
+  }
+  if (!all_finite(ws.velocity) || !all_finite(ws.position)) {
+    return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+  }
+  state.velocities = ws.velocity;
+  state.positions = ws.position;
+  report.advanced = true;
+  return report;
+}
+
+template <RealScalar S>
+MassSpring<S>::MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings)
+    : network_(std::move(network)),
+      settings_(std::move(settings)),
+      pattern_(network_, true, settings_.air.enabled()),
+      tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)) {
+  for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
+  structure_ = detail::hash_structure(pattern_.matrix(), tree_);
+}
+
+template <RealScalar S>
+void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input, Scalar dt,
+                            Workspace& ws) const {
+  const Points<Scalar>& x = state.positions;
+  for (int v : settings_.pinned) ws.held[static_cast<std::size_t>(v)] = 1;
+  detail::spring_directions<Scalar>(network_, x, ws.direction);
+  const detail::Triple<Scalar> g = detail::triple(settings_.gravity);
+  for (Index i = 0; i < vertex_count(); ++i) detail::set_column(ws.outer, i, g * network_.mass[i]);
+  for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
+    detail::add_to_column(ws.outer, input.force_vertices[i],
+                          detail::column(input.forces, static_cast<Index>(i)));
+  detail::freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air,
+                             ws.outer);
+  ws.dt = dt;
+  ws.frozen.set_zero();
+  pattern_.add_bending(network_, dt * dt, ws.frozen);
+  pattern_.add_frozen(network_, ws.direction, ws.air, dt, ws.frozen);
+  const Scalar inertia = Scalar(1) + dt * settings_.drag;
+  for (Index i = 0; i < vertex_count(); ++i) {
+    detail::add_to_diagonal(ws.frozen.diagonal(i), Scalar(inertia * network_.mass[i]));
+  }
+  ws.velocity = state.velocities;
+  const detail::Triple<Scalar> zero{Scalar(0), Scalar(0), Scalar(0)};
+  for (int v : settings_.pinned) detail::set_column(ws.velocity, v, zero);
+  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+    const int v = input.driven_vertices[i];
+    const detail::Triple<Scalar> end =
+        detail::column(input.driven_positions, static_cast<Index>(i));
+    detail::set_column(ws.velocity, v, (end - detail::column(x, v)) / dt);
+  }
+}
+
+template <RealScalar S>
+bool MassSpring<S>::factorize(const Points<Scalar>& x, Scalar dt, Scalar compression,
+                              Workspace& ws) const {
+  StiffnessScale<Scalar> scale;
+  scale.compression = compression;
+  ws.matrix = ws.frozen;
+  pattern_.add_springs(network_, x, scale, dt * dt, ws.matrix);
+  return ws.factor.factorize(ws.matrix, ws.held);
+}
+
+template <RealScalar S>
+auto MassSpring<S>::solve_linear(const State& state, Scalar dt, Workspace& ws) const
+    -> StepReport<Scalar> {
+  if (!factorize(state.positions, dt, Scalar(0), ws))
+    return {StepStatus::NumericalFailure, false, Scalar(0), 1};
+  ws.gradient = ws.outer;
+  detail::add_spring_forces<Scalar>(network_, state.positions, ws.gradient);
+  detail::as_points(ws.rhs) = ws.velocity;
+  ws.matrix.multiply(ws.rhs, ws.product);
+  for (Index i = 0; i < vertex_count(); ++i) {
+    if (ws.is_held(i)) {
+      detail::set_point(ws.rhs, i, {Scalar(0), Scalar(0), Scalar(0)});
+    } else {
+      detail::set_point(ws.rhs, i,
+                        detail::column(state.velocities, i) * network_.mass[i] +
+                            detail::column(ws.gradient, i) * dt - detail::point(ws.product, i));
+    }
+  }
+  ws.factor.template solve<1>(ws.rhs);
+  detail::move_along(ws.velocity, Scalar(1), ws.rhs, ws.velocity);
+  ws.trial = state.velocities;  // for holding_forces
+  ws.linear = true;
+  return {StepStatus::Converged, false, Scalar(0), 1};
+}
+
+template <RealScalar S>
+auto MassSpring<S>::iterate(const State& state, Scalar dt, int max_iterations, int solves,
+                            Scalar compression, Scalar step_tolerance, Workspace& ws) const
+    -> StepReport<Scalar> {
+  const Scalar epsilon = scalar_traits<Scalar>::epsilon();
+  StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
+  ws.linear = false;
+  const Scalar tolerance = velocity_tolerance();
+  detail::StepEnergy<Scalar> energy = energy_at(state, ws.velocity, dt, ws);
+  const bool projected = !(Scalar(0) < compression);
+  bool small_step = false;  // the last step was full and shorter than the tolerance
+  bool enough = false;      // the last step was shorter than step_tolerance
+  for (int iteration = 0; iteration <= max_iterations; ++iteration) {
+    const Scalar last = report.residual;
+    const bool converged = detail::load_residual(network_, tolerance, report.residual, ws) ||
+                           (small_step && !(report.residual < Scalar(0.5) * last));
+    if (!is_finite(report.residual) || !is_finite(energy.value)) {
+      return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+    }
+    if (converged) report.status = StepStatus::Converged;
+    if (converged || enough || iteration == max_iterations) break;
+    while (!factorize(ws.position, dt, compression, ws)) {
+      if (!(Scalar(0) < compression))
+        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);
+    }
+    ws.factor.template solve<1>(ws.rhs);
+    ++report.iterations;
+    if (!projected && iteration % 3 == 2)
+      compression = (std::min)(Scalar(1), (std::max)(Scalar(0.25), Scalar(2) * compression));
+    const Scalar slope =
+        detail::as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
+    const Scalar noise = Scalar(4) * epsilon * energy.size;
+    const auto descends = [&](Scalar length) {
+      detail::move_along(ws.velocity, length, ws.rhs, ws.trial);
+      const detail::StepEnergy<Scalar> next = energy_at(state, ws.trial, dt, ws);
+      if (!(next.value < energy.value + Scalar(1e-4) * length * slope + noise)) return false;
+      energy = next;
+      return true;
+    };
+    Scalar length = Scalar(1);
+    int halvings = 0;
+    while (halvings < kMaxHalvings && !descends(length)) {
+      length *= Scalar(0.5);
+      ++halvings;
+    }
+    if (halvings == kMaxHalvings) break;  // rounding hides any descent
+    const Scalar change = detail::largest_magnitude(ws.rhs);
+    small_step = halvings == 0 && change < tolerance;
+    enough = length * change < step_tolerance;
+    ws.velocity.swap(ws.trial);
+  }
+  return report;
+}
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class MassSpring<double>);
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -5,9 +5,8 @@
 // With the offsets r_j of a reference shape from its centroid, as columns of a 3×m matrix Rm:
 //
 //   c = (1/m) Σ x_j
-//   L = Σ x_j ρ_jᵀ,   ρ_j = (Rm Rmᵀ)⁺ r_j                     best linear map, least squares
-//   x Nᵀ = 0   <=>   x_j - c = L r_j for some L               N: (m - 1 - rank) × m, orthonormal
-//   rows
+//   L = Σ x_j ρ_jᵀ,   ρ_j = (Rm Rmᵀ)⁺ r_j               best linear map, least squares
+//   x Nᵀ = 0   <=>   x_j - c = L r_j for some L         N: m - 1 - rank orthonormal rows
 //
 // The pseudo-inverse is needed because flat patches have rank 2: of the 12 affine modes, 9 are
 // left. The rank is computed, never assumed.

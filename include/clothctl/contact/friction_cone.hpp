@@ -3,11 +3,12 @@
 // Coulomb's friction cone |f_t| <= μ f_n, f_n >= 0 about a contact normal n, and the friction
 // pyramid inscribed in it, which is spanned by n_g unit generators
 //
-//   s_i = (n + μ t_i) / √(1 + μ²),   t_i = cos(2πi/n_g) t_1 + sin(2πi/n_g) t_2,   f = Σ d_i s_i,
+//   s_i = (n + μ t_i) / √(1 + μ²),   t_i = cos(2πi/n_g) t_1 + sin(2πi/n_g) t_2
+//   f = Σ d_i s_i,   d_i >= 0
 //
-// d >= 0. The pyramid lies inside of the cone: every d >= 0 keeps Coulomb's law. Between
-// generators it gives some friction away: at most 1 - cos(π/n_g), 29 % for n_g = 4 ([Bai 2016],
-// eq. 1-2) and 8 % for n_g = 8. The normal force is f_n = Σ d_i / √(1 + μ²).
+// The pyramid lies inside of the cone: every d >= 0 keeps Coulomb's law. Between generators it
+// gives some friction away: at most 1 - cos(π/n_g), 29 % for n_g = 4 ([Bai 2016], eq. 1-2) and 8 %
+// for n_g = 8. The normal force is f_n = Σ d_i / √(1 + μ²).
 
 #include <cassert>
 #include <cmath>

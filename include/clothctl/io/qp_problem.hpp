@@ -2,8 +2,9 @@
 
 // A quadratic program as files hold it:
 //
-//   min ½ xᵀHx + gᵀx + r   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub        H x + g = Aᵀ y + z at
-//   the optimum
+//   min ½ xᵀHx + gᵀx + r   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub
+//
+//   H x + g = Aᵀ y + z     at the optimum
 //
 // and sequences of them, which share H and A. Readers: qpt.hpp, qps.hpp.
 

@@ -5,23 +5,27 @@
 // blanks). Sections start in column 1, their lines with a blank; lines that start with * are
 // comments.
 //
-//   NAME name
-//   OBJSENSE          MIN (default) or MAX, on this line or the next
-//   ROWS              N objective, L ≤, G ≥, E =       the first N is the objective, entries of
-//   further ones are dropped COLUMNS           column row value [row value] RHS               [set]
-//   row value [row value]      of the objective row: minus the constant r RANGES            [set]
-//   row R [row R]              L: [rhs - |R|, rhs], G: [rhs, rhs + |R|], E: to rhs + R, below for R
-//   < 0 BOUNDS            type [set] column [value]        without bounds 0 ≤ x QUADOBJ column
-//   column value              objective ½ xᵀQx + …; each off-diagonal pair once, either triangle
-//   QMATRIX           the same, but both of each pair; QSECTION is read as QUADOBJ
+//   NAME      name
+//   OBJSENSE  MIN (default) or MAX, on this line or the next
+//   ROWS      N objective, L ≤, G ≥, E =     The first N is the objective; others are dropped.
+//   COLUMNS   column row value [row value]
+//   RHS       [set] row value [row value]    In the objective row: minus the constant r.
+//   RANGES    [set] row R [row R]            L: [rhs - |R|, rhs], G: [rhs, rhs + |R|],
+//                                            E: from rhs to rhs + R, below it for R < 0
+//   BOUNDS    type [set] column [value]      Without a bound, 0 ≤ x.
+//   QUADOBJ   column column value            Objective ½ xᵀQx + …; each off-diagonal pair once,
+//                                            in either triangle. QSECTION is read as QUADOBJ.
+//   QMATRIX   column column value            The same, with both entries of each pair.
 //   ENDATA
 //
 // Types of bounds: LO, UP, FX (both), FR (free), MI (no lower), PL (no upper). A negative UP with
 // no lower bound given for the column takes its lower bound 0 away; UP of 0 does not. Of several
 // sets of RHS, RANGES or BOUNDS the first counts; a later bound of a column replaces an earlier one
 // of its side. Integer unknowns (BV, LI, UI, SC, MARKER) are refused. Numbers may have Fortran's
-// exponent D; bounds may be inf, and beyond ±1e20 stand for none. Reference: Maros and Mészáros, A
-// repository of convex quadratic programming problems, Optim. Methods Softw. 11 (1999).
+// exponent D; bounds may be inf, and beyond ±1e20 stand for none.
+//
+// Reference: Maros and Mészáros, A repository of convex quadratic programming problems, Optim.
+// Methods Softw. 11 (1999).
 
 #include <algorithm>
 #include <cmath>

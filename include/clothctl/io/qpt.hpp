@@ -3,15 +3,22 @@
 // QPT, a text format for quadratic programs, single or in sequences, with their reference
 // solutions:
 //
-//   qpt 1                              first: format and version
-//   name S   n N   m M   r R           sizes come before any matrix; m and r may be left out (0)
-//   H K      i j v …                   K entries of the upper triangle; or
-//   Hdense N v …                       lower triangle with its diagonal, row by row, N(N+1)/2
-//   values g K      i v …                     A K   i j v …            what is not given is 0 rows
-//   M   lo hi …                   cols N   lo hi …         rl ru of the rows, lb ub of the
-//   unknowns; inf, -inf status S   objective V   unique 0|1                         S: optimal,
-//   infeasible or unbounded x N …   y M …   z N …   ray N …   farkas_y M …   farkas_z N … frames K
-//   shift S   frame 0 …   frame 1 …                  a sequence; see below end
+//   qpt 1                        first: format and version
+//   name S   n N   m M   r R     sizes come before any matrix; m and r may be left out (0)
+//   H K        i j v …           K entries of the upper triangle of H, or
+//   Hdense N   v …               its lower triangle with the diagonal, row by row, N(N+1)/2 values
+//   g K        i v …             K entries of g; what is not given is 0
+//   A K        i j v …           K entries of A
+//   rows M     lo hi …           rl and ru of the rows; inf and -inf stand for no bound
+//   cols N     lo hi …           lb and ub of the unknowns
+//   status S                     optimal, infeasible or unbounded
+//   objective V   unique 0|1     unique: whether the minimiser is
+//   x N …   y M …   z N …        an optimal point and its multipliers
+//   ray N …                      proof of unbounded
+//   farkas_y M …  farkas_z N …   proof of infeasible
+//   frames K   shift S           a sequence of K frames, which follow:
+//   frame 0 …   frame 1 …
+//   end
 //
 // Tokens stand between white space; indices count from 0. After `frame T`, g, rows, cols, status
 // and objective are those of frame T; what it does not give is the base program's. A solution file

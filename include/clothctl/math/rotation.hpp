@@ -8,10 +8,10 @@
 //
 // and the maps between them are
 //
-//   [v] u = v × u                                                      cross-product matrix
-//   exp(w): q = (cos θ/2, sinc(θ/2) w/2),   sinc x = sin x / x         = I + sin θ [a] + (1 - cos
-//   θ) [a]² as a matrix (Rodrigues' formula) log(q) = 2 atan2(|v|, q_w) v / |v|,     v = (x, y, z),
-//   q_w ≥ 0     the shorter of two turns
+//   [v] u = v × u                                       cross-product matrix
+//   exp(w) = (cos θ/2, sinc(θ/2) w/2)                   quaternion, sinc x = sin x / x
+//          = I + sin θ [a] + (1 - cos θ) [a]²           matrix (Rodrigues' formula)
+//   log(q) = 2 atan2(|v|, q_w) v / |v|                  v = (x, y, z), q_w ≥ 0: the shorter turn
 //
 // The half angle makes all of them exact to rounding near θ = 0 and near θ = π. Matrix logarithms
 // go through the quaternion; its largest entry is found from the diagonal of R, so that nothing is

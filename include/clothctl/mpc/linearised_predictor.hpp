@@ -23,7 +23,9 @@
 // a sheet that hangs on forces moves almost as one body: R w̄ = h C w̄, C the air drag. Cost: one
 // factorisation and K solves of 3·outputs lanes.
 
+#include <algorithm>
 #include <array>
+#include <cassert>
 #include <string>
 #include <utility>
 #include <vector>
@@ -31,6 +33,10 @@
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/window.hpp"
+
+#ifdef CLOTHCTL_PRECOMPILED
+#include "clothctl/cloth/mass_spring_response.hpp"  // what is compiled once
+#endif
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -144,6 +150,281 @@ class LinearisedPredictor {
   bool gusty_ = false;
 };
 
-}  // namespace clothctl::inline CLOTHCTL_ABI
+template <StepResponse Response, RealScalar S>
+LinearisedPredictor<Response, S>::LinearisedPredictor(Response response,
+                                                      LinearisedPredictorSettings<S> settings)
+    : response_(std::move(response)), settings_(settings) {
+  assert(settings.validate().empty());
+  const Index n = Traits::vertex_count(response_);
+  for (Lanes<Inner, kLanes>* lanes : {&a_, &w_, &change_, &stiff_, &coupled_})
+    lanes->setZero(kLanes, 3 * n);
+  for (Points<Inner>* p : {&x_, &v_, &force_, &measured_, &gust_[0], &gust_[1], &gust_[2]})
+    p->setZero(3, n);
+  last_velocity_.setZero(3, n);
+  Inner count = Inner(0);
+  for (Index i = 0; i < n; ++i) count += Inner(1);
+  share_ = Inner(1) / count;
+}
 
-#include "clothctl/mpc/detail/linearised_predictor_impl.hpp"
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::reserve(const WindowRequest<S>& request,
+                                               WindowResponse<S>& response) {
+  response.impulse_response.setZero(request.output_rows(), request.inputs() * request.horizon);
+  response.free_response.setZero(request.output_rows(), request.horizon);
+  response.plan.setZero(request.inputs(), request.horizon);
+  held_sum_.setZero(kLanes, request.inputs());
+  gust_response_.setZero(3 * kLanes, request.horizon);
+  has_last_ = false;
+}
+
+template <StepResponse Response, RealScalar S>
+bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const PointsView<S>& v,
+                                               const WindowRequest<S>& request,
+                                               WindowResponse<S>& response) {
+  const Index n = Traits::vertex_count(response_);
+  if (x.cols() != n || v.cols() != n) return false;
+  // Where a translation changes nothing, single precision is spent on the shape alone.
+  Vector3<S> place = Vector3<S>::Zero();
+  if (translation_free()) {
+    for (Index i = 0; i < n; ++i) place += x.col(i);
+    place *= static_cast<S>(share_);
+  }
+  for (Index i = 0; i < n; ++i) {
+    const Vector3<S> local = x.col(i) - place;
+    x_.col(i) = local.template cast<Inner>();
+  }
+  v_ = v.template cast<Inner>();
+  const bool velocity_input = request.kind == GripInput::Pose;
+  const Vector3<S> wind = request.wind.col(0);
+  const Inner dt = static_cast<Inner>(request.dt);
+  const bool measured = S(0) < settings_.measured_force && has_last_;
+  if (measured) measure_force(dt);
+  if (!Traits::linearise(response_, x_, v_, wind.template cast<Inner>(), dt,
+                         velocity_input ? request.held : none_)) {
+    has_last_ = false;
+    return false;
+  }
+  gather_force(request);
+  if (measured) blend_measured(request);
+  for (Index first = 0; first < request.output_rows(); first += kLanes)
+    run_lanes(first, x, request, response);
+  add_plan(request.plan, response);
+  response.plan = request.plan;
+  last_velocity_ = v_;
+  last_wind_ = wind.template cast<Inner>();
+  has_last_ = true;
+  return true;
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::measure_force(Inner dt) {
+  Vector3<Inner> mean = Vector3<Inner>::Zero();
+  for (Index i = 0; i < v_.cols(); ++i) mean += v_.col(i);
+  mean *= share_;
+  measured_.setZero();
+  Traits::add_wind_force(response_, mean - last_wind_, measured_);
+  for (Index i = 0; i < v_.cols(); ++i) {
+    const Vector3<Inner> rate =
+        (v_.col(i) - last_velocity_.col(i)) / dt + Traits::drag(response_) * v_.col(i);
+    measured_.col(i) += Traits::mass(response_)[i] * rate;
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::blend_measured(const WindowRequest<S>& request) {
+  const Vector3<S> wind = request.wind.col(0);
+  Traits::add_wind_force(response_, wind.template cast<Inner>(), measured_);
+  for (std::size_t j = 0; j < request.held.size(); ++j) {
+    const int vertex = request.held[j];
+    if (request.kind == GripInput::Force && request.has_applied) {
+      const Vector3<S> applied = request.applied.template segment<3>(3 * static_cast<Index>(j));
+      measured_.col(vertex) -= applied.template cast<Inner>();
+    } else {
+      measured_.col(vertex) = force_.col(vertex);
+    }
+  }
+  force_ += static_cast<Inner>(settings_.measured_force) * (measured_ - force_);
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::gather_force(const WindowRequest<S>& request) {
+  force_ = Traits::force(response_);
+  if (request.outer_force.cols() > 0) force_ += request.outer_force.template cast<Inner>();
+  gusty_ = false;
+  for (Index k = 1; k < request.horizon; ++k)
+    gusty_ = gusty_ || !(request.wind.col(k) == request.wind.col(0));
+  airy_ = false;
+  for (Index c = 0; c < 3; ++c) {
+    Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
+    gust.setZero();
+    Vector3<Inner> axis = Vector3<Inner>::Zero();
+    axis[c] = Inner(1);
+    Traits::add_wind_force(response_, axis, gust);
+    airy_ = airy_ || Inner(0) < gust.cwiseAbs().maxCoeff();
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::start_lanes(Index first, Index used, const PointsView<S>& x,
+                                                   const WindowRequest<S>& request,
+                                                   WindowResponse<S>& response) {
+  const std::vector<unsigned char>& held = Traits::held(response_);
+  a_.setZero();
+  w_.setZero();
+  stiff_.setZero();
+  coupled_.setZero();
+  held_sum_.setZero();
+  for (Index lane = 0; lane < used; ++lane) {
+    const Index row = first + lane;
+    const Index c = row % 3;
+    S start = Scalar(0);
+    request.outputs.for_each_term(row / 3, [&](int vertex, const S& weight) {
+      start += weight * x(c, vertex);
+      if (held[static_cast<std::size_t>(vertex)] == 0)
+        a_(lane, 3 * vertex + c) += static_cast<Inner>(weight);
+    });
+    response.free_response.row(row).setConstant(start);
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::read_impulse_response(Index m, Index first, Index used,
+                                                             const WindowRequest<S>& request,
+                                                             WindowResponse<S>& response) {
+  const bool velocity_input = request.kind == GripInput::Pose;
+  const Inner dt = static_cast<Inner>(request.dt);
+  for (std::size_t j = 0; j < request.held.size(); ++j) {
+    const Index column = request.inputs() * m + 3 * static_cast<Index>(j);
+    for (Index c = 0; c < 3; ++c) {
+      const Index dof = 3 * request.held[j] + c;
+      const Index input = 3 * static_cast<Index>(j) + c;
+      for (Index lane = 0; lane < used; ++lane) {
+        const Inner value = velocity_input ? -coupled_(lane, dof) - dt * dt * held_sum_(lane, input)
+                                           : dt * w_(lane, dof);
+        response.impulse_response(first + lane, column + c) = static_cast<S>(value);
+      }
+      held_sum_.col(input) += stiff_.col(dof);
+    }
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::run_lanes(Index first, const PointsView<S>& x,
+                                                 const WindowRequest<S>& request,
+                                                 WindowResponse<S>& response) {
+  using Lane = Eigen::Matrix<Inner, kLanes, 1>;
+  const Index n = Traits::vertex_count(response_);
+  const Index used = (std::min<Index>)(kLanes, request.output_rows() - first);
+  const std::vector<unsigned char>& held = Traits::held(response_);
+  const Inner dt = static_cast<Inner>(request.dt);
+  start_lanes(first, used, x, request, response);
+  Lane force_sum = Lane::Zero();
+  for (Index m = 0; m < request.horizon; ++m) {
+    for (Index i = 0; i < n; ++i) {
+      if (held[static_cast<std::size_t>(i)] != 0) {
+        change_.template middleCols<3>(3 * i).setZero();
+      } else {
+        const Inner drag = dt * Traits::drag(response_) * Traits::mass(response_)[i];
+        change_.template middleCols<3>(3 * i) = dt * a_.template middleCols<3>(3 * i) -
+                                                drag * w_.template middleCols<3>(3 * i) -
+                                                coupled_.template middleCols<3>(3 * i);
+      }
+    }
+    Traits::solve(response_, change_);
+    w_ += change_;
+    multiply(dt);
+    a_ -= dt * stiff_;
+    Lane inertia = Lane::Zero();
+    for (Index i = 0; i < n; ++i) {
+      const Inner mass = Traits::mass(response_)[i];
+      for (Index c = 0; c < 3; ++c) {
+        inertia += w_.col(3 * i + c) * (mass * v_(c, i));
+        force_sum += w_.col(3 * i + c) * force_(c, i);
+      }
+    }
+    for (Index lane = 0; lane < used; ++lane) {
+      response.free_response(first + lane, m) +=
+          static_cast<S>(inertia[lane] + dt * force_sum[lane]);
+    }
+    read_impulse_response(m, first, used, request, response);
+    if (gusty_) gather_gust(m, used);
+  }
+  if (request.kind == GripInput::Pose) add_direct(first, used, request, response);
+  if (gusty_) add_gusts(first, used, request, response);
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::multiply(Inner dt) {
+  if (!translation_free()) {
+    Traits::multiply(response_, w_, stiff_, coupled_);
+    return;
+  }
+  const Index n = Traits::vertex_count(response_);
+  Eigen::Matrix<Inner, kLanes, 3> mean = Eigen::Matrix<Inner, kLanes, 3>::Zero();
+  for (Index i = 0; i < n; ++i) mean += w_.template middleCols<3>(3 * i);
+  mean *= share_;
+  for (Index i = 0; i < n; ++i)
+    change_.template middleCols<3>(3 * i) = w_.template middleCols<3>(3 * i) - mean;
+  Traits::multiply(response_, change_, stiff_, coupled_);
+  if (!airy_) return;
+  for (Index c = 0; c < 3; ++c) {
+    const Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
+    for (Index i = 0; i < n; ++i) {
+      for (Index d = 0; d < 3; ++d) coupled_.col(3 * i + d) += mean.col(c) * (dt * gust(d, i));
+    }
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::add_direct(Index first, Index used,
+                                                  const WindowRequest<S>& request,
+                                                  WindowResponse<S>& response) const {
+  for (Index lane = 0; lane < used; ++lane) {
+    const Index row = first + lane;
+    request.outputs.for_each_term(row / 3, [&](int vertex, const S& weight) {
+      for (std::size_t j = 0; j < request.held.size(); ++j) {
+        if (request.held[j] != vertex) continue;
+        for (Index m = 0; m < request.horizon; ++m) {
+          response.impulse_response(row, request.inputs() * m + 3 * static_cast<Index>(j) +
+                                             row % 3) += request.dt * weight;
+        }
+      }
+    });
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::gather_gust(Index m, Index used) {
+  for (Index lane = 0; lane < used; ++lane) {
+    for (Index c = 0; c < 3; ++c) {
+      const Points<Inner>& gust = gust_[static_cast<std::size_t>(c)];
+      Inner sum = Inner(0);
+      for (Index i = 0; i < gust.cols(); ++i) {
+        for (Index d = 0; d < 3; ++d) sum += w_(lane, 3 * i + d) * gust(d, i);
+      }
+      gust_response_(3 * lane + c, m) = sum;
+    }
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::add_gusts(Index first, Index used,
+                                                 const WindowRequest<S>& request,
+                                                 WindowResponse<S>& response) const {
+  for (Index k = 0; k < request.horizon; ++k) {
+    for (Index j = 1; j <= k; ++j) {
+      for (Index lane = 0; lane < used; ++lane) {
+        for (Index c = 0; c < 3; ++c) {
+          const S change = request.wind(c, j) - request.wind(c, 0);
+          response.free_response(first + lane, k) +=
+              request.dt * static_cast<S>(gust_response_(3 * lane + c, k - j)) * change;
+        }
+      }
+    }
+  }
+}
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class LinearisedPredictor<MassSpringResponse<float>, double>);
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -11,11 +11,20 @@
 #include <vector>
 
 #include "clothctl/core/result.hpp"
+#include "clothctl/mpc/detail/agreement.hpp"
+#include "clothctl/mpc/detail/finger_plan.hpp"
+#include "clothctl/mpc/detail/plan_change.hpp"
+#include "clothctl/mpc/detail/plan_input.hpp"
+#include "clothctl/mpc/detail/plan_output.hpp"
 #include "clothctl/mpc/detail/window_cost.hpp"
 #include "clothctl/mpc/detail/window_qp.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/qp/box_active_set.hpp"
+
+#ifdef CLOTHCTL_PRECOMPILED
+#include "clothctl/mpc/rollout_predictor.hpp"  // what is compiled once
+#endif
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -106,19 +115,9 @@ class Planner {
   /// Returns the step weight from which damping grows when none is asked for, s²/m².
   static Scalar least_step_weight() { return Scalar(1e-4); }
   static Vector3<Scalar> still_air(const Scalar&) { return Vector3<Scalar>::Zero(); }
-  static std::string text_of(const Vector3<Scalar>& p) {
-    return " is (" + number_text(p[0]) + ", " + number_text(p[1]) + ", " + number_text(p[2]) + ")";
-  }
-  static std::string within() {
-    return ", must be finite and within " + number_text(detail::largest_target<Scalar>()) + " m";
-  }
-  static Scalar count_of(Index n) { return Scalar(static_cast<double>(n)); }
   std::size_t grip_count() const { return problem_.basis.grips().size(); }
 
   std::vector<HandAnchor<Scalar>> anchors_for(const PointsView<Scalar>& start) const;
-
-  /// Sets all finger forces of the plan to zero.
-  void make_finger_plan();
 
   /// Sets the plan before the first frame: the gravity load for forces, rest for poses.
   void start_plan();
@@ -127,44 +126,14 @@ class Planner {
   PlanStatus plan_frame(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                         PlanResult<Scalar>& result);
 
-  /// Returns true when a result was made by this planner or one of the same size.
-  bool fits(const PlanResult<Scalar>& result) const;
-
-  template <class Target, class Wind>
-  bool take_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                  const Target& target, const Wind& wind);
-
-  void measure_agreement(const PointsView<Scalar>& x, PlanResult<Scalar>& result);
-
   /// Moves the plan on by one frame; its last frame is repeated.
   void shift_plan();
 
-  /// Writes the raw inputs of the solution and the change of the outputs that they cause. Scales
-  /// velocities back to max_change.
-  void take_change(PlanResult<Scalar>& result);
-
-  /// Returns true when planned forces change the velocity of a held vertex by more than max_change
-  /// in a frame. Such a plan cannot be scaled back, because the previous plan need not lie inside
-  /// of this frame's friction cones.
-  bool changes_too_much() const;
-
+  /// Turns the solution into the plan, the prediction and the input of the first frame.
   void extract(PlanStatus status, PlanResult<Scalar>& result);
 
   /// Fills the input with the first frame of the plan and remembers it as applied.
   void send(PlanResult<Scalar>& result);
-
-  /// Keeps the velocities of the held vertices that the plan promises.
-  void take_path();
-
-  /// Sends the first frame of the finger forces; each vertex gets the sum over its fingers.
-  void send_forces(PlanResult<Scalar>& result) const;
-
-  /// Sends the positions of the held vertices after the first frame, at most max_step from the
-  /// measured ones along each axis.
-  void send_path(PlanResult<Scalar>& result) const;
-
-  /// Sends the first frame of the plan as a rigid motion of each grip.
-  void command_poses(PlanResult<Scalar>& result);
 
   /// Fills the result with the previous plan, moved on by a frame; without one, with no force and
   /// no motion.
@@ -177,15 +146,276 @@ class Planner {
   detail::WindowCost<Scalar, Contact> cost_;
   detail::WindowQp<Scalar, Contact, BoxSolver, RowSolver> qp_;
   std::vector<detail::OutputTerm<Scalar>> point_;
-  MatrixX<Scalar> change_;
-  VectorX<Scalar> column_;
-  Points<Scalar> grip_velocity_, features_, last_features_, promised_;
-  std::vector<std::vector<FingerForce<Scalar>>> finger_plan_;
+  detail::PlanChange<Scalar> change_;
+  detail::FingerPlan<Scalar> finger_plan_;
+  detail::PredictionAgreement<Scalar> agreement_;
   Scalar step_weight_ = Scalar(0);  // grows where forces would change the hands' path too much
   bool has_last_ = false;
   bool has_plan_ = false;
 };
 
-}  // namespace clothctl::inline CLOTHCTL_ABI
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+auto Planner<P, Setup, BoxSolver, RowSolver>::create(Setup setup, PlannerSettings<Scalar> settings,
+                                                     P predictor, const PointsView<Scalar>& start)
+    -> Result<Planner> {
+  std::string problem = settings.validate();
+  if (problem.empty() && !all_finite(start)) problem = "the start positions are not finite";
+  if (problem.empty()) problem = setup.validate(start.cols());
+  if constexpr (requires { Traits::vertex_count(predictor); }) {
+    if (problem.empty() && Traits::vertex_count(predictor) != start.cols()) {
+      problem = "the predictor is made for " + std::to_string(Traits::vertex_count(predictor)) +
+                " vertices, the start positions have " + std::to_string(start.cols());
+    }
+  }
+  if (!problem.empty()) return Error{problem};
+  Planner planner(std::move(setup), std::move(settings), std::move(predictor), start);
+  if (!planner.response_fits())
+    return Error{"the predictor's reserve sized its response for another window"};
+  return planner;
+}
 
-#include "clothctl/mpc/detail/planner_impl.hpp"
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+auto Planner<P, Setup, BoxSolver, RowSolver>::make_result() const -> PlanResult<Scalar> {
+  return detail::make_plan_result(problem_);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+template <class Target, class Wind>
+PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan(const PointsView<Scalar>& x,
+                                                         const PointsView<Scalar>& v, Scalar t,
+                                                         const Target& target, const Wind& wind,
+                                                         PlanResult<Scalar>& result) {
+  if (!detail::fits(problem_, result) ||
+      !detail::take_plan_input(problem_, cost_, vertex_count_, x, v, t, target, wind))
+    return PlanStatus::InvalidInput;
+  if (!has_last_) problem_.motion.last_velocity = problem_.motion.velocity;
+  return plan_frame(x, v, result);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+template <class Target>
+PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan(const PointsView<Scalar>& x,
+                                                         const PointsView<Scalar>& v, Scalar t,
+                                                         const Target& target,
+                                                         PlanResult<Scalar>& result) {
+  return plan(x, v, t, target, still_air, result);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+template <class Target, class Wind>
+std::string Planner<P, Setup, BoxSolver, RowSolver>::check_input(
+    const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
+    const Wind& wind, const PlanResult<Scalar>& result) const {
+  if (!detail::fits(problem_, result))
+    return "the result was not made by make_result of this planner";
+  return detail::check_plan_input(problem_, cost_, vertex_count_, x, v, t, target, wind);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+template <class Target>
+std::string Planner<P, Setup, BoxSolver, RowSolver>::check_input(
+    const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
+    const PlanResult<Scalar>& result) const {
+  return check_input(x, v, t, target, still_air, result);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+bool Planner<P, Setup, BoxSolver, RowSolver>::set_outer_force(const PointsView<Scalar>& force) {
+  if ((force.cols() != 0 && force.cols() != vertex_count_) || !all_finite(force)) return false;
+  problem_.request.outer_force = force;
+  return true;
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::reset() {
+  has_last_ = false;
+  has_plan_ = false;
+  problem_.request.has_path = false;
+  problem_.request.has_applied = false;
+  step_weight_ = Scalar(0);
+  start_plan();
+  Traits::reset(predictor_);
+  qp_.reset();
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+Planner<P, Setup, BoxSolver, RowSolver>::Planner(Setup setup, PlannerSettings<Scalar> settings,
+                                                 P predictor, const PointsView<Scalar>& start)
+    : setup_(std::move(setup)),
+      predictor_(std::move(predictor)),
+      problem_(settings,
+               detail::GripBasis<Scalar, Contact>(setup_.grips, setup_.triangles, settings.input),
+               point_features(setup_.features)),
+      vertex_count_(start.cols()) {
+  Traits::reserve(predictor_, problem_.request, problem_.response);
+  problem_.response.plan = problem_.request.plan;
+  cost_.reserve(problem_, anchors_for(start));
+  qp_.reserve(problem_);
+  point_.reserve(held().size());
+  change_.reserve(problem_);
+  agreement_.reserve(problem_.feature_count);
+  start_plan();
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+template <class Features>
+auto Planner<P, Setup, BoxSolver, RowSolver>::point_features(const Features& features)
+    -> PointFeatures<Scalar> {
+  PointFeatures<Scalar> points;
+  points.add_map(features);
+  return points;
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+bool Planner<P, Setup, BoxSolver, RowSolver>::response_fits() const {
+  const WindowRequest<Scalar>& q = problem_.request;
+  const WindowResponse<Scalar>& r = problem_.response;
+  return r.impulse_response.rows() == q.output_rows() &&
+         r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
+         r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
+         r.free_response.cols() == q.horizon;
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+auto Planner<P, Setup, BoxSolver, RowSolver>::anchors_for(const PointsView<Scalar>& start) const
+    -> std::vector<HandAnchor<Scalar>> {
+  if (!setup_.anchors.empty()) return setup_.anchors;
+  Points<Scalar> features(3, problem_.feature_count), hands(3, static_cast<Index>(grip_count()));
+  evaluate_features<Scalar>(setup_.features, start, features);
+  for (std::size_t g = 0; g < grip_count(); ++g)
+    hands.col(static_cast<Index>(g)) = problem_.basis.held().centroid(start, g);
+  return make_anchors(features, hands);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::start_plan() {
+  finger_plan_.reset(problem_.basis, problem_.settings.horizon);
+  for (Index k = 0; k < problem_.settings.horizon; ++k) {
+    for (Index j = 0; j < static_cast<Index>(problem_.request.held.size()); ++j)
+      problem_.request.plan.template block<3, 1>(3 * j, k) = problem_.force_share;
+  }
+  problem_.request.applied = problem_.request.plan.col(0);
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<Scalar>& x,
+                                                               const PointsView<Scalar>& v,
+                                                               PlanResult<Scalar>& result) {
+  agreement_.measure(setup_.features, x, has_last_, result);
+  result.qp_iterations = 0;
+  result.qp_status = QpStatus::Solved;
+  result.used_rows = false;
+  shift_plan();
+  problem_.basis.update(x);
+  for (detail::HeldPatch<Scalar>& patch : problem_.patches) patch.update(problem_.motion.position);
+  problem_.response.plan = problem_.request.plan;
+  if (!Traits::predict(predictor_, x, v, problem_.request, problem_.response) || !response_fits())
+    return fail(result);
+  PlanStatus status = PlanStatus::Failed;
+  step_weight_ *= Scalar(0.5);
+  if (step_weight_ < least_step_weight() || step_weight_ < problem_.settings.weights.step)
+    step_weight_ = problem_.settings.weights.step;
+  if (!has_plan_) step_weight_ = Scalar(0);  // nothing to keep to
+  for (int attempt = 0;; ++attempt) {
+    qp_.assemble(problem_, cost_.stack(problem_, step_weight_), x);
+    status = qp_.solve(problem_, result);
+    if (status == PlanStatus::Failed) return fail(result);
+    change_.take(problem_, qp_, has_plan_, result);
+    if (attempt == kMostAttempts || !change_.too_large(problem_, has_plan_)) break;
+    step_weight_ *= Scalar(4);
+    if (step_weight_ < least_step_weight()) step_weight_ = least_step_weight();
+  }
+  extract(status, result);
+  problem_.motion.last_velocity = problem_.motion.velocity;
+  has_last_ = true;
+  return status;
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::shift_plan() {
+  if (!has_plan_) return;
+  for (Index k = 0; k + 1 < problem_.settings.horizon; ++k) {
+    problem_.request.plan.col(k) = problem_.request.plan.col(k + 1);
+    problem_.request.path.col(k) = problem_.request.path.col(k + 1);
+  }
+  finger_plan_.shift();
+  qp_.shift(problem_.basis.unknowns());
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::extract(PlanStatus status,
+                                                      PlanResult<Scalar>& result) {
+  const Index p = problem_.basis.unknowns(), horizon = problem_.settings.horizon;
+  problem_.response.free_response += change_.outputs();
+  result.predicted = problem_.response.free_response.topRows(3 * problem_.feature_count);
+  agreement_.predict(result.predicted);
+  result.patch_residual = detail::largest_non_affine(problem_, point_);
+  problem_.request.plan = result.plan;
+  has_plan_ = true;
+  detail::take_path(problem_);
+  if (problem_.settings.input == GripInput::Force) {
+    for (Index k = 0; k < horizon; ++k)
+      problem_.basis.finger_forces(qp_.frame(k, p), finger_plan_.frame(k));
+  }
+  send(result);
+  result.status = status;
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::send(PlanResult<Scalar>& result) {
+  problem_.request.applied = result.plan.col(0);
+  problem_.request.has_applied =
+      problem_.settings.input != GripInput::Force || detail::sends_forces(problem_.settings);
+  if (problem_.settings.input == GripInput::Force) {
+    detail::send_forces(problem_, finger_plan_.frame(0), result);
+    detail::send_path(problem_, result);
+  } else {
+    detail::send_poses(problem_, result);
+  }
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::fail(PlanResult<Scalar>& result) {
+  result.status = PlanStatus::Failed;
+  if (has_plan_) {
+    result.plan = problem_.request.plan;
+  } else {
+    result.plan.setZero();
+  }
+  for (Index k = 0; k < problem_.settings.horizon; ++k) {
+    for (Index i = 0; i < problem_.feature_count; ++i)
+      result.predicted.template block<3, 1>(3 * i, k) = agreement_.measured().col(i);
+  }
+  result.patch_residual = Scalar(0);
+  send(result);
+  has_last_ = false;
+  qp_.reset();
+  return PlanStatus::Failed;
+}
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp): planners of the mass-spring
+// sheet, with both predictors.
+CLOTHCTL_INSTANTIATE(class Planner<LinearisedPredictor<MassSpringResponse<float>, double>>);
+CLOTHCTL_INSTANTIATE(
+    class Planner<RolloutPredictor<MassSpring<double>,
+                                   LinearisedPredictor<MassSpringResponse<float>, double>>>);
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

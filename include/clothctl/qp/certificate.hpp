@@ -10,16 +10,17 @@
 //
 // Unbounded. A direction d with
 //
-//   H d = 0,   gᵀd < 0,   d_j ≥ 0 where lb_j is finite, d_j ≤ 0 where ub_j is finite, and the same
-//   for A d and the row bounds
+//   H d = 0,   gᵀd < 0,   d_j ≥ 0 where lb_j is finite, d_j ≤ 0 where ub_j is finite,
+//   (A d)_i ≥ 0 where rl_i is finite, (A d)_i ≤ 0 where ru_i is finite
 //
 // proves that the objective falls without limit from every feasible point along d (if there is
 // one).
 //
 // Computed certificates hold to rounding only, so the functions below measure by how much each
 // condition fails. Each error is relative to the sum of the sizes of the terms that should cancel;
-// it therefore does not depend on how rows or unknowns are scaled. References: Farkas (1902); Boyd
-// and Vandenberghe, Convex Optimization (2004), §5.8.
+// it therefore does not depend on how rows or unknowns are scaled.
+//
+// References: Farkas (1902); Boyd and Vandenberghe, Convex Optimization (2004), §5.8.
 
 #include <algorithm>
 #include <cmath>

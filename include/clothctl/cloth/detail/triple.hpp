@@ -103,4 +103,44 @@ CLOTHCTL_FORCE_INLINE void subtract_from_column(Points<Scalar>& matrix, Index i,
   matrix(2, i) = matrix(2, i) - v.z;
 }
 
+/// Reads point i of a row of coordinates x0 y0 z0 x1 ...
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE Triple<Scalar> point(const Lanes<Scalar, 1>& row, Index i) {
+  return {row[3 * i], row[3 * i + 1], row[3 * i + 2]};
+}
+
+/// Writes point i of a row of coordinates.
+template <class Scalar>
+CLOTHCTL_FORCE_INLINE void set_point(Lanes<Scalar, 1>& row, Index i, const Triple<Scalar>& v) {
+  row[3 * i] = v.x;
+  row[3 * i + 1] = v.y;
+  row[3 * i + 2] = v.z;
+}
+
+/// Returns a row of coordinates as a 3×n matrix over the same memory.
+template <class Scalar>
+Eigen::Map<Points<Scalar>> as_points(Lanes<Scalar, 1>& row) {
+  return {row.data(), 3, row.cols() / 3};
+}
+
+/// Writes a + factor · b to `out`, entry by entry; the sizes are equal, and `out` may be `a`.
+template <class Scalar, class Other>
+void move_along(const Points<Scalar>& a, const std::type_identity_t<Scalar>& factor, const Other& b,
+                Points<Scalar>& out) {
+  for (Index k = 0; k < out.size(); ++k) out.data()[k] = a.data()[k] + factor * b.data()[k];
+}
+
+/// Returns the largest magnitude of an entry; it ignores NaN.
+template <class Matrix>
+typename Matrix::Scalar largest_magnitude(const Matrix& matrix) {
+  using Scalar = typename Matrix::Scalar;
+  Scalar largest = Scalar(0);
+  for (Index k = 0; k < matrix.size(); ++k) {
+    const Scalar& entry = matrix.data()[k];
+    const Scalar magnitude = entry < Scalar(0) ? -entry : entry;
+    if (largest < magnitude) largest = magnitude;
+  }
+  return largest;
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

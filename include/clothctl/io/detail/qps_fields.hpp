@@ -3,8 +3,9 @@
 // Fields of a line of QPS (qps.hpp), in free form between blanks, in fixed form in columns 2-3,
 // 5-12, 15-22, 25-36, 40-47 and 50-61 with blanks between:
 //
-//   type | name | key value | key value       e.g. " UP BND X1 4", " X1 COST 1 ROW2 -1", " RHS ROW1
-//   3"
+//   type | name | key value | key value
+//
+// for example " UP BND X1 4", " X1 COST 1 ROW2 -1" or " RHS ROW1 3".
 //
 // In free form, RHS, RANGES and BOUNDS may leave out the name (of the set).
 

@@ -2,9 +2,10 @@
 
 // The QP of a window in the unknowns u of grip_basis.hpp: raw inputs r_k = B u_k + r0, δ = r - ū:
 //
-//   ½ δᵀH δ + gᵀδ + effort(r)   ->   ½ uᵀ(BᵀH B + ridge) u + (Bᵀ(g - H (ū - r0)))ᵀ u,   lb <= u <=
-//   ub grip limits:   Σ s_i d_i - a <= limit         for each finger and frame (s: normal shares)
-//   hard patches:  N y_k = 0  ([Bai 2016], eq. 3)  3 · non-affine modes for each frame
+//   ½ δᵀH δ + gᵀδ + effort(r)   ->   ½ uᵀ(BᵀH B + ridge) u + (Bᵀ(g - H (ū - r0)))ᵀ u
+//   bounds:         lb <= u <= ub
+//   grip limits:    Σ s_i d_i - a <= limit    for each finger and frame (s: normal shares)
+//   hard patches:   N y_k = 0                 3 · non-affine modes a frame ([Bai 2016], eq. 3)
 //
 // The QP with bounds alone is tried first. Grip limits go to the row solver only in frames where
 // its solution breaks one; hard patch rows always do. Rows that cannot be met (a grip limit stands
@@ -238,7 +239,7 @@ class WindowQp {
   }
 
   /// Keeps the unknowns of a result; Failed when its status is no solution or it is not finite.
-  template <class Solver>
+  template <QpSolverBase<Scalar> Solver>
   PlanStatus take(const typename qp_solver_traits<Solver>::result_type& result,
                   QpStatus qp_status) {
     const PlanStatus status = plan_status(qp_status);

@@ -32,8 +32,10 @@
 #include "clothctl/qp/detail/box_warm_start.hpp"
 #include "clothctl/qp/detail/budget.hpp"
 #include "clothctl/qp/detail/cached_product.hpp"
+#include "clothctl/qp/detail/descent_monitor.hpp"
 #include "clothctl/qp/detail/factor_update.hpp"
 #include "clothctl/qp/detail/zero_curvature_direction.hpp"
+#include "clothctl/qp/detail/zero_gradient.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -54,7 +56,9 @@ class BoxMethod {
 
   /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
   void reserve(Index n) {
-    set_zero<Scalar>({&x_, &q_, &p_, &scale_, &zero_, &root_, &limit_, &last_x_, &last_q_}, n);
+    set_zero<Scalar>({&x_, &q_, &p_, &limit_, &work_}, n);
+    zero_.reserve(n);
+    descent_.reserve(n);
     product_.reserve(n);
     flat_.reserve(n);
     guess_.reserve(n);
@@ -67,23 +71,15 @@ class BoxMethod {
 
   /// The Hessian. After a change call `renew`.
   Curvature& curvature() { return curvature_; }
-  const Curvature& curvature() const { return curvature_; }
 
   /// Prepares for a new Hessian in `curvature()`. The active set stays when n is unchanged.
   void renew() {
-    using std::sqrt;
     if (curvature_.unknowns() != n_) reset();
     n_ = curvature_.unknowns();
     curvature_.clear();
     guess_.forget(curvature_);
     product_.forget();
-    steepest_ = Scalar(0);
-    for (Index j = 0; j < n_; ++j) {
-      const Scalar own = curvature_.diagonal(j);
-      scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
-      root_[j] = own > Scalar(0) ? sqrt(own) : Scalar(0);
-      steepest_ = (std::max)(steepest_, root_[j]);
-    }
+    zero_.set_diagonal(n_, [this](Index j) { return curvature_.diagonal(j); });
   }
 
   /// The iterate, n entries in use.
@@ -91,7 +87,7 @@ class BoxMethod {
   /// H x + g of the last refresh, n entries in use.
   const Vector& gradient() const { return q_; }
   /// A bound on |H_jk x_k| summed over k, for every j of the last refresh.
-  const Scalar& largest_terms() const { return terms_; }
+  const Scalar& largest_terms() const { return zero_.largest_terms(); }
   /// The direction of the last DualInfeasible, n entries in use.
   const Vector& ray() const { return flat_.ray(); }
 
@@ -134,7 +130,7 @@ class BoxMethod {
     curvature_.newton(gradient, p_);
     for (Index k = 0; k < curvature_.size(); ++k) {
       const Index i = curvature_.order(k);
-      x_[i] = (std::min)((std::max)(Scalar(x_[i] + p_[i]), data.lo[i]), data.hi[i]);
+      x_[i] = std::clamp(Scalar(x_[i] + p_[i]), data.lo[i], data.hi[i]);
     }
   }
 
@@ -142,8 +138,7 @@ class BoxMethod {
   /// the next solve is cold. Returns true when it replaced x.
   bool replace_nonfinite(const Data& data) {
     if (all_finite(x_.head(n_))) return false;
-    for (Index i = 0; i < n_; ++i)
-      x_[i] = (std::min)((std::max)(Scalar(0), data.lo[i]), data.hi[i]);
+    for (Index i = 0; i < n_; ++i) x_[i] = std::clamp(Scalar(0), data.lo[i], data.hi[i]);
     curvature_.clear();
     product_.forget();
     reset();
@@ -202,8 +197,7 @@ class BoxMethod {
         if (state(i) == kLower && has_bound(lo()[i])) x_[i] = lo()[i];
         if (state(i) == kUpper && has_bound(hi()[i])) x_[i] = hi()[i];
       }
-      if (x_[i] < lo()[i]) x_[i] = lo()[i];
-      if (x_[i] > hi()[i]) x_[i] = hi()[i];
+      x_[i] = std::clamp(x_[i], lo()[i], hi()[i]);
       if (start_ == Start::Warm && !fixed && state(i) == kFree) continue;
       place_by_x(i);
       if (state(i) == kParked) state(i) = kFree;
@@ -246,17 +240,16 @@ class BoxMethod {
   }
 
   Scalar objective(const Vector& x) {
-    std::fill_n(last_q_.data(), n_, Scalar(0));
-    curvature_.add_product(x, last_q_);
+    std::fill_n(work_.data(), n_, Scalar(0));
+    curvature_.add_product(x, work_);
     Scalar sum(0);
-    for (Index i = 0; i < n_; ++i) sum += (Scalar(0.5) * last_q_[i] + g()[i]) * x[i];
+    for (Index i = 0; i < n_; ++i) sum += (Scalar(0.5) * work_[i] + g()[i]) * x[i];
     return sum;
   }
 
   void refine_guess() {
     if (!guess_.refine(curvature_, q_, p_)) return;
-    for (Index i = 0; i < n_; ++i)
-      x_[i] = (std::min)((std::max)(Scalar(x_[i] + p_[i]), lo()[i]), hi()[i]);
+    for (Index i = 0; i < n_; ++i) x_[i] = std::clamp(Scalar(x_[i] + p_[i]), lo()[i], hi()[i]);
     refresh_gradient();
   }
 
@@ -274,23 +267,8 @@ class BoxMethod {
   }
 
   void take_gradient(const Vector& product) {
-    using std::abs;
     for (Index i = 0; i < n_; ++i) q_[i] = g()[i] + product[i];
-    // What counts as zero in q_j: relative to the largest term of any, and to what its own terms
-    // can be, |H_jk x_k| ≤ √H_jj √H_kk |x_k|, so that scaling an unknown changes nothing.
-    Scalar largest(1), length(0);
-    for (Index i = 0; i < n_; ++i) {
-      largest = (std::max)(largest, (std::max)(Scalar(abs(g()[i])), Scalar(abs(product[i]))));
-      length += root_[i] * abs(x_[i]);
-    }
-    terms_ = steepest_ * length;
-    const Scalar least =
-        Scalar(1e-30);  // smaller slopes count as zero: without one in g the others fall with x
-    const Scalar relative = relative_zero();
-    for (Index i = 0; i < n_; ++i) {
-      const Scalar size = (std::min)(Scalar(abs(g()[i]) + length * root_[i]), largest);
-      zero_[i] = (std::max)(Scalar(relative * size), least);
-    }
+    zero_.update(n_, g(), x_, product, relative_zero());
   }
 
   /// Updates the factor to the free unknowns. Returns how many unknowns it took in; the
@@ -386,7 +364,7 @@ class BoxMethod {
   void stay_inside(Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving(k);
-      x_[i] = (std::min)((std::max)(x_[i], lo()[i]), hi()[i]);
+      x_[i] = std::clamp(x_[i], lo()[i], hi()[i]);
     }
   }
 
@@ -395,7 +373,7 @@ class BoxMethod {
     using std::abs;
     if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);
     const Scalar q = state(i) == kLower ? -q_[i] : state(i) == kUpper ? q_[i] : Scalar(abs(q_[i]));
-    return q > zero_[i] ? q * scale_[i] : Scalar(0);
+    return q > zero_[i] ? q * zero_.scale(i) : Scalar(0);
   }
 
   /// Frees unknowns whose multiplier has the wrong sign: all, or only the worst. Returns the worst
@@ -434,23 +412,13 @@ class BoxMethod {
     return false;
   }
 
-  /// Returns true when the objective is lower than ever since the start. Its changes ½ (q + q')ᵀ(x
-  /// - x') are summed, so that a large constant hides nothing.
+  /// Returns true when the objective is lower than ever since the start.
   bool progressed() {
     using std::abs;
-    Scalar change(0);
-    Scalar size(0);
-    for (Index i = 0; i < n_; ++i) {
-      const Scalar step = x_[i] - last_x_[i];
-      change += Scalar(0.5) * (q_[i] + last_q_[i]) * step;
-      size += (abs(g()[i]) + abs(q_[i] - g()[i])) * abs(step);
-    }
-    std::copy_n(x_.data(), n_, last_x_.data());
-    std::copy_n(q_.data(), n_, last_q_.data());
-    total_ += change;
-    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size)) return false;
-    least_ = total_;
-    return true;
+    descent_.add_quadratic(
+        n_, x_, [this](Index i) { return q_[i]; },
+        [this](Index i) { return Scalar(abs(g()[i]) + abs(q_[i] - g()[i])); });
+    return descent_.is_lowest();
   }
 
   /// Returns true when the gradient vanishes on the free unknowns, to so many times what counts as
@@ -481,8 +449,8 @@ class BoxMethod {
     }
     int stalls = 0;
     int polishes = 0;
-    bool first = true;
     bool stuck = false;
+    descent_.restart();
     for (;;) {
       sync_factor();
       if (newton_step() == Walk::Clipped) {
@@ -490,14 +458,7 @@ class BoxMethod {
           return spent;
         continue;
       }
-      if (first) {
-        std::copy_n(x_.data(), n_, last_x_.data());
-        std::copy_n(q_.data(), n_, last_q_.data());
-        total_ = least_ = Scalar(0);
-        first = false;
-      } else {
-        stalls = progressed() ? 0 : stalls + 1;
-      }
+      stalls = progressed() ? 0 : stalls + 1;
       const Index worst = stuck || stalls > 2 * kStalls ? Index(-1) : release(stalls > kStalls);
       if (worst < 0) {
         refresh_gradient();
@@ -515,8 +476,7 @@ class BoxMethod {
         if (outcome != Walk::Unbounded) continue;
         if (met_bound()) continue;  // on from there, with what is still free
       }
-      stuck = first =
-          true;  // no further way down that rounding does not hide: the residuals will tell
+      stuck = true;  // no further way down that rounding does not hide: the residuals will tell
     }
   }
 
@@ -525,13 +485,14 @@ class BoxMethod {
   Curvature curvature_;
   ZeroCurvatureDirection<Scalar> flat_;
   BoxWarmStart<Scalar, Curvature> guess_;
-  Vector x_, q_, p_, scale_, zero_, root_, limit_, last_x_, last_q_;
+  ZeroGradient<Scalar> zero_;
+  DescentMonitor<Scalar> descent_;
+  Vector x_, q_, p_, limit_, work_;
   CachedProduct<Scalar> product_;
   std::vector<State> state_;
   std::vector<Index> list_, moving_;
   const Data* data_ = nullptr;
-  Scalar steepest_ = Scalar(0), terms_ = Scalar(0);
-  Scalar stationarity_tolerance_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
+  Scalar stationarity_tolerance_ = Scalar(0);
   Index n_ = 0;
   Start start_ = Start::Cold;
 };

@@ -14,13 +14,14 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <utility>
 #include <vector>
 
 #include "clothctl/linalg/columns.hpp"
 #include "clothctl/linalg/vector_kernels.hpp"
 #include "clothctl/qp/detail/budget.hpp"
+#include "clothctl/qp/detail/descent_monitor.hpp"
 #include "clothctl/qp/detail/kkt_factor.hpp"
+#include "clothctl/qp/detail/piecewise_quadratic.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -41,8 +42,7 @@ class ProximalProblem {
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
     rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
     columns_.assign(static_cast<std::size_t>(n * m), Scalar(0));
-    set_zero<Scalar>({&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_, &last_x_, &last_slope_},
-                     n);
+    set_zero<Scalar>({&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_}, n);
     set_zero<Scalar>(
         {&rl, &ru, &y, &yk, &ax, &moved_, &below_, &above_, &b_, &delta_, &zero_rows_, &last_y_},
         m);
@@ -50,7 +50,8 @@ class ProximalProblem {
     active_.assign(static_cast<std::size_t>(m), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
     hits_.assign(static_cast<std::size_t>(n), 0);
-    kinks_.assign(static_cast<std::size_t>(2 * m), {Scalar(0), Scalar(0)});
+    along_.reserve(2 * m);
+    descent_.reserve(n);
     factor.reserve(n, m);
     h_.reserve(n, n);
     a_.reserve(m, n);
@@ -161,7 +162,7 @@ class ProximalProblem {
   Outcome minimise(const Scalar& wanted, int& iterations, const Budget& budget) {
     if (!usable_weights()) return Outcome::NumericalError;
     update_multipliers();
-    restart_progress();
+    descent_.restart();
     int stalls = 0;
     int settled = 0;
     int idle = 0;
@@ -269,7 +270,7 @@ class ProximalProblem {
       }
       if (!usable_weights()) return Outcome::NumericalError;
       update_multipliers();
-      restart_progress();
+      descent_.restart();
     }
     return std::nullopt;
   }
@@ -319,45 +320,26 @@ class ProximalProblem {
   /// Returns the gradient of φ without the term of the rows.
   Scalar smooth_slope(Index j) const { return hx[j] + g[j] + rho * (x[j] - xk[j]); }
 
-  /// Makes `progressed` compare with the present x from now on.
-  void restart_progress() { fresh_ = true; }
-
-  /// Returns true when φ is lower than at all earlier calls since the restart. It sums the changes
-  /// of φ, because a large value of φ would hide small changes: the smooth part changes by
-  /// ½ (s + s')ᵀ(x - x'), the row part by μ/2 (y + y')ᵀ(y - y').
+  /// Returns true when φ is lower than at all earlier calls since the restart of `descent_`. The
+  /// row part changes by μ/2 (y + y')ᵀ(y - y').
   bool progressed() {
     using std::abs;
-    Scalar change(0);
-    Scalar size(0);
-    for (Index j = 0; j < n_; ++j) {
-      const Scalar slope = smooth_slope(j);
-      const Scalar term = Scalar(0.5) * (slope + last_slope_[j]) * (x[j] - last_x_[j]);
-      change += term;
-      size += (abs(hx[j]) + abs(g[j])) * abs(x[j] - last_x_[j]);
-      last_slope_[j] = slope;
-      last_x_[j] = x[j];
-    }
+    descent_.add_quadratic(
+        n_, x, [this](Index j) { return smooth_slope(j); },
+        [this](Index j) { return Scalar(abs(hx[j]) + abs(g[j])); });
     for (Index i = 0; i < m_; ++i) {
       const Scalar term = Scalar(0.5) * mu * (y[i] + last_y_[i]) * (y[i] - last_y_[i]);
-      change += term;
-      if (term < Scalar(0) || term > Scalar(0)) size += abs(y[i] + last_y_[i]) * abs(moved_[i]);
+      const bool moves = term < Scalar(0) || term > Scalar(0);
+      descent_.add_term(term, moves ? Scalar(abs(y[i] + last_y_[i]) * abs(moved_[i])) : Scalar(0));
       last_y_[i] = y[i];
     }
-    if (fresh_) {
-      fresh_ = false;
-      total_ = least_ = Scalar(0);
-      return true;
-    }
-    total_ += change;
-    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size)) return false;
-    least_ = total_;
-    return true;
+    return descent_.is_lowest();
   }
 
   /// Returns the first minimiser of φ(x + t p) on 0 ≤ t ≤ end, given φ'(0) = `slope` < 0 and the
   /// curvature without rows. Returns `end` when φ decreases up to there.
   Scalar minimum_along(const Scalar& slope, const Scalar& curvature, const Scalar& end) {
-    Index kinks = 0;
+    along_.clear();
     Scalar bend = curvature;
     for (Index i = 0; i < m_; ++i) {
       const Scalar b = b_[i];
@@ -372,25 +354,12 @@ class ProximalProblem {
         const Scalar t = (edge - v) / b;
         if (t < Scalar(0) || !(t < end)) return;
         if (!(t > Scalar(0)) && inwards) return;  // on the bound and moving in: not violated
-        kinks_[static_cast<std::size_t>(kinks++)] = {t, inwards ? Scalar(-stiffness) : stiffness};
+        along_.add(t, inwards ? Scalar(-stiffness) : stiffness);
       };
       kink(below_[i], b > Scalar(0));
       kink(above_[i], b < Scalar(0));
     }
-    std::sort(kinks_.begin(), kinks_.begin() + kinks,
-              [](const Kink& a, const Kink& c) { return a.first < c.first; });
-    Scalar t(0);
-    Scalar s = slope;
-    for (Index k = 0; k < kinks; ++k) {
-      const Kink& kink = kinks_[static_cast<std::size_t>(k)];
-      const Scalar next = s + bend * (kink.first - t);
-      if (!(next < Scalar(0))) break;
-      s = next;
-      t = kink.first;
-      bend += kink.second;
-    }
-    if (!(bend > Scalar(0))) return end;
-    return (std::min)(end, Scalar(t - s / bend));
+    return along_.minimiser(slope, bend, end);
   }
 
   /// Moves x along the Newton direction, which bends at the bounds. Returns true when this was the
@@ -501,21 +470,18 @@ class ProximalProblem {
   void stay_inside(Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving_[static_cast<std::size_t>(k)];
-      x[i] = (std::min)((std::max)(x[i], lo[i]), hi[i]);
+      x[i] = std::clamp(x[i], lo[i], hi[i]);
     }
   }
 
-  using Kink = std::pair<Scalar, Scalar>;
   std::vector<Scalar> hessian_, rows_, columns_;
   Columns<Scalar> h_, a_, at_;
-  Vector p_, w_, limit_, b_, moved_, below_, above_, delta_, zero_rows_, last_x_, last_slope_,
-      last_y_;
-  Scalar total_ = Scalar(0), least_ = Scalar(0);
+  Vector p_, w_, limit_, b_, moved_, below_, above_, delta_, zero_rows_, last_y_;
+  DescentMonitor<Scalar> descent_;
+  PiecewiseQuadratic<Scalar> along_;
   std::vector<Index> moving_, hits_;
   std::vector<char> active_;  // 1 for each row that belongs in the factor
-  std::vector<Kink> kinks_;
   Index n_ = 0, m_ = 0;
-  bool fresh_ = true;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -7,8 +7,8 @@
 // both ends,
 //
 //   m_c = ρ π r² L,   m_s = 4/3 ρ π r³,   m = m_c + m_s,   centre of mass at L/2
-//   I_along = m_c r²/2 + 2/5 m_s r²,   I_across = m_c (L²/12 + r²/4) + m_s (2/5 r² + L²/4 + 3/8 L
-//   r)
+//   I_along = m_c r²/2 + 2/5 m_s r²
+//   I_across = m_c (L²/12 + r²/4) + m_s (2/5 r² + L²/4 + 3/8 L r)
 //
 // The palm is a box. Two or three joints of knuckles and wrist share a point. The links between
 // them have small masses instead of none, so that the mass matrix is positive definite.

@@ -1,7 +1,7 @@
 // Programs and solutions as QPT text: the written words, omitted zeros and shared parts, and exact
 // round trips.
 
-#include "clothctl/io/detail/qpt_text.hpp"
+#include "clothctl/io/qpt_writer.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -56,12 +56,12 @@ QpSolution solution() {
 
 }  // namespace
 
-TEST_CASE("a program is written section by section without zeros", "[qpt_text]") {
+TEST_CASE("a program is written section by section without zeros", "[io]") {
   CHECK(qpt_text(single_program()) == replaced(kSingleProgram, "1e-3", "0.001"));
 }
 
 TEST_CASE("a sequence writes for each frame its gradient and the differences from the base",
-          "[qpt_text]") {
+          "[io]") {
   CHECK(qpt_text(program_sequence()) ==
         "qpt 1\nname moves\nn 2\nm 1\nr 0\nH 3\n0 0 2\n0 1 1\n1 1 3\ng 1\n1 5\nA 2\n0 0 1\n0 1 "
         "-1\nrows 1\n0 1\n"
@@ -71,7 +71,7 @@ TEST_CASE("a sequence writes for each frame its gradient and the differences fro
         "frame 2\ng 1\n1 5\ncols 2\n0 0\n0 0\nobjective -4\nend\n");
 }
 
-TEST_CASE("each bound of a frame that differs is written", "[qpt_text]") {
+TEST_CASE("each bound of a frame that differs is written", "[io]") {
   for (Vector QpSequenceFrame::*side : kSides) {
     QpProblem p = program_sequence();
     p.frames.resize(1);
@@ -80,7 +80,7 @@ TEST_CASE("each bound of a frame that differs is written", "[qpt_text]") {
   }
 }
 
-TEST_CASE("the smallest program has one unknown and its bounds", "[qpt_text]") {
+TEST_CASE("the smallest program has one unknown and its bounds", "[io]") {
   QpProblem p;
   p.H.setZero(1, 1);
   p.g.setZero(1);
@@ -92,7 +92,7 @@ TEST_CASE("the smallest program has one unknown and its bounds", "[qpt_text]") {
   check_reads_back(p);
 }
 
-TEST_CASE("a certificate is written with its status", "[qpt_text]") {
+TEST_CASE("a certificate is written with its status", "[io]") {
   QpSolution s{"p", 2, 1, {}, {}};
   s.reference.status = "infeasible";
   s.reference.farkas_y = Vector::Constant(1, -1);
@@ -108,7 +108,7 @@ TEST_CASE("a certificate is written with its status", "[qpt_text]") {
         "qpt 1\nname p\nn 2\nm 1\nstatus unbounded\nunique 0\nx 2\n0 0\nray 2\n0.5 -1\nend\n");
 }
 
-TEST_CASE("the solution of a sequence has the answer of each frame", "[qpt_text]") {
+TEST_CASE("the solution of a sequence has the answer of each frame", "[io]") {
   QpSolution s{"p", 1, 0, {}, {}};
   s.frames.resize(3);
   s.frames[0].status = "solved";
@@ -119,8 +119,7 @@ TEST_CASE("the solution of a sequence has the answer of each frame", "[qpt_text]
         "2\nx 1\n1\nend\n");
 }
 
-TEST_CASE("white space in a name becomes an underscore, and an empty name is omitted",
-          "[qpt_text]") {
+TEST_CASE("white space in a name becomes an underscore, and an empty name is omitted", "[io]") {
   const auto written = [](const std::string& name) {
     const std::string text = qpt_solution_text({name, 1, 0, {}, {}});
     REQUIRE(text.rfind("qpt 1\nname ", 0) == 0);
@@ -135,7 +134,7 @@ TEST_CASE("white space in a name becomes an underscore, and an empty name is omi
   check_reads_back(QpSolution{"end", 1, 0, {}, {}});
 }
 
-TEST_CASE("written programs, sequences and solutions read back the same", "[qpt_text]") {
+TEST_CASE("written programs, sequences and solutions read back the same", "[io]") {
   check_reads_back(single_program());
   check_reads_back(program_sequence());
   check_reads_back(solution());
@@ -145,7 +144,7 @@ TEST_CASE("written programs, sequences and solutions read back the same", "[qpt_
   check_reads_back(moves);
 }
 
-TEST_CASE("a number that is not finite is written, and refused when read", "[qpt_text]") {
+TEST_CASE("a number that is not finite is written, and refused when read", "[io]") {
   for (const double bad : {std::numeric_limits<double>::quiet_NaN(), kInfinity, -kInfinity}) {
     const auto check_refused = [](const QpProblem& p, const std::string& place) {
       const std::string message = refusal_of(parse_qpt(qpt_text(p), "f"));
@@ -189,7 +188,7 @@ TEST_CASE("a number that is not finite is written, and refused when read", "[qpt
   }
 }
 
-TEST_CASE("no frame takes over an answer of the base program that it does not have", "[qpt_text]") {
+TEST_CASE("no frame takes over an answer of the base program that it does not have", "[io]") {
   QpProblem p = program_sequence();
   p.reference.status = "optimal";
   p.reference.objective = 12;
@@ -217,7 +216,7 @@ TEST_CASE("no frame takes over an answer of the base program that it does not ha
   CHECK_FALSE(no_objective.reference.objective.has_value());
 }
 
-TEST_CASE("what the format cannot express is lost as documented", "[qpt_text]") {
+TEST_CASE("what the format cannot express is lost as documented", "[io]") {
   QpProblem p = single_program();
   p.maximise = true;
   p.shift = 2;
@@ -246,7 +245,7 @@ TEST_CASE("what the format cannot express is lost as documented", "[qpt_text]") 
   CHECK(std::signbit(read_back(p).frames[0].lb[0]));
 }
 
-TEST_CASE("any numbers read back bit for bit", "[qpt_text]") {
+TEST_CASE("any numbers read back bit for bit", "[io]") {
   std::mt19937 engine(5);
   const auto draw = [&] {
     std::uniform_real_distribution<double> digits(1, 10);

@@ -5,10 +5,12 @@
 // against the program's own file:
 //
 //   qpt 1   name S   n N   m M
-//   status S   objective V                 r included
-//   x N …   y M …   z N …                  H x + g = Aᵀ y + z, multipliers ≥ 0 at a lower bound, ≤
-//   0 at an upper one ray N …   farkas_y M …   farkas_z N …  the proof, where the status is
-//   unbounded or infeasible end
+//   status S   objective V       the objective with the constant r
+//   x N …   y M …   z N …        H x + g = Aᵀ y + z; multipliers are ≥ 0 at a lower bound and
+//                                ≤ 0 at an upper one
+//   ray N …                      the proof, where the status is unbounded
+//   farkas_y M …  farkas_z N …   the proof, where the status is infeasible
+//   end
 //
 // and for a sequence `frames K`, then `frame T` before the answer of each frame.
 

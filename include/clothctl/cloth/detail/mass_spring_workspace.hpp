@@ -1,0 +1,89 @@
+#pragma once
+
+// The memory of a mass-spring step, and the hash by which a step tells its own memory from that of
+// another model.
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "clothctl/cloth/detail/step_input.hpp"
+#include "clothctl/cloth/spring_network.hpp"
+#include "clothctl/linalg/block_cholesky.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// All memory of a step of MassSpring.
+template <RealScalar Scalar>
+struct MassSpringWorkspace {
+  /// Hash of the structure (pattern and order of elimination) that the workspace was made for.
+  std::uint64_t structure = 0;
+  /// The step matrix, and the part of it that is constant over a step: inertia, drag, dampers, air
+  /// and bending.
+  BlockSymmetric<Scalar> matrix, frozen;
+  /// The factor of `matrix`.
+  BlockCholesky<Scalar> factor;
+  /// 1 for driven and pinned vertices, else 0.
+  std::vector<unsigned char> held;
+  /// Unit vectors of the springs at the start of the step.
+  Points<Scalar> direction;
+  /// Forces that are constant over the step (gravity, input, C w), velocities at its end, trial
+  /// velocities of the line search, positions at its end, and the gradient of the energy.
+  Points<Scalar> outer, velocity, trial, position, gradient;
+  /// Air matrices C_t, one for each triangle; empty without air.
+  std::vector<Matrix3<Scalar>> air;
+  /// Right-hand side of the linear system, and a product of the step matrix.
+  Lanes<Scalar, 1> rhs, product;
+  /// Length of the last step, s; 0 before the first.
+  Scalar dt = Scalar(0);
+  /// True when the last step was a single linear solve.
+  bool linear = false;
+
+  /// Makes room for a network whose step matrix has the pattern of `pattern`. `air_count`: number
+  /// of air matrices. Allocates.
+  void reserve(const SpringNetwork<Scalar>& network, const BlockSymmetric<Scalar>& pattern,
+               const EliminationTree& tree, std::size_t air_count) {
+    const Index n = network.vertex_count();
+    matrix = pattern;
+    frozen = pattern;
+    factor = BlockCholesky<Scalar>(pattern, tree);
+    held.assign(static_cast<std::size_t>(n), 0);
+    direction.setZero(3, static_cast<Index>(network.springs.size()));
+    for (Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient}) p->setZero(3, n);
+    air.assign(air_count, Matrix3<Scalar>::Zero());
+    rhs.setZero(1, 3 * n);
+    product.setZero(1, 3 * n);
+  }
+
+  /// Returns true when `reserve` with these arguments would give the same sizes.
+  bool fits(const SpringNetwork<Scalar>& network, const BlockSymmetric<Scalar>& pattern,
+            std::size_t air_count) const {
+    const Index n = network.vertex_count();
+    bool good = true;
+    for (const BlockSymmetric<Scalar>* m : {&matrix, &frozen})
+      good = good && m->rows() == n && m->lower_count() == pattern.lower_count();
+    for (const Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient})
+      good = good && p->cols() == n;
+    return good && direction.cols() == static_cast<Index>(network.springs.size()) &&
+           air.size() == air_count && rhs.cols() == 3 * n && product.cols() == 3 * n;
+  }
+
+  /// Returns true when vertex `i` is driven or pinned in this step.
+  bool is_held(Index i) const { return held[static_cast<std::size_t>(i)] != 0; }
+};
+
+/// Returns the hash of a pattern and an order of elimination. Nothing else of a workspace depends
+/// on the model, apart from sizes. Complexity: O(blocks of the pattern).
+template <RealScalar Scalar>
+std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree) {
+  StructureHash hash;
+  hash.add(pattern.rows());
+  for (Index i = 0; i < pattern.rows(); ++i) hash.add(pattern.row_begin(i));
+  for (Index slot = 0; slot < pattern.lower_count(); ++slot) hash.add(pattern.column(slot));
+  for (const std::vector<int>* list : {&tree.permutation, &tree.node_begin, &tree.parent}) {
+    for (const int value : *list) hash.add(value);
+  }
+  return hash.value;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,68 @@
+#pragma once
+
+// Tells whether the objective of an active-set method still falls. Values of the objective would
+// hide small changes behind a large constant, so its changes are summed. For a quadratic with
+// gradient s the step from x' to x changes it by ½ (s + s')ᵀ(x - x').
+
+#include <algorithm>
+
+#include "clothctl/core/types.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Sums the changes of an objective from step to step.
+template <RealScalar Scalar>
+class DescentMonitor {
+ public:
+  /// Makes room for n unknowns. Allocates.
+  void reserve(Index n) {
+    last_x_.setZero(n);
+    last_slope_.setZero(n);
+    restart();
+  }
+
+  /// Makes the next iterate the one that later ones are compared with.
+  void restart() { fresh_ = true; }
+
+  /// Adds the change of the quadratic part over the first n unknowns. `slope(i)` is its gradient at
+  /// x, `size(i)` the magnitude of the gradient's terms, for the rounding error.
+  template <class Slope, class Size>
+  void add_quadratic(Index n, const VectorX<Scalar>& x, Slope slope, Size size) {
+    using std::abs;
+    change_ = size_ = Scalar(0);
+    for (Index i = 0; i < n; ++i) {
+      const Scalar s = slope(i), step = x[i] - last_x_[i];
+      change_ += Scalar(0.5) * (s + last_slope_[i]) * step;
+      size_ += size(i) * abs(step);
+      last_slope_[i] = s;
+      last_x_[i] = x[i];
+    }
+  }
+
+  /// Adds the change of another term, of magnitude `size`. Call it after `add_quadratic`.
+  void add_term(const Scalar& change, const Scalar& size) {
+    change_ += change;
+    size_ += size;
+  }
+
+  /// Ends the step. Returns true when the objective is lower than after all earlier steps since the
+  /// restart, beyond rounding, and for the first one.
+  bool is_lowest() {
+    if (fresh_) {
+      fresh_ = false;
+      total_ = least_ = Scalar(0);
+      return true;
+    }
+    total_ += change_;
+    if (!(total_ < least_ - scalar_traits<Scalar>::epsilon() * size_)) return false;
+    least_ = total_;
+    return true;
+  }
+
+ private:
+  VectorX<Scalar> last_x_, last_slope_;
+  Scalar change_ = Scalar(0), size_ = Scalar(0), total_ = Scalar(0), least_ = Scalar(0);
+  bool fresh_ = true;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

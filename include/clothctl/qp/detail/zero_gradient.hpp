@@ -1,0 +1,67 @@
+#pragma once
+
+// What counts as zero in each entry of a gradient q = H x + g. The threshold of entry j is relative
+// to the largest term of any entry, and to what the terms of its own can be, |H_jk x_k| ≤
+// √H_jj √H_kk |x_k|, so that scaling an unknown changes nothing.
+
+#include <algorithm>
+#include <cmath>
+
+#include "clothctl/core/types.hpp"
+#include "clothctl/linalg/vector_kernels.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Thresholds below which entries of a gradient count as zero, and a scale of each unknown.
+template <RealScalar Scalar>
+class ZeroGradient {
+ public:
+  using Vector = VectorX<Scalar>;
+
+  /// Makes room for n unknowns. Allocates.
+  void reserve(Index n) { set_zero<Scalar>({&scale_, &threshold_, &root_}, n); }
+
+  /// Takes the diagonal of the Hessian of n unknowns: diagonal(j) = H_jj.
+  template <class Diagonal>
+  void set_diagonal(Index n, Diagonal diagonal) {
+    using std::sqrt;
+    steepest_ = Scalar(0);
+    for (Index j = 0; j < n; ++j) {
+      const Scalar own = diagonal(j);
+      scale_[j] = own > Scalar(0) ? Scalar(1) / sqrt(own) : Scalar(1);
+      root_[j] = own > Scalar(0) ? sqrt(own) : Scalar(0);
+      steepest_ = (std::max)(steepest_, root_[j]);
+    }
+  }
+
+  /// Computes the thresholds at x, where `product` = H x, relative to `relative`.
+  void update(Index n, const Vector& g, const Vector& x, const Vector& product,
+              const Scalar& relative) {
+    using std::abs;
+    Scalar largest(1), length(0);
+    for (Index i = 0; i < n; ++i) {
+      largest = (std::max)(largest, (std::max)(Scalar(abs(g[i])), Scalar(abs(product[i]))));
+      length += root_[i] * abs(x[i]);
+    }
+    largest_terms_ = steepest_ * length;
+    // Smaller slopes count as zero: without one in g the others fall with x.
+    const Scalar least = Scalar(1e-30);
+    for (Index i = 0; i < n; ++i) {
+      const Scalar size = (std::min)(Scalar(abs(g[i]) + length * root_[i]), largest);
+      threshold_[i] = (std::max)(Scalar(relative * size), least);
+    }
+  }
+
+  /// Returns the threshold of entry i.
+  const Scalar& operator[](Index i) const { return threshold_[i]; }
+  /// Returns 1/√H_ii, or 1 where that is zero: q_i times it does not depend on the unit of x_i.
+  const Scalar& scale(Index i) const { return scale_[i]; }
+  /// Returns a bound on |H_jk x_k| summed over k, for every j.
+  const Scalar& largest_terms() const { return largest_terms_; }
+
+ private:
+  Vector scale_, threshold_, root_;
+  Scalar steepest_ = Scalar(0), largest_terms_ = Scalar(0);
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

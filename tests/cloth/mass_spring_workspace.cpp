@@ -1,0 +1,85 @@
+// The memory of a step: its sizes, and the hash that tells structures apart.
+
+#include "clothctl/cloth/detail/mass_spring_workspace.hpp"
+
+#include "clothctl/cloth/detail/spring_forces.hpp"
+#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/linalg/nested_dissection.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl::detail;
+
+namespace {
+
+struct Structure {
+  SpringNetwork<double> network;
+  SpringPattern<double> pattern;
+  EliminationTree tree;
+
+  Structure(int rows, int cols, bool air)
+      : network(sheet_network<double>(make_grid<double>(rows, cols, 0.3, 0.4).value(),
+                                      Material<double>())
+                    .value()),
+        pattern(network, true, air),
+        tree(nested_dissection<double>(pattern.matrix(), network.rest_positions)) {}
+
+  MassSpringWorkspace<double> workspace(std::size_t air_count) const {
+    MassSpringWorkspace<double> ws;
+    ws.reserve(network, pattern.matrix(), tree, air_count);
+    return ws;
+  }
+  bool holds(const MassSpringWorkspace<double>& ws, std::size_t air_count) const {
+    return ws.fits(network, pattern.matrix(), air_count);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("a workspace fits the network that it was made for and no other", "[cloth]") {
+  const Structure sheet(5, 4, false), larger(5, 5, false);
+  MassSpringWorkspace<double> ws = sheet.workspace(0);
+  CHECK(sheet.holds(ws, 0));
+  CHECK_FALSE(larger.holds(ws, 0));
+  CHECK_FALSE(sheet.holds(ws, 3));
+  CHECK_FALSE(sheet.holds(MassSpringWorkspace<double>(), 0));
+  CHECK(sheet.holds(sheet.workspace(3), 3));
+  for (Index i = 0; i < 20; ++i) CHECK_FALSE(ws.is_held(i));
+  ws.held[7] = 1;
+  CHECK(ws.is_held(7));
+}
+
+TEST_CASE("a workspace with one part of a wrong size does not fit", "[cloth]") {
+  const Structure sheet(4, 4, false);
+  const auto with = [&](auto change) {
+    MassSpringWorkspace<double> ws = sheet.workspace(2);
+    change(ws);
+    return sheet.holds(ws, 2);
+  };
+  using W = MassSpringWorkspace<double>;
+  CHECK(with([](W&) {}));
+  for (Points<double> W::*part :
+       {&W::outer, &W::velocity, &W::trial, &W::position, &W::gradient, &W::direction})
+    CHECK_FALSE(with([&](W& ws) { (ws.*part).setZero(3, 5); }));
+  for (Lanes<double, 1> W::*part : {&W::rhs, &W::product})
+    CHECK_FALSE(with([&](W& ws) { (ws.*part).setZero(1, 5); }));
+  for (BlockSymmetric<double> W::*part : {&W::matrix, &W::frozen})
+    CHECK_FALSE(with([&](W& ws) { ws.*part = Structure(3, 3, false).pattern.matrix(); }));
+  CHECK_FALSE(with([](W& ws) { ws.air.clear(); }));
+}
+
+TEST_CASE("the hash of a structure sees pattern and order, not stiffness", "[cloth]") {
+  const Structure sheet(5, 4, false), wide(4, 5, false);
+  const std::uint64_t hash = hash_structure(sheet.pattern.matrix(), sheet.tree);
+  CHECK(hash == hash_structure(Structure(5, 4, false).pattern.matrix(), sheet.tree));
+  CHECK(hash != hash_structure(wide.pattern.matrix(), wide.tree));
+  BlockSymmetric<double> filled = sheet.pattern.matrix();
+  filled.diagonal(3)(0, 0) = 5.0;
+  CHECK(hash == hash_structure(filled, sheet.tree));
+  EliminationTree other = sheet.tree;
+  std::swap(other.permutation[0], other.permutation[1]);
+  CHECK(hash != hash_structure(sheet.pattern.matrix(), other));
+  // Three vertices in a line, ordered in the same way, with the spring between other vertices.
+  const BlockSymmetric<double> left(3, {{0, 1}}), right(3, {{1, 2}});
+  CHECK(hash_structure(left, other) != hash_structure(right, other));
+}
