@@ -12,9 +12,9 @@
 #endif
 
 // g++ 12 warns of the undefined values in its own AVX-512 intrinsics (GCC bug 105593) wherever
-// Eigen uses them. Whether a warning is shown depends on the place of the text that it is about, so
-// it suffices to include those headers here, before Eigen does. Every header of the library
-// therefore includes this one before Eigen's.
+// Eigen uses them. A pragma around the text that a warning is about suppresses the warning, so it
+// suffices to include those headers here, before Eigen does. Every header of the library therefore
+// includes this one before Eigen's.
 #if defined(__GNUC__) && !defined(__clang__) && defined(__AVX512F__)
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wuninitialized"
@@ -41,9 +41,9 @@
 #define CLOTHCTL_FORCE_INLINE inline __attribute__((always_inline))
 #endif
 
-// Units of one program may be compiled for different instruction sets. The same template then
-// becomes different code under the same name, of which a linker keeps one. The whole library
-// therefore stands in an inline namespace that is named after what its code depends on: its
+// Translation units of one program may be compiled for different instruction sets. The same
+// template then becomes different code under the same name, of which a linker keeps one. The whole
+// library therefore is in an inline namespace that is named after what its code depends on: its
 // version, the instruction set, whether Eigen vectorises, what -ffast-math and -ffinite-math-only
 // let the compiler assume, and how Eigen aligns memory on the heap and inside of objects.
 #if defined(__AVX512DQ__) && defined(__AVX512VL__)
@@ -88,19 +88,19 @@
 #define CLOTHCTL_ABI_NAME(major, minor, vectors, eigen, numbers, heap, object) \
   CLOTHCTL_ABI_JOIN(major, minor, vectors, eigen, numbers, heap, object)
 
-/// The inline namespace of the library in this unit, such as v0_2_avx2_fma_simd_ieee_32_32. Not for
-/// use outside of the library.
+/// The inline namespace of the library in this translation unit, such as
+/// v0_2_avx2_fma_simd_ieee_32_32. Not for use outside of the library.
 #define CLOTHCTL_ABI                                                                      \
   CLOTHCTL_ABI_NAME(CLOTHCTL_VERSION_MAJOR, CLOTHCTL_VERSION_MINOR, CLOTHCTL_ABI_VECTORS, \
                     CLOTHCTL_ABI_EIGEN, CLOTHCTL_ABI_NUMBERS, EIGEN_DEFAULT_ALIGN_BYTES,  \
                     EIGEN_MAX_STATIC_ALIGN_BYTES)
 
-// Eigen's own templates stand in no such namespace. A linker may merge them between instruction
-// sets as long as Eigen aligns memory alike in all units, for example by EIGEN_MAX_ALIGN_BYTES=64
-// and EIGEN_MAX_STATIC_ALIGN_BYTES=16. If units differ, one frees what the other allocated in
-// another way. So each unit defines one symbol whose value tells how Eigen aligns, and linkers
-// refuse a program with two values (those of g++ -flto do not notice). CLOTHCTL_NO_LINK_CHECK
-// leaves the symbol out.
+// Eigen's own templates are in no such namespace. A linker may merge them between instruction sets
+// as long as Eigen aligns memory alike in all translation units, for example by
+// EIGEN_MAX_ALIGN_BYTES=64 and EIGEN_MAX_STATIC_ALIGN_BYTES=16. If alignments differ, one unit may
+// free memory that another unit allocated by a different method. So each unit defines one symbol
+// whose value encodes how Eigen aligns, and linkers refuse a program with two values (those of g++
+// -flto do not notice). CLOTHCTL_NO_LINK_CHECK leaves the symbol out.
 #define CLOTHCTL_ABI_TEXT_OF(text) #text
 #define CLOTHCTL_ABI_TEXT(text) CLOTHCTL_ABI_TEXT_OF(text)
 #if defined(CLOTHCTL_NO_LINK_CHECK)
@@ -120,11 +120,12 @@ __asm__(".globl " CLOTHCTL_ABI_SYMBOL "\n.hidden " CLOTHCTL_ABI_SYMBOL "\n.set "
 #endif
 
 // A program that defines CLOTHCTL_PRECOMPILED links the library clothctl_precompiled, which holds
-// the heavy templates in double precision, compiled once. Headers name them by
-// CLOTHCTL_INSTANTIATE: an explicit instantiation declaration there, nothing otherwise. The sources
-// of that library redefine CLOTHCTL_EXTERN as empty, which makes it a definition. No function
-// template with a parameter Eigen::Ref<MatrixX<Scalar>> may be among them, only members of classes:
-// clang 14 gives such a function a name that depends on what the unit has seen before.
+// the heavy templates for the usual scalars, compiled once. Headers name these templates by
+// CLOTHCTL_INSTANTIATE, which declares an explicit instantiation in such a program and does nothing
+// otherwise. The sources of that library redefine CLOTHCTL_EXTERN as empty, which makes the
+// declaration a definition. No function template with a parameter Eigen::Ref<MatrixX<Scalar>> may
+// be among them, only members of classes: clang 14 gives such a function a name that depends on
+// what the translation unit has seen before.
 #if defined(CLOTHCTL_PRECOMPILED)
 #define CLOTHCTL_EXTERN extern
 #define CLOTHCTL_INSTANTIATE(...) CLOTHCTL_EXTERN template __VA_ARGS__

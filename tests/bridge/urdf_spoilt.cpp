@@ -144,6 +144,11 @@ void campaign(const std::string& text, unsigned seed, int trials, Counts& counts
 TEST_CASE("URDF: damaged files are read or refused without crashing", "[urdf]") {
   Counts counts;
   campaign(full_robot(), 5, trials(1600, 80000), counts);
+  INFO(counts.read << " read, of these " << counts.moved << " moved; " << counts.refused
+                   << " refused");
+  CHECK(counts.read > 200);
+  CHECK(counts.moved > 200);
+  CHECK(counts.refused > 500);
   for (const char* name : {"hand34", "leap_hand_right"}) {
     const std::string path = shared_path(std::string("data/models/") + name + ".urdf");
     if (path.empty()) {
@@ -154,9 +159,4 @@ TEST_CASE("URDF: damaged files are read or refused without crashing", "[urdf]") 
     REQUIRE(text.has_value());
     campaign(*text, 6, trials(200, 10000), counts);
   }
-  INFO(counts.read << " read, of these " << counts.moved << " moved; " << counts.refused
-                   << " refused");
-  CHECK(counts.read > 300);
-  CHECK(counts.moved > 200);
-  CHECK(counts.refused > 500);
 }

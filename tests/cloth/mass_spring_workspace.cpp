@@ -63,8 +63,12 @@ TEST_CASE("a workspace with one part of a wrong size does not fit", "[cloth]") {
     CHECK_FALSE(with([&](W& ws) { (ws.*part).setZero(3, 5); }));
   for (Lanes<double, 1> W::*part : {&W::rhs, &W::product})
     CHECK_FALSE(with([&](W& ws) { (ws.*part).setZero(1, 5); }));
-  for (BlockSymmetric<double> W::*part : {&W::matrix, &W::frozen})
-    CHECK_FALSE(with([&](W& ws) { ws.*part = Structure(3, 3, false).pattern.matrix(); }));
+  const BlockSymmetric<double> fewer_rows = Structure(3, 3, false).pattern.matrix(),
+                               fewer_blocks(16, {{0, 1}, {1, 2}});
+  for (BlockSymmetric<double> W::*part : {&W::matrix, &W::frozen}) {
+    CHECK_FALSE(with([&](W& ws) { ws.*part = fewer_rows; }));
+    CHECK_FALSE(with([&](W& ws) { ws.*part = fewer_blocks; }));
+  }
   CHECK_FALSE(with([](W& ws) { ws.air.clear(); }));
 }
 
@@ -76,10 +80,14 @@ TEST_CASE("the hash of a structure sees pattern and order, not stiffness", "[clo
   BlockSymmetric<double> filled = sheet.pattern.matrix();
   filled.diagonal(3)(0, 0) = 5.0;
   CHECK(hash == hash_structure(filled, sheet.tree));
-  EliminationTree other = sheet.tree;
-  std::swap(other.permutation[0], other.permutation[1]);
-  CHECK(hash != hash_structure(sheet.pattern.matrix(), other));
-  // Three vertices in a line, ordered in the same way, with the spring between other vertices.
-  const BlockSymmetric<double> left(3, {{0, 1}}), right(3, {{1, 2}});
-  CHECK(hash_structure(left, other) != hash_structure(right, other));
+  for (std::vector<int> EliminationTree::*list :
+       {&EliminationTree::permutation, &EliminationTree::node_begin, &EliminationTree::parent}) {
+    EliminationTree other = sheet.tree;
+    ++(other.*list)[0];
+    CHECK(hash != hash_structure(sheet.pattern.matrix(), other));
+  }
+  // One spring among three vertices: the same columns in other rows, and other columns.
+  const BlockSymmetric<double> first(3, {{0, 1}}), second(3, {{0, 2}}), third(3, {{1, 2}});
+  CHECK(hash_structure(first, sheet.tree) != hash_structure(second, sheet.tree));
+  CHECK(hash_structure(second, sheet.tree) != hash_structure(third, sheet.tree));
 }

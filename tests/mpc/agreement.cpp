@@ -77,10 +77,14 @@ TEST_CASE("without a prediction nothing is compared, and measuring does not allo
   Compared c;
   c.measure(false);
   c.predict({9.0, 0.0, 0.0});
-  const long before = clothctl_test::allocations();
   c.measure(false);
-  const long made = clothctl_test::allocations() - before;
-  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
   CHECK(c.result.prediction_error == 0.0);
   CHECK(c.result.agreement == 1.0);
+  const MatrixX<double> predicted = MatrixX<double>::Zero(6, 4);
+  const long before = clothctl_test::allocations();
+  c.agreement.predict(predicted);
+  c.measure(true);
+  const long made = clothctl_test::allocations() - before;
+  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+  CHECK(c.result.prediction_error > 0.1);
 }

@@ -108,3 +108,23 @@ TEST_CASE("planned forces are not scaled, but a jump of a held vertex is too lar
   CHECK(c.change.too_large(c.window.problem, true));
   CHECK_FALSE(c.change.too_large(c.window.problem, false));
 }
+
+TEST_CASE("a jump of the first frame alone is too large", "[mpc]") {
+  PlannerSettings<double> settings = small_settings(GripInput::Force);
+  settings.max_change = 0.05;
+  Changed c(settings);
+  // An impulse that moves the outputs at once and for good, from a change of the first input only.
+  auto& response = c.window.problem.response;
+  const Index m = c.window.problem.basis.inputs();
+  for (Index k = 1; k < kWindow; ++k)
+    response.impulse_response.middleCols(k * m, m) = response.impulse_response.leftCols(m);
+  response.plan = c.raw();
+  response.plan(0, 0) += 1.0;
+  c.take(true);
+  const Index last = c.change.outputs().rows() - 1;
+  const double jump = std::abs(c.change.outputs()(last, 0));
+  REQUIRE(jump > settings.max_change * settings.dt);
+  for (Index k = 1; k < kWindow; ++k)
+    CHECK(std::abs(c.change.outputs()(last, k) - c.change.outputs()(last, k - 1)) <= 1e-12);
+  CHECK(c.change.too_large(c.window.problem, true));
+}

@@ -8,7 +8,7 @@ using namespace clothctl;
 
 namespace {
 
-// Reports the steps of ½ Σ h_i x_i² + constant, whose value at x is too large to show them.
+// Reports the steps of ½ Σ h_i x_i².
 struct Bowl {
   VectorX<double> h = VectorX<double>::LinSpaced(3, 1.0, 3.0);
   detail::DescentMonitor<double> monitor;
@@ -59,11 +59,23 @@ TEST_CASE("another term joins the quadratic one, and a change within rounding co
   CHECK(bowl.lowest_at(x));
   const auto still = [](Index) { return 0.0; };
   bowl.monitor.add_quadratic(3, x, still, still);
-  bowl.monitor.add_term(-1.0, 1.0);
-  CHECK(bowl.monitor.is_lowest());
-  bowl.monitor.add_quadratic(3, x, still, still);
   bowl.monitor.add_term(-1e-17, 1.0);  // less than ε times its magnitude
   CHECK_FALSE(bowl.monitor.is_lowest());
+  bowl.monitor.add_quadratic(3, x, still, still);
+  bowl.monitor.add_term(-1e-3, 1.0);
+  CHECK(bowl.monitor.is_lowest());
+}
+
+TEST_CASE("a descent that is small beside the terms of its gradient is rounding", "[qp]") {
+  for (const double size : {1.0, 1e20}) {
+    Bowl bowl;
+    VectorX<double> x = VectorX<double>::Constant(3, 1.0);
+    CHECK(bowl.lowest_at(x));
+    x *= 0.9;
+    bowl.monitor.add_quadratic(
+        3, x, [&](Index i) { return bowl.h[i] * x[i]; }, [&](Index) { return size; });
+    CHECK(bowl.monitor.is_lowest() == (size < 2.0));
+  }
 }
 
 TEST_CASE("a slope that is not a number is no descent", "[qp]") {

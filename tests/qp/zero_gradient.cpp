@@ -57,7 +57,7 @@ TEST_CASE("a threshold is at least the rounding of its own terms, and never more
 TEST_CASE("a change of an unknown's unit scales its threshold alone", "[qp]") {
   Problem p(3);
   p.g[0] = 1e4;        // the largest term of all; the others' thresholds are their own
-  Problem scaled = p;  // x_2 in units a thousand times as large
+  Problem scaled = p;  // x_2 counted in thousandths of its unit
   const double unit = 1e-3;
   scaled.H.row(2) *= unit;
   scaled.H.col(2) *= unit;
@@ -79,6 +79,18 @@ TEST_CASE("an unknown without curvature has scale 1 and a threshold above zero",
   p.g[4] = 0.0;
   const detail::ZeroGradient<double> zero = p.thresholds();
   CHECK(zero.scale(4) == 1.0);
-  CHECK(zero[4] > 0.0);
-  CHECK(zero[4] < 1e-25);
+  CHECK(zero[4] == 1e-30);
+}
+
+TEST_CASE("where all terms are small, a threshold is relative to 1", "[qp]") {
+  Problem p(6);
+  p.H *= 1e-6;
+  p.g *= 1e-6;
+  p.x.setZero();
+  p.x[0] = 1e10;  // the bound on the terms of an entry is large, the terms themselves are not
+  p.H.row(0).tail(5).setZero();
+  p.H.col(0).tail(5).setZero();
+  p.H(0, 0) = 1e-12;
+  const detail::ZeroGradient<double> zero = p.thresholds();
+  for (Index i = 1; i < 6; ++i) CHECK(zero[i] == Approx(kRelative).epsilon(1e-12));
 }

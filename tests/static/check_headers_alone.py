@@ -18,15 +18,19 @@ from house import Report, arguments, headers, includes
 MISSING = re.compile(r"fatal error: '?(?!clothctl/)([^':\n]+)'?(?:: No such file| file not found)")
 
 
+CONDITIONAL = re.compile(r"^[ \t]*#[ \t]*ifdef\b.*?^[ \t]*#[ \t]*endif\b", re.M | re.S)
+
+
 def reaches_config(root, name, known):
-    """True when the header `name` includes config.hpp, directly or through another."""
+    """True when the header `name` always includes config.hpp, directly or through another one."""
     if name not in known:
         known[name] = name == "clothctl/config.hpp"
         path = root / "include" / name
         text = path.read_text(encoding="utf-8") if path.exists() else ""
         known[name] = known[name] or any(
             reaches_config(root, target, known)
-            for _, _, target in includes(text) if target.startswith("clothctl/"))
+            for _, _, target in includes(CONDITIONAL.sub("", text))
+            if target.startswith("clothctl/"))
     return known[name]
 
 

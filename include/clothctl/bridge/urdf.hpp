@@ -2,8 +2,8 @@
 
 // Reads robots from URDF, the XML format of ROS for links and joints. It reads links with their
 // inertia, and joints with origin, axis, limits, dynamics and mimic. It ignores shapes, materials,
-// transmissions and extensions. A coordinate that several joints share gets the damping and
-// friction of all of them:
+// transmissions and extensions. If several joints share a coordinate, its damping d and friction f
+// are the sums over these joints:
 //
 //   d = Σ ratio² d_joint,   f = Σ |ratio| f_joint
 //
@@ -25,7 +25,7 @@ template <RealScalar Scalar>
 struct UrdfCoupling {
   /// Name of the joint that follows.
   std::string joint;
-  /// Name of its leader.
+  /// Name of the joint that it follows.
   std::string leader;
   /// Ratio of the joint's position to the leader's.
   Scalar ratio = Scalar(1);
@@ -36,8 +36,8 @@ struct UrdfCoupling {
 /// Facts about a robot that its URDF file does not hold.
 template <RealScalar Scalar>
 struct UrdfOptions {
-  /// Joints that follow others, as the element <mimic> says it: for instance the joints of a finger
-  /// that one tendon pulls.
+  /// Joints that follow others, in addition to those with an element <mimic>: for instance the
+  /// joints of a finger that one tendon pulls.
   std::vector<UrdfCoupling<Scalar>> couplings;
 
   /// Adds a coupling. Allocates.
@@ -56,14 +56,14 @@ struct UrdfModel {
   /// Name of the robot.
   std::string name;
   /// Viscous damping of each velocity coordinate (nv; N s/m or N m s/rad). A joint that follows
-  /// adds ratio² times its own.
+  /// another adds ratio² times its own damping to the coordinate of its leader.
   VectorX<Scalar> damping;
-  /// Coulomb friction of each velocity coordinate (nv; N or N m). A joint that follows adds |ratio|
-  /// times its own.
+  /// Coulomb friction of each velocity coordinate (nv; N or N m). A joint that follows another adds
+  /// |ratio| times its own friction to the coordinate of its leader.
   VectorX<Scalar> friction;
   /// Mass of all links, including those that do not move (kg).
   Scalar mass = Scalar(0);
-  /// Names of links that move and have no inertia in the file; they have no mass.
+  /// Names of the moving links that have no inertia in the file; they count as massless.
   std::vector<std::string> weightless_links;
   /// Warnings: unusual contents that were read nevertheless. One line each, with file, line and
   /// element.
@@ -126,7 +126,8 @@ class UrdfParser : public ElementReader<Scalar> {
     return true;
   }
 
-  /// Checks what joints name, and that one link is the root.
+  /// Checks that the links and leaders to which joints refer exist, that no two joints move the
+  /// same link, and that exactly one link is the root (none if there are no links).
   bool connected() {
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       const JointEntry<Scalar>& entry = joints_[k];
@@ -208,8 +209,8 @@ class UrdfParser : public ElementReader<Scalar> {
     return true;
   }
 
-  /// Warns of joints that move no mass. `carried` holds the mass of each body; afterwards that of
-  /// the body and all that it carries.
+  /// Warns of joints that move no mass. `carried`: on entry the mass of each body, on return the
+  /// mass of each body together with all bodies below it (kg).
   void warn_of_weightless(std::vector<Scalar>& carried) {
     const std::vector<Body<Scalar>>& bodies = model.tree.bodies();
     for (std::size_t k = bodies.size(); k-- > 0;) {
@@ -222,7 +223,7 @@ class UrdfParser : public ElementReader<Scalar> {
     }
   }
 
-  /// Returns the line of the joint or link with which an error of the builder begins.
+  /// Returns the line in the file of the joint or link that an error of the builder names first.
   int line_of(std::string_view message) const {
     const auto begins = [message](const std::string& kind, const std::string& name) {
       return message.substr(0, kind.size() + name.size() + 3) == kind + " \"" + name + "\"";
@@ -244,10 +245,12 @@ class UrdfParser : public ElementReader<Scalar> {
 /// Complexity: O(length), and O(joints) more for each joint that follows another. Fails when:
 ///
 /// * the text is not XML, contains xacro, or its root element is not <robot>
-/// * a required element or attribute is missing, one occurs twice, or a name is given twice
+/// * a required element or attribute is missing, an element occurs twice, or two links or joints
+///   have the same name
 /// * a joint names a link or leader that does not exist, or its type is planar or unknown
 /// * links form a loop or have two roots
-/// * a number is not finite, is negative where it must not be, or numbers are missing or too many
+/// * a number is not finite, is negative where it must not be, or an attribute holds too few or too
+///   many numbers
 /// * an axis is zero, limits are crossed, or an inertia tensor is far from that of any body
 /// * the text is longer than 16 MiB or has more than `kLargestUrdfLinks` links
 ///

@@ -89,8 +89,8 @@ class UrdfWriter {
     text += "  </joint>\n";
   }
 
-  /// Returns a name as an attribute can hold it. Control characters become numeric references,
-  /// since readers turn white space other than blanks into blanks.
+  /// Returns a name as the value of an attribute. Control characters become numeric references,
+  /// since readers turn tabs and line breaks into blanks.
   static std::string escaped(std::string_view name) {
     std::string out;
     for (const char c : name) {
@@ -152,8 +152,8 @@ class UrdfWriter {
     return number(limit);
   }
 
-  /// Returns the angle, rounded to few digits where that changes it by rounding errors alone. So an
-  /// angle that somebody typed is written as it was typed.
+  /// Returns the angle, rounded to few digits if that changes it by no more than a few rounding
+  /// errors. So an angle that was typed with few digits is written with the same digits.
   static Scalar neat(const Scalar& angle) {
     using std::abs;
     using std::round;
@@ -170,9 +170,8 @@ class UrdfWriter {
 /// robot: rotations differ by a few roundings, all other numbers are exact.
 ///
 /// * A revolute joint without position limits becomes `continuous`, a free joint `floating`.
-/// * Where URDF requires a limit and the robot has none, ±1e30 is written; `read_urdf` reads that
-/// as
-///   "no limit".
+/// * Where URDF requires a limit and the robot has none, ±1e30 is written, which `read_urdf` reads
+///   as "no limit".
 /// * The upper triangle of an inertia tensor is written.
 /// * Names must be UTF-8 without zero bytes. Other control characters are written as numeric
 ///   references, which not every reader accepts. `read_urdf` refuses names with `${` or `$(`, which

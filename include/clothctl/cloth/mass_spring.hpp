@@ -16,16 +16,15 @@
 //
 // The single solve uses the projection of K onto the positive semidefinite matrices. A Newton step
 // uses as much of the exact K as leaves A positive definite: the factor γ on the compression part
-// (detail/spring_forces.hpp) starts at 1, is halved whenever the factorisation fails (below ¼ it
-// becomes 0, the projection), and is doubled again after every third iteration. So every direction
-// descends; and near a minimum, where the exact A is positive definite, convergence is quadratic. A
-// sheet that buckles needs a fifth of the iterations of the projected method. An Armijo
-// backtracking line search on the energy gives global convergence. References: Baraff & Witkin,
-// Large Steps in Cloth Simulation (1998); [Bai 2016], eq. 4-6.
+// (detail/spring_forces.hpp) starts at 1. It is halved whenever the factorisation fails (values
+// below ¼ become 0, the projection), and doubled again after every third iteration, to at least ¼
+// and at most 1. So every step is a descent direction; and near a minimum, where the exact A is
+// positive definite, convergence is quadratic. A sheet that buckles needs a fifth of the iterations
+// of the projected method. An Armijo backtracking line search on the energy gives global
+// convergence. References: Baraff & Witkin, Large Steps in Cloth Simulation (1998); [Bai 2016],
+// eq. 4-6.
 
 #include <algorithm>
-#include <array>
-#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -59,7 +58,8 @@ class MassSpring {
   /// The state of a step.
   using State = ClothState<Scalar>;
 
-  /// All memory of a step. `make_workspace` makes it; a step refuses any other.
+  /// All memory of a step, made by `make_workspace`. A step refuses one that was made for
+  /// another structure.
   using Workspace = detail::MassSpringWorkspace<Scalar>;
 
   /// Makes a model of a network and analyses the step matrix once. Allocates. Fails when:
@@ -103,18 +103,18 @@ class MassSpring {
                                         Workspace& ws) const;
 
   /// Writes the forces that made `vertices` follow their prescribed motion in the last step with
-  /// this workspace, 3×vertices.size(), N: the force that a hand must exert on each. The vertices
-  /// were driven or pinned in that step. Input forces on them are already subtracted. The error is
-  /// that of the step's residual. Never allocates. Returns false, and writes nothing, when the
-  /// workspace was made by another model or has seen no step, a vertex is off the mesh, or `forces`
-  /// has another number of columns.
+  /// this workspace, 3×vertices.size(), N: the force that a hand must exert on each. Every vertex
+  /// must have been driven or pinned in that step. Input forces on the vertices are already
+  /// subtracted. The error is that of the step's residual. Never allocates. Returns false, and
+  /// writes nothing, when the workspace was made by another model or has seen no step, a vertex is
+  /// off the mesh, or `forces` has another number of columns.
   bool holding_forces(std::span<const int> vertices, Workspace& ws,
                       Eigen::Ref<Points<Scalar>> forces) const;
 
   /// Advances `state` by `dt` (s) with at most `newton_steps` Newton steps that start from the end
-  /// velocities `guess` (3×n, m/s), whatever integration the settings name. Use it to roll out a
-  /// plan again that has hardly changed. It takes the projected Hessian, whose first step is the
-  /// most cautious. It ends sooner when a Newton step changes no coordinate of a velocity by more
+  /// velocities `guess` (3×n, m/s), whatever integration the settings name. Use it to repeat a
+  /// rollout after a small change of its plan. It uses the projected Hessian, whose first step is
+  /// the most cautious. It ends early when a Newton step changes every velocity coordinate by less
   /// than `step_tolerance`, m/s. Never allocates. Fails as `step` does, and with InvalidInput when
   /// `guess` has another size or is not finite.
   [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps,
@@ -148,13 +148,13 @@ class MassSpring {
   /// indefinite part of K. Returns false when A is not positive definite.
   bool factorize(const Points<Scalar>& x, Scalar dt, Scalar compression, Workspace& ws) const;
 
-  /// The single linear solve: A (v⁺ - v̂) = M v + h f - A v̂ on the free rows. v̂ is the velocity
-  /// at the start, with the prescribed one on held rows.
+  /// The single linear solve: A (v⁺ - v̂) = M v0 + h f - A v̂ on the free rows, with f all forces
+  /// at x0. v̂ is v0 with the prescribed velocities on the held rows.
   StepReport<Scalar> solve_linear(const State& state, Scalar dt, Workspace& ws) const;
 
   /// Runs Newton's method from ws.velocity and leaves the best velocities there. `solves` counts
-  /// the linear solves so far. `compression` is the first γ; with 0 it stays at the projection. A
-  /// step shorter than `step_tolerance` is the last.
+  /// the linear solves so far. `compression` is the initial γ; with 0, all steps use the
+  /// projection. The first step shorter than `step_tolerance` is the last.
   StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves,
                              Scalar compression, Scalar step_tolerance, Workspace& ws) const;
 

@@ -4,11 +4,12 @@
 //
 //   A v⁺ = M v + h ( f - K q + u ),   A = (1 + h α) M + R,   R = h (D + C) + h² K
 //
-// h step length, q displacement since the linearisation, v velocities, u input forces, f forces at
-// the linearised state, M masses, α drag, K stiffness, D dampers, C air matrices. A, K and R are
-// assembled once for each linearisation, and A is factored once. Some plants carry their weight by
-// elongation rather than by tension, for example a position-based sheet with few sweeps. Scale
-// factors on K make this model a better predictor of such plants: see StiffnessScale.
+// h step length, q displacement since the linearisation, v and v⁺ velocities before and after the
+// step, u input forces, f forces at the linearised state, M masses, α drag, K stiffness, D dampers,
+// C air matrices. A, K and R are assembled once for each linearisation, and A is factored once.
+// Some plants carry their weight by elongation rather than by tension, for example a position-based
+// sheet with few sweeps. Scale factors on K make this model a better predictor of such plants: see
+// StiffnessScale.
 
 #include <algorithm>
 #include <cstddef>
@@ -23,8 +24,8 @@ template <RealScalar Scalar>
 struct ResponseSettings {
   /// Factors on the parts of the stiffness matrix.
   StiffnessScale<Scalar> scale = {};
-  /// With false, bending is left out of the matrices but stays in the force. The factor is then
-  /// sparser and faster, and the model slightly worse.
+  /// If false, bending is left out of A and K but stays in f. The factor is then sparser and
+  /// faster, and the model slightly less accurate.
   bool bending_in_matrix = true;
 };
 

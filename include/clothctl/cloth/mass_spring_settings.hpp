@@ -48,9 +48,9 @@ struct MassSpringSettings {
   /// Air on the triangles of the network. Zero coefficients, the default, mean no air.
   AirSettings<Scalar> air = {};
   /// Newton stops when the momentum residual of every vertex, divided by its mass, is below this
-  /// tolerance, m/s. It also stops when its steps are shorter than this and the residual no longer
-  /// decreases because it is rounding. 0 means 2 ∛ε, ε the spacing of the scalar at one (1.2e-5 in
-  /// double).
+  /// tolerance, m/s. It also stops when a full step was shorter than this and did not halve the
+  /// residual, since what remains is rounding. 0 means 2 ∛ε, with ε the spacing of the scalar at
+  /// one (1.2e-5 in double).
   Scalar velocity_tolerance = Scalar(0);
   /// Largest number of Newton steps in a time step. When it is reached, the time step ends with the
   /// status IterationLimit.

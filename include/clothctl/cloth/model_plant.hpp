@@ -27,8 +27,8 @@ class ModelPlant {
 
   /// Returns the model.
   const Model& model() const { return model_; }
-  /// Returns the model, to change its settings between steps. If you replace it by another model,
-  /// `advance` reports InvalidWorkspace.
+  /// Returns the model, to change its settings between steps. If you replace it by a model that the
+  /// workspace does not fit, `advance` reports InvalidWorkspace.
   Model& model() { return model_; }
   /// Returns the state.
   const ClothState<Scalar>& state() const { return state_; }

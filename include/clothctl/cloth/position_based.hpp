@@ -11,14 +11,17 @@
 //            springs first, then bending stencils
 //   update   v = (p - x)/h,  x = p
 //
-// x positions, v velocities, g gravity, f input forces, m masses, α drag. Two schemes:
+// x positions, p corrected positions, v velocities, g gravity, f input forces, m masses, α drag.
+// Two schemes:
 //
-// Verlet ([Toh 2011], eq. 1-4): θ = 1 - d, so p = x + (1 - d)(x - x_old) + a h² with x_old = x - h
-// v; the distances are rigid. XPBD: θ = 1; a spring has the compliance 1/k and its damper, a
-// stencil the compliance 1/kb. Drag also slows the motion that constraints cause, so they use the
-// inverse mass w/(1 + h α). With many sweeps a substep tends to one of implicit Euler, (1 + h α) M
-// v+ = M v + h f(x+, v+). With few, the sheet is softer than its network says. References: [Toh
-// 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD", 2016; Macklin et al., "Small steps", 2019.
+// Verlet ([Toh 2011], eq. 1-4): θ = 1 - d with the damping d; without drag
+// p = x + (1 - d)(x - x_old) + a h² with x_old = x - h v. The distances are rigid. XPBD: θ = 1; a
+// spring has the compliance 1/k and its damper, a stencil the compliance 1/kb. Drag also slows the
+// motion that constraints cause, so the compliant constraints use the inverse mass w/(1 + h α).
+// With many sweeps a substep converges to one of implicit Euler,
+// (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With few, the sheet is softer than its network. References:
+// [Toh 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD", 2016; Macklin et al., "Small steps",
+// 2019.
 
 #include <algorithm>
 #include <cstddef>
@@ -39,14 +42,14 @@
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// All memory of a step of `PositionBased`. `PositionBased::make_workspace` makes it; a step
-/// refuses one of another size. It carries nothing from step to step.
+/// refuses one of another size. A workspace carries nothing from step to step.
 template <RealScalar Scalar>
 struct PositionBasedWorkspace {
   /// 1 for driven vertices.
   std::vector<unsigned char> held;
   /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
-  /// Inverse masses over 1 + h α, which the compliant constraints use, n, 1/kg.
+  /// Inverse masses divided by 1 + h α, for the compliant constraints, n, 1/kg.
   VectorX<Scalar> slowed_inverse_mass;
   /// Acceleration g + f/m, 3×n, m/s².
   Points<Scalar> acceleration;

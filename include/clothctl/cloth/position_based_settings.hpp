@@ -15,7 +15,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 /// Which position-based scheme advances the sheet.
 enum class PositionScheme {
   /// Verlet integration, then sweeps over rigid distance constraints ([Toh 2011], ch. 2.3). The
-  /// number of sweeps decides how stiff the sheet is, not the network.
+  /// number of sweeps sets the stiffness of the sheet; the stiffness of its springs has no effect.
   Verlet,
   /// Substeps with compliant constraints. The sheet has the stiffness and damping of the network as
   /// far as the sweeps converge.
@@ -35,12 +35,12 @@ struct PositionBasedSettings {
   Vector3<Scalar> gravity = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
   /// Mass-proportional drag α, 1/s: a substep h divides the velocity by 1 + h α.
   Scalar drag = Scalar(0);
-  /// Verlet only: the part d of the velocity that a substep removes, 0 to 1.
+  /// Verlet only: the fraction d of the velocity that a substep removes, 0 to 1.
   Scalar verlet_damping = Scalar(0.01);
-  /// Verlet only: the part r of its error that one projection of a spring removes, 0 to 1, one
-  /// number for each spring. Empty means 1 for all.
+  /// Verlet only: the fraction r of a spring's length error that one projection removes, 0 to 1,
+  /// one number for each spring. Empty means 1 for all.
   std::vector<Scalar> spring_relaxation;
-  /// Verlet only: the part r of its error that one projection of a bending stencil removes, 0 to 1.
+  /// Verlet only: the fraction r of a bending stencil's error that one projection removes, 0 to 1.
   Scalar bend_relaxation = Scalar(0.2);
   /// Air on the triangles of the network. Zero coefficients, the default, mean no air.
   AirSettings<Scalar> air;

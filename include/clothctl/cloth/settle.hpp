@@ -23,14 +23,14 @@ struct SettleReport {
 };
 
 /// Holds the vertices `held` of `plant` in place and lets the others move freely, in frames of `dt`
-/// (s). It stops when no vertex was faster than `rest_speed` (m/s) for ten frames in a row, at the
-/// latest after the number of frames nearest to `seconds`/`dt`, but takes at least one. With a
-/// `rest_speed` of 0 it takes all frames. Give the plant strong drag for this time (about 3/s for a
-/// sheet of half a metre); with its usual damping it needs much longer. Afterwards the plant still
-/// holds `held`. Allocates.
+/// (s). It stops when every vertex was slower than `rest_speed` (m/s) for ten frames in a row, at
+/// the latest after the number of frames nearest to `seconds`/`dt`, but takes at least one frame.
+/// With a `rest_speed` of 0 it takes all frames. Give the plant strong drag meanwhile (about 3/s
+/// for a sheet of half a metre); with its usual damping, settling takes much longer. Afterwards the
+/// plant still holds `held`. Allocates.
 ///
 /// Fails when: `dt` or `seconds` is not positive, `rest_speed` is negative, one of them is not
-/// finite, there would be more than 10⁹ frames, or a vertex is off the mesh (InvalidInput, and the
+/// finite, there would be 10⁹ frames or more, or a vertex is off the mesh (InvalidInput, and the
 /// plant is unchanged); a step of the plant fails; a velocity is not finite (NumericalFailure).
 template <class Plant, RealScalar Scalar>
 requires ClothPlant<Plant, Scalar>

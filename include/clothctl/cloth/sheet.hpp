@@ -27,13 +27,13 @@
 //
 // With c_i, d_i the cotangents of the two triangles' angles at the ends i = 0, 1 of the edge, K has
 // the weights (c1+d1, c0+d0) on the ends and -(c0+c1), -(d0+d1) on the opposite vertices. K x = 0
-// for every affine map of a flat pair; at small angles |K x| is edge length times fold angle. The
-// energy is quadratic, so its Hessian is constant. Limits: the rest shape of a hinge is flat, so a
-// mesh that is curved at rest is pulled flat. The energy of a cylinder is exact on equilateral
-// triangles and for bending along the legs of right-angled triangles; elsewhere it depends on the
-// directions of the mesh. Reference: quadratic bending of isometric sheets (Bergou et al. 2006),
-// with the factor 1/(A0+A1) in place of 3/(A0+A1), which counts a cylinder on equilateral triangles
-// three times.
+// for every affine map of a flat pair of triangles; at small angles |K x| is edge length times fold
+// angle. The energy is quadratic, so its Hessian is constant. Limits: the rest shape of a hinge is
+// flat, so a mesh that is curved at rest is pulled flat. The energy of a cylinder is exact on
+// equilateral triangles and for bending along the legs of right-angled triangles; on other meshes
+// it depends on the directions of the edges. Reference: quadratic bending of isometric sheets
+// (Bergou et al. 2006), with the factor 1/(A0+A1) in place of 3/(A0+A1), with which a cylinder on
+// equilateral triangles has three times its energy.
 
 #include <array>
 #include <string>

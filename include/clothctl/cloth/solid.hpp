@@ -6,13 +6,13 @@
 //   edge of length l   k = E Σ V / l², summed over the volumes V of the tetrahedra at the edge
 //   mass               each tetrahedron gives a quarter of ρ V to each of its vertices
 //
-// Derivation of k: under a uniform strain ε a spring of direction n has the energy ½ k l² (nᵀ ε
-// n)². Let each tetrahedron distribute Σ k l² = 6 E V equally over its six edges. For evenly
-// distributed directions the mean <n_i n_j n_k n_l> = (δ_ij δ_kl + δ_ik δ_jl + δ_il δ_jk)/15. The
-// energy density is then that of an isotropic solid with the Lamé constants λ = μ = 6E/15, whose
-// Young's modulus is μ(3λ+2μ)/(λ+μ) = E. Limits: springs along edges always give Poisson's ratio
-// 1/4. A mesh with more edges in some directions is stiffer along those. No force prevents that a
-// tetrahedron turns inside out.
+// Derivation of k: under a uniform strain ε a spring of direction n has the energy
+// ½ k l² (nᵀ ε n)². A tetrahedron contributes E V to k l² of each of its six edges, 6 E V in total.
+// For evenly distributed directions the mean <n_i n_j n_k n_l> = (δ_ij δ_kl + δ_ik δ_jl + δ_il
+// δ_jk)/15. The energy density is then that of an isotropic solid with the Lamé constants λ = μ =
+// 6E/15, whose Young's modulus is μ(3λ+2μ)/(λ+μ) = E. Limits: springs along edges always give
+// Poisson's ratio 1/4. A mesh with more edges in some directions is stiffer along those. No force
+// keeps a tetrahedron from turning inside out.
 
 #include <algorithm>
 #include <array>
@@ -136,10 +136,11 @@ int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other,
   return first;
 }
 
-/// Connects two vertices at different places with a spring of `stiffness` (N/m). Its rest length is
-/// their distance. Returns an empty string on success. Allocates. Fails when: an index is off the
-/// mesh, both are the same vertex or at the same place (use `weld`), or a constant is negative or
-/// not finite. The network is then unchanged, and the returned line says why.
+/// Connects two vertices at different places with a spring of `stiffness` (N/m) and axial damping
+/// time `damping_time` (s). Its rest length is their distance. Returns an empty string on success.
+/// Allocates. Fails when: an index is off the mesh, both are the same vertex or at the same place
+/// (use `weld`), or a constant is negative or not finite. The network is then unchanged, and the
+/// returned line says why.
 template <RealScalar Scalar>
 [[nodiscard]] std::string join(SpringNetwork<Scalar>& network, int a, int b, Scalar stiffness,
                                Scalar damping_time) {

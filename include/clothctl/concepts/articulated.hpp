@@ -1,14 +1,14 @@
 #pragma once
 
 // ArticulatedModel and ArticulatedDynamics: what inverse kinematics and hand control need of a
-// robot. Both are checked through articulated_traits, so that a robot of another library takes part
-// by specialising the trait in its user's code. `concepts/articulated.cpp` in the tests is an
-// example.
+// robot. Both are checked through articulated_traits, so that a robot class of another library
+// needs no change: its user specialises the trait (example: `concepts/articulated.cpp` in the
+// tests).
 //
-// The model is const. Whatever depends on its positions is in a workspace, which is made once.
-// Positions q (nq) may have more entries than velocities (nv), for instance where they hold
-// quaternions; `advance` and `difference` connect the two. A twist has its linear part first, in
-// world axes. Units: m, rad, s, kg, N, N m.
+// The model is const. Everything that depends on the positions of the robot is in a workspace,
+// which is made once. Positions q (nq) may have more entries than velocities (nv), for instance
+// where they hold quaternions; `advance` and `difference` connect the two. A twist has its linear
+// part first, in world axes. Units: m, rad, s, kg, N, N m.
 //
 // A trait may offer three optional hooks. Code works without them:
 //
@@ -46,8 +46,8 @@ struct articulated_types_of<Model> {
 
 }  // namespace detail
 
-/// Says how a type acts as a robot. The primary template forwards to members of the same names.
-/// The optional hooks at the top of this file have no forwarders: a specialisation offers them.
+/// How a type acts as a robot. The primary template forwards to members of the same names. The
+/// optional hooks at the top of this file have no forwarders: a specialisation offers them.
 template <class Model>
 struct articulated_traits : detail::articulated_types_of<Model> {
   /// Returns a new workspace. Allocates.
@@ -70,7 +70,7 @@ struct articulated_traits : detail::articulated_types_of<Model> {
     model.effort_limits();
   }
   { return model.effort_limits(); }
-  /// Writes q moved along `step` (nv, velocity times time) to `out` (nq).
+  /// Writes to `out` (nq) the positions that `step` (nv, velocity times time) leads to from q.
   template <class Q, class Step, class Out>
   requires requires(const Model& m, const Q& q, const Step& step, Out& out) {
     m.advance(q, step, out);
@@ -92,7 +92,7 @@ struct articulated_traits : detail::articulated_types_of<Model> {
   static void forward_kinematics(const Model& model, const Vector& q, Workspace& work) {
     model.forward_kinematics(q, work);
   }
-  /// Writes the rotation of a frame to the world and its origin (m, world).
+  /// Writes the rotation R from a frame to the world, and the origin p of the frame (m, world).
   template <class Scalar, class Workspace>
   requires requires(const Model& m, const Workspace& w, Matrix3<Scalar>& R, Vector3<Scalar>& p) {
     m.frame_pose(w, 0, R, p);
@@ -101,7 +101,7 @@ struct articulated_traits : detail::articulated_types_of<Model> {
                          Vector3<Scalar>& p) {
     model.frame_pose(work, frame, R, p);
   }
-  /// Writes the Jacobian (6 × nv) of the point x (m, world) that is fixed on a frame.
+  /// Writes the Jacobian J (6 × nv) of the point x (m, world) that is fixed on a frame.
   template <class Scalar, class Workspace, class Out>
   requires requires(const Model& m, const Workspace& w, const Vector3<Scalar>& x, Out& J) {
     m.point_jacobian(w, 0, x, J);
@@ -120,8 +120,8 @@ struct articulated_traits : detail::articulated_types_of<Model> {
     model.inverse_dynamics(qd, qdd, work, torques);
   }
   /// Writes the accelerations that torques cause at velocities qd, with `diagonal` (nv) added to
-  /// the diagonal of the mass matrix. Returns -1 on success, else a velocity coordinate that has no
-  /// finite acceleration (any coordinate where the input is not finite).
+  /// the diagonal of the mass matrix. Returns -1 on success, else the index of a velocity
+  /// coordinate that has no finite acceleration (any index when the input is not finite).
   template <class Qd, class Torques, class Diagonal, class Workspace, class Out>
   requires requires(const Model& m, const Qd& qd, const Torques& t, const Diagonal& d, Workspace& w,
                     Out& out) {
@@ -192,8 +192,8 @@ bool has_frame(const Model& model, int frame) {
   }
 }
 
-/// Returns true when the workspace is the model's, as far as the trait can tell (optional hook
-/// `workspace_fits`).
+/// Returns true when the workspace belongs to the model, as far as the trait can tell (optional
+/// hook `workspace_fits`).
 template <class Model, class Workspace>
 bool workspace_fits(const Model& model, const Workspace& work) {
   if constexpr (requires { articulated_traits<Model>::workspace_fits(model, work); }) {

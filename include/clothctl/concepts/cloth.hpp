@@ -1,8 +1,8 @@
 #pragma once
 
-// ClothPlant: what a controller may ask of a sheet that it does not own, simulated or real.
-// ClothModel: a simulator with a const model, a state that is a value, and its scratch memory
-// apart. ClothRollout: a ClothModel whose step can be started from a guess, for predictions.
+// ClothPlant: what a controller may ask of a sheet, simulated or real, that it does not own.
+// ClothModel: a simulator with a const model, a state that is a value, and separate scratch memory.
+// ClothRollout: a ClothModel whose step can start from a guess of the velocities, for predictions.
 //
 // Each is checked through a trait, so that a type of another library takes part unchanged.
 
@@ -26,7 +26,7 @@ struct plant_traits {
   /// Returns the vertex velocities, 3×n, m/s.
   static decltype(auto) velocities(const Plant& plant) requires requires { plant.velocities(); }
   { return plant.velocities(); }
-  /// Sets what acts on the sheet from now on.
+  /// Sets the input that acts on the sheet from now on.
   template <class Input>
   requires requires(Plant& p, const Input& input) { p.apply(input); }
   static void apply(Plant& plant, const Input& input) { plant.apply(input); }
@@ -34,7 +34,8 @@ struct plant_traits {
   template <class Scalar>
   requires requires(Plant& p, Scalar dt) { p.advance(dt); }
   static auto advance(Plant& plant, Scalar dt) { return plant.advance(dt); }
-  /// Returns the force that carries the whole sheet at rest, 3, N: (0, 0, weight). Optional.
+  /// Returns the force that holds the whole sheet at rest against gravity, 3, N: (0, 0, weight).
+  /// Optional.
   static decltype(auto) gravity_load(const Plant& plant) requires requires { plant.gravity_load(); }
   { return plant.gravity_load(); }
   /// Returns the only time step that `advance` takes, s. Optional.
@@ -42,10 +43,11 @@ struct plant_traits {
   { return plant.time_step(); }
 };
 
-/// A sheet that can be pushed and watched, simulated or real.
+/// A sheet, simulated or real, that takes inputs and can be measured.
 ///
-/// Axioms: after `advance` reports `advanced`, positions and velocities are those `dt` later;
-/// otherwise they are as before; a simulated plant gives equal results for equal state and input.
+/// Axioms: after `advance` reports `advanced`, positions and velocities are those `dt` later; after
+/// any other report they are unchanged; a simulated plant gives equal results for equal state and
+/// input.
 ///
 /// Optional hooks: `gravity_load(plant)` and `time_step(plant)`; where a plant has them,
 /// `run_frame` compares them with the planner's settings.
@@ -80,16 +82,16 @@ struct cloth_traits {
                    Workspace& workspace) {
     return model.step(state, input, dt, workspace);
   }
-  /// Returns the force that carries the whole sheet at rest, 3, N. Optional.
+  /// Returns the force that holds the whole sheet at rest against gravity, 3, N. Optional.
   static decltype(auto) gravity_load(const Model& model) requires requires { model.gravity_load(); }
   { return model.gravity_load(); }
 };
 
 /// A simulator with a const model, a state that is a value and a workspace for scratch memory.
 ///
-/// Axioms: `step` depends on model, state, input and dt alone (nothing in the workspace matters
-/// from step to step); a step that does not report `advanced` leaves the state bitwise as it was;
-/// one model serves many threads, each with a state and a workspace. `ModelPlant` makes a
+/// Axioms: `step` depends only on model, state, input and dt (no content of the workspace carries
+/// over from step to step); a step that does not report `advanced` leaves the state bitwise as it
+/// was; one model serves many threads, each with a state and a workspace. `ModelPlant` makes a
 /// ClothPlant of any ClothModel.
 ///
 /// Optional hooks: `gravity_load(model)`, which `ModelPlant` passes on.
@@ -135,8 +137,8 @@ struct cloth_rollout_traits {
   }
 };
 
-/// A ClothModel that a RolloutPredictor can roll along a plan: its nonlinear step started from a
-/// guess, and the forces that kept driven vertices on their path.
+/// A ClothModel that a RolloutPredictor can simulate along a plan: it can start its nonlinear step
+/// from a guess, and returns the forces that kept driven vertices on their paths.
 ///
 /// Axioms: with enough Newton steps `step_from` ends where `step` ends, from any guess nearby; a
 /// step with the holding forces applied instead of the driven positions ends at the same state.

@@ -29,8 +29,8 @@ struct contact_traits {
   }
   { return model.generators(vertices); }
 
-  /// Returns the first of the finger's vertices that generator `i` acts on, and how many it acts
-  /// on. The rows of all other vertices are zero.
+  /// Returns the first of the finger's vertices that generator `i` acts on, and the number of
+  /// successive vertices that it acts on. The rows of all other vertices are zero.
   static std::pair<Index, Index> support(const Model& model, Index vertices,
                                          Index i) requires requires {
     model.support(vertices, i);
@@ -62,8 +62,8 @@ struct contact_traits {
     return model.upper_bound(vertices, i, max_normal_force);
   }
 
-  /// Returns by how much forces (3×m, N) on the sheet violate the contact law and the limit on the
-  /// normal force, N: 0 when they keep both, infinity when an argument is not finite.
+  /// Returns by how much (N) the forces (3×m, N) on the sheet violate the contact law or the limit
+  /// on the normal force: 0 when they satisfy both, infinity when an argument is not finite.
   template <class Positions, class Normals, class Forces, class Scalar>
   requires requires(const Model& m, const Positions& x, const Normals& n, const Forces& f,
                     Scalar force) {
@@ -85,9 +85,9 @@ struct contact_traits {
 
 /// What a finger can transmit to the sheet.
 ///
-/// Axioms: coefficients d >= 0 never violate the contact law, apart from rounding and the limit on
-/// the normal force; a coefficient at its `upper_bound` alone reaches that limit; `fill` writes
-/// zeros outside of each generator's `support`; nothing allocates.
+/// Axioms: forces of coefficients d >= 0 satisfy the contact law to rounding, but may exceed the
+/// limit on the normal force; one coefficient at its `upper_bound`, with all others zero, reaches
+/// that limit; `fill` writes zeros outside of each generator's `support`; nothing allocates.
 ///
 /// Optional hooks: `adhesion(model)`, 0 where it is missing.
 template <class Model, class Scalar = double>

@@ -20,7 +20,7 @@ template <class Scalar>
 inline constexpr int kResponseLanes = sizeof(Scalar) <= 4 ? 16 : 8;
 
 /// A block of `kResponseLanes` vectors of 3n degrees of freedom: column 3i + c holds coordinate c
-/// of vertex i, one row a vector (lane), so that one vector instruction serves all lanes.
+/// of vertex i, and each row (lane) is one vector, so that one vector instruction serves all lanes.
 template <class Scalar>
 using ResponseLanes = Lanes<Scalar, kResponseLanes<Scalar>>;
 
@@ -42,8 +42,8 @@ struct scalar_of<T> {
 template <class Response>
 struct step_response_traits : detail::scalar_of<Response> {
   /// Linearises at positions `x` and velocities `v` (3×n) in air of velocity `wind` for a step of
-  /// `dt` (s), with the vertices `driven` prescribed. Returns false when A is not positive
-  /// definite.
+  /// `dt` (s), with the vertices `driven` prescribed. Returns false when the step matrix A (see
+  /// StepResponse) is not positive definite.
   template <class Positions, class Wind, class Time>
   requires requires(Response& r, const Positions& x, const Wind& w, const Time& dt,
                     const std::vector<int>& driven) {
@@ -68,7 +68,7 @@ struct step_response_traits : detail::scalar_of<Response> {
   /// Returns 1 for each prescribed or fixed vertex and 0 for each free one, n.
   static decltype(auto) held(const Response& response) requires requires { response.held(); }
   { return response.held(); }
-  /// Writes K w and R w of a block of vectors.
+  /// Writes K w to `stiff` and R w to `coupled` for a block w of vectors (K, R: see StepResponse).
   template <class Block>
   requires requires(const Response& r, const Block& w, Block& out) { r.multiply(w, out, out); }
   static void multiply(const Response& response, const Block& w, Block& stiff, Block& coupled) {
@@ -84,18 +84,20 @@ struct step_response_traits : detail::scalar_of<Response> {
   static void add_wind_force(const Response& response, const Wind& wind, Out& out) {
     response.add_wind_force(wind, out);
   }
-  /// Returns true when K and the dampers do not feel a translation of the whole sheet. Optional.
+  /// Returns true when a translation of the whole sheet changes no stiffness or damper force.
+  /// Optional.
   static bool translation_free(const Response& response) requires requires {
     response.translation_free();
   }
   { return response.translation_free(); }
 };
 
-/// A linearised time step A v⁺ = M v + h (f - K q + u), A = (1 + h α) M + R, q the displacement
-/// since the linearisation and u the input forces.
+/// A linearised time step A v⁺ = M v + h (f - K q + u), A = (1 + h α) M + R: M masses, h step
+/// length, f net force and K stiffness at the linearisation, q the displacement since then, u the
+/// input forces, R the coupling of the velocities by stiffness and damping.
 ///
 /// Axioms: `solve` inverts A on the free vertices; A, K and R are symmetric; A is positive
-/// definite; right-hand sides are zero at held vertices, and so are the solutions.
+/// definite; right-hand sides and solutions of `solve` are zero at held vertices.
 ///
 /// Optional hooks: `translation_free(response)`, false where it is missing; true makes single
 /// precision more accurate.
@@ -131,7 +133,7 @@ concept StepResponse = requires {
 /// `scalar_type` is its member `Scalar`.
 template <class P>
 struct predictor_traits : detail::scalar_of<P> {
-  /// Makes room for requests of this size, and sizes the response. Allocates.
+  /// Makes room for requests of the size of `request`, and sizes the response. Allocates.
   template <class Request, class Response>
   requires requires(P& p, const Request& q, Response& r) { p.reserve(q, r); }
   static void reserve(P& predictor, const Request& request, Response& response) {
@@ -146,20 +148,21 @@ struct predictor_traits : detail::scalar_of<P> {
                       Response& response) {
     return predictor.predict(x, v, request, response);
   }
-  /// Forgets everything that earlier predictions left behind.
+  /// Forgets everything that the predictor kept from earlier predictions.
   static void reset(P& predictor) requires requires { predictor.reset(); }
   { predictor.reset(); }
-  /// Returns the number of vertices that it was made for. Optional.
+  /// Returns the number of vertices that the predictor was made for. Optional.
   static Index vertex_count(const P& predictor) requires requires { predictor.vertex_count(); }
   { return predictor.vertex_count(); }
 };
 
-/// Predicts how linear outputs of a sheet respond to inputs over a window: `Request` says what is
-/// asked for, `Response` is the answer (WindowRequest and WindowResponse of mpc/window.hpp).
+/// Predicts how linear outputs of a sheet respond to inputs over a window: `Request` says which
+/// outputs and inputs, `Response` holds the prediction (WindowRequest and WindowResponse of
+/// mpc/window.hpp).
 ///
-/// Axioms: after `reserve` for a request, predictions of that size never allocate; after `predict`
-/// returned false the response is not used; the prediction depends on state, request and the
-/// predictions since the last `reserve` or `reset` alone; an input changes no output of an earlier
+/// Axioms: after `reserve` for a request, predictions of that size never allocate; when `predict`
+/// returns false, callers ignore the response; the prediction depends only on state, request and
+/// the predictions since the last `reserve` or `reset`; an input changes no output of an earlier
 /// frame; a response of another size than `reserve` made is refused by the planner.
 ///
 /// Optional hooks: `vertex_count(predictor)`, checked against the sheet where it exists.

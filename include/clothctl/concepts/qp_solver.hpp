@@ -2,7 +2,7 @@
 
 // BoxQpSolver and QpSolver: what the planner needs from a solver of quadratic programs. Both
 // concepts check a trait, never the type itself. To use a solver of your own, specialise
-// `qp_solver_traits` for it; the solver itself stays as it is. `warm_start`, `shift` and `reset`
+// `qp_solver_traits` for it; the solver itself needs no change. `warm_start`, `shift` and `reset`
 // are optional hooks.
 //
 //   min ½ xᵀHx + gᵀx   subject to   lb ≤ x ≤ ub   and, for QpSolver,   rl ≤ A x ≤ ru
@@ -28,8 +28,8 @@ struct qp_result_of<Solver> {
 
 }  // namespace detail
 
-/// How a type acts as a QP solver. The primary forwards to members of the same names; `result_type`
-/// is what solves fill.
+/// How a type acts as a QP solver. The primary template forwards to members of the same names;
+/// `result_type` is the type that `solve` fills.
 template <class Solver>
 struct qp_solver_traits : detail::qp_result_of<Solver> {
   /// Makes room for n unknowns. Allocates.
@@ -77,17 +77,18 @@ struct qp_solver_traits : detail::qp_result_of<Solver> {
   template <class SolverResult>
   requires requires(const SolverResult& r) { r.row_multipliers; }
   static const auto& row_multipliers(const SolverResult& result) { return result.row_multipliers; }
-  /// Sets the start of the next solve. Returns false when x was refused (its size, or a value that
-  /// is not finite).
+  /// Makes the next solve start from x. Returns false when it refuses x (wrong size, or a value
+  /// that is not finite).
   template <class Vector>
   requires requires(Solver& s, const Vector& x) { s.warm_start(x); }
   [[nodiscard]] static auto warm_start(Solver& solver, const Vector& x) {
     return solver.warm_start(x);
   }
-  /// Moves the remembered active set forward by so many unknowns.
+  /// Receding horizon: unknown i takes over the active-set status of unknown i + unknowns.
   static void shift(Solver& solver, Index unknowns) requires requires { solver.shift(unknowns); }
   { solver.shift(unknowns); }
-  /// Moves the remembered active set forward by so many unknowns and rows.
+  /// Receding horizon: unknown i takes over the active-set status of unknown i + unknowns, and row
+  /// i that of row i + rows.
   static void shift(Solver& solver, Index unknowns, Index rows) requires requires {
     solver.shift(unknowns, rows);
   }
@@ -137,9 +138,9 @@ concept BoxQpSolver = detail::QpSolverBase<Solver, Scalar> &&
 
 /// Solves quadratic programs with bounds and two-sided rows.
 ///
-/// Axioms: those of BoxQpSolver; PrimalInfeasible and DualInfeasible are said only with a
-/// certificate that holds for the caller's data; an infeasible problem leaves the next solve as
-/// good as a cold one.
+/// Axioms: those of BoxQpSolver; PrimalInfeasible and DualInfeasible are returned only with a
+/// certificate that holds for the caller's data; after an infeasible problem the next solve is no
+/// worse than a cold one.
 ///
 /// Optional hooks: `warm_start`, `shift` and `reset` of a solver that remembers its active set, the
 /// members `iterations` and `resize` of its result, and construction from QpSettings.

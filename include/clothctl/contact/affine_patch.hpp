@@ -1,15 +1,16 @@
 #pragma once
 
-// The motion of a patch of m vertices x_j that a finger holds, split into an affine part and the
-// rest. A finger can make the affine part: a linear map L about the centroid c ([Bai 2016], eq. 3).
-// With the offsets r_j of a reference shape from its centroid, as columns of a 3×m matrix Rm:
+// The motion of a patch of m vertices x_j that a finger holds, split into an affine part and a
+// non-affine part. A finger can make only the affine part: a motion of the centroid c and a linear
+// map L about c ([Bai 2016], eq. 3). With the offsets r_j of the vertices of a reference shape from
+// its centroid, as columns of a 3×m matrix Rm:
 //
 //   c = (1/m) Σ x_j
 //   L = Σ x_j ρ_jᵀ,   ρ_j = (Rm Rmᵀ)⁺ r_j               best linear map, least squares
 //   x Nᵀ = 0   <=>   x_j - c = L r_j for some L         N: m - 1 - rank orthonormal rows
 //
-// The pseudo-inverse is needed because flat patches have rank 2: of the 12 affine modes, 9 are
-// left. The rank is computed, never assumed.
+// The pseudo-inverse ⁺ is needed because flat patches have rank 2, so that only 9 of the 12 affine
+// modes exist. The rank is computed, never assumed.
 
 #include <cassert>
 #include <cmath>
@@ -44,9 +45,9 @@ class AffinePatchBasis {
   /// Returns row i of N, m.
   typename MatrixX<Scalar>::ConstRowXpr non_affine(Index i) const { return rest_.row(i); }
 
-  /// Computes rank, map and non-affine modes of the reference positions (3×m, m). Directions
-  /// thinner than 1e-3 of the widest one (2e-3 in float) count as flat. Positions that are not
-  /// finite count as a point. Never allocates. Complexity: O(m³).
+  /// Computes rank, map and non-affine modes of the reference positions (3×m, m). A direction in
+  /// which the patch is thinner than 1e-3 of its widest direction (2e-3 in float) counts as flat.
+  /// If a position is not finite, the patch counts as a point. Never allocates. Complexity: O(m³).
   void update(const PointsView<Scalar>& reference) {
     using std::sqrt;
     const Index m = count();
@@ -61,11 +62,12 @@ class AffinePatchBasis {
     const SymmetricEigen<Scalar> eigen = symmetric_eigen<Scalar>(spread);
     const Vector3<Scalar> values = eigen.values;
     const Scalar widest = values.maxCoeff();
-    // Rounding of the coordinates makes points in one place differ.
+    // Rounding of the coordinates moves coincident points apart by about this much.
     const Scalar place =
         Scalar(4) * scalar_traits<Scalar>::epsilon() * reference.cwiseAbs().maxCoeff();
     const bool shaped = all_finite(values) && number * place * place < widest;
-    // Squared relative thickness. The rounding of the eigenvalues must count as flat.
+    // Largest squared relative thickness that counts as flat. It covers the rounding of
+    // eigenvalues.
     const Scalar rounding = Scalar(32) * scalar_traits<Scalar>::epsilon();
     const Scalar thinnest = Scalar(1e-6) < rounding ? rounding : Scalar(1e-6);
     map_.setZero();

@@ -39,8 +39,8 @@ inline std::string validate_generators(int count) {
   return std::to_string(count) + " generators, must be 4 to 1024";
 }
 
-/// Returns the largest violation of the vertices' friction cones, moved down by `pull` (N) along
-/// the normal, and of the limit on the sum of the normal forces.
+/// Returns the largest violation (N) of the vertices' friction cones, each moved by `pull` (N)
+/// against its normal, and of the limit on the sum of the normal forces.
 template <RealScalar Scalar>
 Scalar worst_cone_violation(const PointsView<Scalar>& normals, const PointsView<Scalar>& forces,
                             const Scalar& friction, const Scalar& pull,
@@ -61,10 +61,10 @@ Scalar worst_cone_violation(const PointsView<Scalar>& normals, const PointsView<
 
 }  // namespace detail
 
-/// Pushes along the normals alone. Models ContactModel.
+/// Pushes only along the normals. Models ContactModel.
 template <RealScalar Scalar>
 struct Frictionless {
-  /// One generator a vertex.
+  /// One generator for each vertex.
   Index generators(Index vertices) const { return vertices; }
   /// Generator i acts on vertex i.
   std::pair<Index, Index> support(Index, Index i) const { return {i, 1}; }
@@ -74,7 +74,7 @@ struct Frictionless {
     out.setConstant(Scalar(0));
     for (Index j = 0; j < normals.cols(); ++j) out.template block<3, 1>(3 * j, j) = normals.col(j);
   }
-  /// All of a coefficient is normal force.
+  /// 1: a generator is a unit normal.
   Scalar normal_share(Index, Index) const { return Scalar(1); }
   /// The limit itself.
   Scalar upper_bound(Index, Index, const Scalar& max_normal_force) const {
@@ -86,7 +86,7 @@ struct Frictionless {
     return detail::worst_cone_violation<Scalar>(normals, forces, Scalar(0), Scalar(0),
                                                 max_normal_force);
   }
-  /// Nothing can be wrong.
+  /// Always an empty string: there are no parameters.
   std::string validate() const { return {}; }
 };
 
@@ -99,7 +99,7 @@ struct HardFinger {
   /// Generators n_g of the friction pyramid at each vertex, 4 to 1024.
   int pyramid = 4;
 
-  /// n_g generators a vertex, vertex by vertex.
+  /// n_g generators for each vertex, vertex by vertex.
   Index generators(Index vertices) const { return vertices * pyramid; }
   /// A generator acts on one vertex.
   std::pair<Index, Index> support(Index, Index i) const { return {i / pyramid, 1}; }
@@ -117,7 +117,7 @@ struct HardFinger {
   Scalar upper_bound(Index, Index, const Scalar& max_normal_force) const {
     return max_normal_force * generator_slant(friction);
   }
-  /// The largest violation of a vertex' friction cone, or the excess over the limit, N.
+  /// The largest violation of a vertex's friction cone, or the excess over the limit, N.
   Scalar violation(const PointsView<Scalar>&, const PointsView<Scalar>& normals,
                    const PointsView<Scalar>& forces, const Scalar& max_normal_force) const {
     return detail::worst_cone_violation<Scalar>(normals, forces, friction, Scalar(0),
@@ -138,9 +138,9 @@ struct AdhesiveFinger {
   /// Largest pull a of the whole finger, N; its vertices share it equally.
   Scalar strength = Scalar(5);
 
-  /// Those of the finger.
+  /// As many as without adhesion.
   Index generators(Index vertices) const { return finger.generators(vertices); }
-  /// That of the finger.
+  /// As without adhesion.
   std::pair<Index, Index> support(Index vertices, Index i) const {
     return finger.support(vertices, i);
   }
@@ -151,11 +151,11 @@ struct AdhesiveFinger {
   }
   /// 1/√(1+μ²).
   Scalar normal_share(Index vertices, Index i) const { return finger.normal_share(vertices, i); }
-  /// The coefficient that reaches the limit from the largest pull.
+  /// The coefficient that raises the normal force from -a to the limit.
   Scalar upper_bound(Index vertices, Index i, const Scalar& max_normal_force) const {
     return finger.upper_bound(vertices, i, Scalar(max_normal_force + strength));
   }
-  /// The largest violation of a vertex' shifted cone, or the excess over the limit, N.
+  /// The largest violation of a vertex's shifted cone, or the excess over the limit, N.
   Scalar violation(const PointsView<Scalar>&, const PointsView<Scalar>& normals,
                    const PointsView<Scalar>& forces, const Scalar& max_normal_force) const {
     const Scalar pull = strength / Scalar(static_cast<double>(forces.cols()));
@@ -175,13 +175,13 @@ struct AdhesiveFinger {
 /// ContactModel.
 ///
 /// Force and torsion are spread over the vertices: f_j = f/m + τ (n̄ × r_j) / Σ |n̄ × r_j|², with
-/// r_j the distance from the patch's centroid. A patch without extent (one vertex) transmits no
-/// torsion.
+/// r_j the vector from the patch's centroid to vertex j. A patch without extent (one vertex)
+/// transmits no torsion.
 template <RealScalar Scalar>
 struct SoftFinger {
   /// Friction coefficient μ.
   Scalar friction = Scalar(0.5);
-  /// Torsional friction coefficient e: the largest torsion over the normal force, m.
+  /// Torsional friction coefficient e: the largest ratio of torsion to normal force, m.
   Scalar torsional_friction = Scalar(0.005);
   /// Generators n_g of the friction pyramid, 4 to 1024; two more carry the torsion.
   int pyramid = 8;
@@ -213,13 +213,13 @@ struct SoftFinger {
   Scalar normal_share(Index, Index i) const {
     return i < pyramid ? Scalar(1) / generator_slant(friction) : Scalar(1);
   }
-  /// The coefficient that reaches the limit alone.
+  /// The coefficient that reaches the limit when all others are zero.
   Scalar upper_bound(Index, Index i, const Scalar& max_normal_force) const {
     return i < pyramid ? Scalar(max_normal_force * generator_slant(friction)) : max_normal_force;
   }
-  /// The largest of, N: √(|f_t|² + (μ τ/e)²) - μ f_n; (|τ| - e f_n)/ρ, ρ the rms distance from the
-  /// centroid about n̄; the pull; what exceeds the limit; and the distance of a vertex's force from
-  /// the spread above.
+  /// The largest of these, N: √(|f_t|² + (μ τ/e)²) - μ f_n; (|τ| - e f_n)/ρ, with ρ the rms
+  /// distance of the vertices from the axis n̄ through the centroid; the pull -f_n; the excess over
+  /// the limit; and the difference between a vertex's force and the spread above.
   Scalar violation(const PointsView<Scalar>& points, const PointsView<Scalar>& normals,
                    const PointsView<Scalar>& forces, const Scalar& max_normal_force) const {
     using std::sqrt;
@@ -274,7 +274,7 @@ struct SoftFinger {
     for (Index j = 0; j < points.cols(); ++j) sum += points.col(j);
     return sum / Scalar(static_cast<double>(points.cols()));
   }
-  /// The unit mean of the normals, or the first one where they cancel.
+  /// Returns the normalised mean of the normals, or the first normal where they cancel.
   static Vector3<Scalar> mean_normal(const PointsView<Scalar>& normals) {
     using std::sqrt;
     const Vector3<Scalar> mean = centroid(normals);

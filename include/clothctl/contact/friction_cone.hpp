@@ -7,8 +7,8 @@
 //   f = Σ d_i s_i,   d_i >= 0
 //
 // The pyramid lies inside of the cone: every d >= 0 keeps Coulomb's law. Between generators it
-// gives some friction away: at most 1 - cos(π/n_g), 29 % for n_g = 4 ([Bai 2016], eq. 1-2) and 8 %
-// for n_g = 8. The normal force is f_n = Σ d_i / √(1 + μ²).
+// loses a part of the friction: at most 1 - cos(π/n_g), 29 % for n_g = 4 ([Bai 2016], eq. 1-2) and
+// 8 % for n_g = 8. The normal force is f_n = Σ d_i / √(1 + μ²).
 
 #include <cassert>
 #include <cmath>
@@ -36,8 +36,7 @@ void tangent_frame(const Vector3<Scalar>& normal, Vector3<Scalar>& t1, Vector3<S
   t2 = normal.cross(t1);
 }
 
-/// Returns √(1 + μ²), the length of n + μ t: a unit generator adds the reciprocal of it to the
-/// normal force.
+/// Returns √(1 + μ²), the length of n + μ t. A unit generator adds 1/√(1 + μ²) to the normal force.
 template <RealScalar Scalar>
 Scalar generator_slant(const Scalar& friction) {
   using std::sqrt;

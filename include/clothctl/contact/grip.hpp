@@ -90,7 +90,7 @@ Grip<Scalar> make_pinch(const std::vector<int>& vertices, Scalar friction, Scala
 namespace detail {
 
 /// Returns an empty string, or what is wrong with the vertices of finger `name` of grip `g`.
-/// `owner` holds the grip of each vertex of the mesh, or -1.
+/// `owner` holds the index of the grip of each vertex of the mesh, or -1; it is updated.
 inline std::string validate_held_vertices(const std::string& name, const std::vector<int>& vertices,
                                           int g, std::vector<int>& owner) {
   if (vertices.empty()) return name + " holds no vertices";
@@ -112,6 +112,7 @@ inline std::string validate_held_vertices(const std::string& name, const std::ve
 }
 
 /// Returns an empty string, or which axiom of ContactModel a finger on `vertices` vertices breaks.
+/// `largest`: its limit on the normal force, N.
 template <RealScalar Scalar, class Contact>
 std::string validate_contact(const Contact& contact, Index vertices, const Scalar& largest) {
   using Traits = contact_traits<Contact>;

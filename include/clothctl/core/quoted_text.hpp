@@ -1,7 +1,7 @@
 #pragma once
 
-// Names from outside data inside error messages. A message is one line, so a name that holds a
-// line break or a quote must not break it.
+// Names from outside data inside error messages. A message is one line, so line breaks and quotes
+// in a name are escaped.
 
 #include <string>
 #include <string_view>

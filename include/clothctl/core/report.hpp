@@ -13,7 +13,7 @@ template <RealScalar Scalar>
 struct StepReport {
   /// How the step ended.
   StepStatus status = StepStatus::Converged;
-  /// True when the state is now that at the end of the step; false when it is unchanged.
+  /// True when the state was advanced to the end of the step; false when it is unchanged.
   bool advanced = false;
   /// Largest entry of the momentum residual at the end of the step, N s. Methods that solve no
   /// equation to a tolerance report 0.

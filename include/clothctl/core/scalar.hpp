@@ -2,7 +2,7 @@
 
 // Scalars: what the library needs of a number type, and tests for finite and unbounded values. The
 // tests also work under -ffast-math, where a compiler may assume that infinities and NaN do not
-// exist: for the built-in types they look at the bits. Any other type (autodiff, checked
+// exist: for the built-in types the tests read the bits. Any other type (autodiff, checked
 // arithmetic) takes part by a specialisation of scalar_traits.
 
 #include <bit>
@@ -20,7 +20,7 @@ namespace detail {
 // Arguments are references: under -ffast-math newer clang assumes that a floating-point argument
 // passed by value is neither NaN nor infinite, but assumes nothing about a referenced object.
 
-/// Returns true when the exponent bits of `value` are not all ones, i.e. when it is neither
+/// Returns true when the exponent bits of `value` are not all ones, i.e. when the value is neither
 /// infinite nor NaN.
 inline bool exponent_is_finite(const float& value) {
   return (std::bit_cast<std::uint32_t>(value) & 0x7f800000u) != 0x7f800000u;
@@ -44,7 +44,7 @@ inline bool exponent_is_finite(const long double& value) {
 }
 
 /// Returns true when a bit of the fraction of `value` is set. Among values that are not finite,
-/// that is the difference between NaN and infinity.
+/// only NaN has such a bit.
 inline bool has_fraction(const float& value) {
   return (std::bit_cast<std::uint32_t>(value) & 0x007fffffu) != 0u;
 }

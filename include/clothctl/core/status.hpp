@@ -15,14 +15,15 @@ enum class StepStatus {
   /// The iteration limit was reached; the state was advanced with the best iterate. Continue, or
   /// shorten the step.
   IterationLimit,
-  /// The input holds NaN, an infinity or an index off the mesh, or the step length is not positive;
-  /// the state is unchanged. Correct the input: `check_input` of the model says what is wrong.
+  /// The input holds NaN, an infinity, an index off the mesh, a vertex driven twice or counts that
+  /// differ, or the step length is not positive and finite; the state is unchanged. Correct the
+  /// input: `check_input` of the model says what is wrong.
   InvalidInput,
-  /// The state holds NaN or an infinity, or has another number of vertices than the model; it is
-  /// unchanged. Restore an earlier state: `check_input` of the model says what is wrong.
+  /// The state holds NaN or an infinity, or its number of vertices is not that of the model; the
+  /// state is unchanged. Restore an earlier state: `check_input` of the model says what is wrong.
   InvalidState,
-  /// The workspace was made by another model, or by none; the state is unchanged. Call
-  /// `make_workspace` of the model that steps.
+  /// The workspace was made by another model, or by none; the state is unchanged. Use a workspace
+  /// from `make_workspace` of this model.
   InvalidWorkspace,
   /// The step matrix was not positive definite or the result was not finite; the state is
   /// unchanged. Shorten the step.
@@ -33,11 +34,12 @@ enum class StepStatus {
 enum class QpStatus {
   /// Optimal: an independent test of the unscaled optimality conditions passed. Use x.
   Solved,
-  /// Optimal to a loosened tolerance only; the residuals say by how much. Use x with care.
+  /// Optimal only to looser tolerances, as the residuals show, or rounding could hide a larger
+  /// error. Use x with care.
   SolvedInaccurate,
-  /// The iteration limit was reached, or rounding stopped progress; x is the best iterate. It keeps
-  /// its bounds, but may violate rows: the residuals say by how much. Read them before you use x,
-  /// or raise the limit.
+  /// The iteration limit was reached, or rounding stopped progress; x is the best iterate. It is
+  /// within its bounds, but may violate rows: read the residuals before you use x, or raise the
+  /// limit.
   IterationLimit,
   /// The time limit of the caller's clock was reached; x is as with IterationLimit.
   TimeLimit,
@@ -50,7 +52,7 @@ enum class QpStatus {
   /// The Hessian has a direction of negative curvature. Make it positive semidefinite.
   NonConvex,
   /// An entry is not finite, the Hessian is not symmetric, a lower bound exceeds its upper bound,
-  /// or a setting is out of range; nothing was changed. Correct the data.
+  /// or a setting is out of range; the solver is unchanged. Correct the data.
   InvalidData
 };
 

@@ -14,7 +14,8 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// Names the first coordinate of `points` that is not finite, or returns "".
+/// Returns a text that names the first coordinate of `points` that is not finite, or "" if there is
+/// none.
 template <RealScalar Scalar>
 std::string find_not_finite(const Points<Scalar>& points, std::string_view item) {
   for (Index i = 0; i < points.cols(); ++i) {
@@ -27,7 +28,8 @@ std::string find_not_finite(const Points<Scalar>& points, std::string_view item)
   return {};
 }
 
-/// Names the first index that is off the mesh or, where `once` is set, occurs twice, or returns "".
+/// Returns a text that names the first index that is off the mesh or, if `once` is set, occurs
+/// twice; "" if there is none.
 inline std::string find_bad_vertex(const std::vector<int>& vertices, Index vertex_count, bool once,
                                    std::string_view item) {
   std::vector<int> first(once ? static_cast<std::size_t>(vertex_count) : 0, -1);
@@ -47,7 +49,7 @@ inline std::string find_bad_vertex(const std::vector<int>& vertices, Index verte
   return {};
 }
 
-/// Names two counts that differ, or returns "".
+/// Returns a text that names both counts if they differ, else "".
 inline std::string find_other_count(Index found, std::string_view what, Index expected,
                                     std::string_view of) {
   if (found == expected) return {};
@@ -59,8 +61,8 @@ inline std::string find_other_count(Index found, std::string_view what, Index ex
 
 /// Returns why a model of `vertex_count` vertices refuses to step `state` by `dt` (s) under
 /// `input`: one line that names the item, its index and the bad value, e.g. `force 2: vertex 81 is
-/// off the mesh of 81 vertices`. Returns an empty string when all is good. The models of this
-/// library ask for the same conditions in their steps. Allocates. Complexity: O(vertices).
+/// off the mesh of 81 vertices`. Returns an empty string when state, input and dt are valid. The
+/// steps of this library's models check the same conditions. Allocates. Complexity: O(vertices).
 template <RealScalar Scalar>
 std::string check_step_input(const ClothState<Scalar>& state, const ClothInput<Scalar>& input,
                              const Scalar& dt, Index vertex_count) {

@@ -45,7 +45,7 @@ template <class Scalar>
 using PointsView = Eigen::Ref<const Points<Scalar>>;
 
 /// A block of `kLanes` right-hand sides. Each column is one degree of freedom and holds its values
-/// side by side, so that one vector instruction serves all right-hand sides.
+/// in all right-hand sides, so that one vector instruction serves all right-hand sides.
 template <class Scalar, int kLanes>
 using Lanes = DenseMatrix<Scalar, kLanes, Eigen::Dynamic>;
 

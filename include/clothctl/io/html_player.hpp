@@ -40,8 +40,8 @@
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Collects the frames of a motion and writes them as a player page. Recording allocates, so call
-/// it in the loop of a program, not in a step. A wrong argument is not lost: `page` and `write`
-/// then fail with a line that names the first one.
+/// it in the loop of a program, not in a step. After a wrong argument, `page` and `write` fail with
+/// a line that names the first one.
 class PlayerRecorder {
  public:
   /// Starts a recording whose frames have `vertex_count` vertices, `feature_count` features and
@@ -58,8 +58,8 @@ class PlayerRecorder {
   const PlayerScene& scene() const { return scene_; }
   /// Returns the number of frames so far.
   Index frame_count() const { return frames_; }
-  /// Allocates the memory of a number of frames: 12 bytes for each vertex and frame. A negative
-  /// number, or one whose memory exceeds 2^40 bytes, is a wrong argument.
+  /// Reserves the memory of the vertices in `frames` frames: 12 bytes for each vertex and frame. A
+  /// negative number, or one whose memory exceeds 2^40 bytes, is a wrong argument.
   void reserve(Index frames) {
     constexpr Index kMost = (Index(1) << 40) / 12;
     if (frames < 0 || (vertices_ > 0 && frames > kMost / vertices_)) {

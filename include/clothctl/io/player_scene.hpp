@@ -34,7 +34,7 @@ struct PlayerScene {
   std::string arrow_name = "Forces";
   /// Unit of the arrows' lengths.
   std::string arrow_unit = "N";
-  /// Number of frames, from the first on, whose mean the error plot shows; zero means all.
+  /// Number of frames, from the first on, over which the error plot takes its mean; zero means all.
   Index scored_frames = 0;
 };
 

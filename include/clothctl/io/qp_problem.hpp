@@ -19,7 +19,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Files with more unknowns or more rows than this are refused.
 inline constexpr Index kLargestQpSide = 20000;
-/// Files whose matrices H and A, or whose frames, would take more numbers than this (8 bytes each)
+/// Files whose matrices H and A, or whose frames, would hold more numbers than this (8 bytes each)
 /// are refused.
 inline constexpr Index kLargestQpEntries = Index(1) << 26;
 
@@ -32,8 +32,8 @@ struct QpReference {
   std::optional<double> objective;
   /// True when the minimiser is the only one.
   std::optional<bool> unique;
-  /// A minimiser (n); with "unbounded" a feasible point. Zero-sized where absent, like all that
-  /// follow.
+  /// A minimiser (n); with "unbounded" a feasible point. Empty where absent, like the vectors
+  /// below.
   VectorX<double> x;
   /// Multipliers of the rows (m), ≥ 0 at a lower bound.
   VectorX<double> y;
@@ -41,10 +41,10 @@ struct QpReference {
   VectorX<double> z;
   /// With "unbounded": a direction d (n) with H d = 0 and gᵀd < 0 that never meets a bound.
   VectorX<double> ray;
-  /// With "infeasible": the row part (m) of a pair with Aᵀy + z = 0 whose largest yᵀr + zᵀx within
-  /// the bounds is negative.
+  /// With "infeasible": the row part y (m) of a proof (y, z): Aᵀy + z = 0, and yᵀa + zᵀx is
+  /// negative for all rl ≤ a ≤ ru and lb ≤ x ≤ ub.
   VectorX<double> farkas_y;
-  /// With "infeasible": the bound part (n) of that pair.
+  /// With "infeasible": the bound part z (n) of that proof.
   VectorX<double> farkas_z;
 };
 
@@ -56,7 +56,7 @@ struct QpSequenceFrame {
   VectorX<double> rl;
   /// Upper bounds of the rows, m.
   VectorX<double> ru;
-  /// Lower bounds of the unknowns, n. May lie above the upper one: then nothing is feasible.
+  /// Lower bounds of the unknowns, n. Where one exceeds its upper bound, no point is feasible.
   VectorX<double> lb;
   /// Upper bounds of the unknowns, n.
   VectorX<double> ub;
@@ -64,7 +64,7 @@ struct QpSequenceFrame {
   QpReference reference;
 };
 
-/// A program, or with frames a sequence whose base it is.
+/// A program. With `frames` it is a sequence, whose base program the other members hold.
 struct QpProblem : QpSequenceFrame {
   /// Its name.
   std::string name;
@@ -74,8 +74,8 @@ struct QpProblem : QpSequenceFrame {
   MatrixX<double> A;
   /// The constant r of the objective.
   double r = 0;
-  /// True when the file asks for a maximum: H, g and r are then those of the negated objective, so
-  /// that it is still the minimum of what stands here.
+  /// True when the file asks for a maximum. H, g and r are then those of the negated objective, so
+  /// that the program still is a minimisation.
   bool maximise = false;
   /// Names of the unknowns, n, or none.
   std::vector<std::string> column_names;
@@ -108,8 +108,8 @@ struct QpSolution {
   std::vector<QpReference> frames;
 };
 
-/// The first unknown whose lower bound lies above its upper one, else n plus the first such row,
-/// else -1. No point is feasible then, and no solver has to be asked.
+/// Returns j for the first unknown j with lb_j > ub_j, else n + i for the first row i with
+/// rl_i > ru_i, else -1. Unless it is -1, no point is feasible, and no solver is needed.
 inline Index first_crossed_bound(const QpSequenceFrame& frame) {
   for (Index j = 0; j < frame.lb.size(); ++j) {
     if (frame.lb[j] > frame.ub[j]) return j;
@@ -122,7 +122,7 @@ inline Index first_crossed_bound(const QpSequenceFrame& frame) {
 
 namespace detail {
 
-/// What is wrong with the size of a program, "" where nothing is.
+/// Returns what is wrong with the size of a program, or "".
 inline std::string validate_qp_size(Index n, Index m) {
   if (n <= kLargestQpSide && m <= kLargestQpSide && n * (n + m) <= kLargestQpEntries) return {};
   return std::to_string(n) + " unknowns and " + std::to_string(m) + " rows are too many: at most " +

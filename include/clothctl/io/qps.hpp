@@ -7,7 +7,8 @@
 //
 //   NAME      name
 //   OBJSENSE  MIN (default) or MAX, on this line or the next
-//   ROWS      N objective, L ≤, G ≥, E =     The first N is the objective; others are dropped.
+//   ROWS      N objective, L ≤, G ≥, E =     The first N is the objective, further ones are
+//                                            dropped.
 //   COLUMNS   column row value [row value]
 //   RHS       [set] row value [row value]    In the objective row: minus the constant r.
 //   RANGES    [set] row R [row R]            L: [rhs - |R|, rhs], G: [rhs, rhs + |R|],
@@ -18,11 +19,11 @@
 //   QMATRIX   column column value            The same, with both entries of each pair.
 //   ENDATA
 //
-// Types of bounds: LO, UP, FX (both), FR (free), MI (no lower), PL (no upper). A negative UP with
-// no lower bound given for the column takes its lower bound 0 away; UP of 0 does not. Of several
-// sets of RHS, RANGES or BOUNDS the first counts; a later bound of a column replaces an earlier one
-// of its side. Integer unknowns (BV, LI, UI, SC, MARKER) are refused. Numbers may have Fortran's
-// exponent D; bounds may be inf, and beyond ±1e20 stand for none.
+// Types of bounds: LO, UP, FX (both), FR (free), MI (no lower), PL (no upper). A negative UP
+// removes the lower bound 0 of a column for which no lower bound is given; UP of 0 does not. Of
+// several sets of RHS, RANGES or BOUNDS only the first is used; a later bound of a column replaces
+// an earlier one on the same side. Integer unknowns (BV, LI, UI, SC, SI, MARKER) are refused.
+// Numbers may have Fortran's exponent D. Bounds may be inf; a value beyond ±1e20 means no bound.
 //
 // Reference: Maros and Mészáros, A repository of convex quadratic programming problems, Optim.
 // Methods Softw. 11 (1999).
@@ -58,7 +59,7 @@ enum class QpsForm {
 
 namespace detail {
 
-/// Reads QPS text line by line. Functions answer whether all is well; the first error is kept.
+/// Reads QPS text line by line. Functions return true on success; the first error is kept.
 class QpsParser {
  public:
   QpsParser(std::string_view text, std::string name, bool fixed)
@@ -183,7 +184,7 @@ class QpsParser {
     return true;
   }
 
-  /// Returns true when a line's set of values is the first of its section.
+  /// Returns true when `set` is the first set of values in its section.
   bool counts(std::string_view set) {
     if (!set_known_) set_ = std::string(set);
     set_known_ = true;
@@ -245,7 +246,7 @@ class QpsParser {
     return true;
   }
 
-  /// One number of RHS or RANGES.
+  /// Reads one number of RHS or RANGES.
   bool side(const QpsFields& f, std::size_t k) {
     int index = 0;
     double value = 0;
@@ -399,11 +400,11 @@ class QpsParser {
 }  // namespace detail
 
 /// Parses a program from QPS text; `name` stands for the file in messages. With OBJSENSE MAX the
-/// negated objective is given and `maximise` set. Allocates. Complexity: O(length + n² + mn). Fails
-/// when: a section, a type, a row or a column is unknown or given twice, a line has the wrong
-/// fields, a number is NaN or (except in bounds) infinite, an unknown is integer, QMATRIX is not
-/// symmetric, ENDATA is missing, or the program is larger than `kLargestQpSide` or
-/// `kLargestQpEntries`. A lower bound above its upper one is not refused.
+/// result holds the negated objective, and `maximise` is set. Allocates. Complexity:
+/// O(length + n² + mn). Fails when: a section, a type, a row or a column is unknown or given twice,
+/// a line has the wrong fields, a number is NaN or (except in bounds) infinite, an unknown is
+/// integer, QMATRIX is not symmetric, ENDATA is missing, or the program is larger than
+/// `kLargestQpSide` or `kLargestQpEntries`. A lower bound above its upper bound is not an error.
 inline Result<QpProblem> parse_qps(std::string_view text, const std::string& name,
                                    QpsForm form = QpsForm::Detect) {
   detail::QpsParser parser(text, name, form == QpsForm::Fixed);

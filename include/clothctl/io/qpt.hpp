@@ -13,17 +13,17 @@
 //   cols N     lo hi …           lb and ub of the unknowns
 //   status S                     optimal, infeasible or unbounded
 //   objective V   unique 0|1     unique: whether the minimiser is
-//   x N …   y M …   z N …        an optimal point and its multipliers
+//   x N …   y M …   z N …        an optimal point and its multipliers; or a feasible x
 //   ray N …                      proof of unbounded
 //   farkas_y M …  farkas_z N …   proof of infeasible
-//   frames K   shift S           a sequence of K frames, which follow:
+//   frames K   shift S           K frames; unknown i of one is unknown i + S of the last
 //   frame 0 …   frame 1 …
 //   end
 //
-// Tokens stand between white space; indices count from 0. After `frame T`, g, rows, cols, status
-// and objective are those of frame T; what it does not give is the base program's. A solution file
-// holds name, n, m, then status, objective, x, y, z, ray and the farkas pair, of the program or of
-// each frame, and no data.
+// Tokens are separated by white space; indices count from 0. After `frame T`, g, rows, cols, status
+// and objective are those of frame T; those that are not given are taken from the base program. A
+// solution file holds name, n, m, then status, objective, x, y, z, ray and the farkas pair, of the
+// program or of each frame, and no data.
 
 #include <cstddef>
 #include <initializer_list>
@@ -251,7 +251,7 @@ class QptParser : public TokenReader {
     return true;
   }
 
-  /// Returns true when the base program has what it must have.
+  /// Returns true when all required sections of the base program were given.
   bool complete() {
     if (!size_once()) return false;
     if (solution_) return true;

@@ -6,6 +6,7 @@
 //
 //   qpt 1   name S   n N   m M
 //   status S   objective V       the objective with the constant r
+//   unique 0|1                   where it is known
 //   x N …   y M …   z N …        H x + g = Aᵀ y + z; multipliers are ≥ 0 at a lower bound and
 //                                ≤ 0 at an upper one
 //   ray N …                      the proof, where the status is unbounded
@@ -50,8 +51,8 @@ class QptText {
     }
     text += "g " + std::to_string(count) + "\n" + list;
   }
-  /// The entries of A; of H those of the upper triangle, or where it is not finite the one across
-  /// the diagonal.
+  /// Appends the entries of a matrix, or with `upper` those of its upper triangle. If the entry
+  /// across the diagonal is not finite, it is written instead, so that a reader refuses it.
   void entries(const char* key, const MatrixX<double>& M, bool upper) {
     std::string list;
     Index count = 0;
@@ -107,14 +108,14 @@ inline bool same_bits(const VectorX<double>& a, const VectorX<double>& b) {
 
 }  // namespace detail
 
-/// Writes a program or a sequence as QPT text, which `parse_qpt` reads back as the same numbers; of
-/// H the upper triangle. What `parse_qpt` refuses, such as NaN, is written all the same and refused
-/// when read. The format has no words for these, they are lost: `maximise` (the minimum is
-/// written), names of rows and columns, white space in the name (`_` instead; an empty name becomes
-/// `unnamed`), signs of zeros in H, g and A, `shift` without frames, and of a frame's reference all
-/// but status and objective. The base program's status is left out where any frame has none, for
-/// that frame would take it over; so is its objective. Allocates. Complexity: O(n² + mn), and O(n +
-/// m) a frame.
+/// Writes a program or a sequence as QPT text, which `parse_qpt` reads back as the same numbers. Of
+/// H, the upper triangle is written. What `parse_qpt` refuses, such as NaN, is written all the same
+/// and refused when read. The format cannot express the following, which is lost: `maximise` (the
+/// minimum is written), names of rows and columns, white space in the name (`_` instead; an empty
+/// name becomes `unnamed`), signs of zeros in H, g and A, `shift` without frames, and of a frame's
+/// reference all but status and objective. The base program's status is left out when any frame has
+/// none, since that frame would inherit it; likewise its objective. Allocates. Complexity:
+/// O(n² + mn), and O(n + m) for each frame.
 inline std::string qpt_text(const QpProblem& problem) {
   detail::QptText out;
   out.head(problem.name, problem.n(), problem.m());

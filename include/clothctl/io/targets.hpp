@@ -59,8 +59,8 @@ inline std::string parse_target_header(const std::vector<std::string>& header,
   return {};
 }
 
-/// Returns why the parts of a table contradict each other, or "". Those of a table from a file
-/// never do.
+/// Returns why the parts of a table contradict each other, or "". The parts of a table that was
+/// read from a file never do.
 inline std::string check_parts(const CsvTable& table) {
   const std::string at_header = at_line(table.name, 1);
   if (table.values.rows() == 0) return at_header + "no row after the header";

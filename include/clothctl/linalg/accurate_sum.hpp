@@ -1,11 +1,10 @@
 #pragma once
 
 // Sums of products as if computed in twice the precision. The rounding error of each addition and
-// multiplication is itself a floating-point number. It is computed exactly and added to a second
+// multiplication is itself a floating-point number; it is computed exactly and added to a second
 // sum. The result has one rounding error, plus eps² times the sum of the absolute values of its
-// terms.
-// Reference: Ogita, Rump and Oishi, Accurate sum and dot product, SIAM J. Sci. Comput. 26 (2005),
-// algorithm Dot2.
+// terms. Reference: Ogita, Rump and Oishi, Accurate sum and dot product, SIAM J. Sci. Comput. 26
+// (2005), algorithm Dot2.
 
 #include <cmath>
 #include <concepts>
@@ -25,7 +24,7 @@ constexpr bool has_accurate_sums() {
 #endif
 }
 
-/// A sum with its rounding error. A plain sum if `has_accurate_sums` is false.
+/// A sum and its accumulated rounding error. Only a plain sum if `has_accurate_sums` is false.
 template <RealScalar Scalar>
 class AccurateSum {
  public:

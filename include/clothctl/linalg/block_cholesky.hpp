@@ -7,9 +7,9 @@
 // of its subtree and of its ancestors. The nodes are eliminated from the leaves to the root. Each
 // node assembles a dense front from its rows of A and the Schur complements of its children,
 // eliminates its pivots, and passes its own Schur complement to its parent (dense_kernels.hpp). The
-// places of all entries are computed once (front_layout.hpp), and all memory is allocated then. A
-// numeric factorisation only adds and multiplies. Reference: J. W. H. Liu, The multifrontal method
-// for sparse matrix solution: theory and practice, SIAM Review 34 (1992).
+// memory positions of all entries are computed once (front_layout.hpp), and all memory is allocated
+// then. A numeric factorisation only adds and multiplies. Reference: J. W. H. Liu, The multifrontal
+// method for sparse matrix solution: theory and practice, SIAM Review 34 (1992).
 
 #include <algorithm>
 #include <cassert>
@@ -26,7 +26,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 template <RealScalar Scalar>
 class BlockCholesky {
  public:
-  /// Factor of a matrix of no rows.
+  /// The factor of a matrix without rows.
   BlockCholesky() = default;
 
   /// Analyses a pattern for an order of elimination (linalg/nested_dissection.hpp makes one).
@@ -43,7 +43,7 @@ class BlockCholesky {
   /// Factorises a matrix of the analysed pattern. Vertices with held[i] ≠ 0 get the rows and
   /// columns of the identity. `held` is empty or has one entry for each vertex; it may change from
   /// call to call. Returns false when an entry of the free part is not finite or a pivot is not
-  /// positive. The factor must not be used then. No allocation.
+  /// positive; the factor must then not be used. No allocation.
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
                                std::span<const unsigned char> held = {}) {
     assert(matrix.rows() == layout_.rows && matrix.lower_count() == layout_.lower_count);
@@ -97,7 +97,7 @@ class BlockCholesky {
   static constexpr int kAlign = detail::padded_lanes<Scalar>();
   static constexpr int kMaxGroup = 16;
 
-  /// Number of right-hand sides that a front handles together. It leaves enough registers for about
+  /// Number of right-hand sides that a front handles together; it leaves enough registers for about
   /// twelve rows.
   static constexpr int lane_group(int lanes) {
     const int most =
@@ -107,8 +107,9 @@ class BlockCholesky {
     return group;
   }
 
-  /// Copies the blocks of a front. Fails when: an entry above the diagonal is not finite. The
-  /// elimination does not read these entries; all others affect a pivot, which is checked.
+  /// Copies the matrix blocks of a front into its pivot columns; held vertices get the identity.
+  /// Returns false when a diagonal block has an entry above its diagonal that is not finite. The
+  /// elimination does not read these entries; all other entries affect a pivot, which is checked.
   bool assemble(const detail::Front& front, const BlockSymmetric<Scalar>& matrix,
                 std::span<const unsigned char> held) {
     const Index ld = front.ld;
@@ -154,7 +155,8 @@ class BlockCholesky {
     }
   }
 
-  /// Reads a group of lanes. Lanes after the last right-hand side become zero.
+  /// Reads the group of lanes that begins at `lane`. Lanes after the last right-hand side become
+  /// zero.
   template <int kLanes, int kGroup>
   static CLOTHCTL_KERNEL void load_lanes(const Scalar* from, int lane,
                                          detail::Pack<Scalar, kGroup>& row) {
@@ -167,7 +169,7 @@ class BlockCholesky {
     }
   }
 
-  /// Writes a group of lanes, without those after the last right-hand side.
+  /// Writes the group of lanes that begins at `lane`, except lanes after the last right-hand side.
   template <int kLanes, int kGroup>
   static CLOTHCTL_KERNEL void store_lanes(Scalar* to, int lane,
                                           const detail::Pack<Scalar, kGroup>& row) {

@@ -18,11 +18,12 @@ namespace clothctl::inline CLOTHCTL_ABI {
 template <RealScalar Scalar>
 class BlockSymmetric {
  public:
-  /// A matrix of no rows.
+  /// A matrix without rows.
   BlockSymmetric() = default;
 
-  /// Fixes the pattern: `pairs` lists coupled vertices in any order, with repeats. Allocates.
-  /// Complexity: O(p log p). Fails when: rows is negative or a pair is off the rows (assert).
+  /// Fixes the pattern: `pairs` lists the coupled vertices in any order; repeated pairs are
+  /// allowed. Allocates. Complexity: O(p log p). Fails when: `rows` is negative or an index is
+  /// outside [0, rows) (assert).
   BlockSymmetric(Index rows, std::vector<std::pair<int, int>> pairs) {
     assert(rows >= 0);
     for (auto& [i, j] : pairs) {
@@ -49,12 +50,14 @@ class BlockSymmetric {
   Index rows() const { return static_cast<Index>(diagonal_.size()); }
   /// Number of stored off-diagonal blocks.
   Index lower_count() const { return static_cast<Index>(lower_.size()); }
-  /// First slot of block row i. Its slots end where those of row i+1 begin.
+  /// First slot (index of a stored off-diagonal block) of block row i. The slots of row i end where
+  /// those of row i+1 begin.
   int row_begin(Index i) const { return row_begin_[static_cast<std::size_t>(i)]; }
-  /// Block column of a slot. It is always less than the block row of the slot.
+  /// Block column of a slot, always less than the block row of the slot.
   int column(Index slot) const { return column_[static_cast<std::size_t>(slot)]; }
   /// Returns the slot of the pair (i, j), in either order, or -1 if the pattern does not have it
-  /// (as for i = j). Complexity: O(log row). Fails when: i or j is off the rows (assert).
+  /// (as for i = j). Complexity: O(log k) for k slots in the row. Fails when: i or j is outside [0,
+  /// rows) (assert).
   int find(int i, int j) const {
     assert(i >= 0 && i < rows() && j >= 0 && j < rows());
     if (i < j) std::swap(i, j);
@@ -102,8 +105,8 @@ class BlockSymmetric {
         sum += x.template middleCols<3>(3 * j).lazyProduct(b.transpose());
         y.template middleCols<3>(3 * j) += xi.lazyProduct(b);
       }
-      // Rows ascend, and every stored block (i, j) has j < i. So later rows still add to y_i. It
-      // must get its first value here.
+      // Rows ascend, and every stored block (i, j) has j < i. So later rows still add to y_i, and
+      // it must get its first value here.
       y.template middleCols<3>(3 * i) = sum;
     }
   }

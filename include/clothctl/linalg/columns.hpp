@@ -12,15 +12,15 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// A view of a column-major matrix, with the nonzeros of a sparse one. The matrix must outlive the
-/// view.
+/// A view of a column-major matrix, with a list of its nonzeros if it is sparse. The matrix must
+/// outlive the view.
 template <RealScalar Scalar>
 class Columns {
  public:
   /// A dense vector.
   using Vector = VectorX<Scalar>;
 
-  /// Makes room for the nonzeros of sparse matrices of that size. Allocates.
+  /// Makes room for the nonzeros of sparse matrices of up to rows × columns. Allocates.
   void reserve(Index rows, Index columns) {
     const std::size_t most = static_cast<std::size_t>(rows * columns / kSparse);
     if (index_.size() < most) index_.resize(most);
@@ -67,8 +67,8 @@ class Columns {
   Index rows() const { return rows_; }
   /// Number of columns.
   Index columns() const { return columns_; }
-  /// Index of the first nonzero of column j. The column ends where column j + 1 begins. Only if
-  /// sparse.
+  /// Index of the first nonzero of column j. The nonzeros of column j end where those of column j +
+  /// 1 begin. Valid only if `sparse()`.
   int start(Index j) const { return start_[static_cast<std::size_t>(j)]; }
   /// The row of nonzero k.
   int row(int k) const { return index_[static_cast<std::size_t>(k)]; }
@@ -84,7 +84,7 @@ class Columns {
     }
   }
 
-  /// Returns Σ |entry · x| over column j.
+  /// Returns Σ_i |M_ij x_i| for column j of the matrix M.
   Scalar size_of_dot(Index j, const Vector& x) const {
     using std::abs;
     Scalar size(0);

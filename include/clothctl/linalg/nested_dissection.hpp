@@ -2,13 +2,14 @@
 
 // Nested dissection. Cut the vertices into two sides along a coordinate. The vertices of one side
 // that couple to the other side are the separator. Eliminate both sides first and the separator
-// last, and order both sides in the same way. For n vertices of a sheet the factor has O(n log n)
+// last, and order each side by the same method. For n vertices of a sheet the factor has O(n log n)
 // entries. Reference: A. George, Nested dissection of a regular finite element mesh, SIAM J. Numer.
 // Anal. 10 (1973).
 //
-// One sweep evaluates all cuts along an axis. Rank the vertices by coordinate. The cut before rank
-// m has a lower separator, the vertices v with rank(v) < m <= the largest rank of a vertex coupled
-// to v, and likewise an upper separator.
+// One sweep computes the separators of all cuts along an axis. Rank the vertices by coordinate. The
+// cut before rank m has a lower separator, the vertices v with rank(v) < m <= the largest rank of a
+// vertex coupled to v, and an upper separator, those with the smallest rank of a vertex coupled to
+// v < m <= rank(v).
 
 #include <algorithm>
 #include <array>
@@ -25,7 +26,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// The recursion of nested_dissection. A set of vertices is a range of order_.
+/// The recursion of nested_dissection. Each set of vertices is a range of order_.
 template <RealScalar Scalar>
 class Dissection {
  public:
@@ -93,7 +94,8 @@ class Dissection {
     return range;
   }
 
-  /// Evaluates every cut along an axis. Replaces `best` if one of them is better.
+  /// Evaluates the cuts along an axis at the middle half of the ranks. Replaces `best` if a cut is
+  /// better.
   void evaluate_cuts(int axis, int begin, int end, Cut& best) {
     const int n = end - begin;
     sort_along(axis, begin, end);
@@ -120,8 +122,8 @@ class Dissection {
     }
   }
 
-  /// Appends a node with the vertices order_[begin, end), the parent of `children`. Returns its
-  /// number.
+  /// Appends a node with the vertices order_[begin, end) and makes it the parent of `children`.
+  /// Returns the number of the node.
   int add_node(int begin, int end, const std::vector<int>& children) {
     const int node = static_cast<int>(tree_.parent.size());
     tree_.permutation.insert(tree_.permutation.end(), order_.begin() + begin, order_.begin() + end);
@@ -131,7 +133,7 @@ class Dissection {
     return node;
   }
 
-  /// Orders a set. Returns the nodes that do not have a parent yet.
+  /// Orders the set order_[begin, end). Returns its nodes that do not have a parent yet.
   std::vector<int> dissect(int begin, int end) {
     const int n = end - begin;
     if (n == 0) return {};
@@ -160,7 +162,8 @@ class Dissection {
     const std::vector<int> more = dissect(middle, last);
     open.insert(open.end(), more.begin(), more.end());
     if (last == end) return open;
-    // Sort the separator along its length. A descendant's front then couples to one run of it.
+    // Sort the separator along its length. A descendant's front then couples to contiguous vertices
+    // of it.
     sort_along(longest_axis(last, end), last, end);
     return {add_node(last, end, open)};
   }
@@ -196,7 +199,7 @@ class Dissection {
 /// with vertex separators. Works for any pattern: sheets with bending couplings, garments, ropes,
 /// solids, several bodies. Does not cut sets of at most `leaf_size` vertices. Deterministic.
 /// Allocates. Complexity: O((n log n + p) log n) for p pairs. Fails when: the number of positions
-/// is not that of the rows, or one is not finite (assert).
+/// differs from the number of block rows, or a position is not finite (assert).
 template <RealScalar Scalar>
 EliminationTree nested_dissection(const BlockSymmetric<Scalar>& pattern,
                                   const std::type_identity_t<PointsView<Scalar>>& positions,

@@ -10,11 +10,12 @@
 //   S δ = Vᵀ L⁻¹ r1 - r2,    p = L⁻ᵀ (V δ - L⁻¹ r1)
 //
 // H_FF + ρ I and S are positive definite even if rows are linearly dependent or H is semidefinite,
-// so these cases need no special treatment. Vᵀ and G = VᵀV are updated with F. A new unknown adds
-// the row v = (A_Wi - Vᵀl)/d to V. When an unknown leaves, the rotations that update L are applied
-// to the rows of V, and the last row is deleted. G changes by v vᵀ. The cost is O(f² + f w + w²)
-// for each unknown, and w³/3 for S. When many unknowns change, and after many updates, everything
-// is factored from scratch.
+// so these cases need no special treatment. Vᵀ and G = VᵀV are updated when F changes. A new
+// unknown i adds the row v = (A_Wi - Vᵀl)/d to V, where (lᵀ, d) is the new row of L
+// (updatable_cholesky.hpp). When an unknown leaves, the rotations that update L are applied to the
+// rows of V, and the last row is deleted. G changes by ±v vᵀ. With f free unknowns and w active
+// rows the cost is O(f² + f w + w²) for each unknown that changes, and w³/3 for the factor of S.
+// When many unknowns change, and after many updates, everything is factored from scratch.
 
 #include <algorithm>
 #include <vector>
@@ -23,7 +24,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Factor of the regularised KKT system over changing sets F and W.
+/// Factor of the regularised KKT system of changing sets F and W.
 template <RealScalar Scalar>
 class RowFactor {
  public:
@@ -54,16 +55,16 @@ class RowFactor {
     free_.clear();
     clear_rows();
   }
-  /// Discards S. Call this after a change of μ.
+  /// Discards the factor of S. Call this after a change of μ.
   void touch() { stale_ = true; }
 
   /// Number of free unknowns.
   Index free_size() const { return free_.size(); }
   /// Number of active rows.
   Index row_size() const { return rows_count_; }
-  /// The free unknown at place k.
+  /// The free unknown at position k of the factor.
   Index unknown(Index k) const { return free_.order(k); }
-  /// The active row at place k.
+  /// The active row at position k of the factor.
   Index row(Index k) const { return rows_[static_cast<std::size_t>(k)]; }
   /// Returns true when row i is active.
   bool has_row(Index i) const { return place_[static_cast<std::size_t>(i)] >= 0; }
@@ -117,7 +118,8 @@ class RowFactor {
     return factor_rows(mu, relative);
   }
 
-  /// Returns true when a pivot of H_FF + ρ I failed last, false when it was one of S.
+  /// Returns true when the pivot that failed last was one of H_FF + ρ I, false when it was one of
+  /// S.
   bool free_failed() const { return free_failed_; }
 
   /// Solves for the right-hand sides r1 (n, read at free unknowns) and r2 (m, read at active rows).

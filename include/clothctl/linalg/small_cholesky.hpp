@@ -7,9 +7,9 @@
 //   x_j = (z_j - Σ_(i>j) U_ij x_i) / d_j
 //
 // b is stored below A as one more row; this row of U is z = L⁻¹ b. Columns are padded to a multiple
-// of four entries, and every loop runs over whole columns. For up to 24 rows their length is known
-// at compile time. Near 15 rows, loops over remainders and square roots would cost more than the
-// rest.
+// of four entries, and every loop runs over whole columns. For up to 23 rows the length of a column
+// is known at compile time. Near 15 rows, loops over remainders and square roots would cost more
+// than all other work.
 
 #include "clothctl/core/types.hpp"
 
@@ -30,7 +30,7 @@ class SmallCholesky {
   /// Length of a column for n rows: n + 1 rounded up to whole groups of four.
   static Index padded(Index n) { return n / 4 * 4 + 4; }
 
-  /// Sets the size to n, at most the reserved size. Entries keep arbitrary values.
+  /// Sets the size to n, at most the reserved size. The entries then have arbitrary values.
   void resize(Index n) {
     n_ = n;
     stride_ = padded(n);

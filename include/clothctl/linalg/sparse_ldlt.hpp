@@ -10,7 +10,7 @@
 // So one order of all unknowns and rows is enough for all sets F and W. L is computed row by row,
 // as in Davis, ACM TOMS 31 (2005): the nonzeros of row k are on the paths of the elimination tree
 // from the nonzeros of row k of the matrix to node k. When the sets change, the rows of L before
-// the first changed place stay.
+// the first changed position of the order stay valid.
 
 #include <algorithm>
 #include <vector>
@@ -21,7 +21,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Factor of the regularised KKT system over changing sets F and W, for sparse H and A.
+/// Factor of the regularised KKT system of changing sets F and W, for sparse H and A.
 template <RealScalar Scalar>
 class SparseLdlt {
  public:
@@ -51,8 +51,8 @@ class SparseLdlt {
   }
 
   /// Finds an elimination order for sparse H (n×n) and A (m×n), and stores their entries. Returns
-  /// false when the factor does not fit in the memory or needs more than `work` operations. Clears
-  /// the sets. Never allocates.
+  /// false when the factor does not fit in the memory or `work()` would exceed `work`. Clears the
+  /// sets. Never allocates.
   bool analyse(const Columns<Scalar>& H, const Columns<Scalar>& A, const Columns<Scalar>& At,
                double work) {
     n_ = H.columns();
@@ -114,16 +114,16 @@ class SparseLdlt {
     free_size_ = row_size_ = 0;
     good_ = 0;
   }
-  /// Discards the factor, not the sets. Call this after a change of μ.
+  /// Discards the factor but keeps the sets. Call this after a change of μ.
   void touch() { good_ = 0; }
 
   /// Number of free unknowns.
   Index free_size() const { return free_size_; }
   /// Number of active rows.
   Index row_size() const { return row_size_; }
-  /// The free unknown at place k.
+  /// The k-th free unknown.
   Index unknown(Index k) const { return free_[static_cast<std::size_t>(k)]; }
-  /// The active row at place k.
+  /// The k-th active row.
   Index row(Index k) const { return active_[static_cast<std::size_t>(k)]; }
   /// Returns true when row i is active.
   bool has_row(Index i) const { return on_[place_of(n_ + i)] != 0; }
@@ -160,7 +160,8 @@ class SparseLdlt {
     return factor_from(first, rho, mu);
   }
 
-  /// Returns true when the pivot of an unknown failed last, false when it was that of a row.
+  /// Returns true when the pivot that failed last was that of an unknown, false when it was that of
+  /// a row.
   bool free_failed() const { return free_failed_; }
 
   /// Solves for the right-hand sides r1 (n, read at free unknowns) and r2 (m, read at active rows).
@@ -201,7 +202,8 @@ class SparseLdlt {
   }
   bool on(int k) const { return on_[static_cast<std::size_t>(k)] != 0; }
 
-  /// Computes the rows of L from place `first` on.
+  /// Computes the rows of L from position `first` of the order on. Returns false when a pivot
+  /// fails.
   bool factor_from(int first, const Scalar& rho, const Scalar& mu) {
     if (first >= nodes()) return true;
     const Scalar relative = Scalar(4) * scalar_traits<Scalar>::epsilon();
@@ -282,8 +284,8 @@ class SparseLdlt {
     return at(length_, i) == at(length_, next) + 1 && at(row_, at(column_, i)) == next;
   }
 
-  /// Eliminates `Width` columns of one supernode from the row in spread_. They begin at place `top`
-  /// of the path.
+  /// Eliminates `Width` columns of one supernode, path_[top] and the next ones, from the row in
+  /// spread_.
   template <int Width>
   void eliminate(int top) {
     const Scalar* entry[Width];
@@ -309,7 +311,7 @@ class SparseLdlt {
   static constexpr int kMostColumns = 4;
 
   detail::MinimumDegree degree_;
-  std::vector<int> place_;  // by node; all others by place in the order
+  std::vector<int> place_;  // by node; all others by position in the order
   std::vector<int> column_, length_, parent_, mark_, path_;
   std::vector<int> upper_start_, upper_index_, row_;
   std::vector<int> free_, active_;

@@ -1,6 +1,6 @@
 #pragma once
 
-// Dense Cholesky factorisation in tiles, and solves with its factor. All matrices are column-major,
+// Dense Cholesky factorisation in tiles, and solves with the factor. All matrices are column-major,
 // all work is in place, and nothing allocates.
 //
 //   cholesky_in_place    A = L Lᵀ           left-looking over tile columns
@@ -62,7 +62,7 @@ CLOTHCTL_KERNEL void subtract_outer_two_registers(Scalar* c, Index ldc, const Sc
   subtract_register(c + 3 * ldc + kLanes, b3);
 }
 
-/// The same for the rows of one register.
+/// C ← C - P Qᵀ for four columns of C and the rows of one register.
 template <class Scalar>
 CLOTHCTL_KERNEL void subtract_outer_one_register(Scalar* c, Index ldc, const Scalar* p, Index ldp,
                                                  const Scalar* q, Index ldq, Index depth) {
@@ -81,7 +81,7 @@ CLOTHCTL_KERNEL void subtract_outer_one_register(Scalar* c, Index ldc, const Sca
   subtract_register(c + 3 * ldc, a3);
 }
 
-/// The same for one row.
+/// C ← C - P Qᵀ for four columns and one row of C.
 template <class Scalar>
 CLOTHCTL_KERNEL void subtract_outer_one_row(Scalar* c, Index ldc, const Scalar* p, Index ldp,
                                             const Scalar* q, Index ldq, Index depth) {
@@ -146,10 +146,10 @@ void subtract_outer(Eigen::Ref<MatrixX<Scalar>> C, const Eigen::Ref<const Matrix
   }
 }
 
-/// Factors the lower triangle of A in place. `scale` is the diagonal of A, or other sizes to
-/// compare pivots with. Stops at the first pivot that is not larger than `relative` times its entry
-/// of `scale`. Returns the index of this pivot, or the size of A if there is none. Complexity:
-/// n³/3.
+/// Factors the lower triangle of A in place. `scale` (n) is the diagonal of A, or other magnitudes
+/// to compare pivots with. Stops at the first pivot that is not larger than `relative` times its
+/// entry of `scale`. Returns the index of this pivot, or the size of A if there is none.
+/// Complexity: n³/3.
 template <RealScalar Scalar>
 Index cholesky_in_place(Eigen::Ref<MatrixX<Scalar>> A,
                         const Eigen::Ref<const VectorX<Scalar>>& scale, const Scalar& relative) {

@@ -20,7 +20,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// An updatable Cholesky factor over a subset of unknowns. All memory comes from `reserve`.
+/// An updatable Cholesky factor of a subset of the unknowns. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class UpdatableCholesky {
  public:
@@ -32,7 +32,7 @@ class UpdatableCholesky {
   /// Makes room for n unknowns. Allocates.
   void reserve(Index n) { reserve(n, n); }
 
-  /// Makes room for sets of at most `most` out of n unknowns. Allocates.
+  /// Makes room for sets of at most `most` of n unknowns. Allocates.
   void reserve(Index n, Index most) {
     Index stride = (most + 7) / 8 * 8;
     if (stride % 64 == 0) stride += 8;  // or all columns would share few cache sets
@@ -49,7 +49,7 @@ class UpdatableCholesky {
     size_ = 0;
   }
 
-  /// Clears the set, and returns the memory of L, in its reserved size, for the caller's use.
+  /// Clears the set, and lends the whole reserved memory of L to the caller.
   Eigen::Ref<Matrix> lend() {
     clear();
     return L_;
@@ -57,15 +57,16 @@ class UpdatableCholesky {
 
   /// Number of unknowns in the set.
   Index size() const { return size_; }
-  /// The unknown at place k.
+  /// The unknown at position k of the order.
   Index order(Index k) const { return order_[static_cast<std::size_t>(k)]; }
-  /// The place of unknown i, or -1.
+  /// The position of unknown i in the order, or -1 when it is not in the set.
   Index place(Index i) const { return position_[static_cast<std::size_t>(i)]; }
   /// L as an f×f view; only its lower triangle is meaningful.
   Eigen::Ref<const Matrix> lower() const { return L_.topLeftCorner(size_, size_); }
 
   /// Appends unknown i. Returns false, and does not append it, when the enlarged block is almost
-  /// singular: d² ≤ relative (H_ii + shift). `pivot()` then is d², and `column()` is L⁻¹ H_Fi.
+  /// singular: d² ≤ relative (H_ii + shift). In both cases `pivot()` then is d², and `column()` is
+  /// L⁻¹ H_Fi.
   bool append(const HessianView& H, Index i, const Scalar& shift, const Scalar& relative) {
     using std::sqrt;
     for (Index k = 0; k < size_; ++k) work_[k] = H(order(k), i);
@@ -85,12 +86,12 @@ class UpdatableCholesky {
   /// L⁻¹ H_Fi of the last `append` (first `size()` entries, before a successful append).
   const VectorX<Scalar>& column() const { return work_; }
 
-  /// Cosines of the rotations of the last `remove`, one for each place behind the removed one.
+  /// Cosines of the rotations of the last `remove`, one for each position after the removed one.
   const VectorX<Scalar>& cosine() const { return cosine_; }
   /// Sines of the rotations of the last `remove`.
   const VectorX<Scalar>& sine() const { return sine_; }
 
-  /// Removes the unknown at place k.
+  /// Removes the unknown at position k of the order.
   void remove(Index k) {
     using std::sqrt;
     const Index m = size_ - k - 1;

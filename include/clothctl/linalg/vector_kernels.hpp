@@ -7,9 +7,9 @@
 //   apply_rotation  (x, y) ← (c x + s y, c y - s x)      scale_by     x ← a x
 //   ColumnSum       Σ_k w_k M_k over chosen columns of a matrix
 //
-// They use vector registers (linalg/detail/pack.hpp). Eigen expressions would be as fast. But each
-// expression is a type of its own, and the solvers would need hundreds. These few functions save
-// most of the compile time.
+// The loops use vector registers (linalg/detail/pack.hpp). Eigen expressions would be as fast, but
+// each expression is a separate type, and the solvers would need hundreds of them. These few
+// functions save most of the compile time.
 
 #include <array>
 #include <cstring>
@@ -70,8 +70,8 @@ void add_scaled(Index n, const Scalar& a, const Scalar* x, Scalar* y) {
   for (; i < n; ++i) y[i] = y[i] + x[i] * factor;
 }
 
-/// y ← y + Σ_k a[k] x[k] for four arrays x[k] of n numbers that do not overlap y. One pass over y
-/// instead of four.
+/// y ← y + Σ_k a[k] x[k] for four arrays x[k] of n numbers that do not overlap y. Reads and writes
+/// y once instead of four times.
 template <RealScalar Scalar>
 void add_four(Index n, const std::array<Scalar, 4>& a, const std::array<const Scalar*, 4>& x,
               Scalar* y) {
@@ -107,7 +107,7 @@ Scalar dot_product(Index n, const Scalar* x, const Scalar* y) {
   return sum;
 }
 
-/// The four products x[k]ᵀy for arrays of n numbers. One pass over y instead of four.
+/// The four products x[k]ᵀy for arrays of n numbers. Reads y once instead of four times.
 template <RealScalar Scalar>
 std::array<Scalar, 4> dot_four(Index n, const std::array<const Scalar*, 4>& x, const Scalar* y) {
   constexpr Index kLanes = detail::native_lanes<Scalar>();
@@ -173,13 +173,13 @@ void set_zero(std::initializer_list<VectorX<Scalar>*> vectors, Index n) {
   for (VectorX<Scalar>* v : vectors) v->setZero(n);
 }
 
-/// Adds weighted columns of a column-major matrix to a vector `sum`. It collects four columns
-/// before it adds them, so that `sum` is read and written once for four columns. The sum is
-/// complete after `finish`. Columns with weight zero cost nothing. Never allocates.
+/// Adds weighted columns of a column-major matrix to a vector `sum`. Adds four columns at a time,
+/// so that `sum` is read and written once for four columns. The sum is complete only after
+/// `finish`. Columns with weight zero cost nothing. Never allocates.
 template <RealScalar Scalar>
 class ColumnSum {
  public:
-  /// Works on a matrix whose column i begins at `matrix + i * stride`, and on `sum`, both with
+  /// Refers to a matrix whose column i begins at `matrix + i * stride`, and to `sum`, both with
   /// `rows` rows. Both must outlive this object.
   ColumnSum(const Scalar* matrix, Index stride, Index rows, Scalar* sum)
       : matrix_(matrix), sum_(sum), stride_(stride), rows_(rows) {}

@@ -6,7 +6,7 @@
 //   τ_0 = … = τ_3 = start,    τ_n = … = τ_{n+3} = end
 //
 // N_j is the cubic basis function on τ_j … τ_{j+4}. A point is evaluated by de Boor's algorithm. On
-// the span τ_k ≤ t < τ_{k+1} it depends only on d_j = c_{k-3+j}, j = 0 … 3. For l = 1, 2, 3
+// the span τ_k ≤ t < τ_{k+1} the point depends only on d_j = c_{k-3+j}, j = 0 … 3. For l = 1, 2, 3
 //
 //   d_j ← (1 - α) d_{j-1} + α d_j,    α = (t - τ_{k-3+j}) / (τ_{k+j-l+1} - τ_{k-3+j}),
 //
@@ -14,7 +14,8 @@
 // 3 (c_{j+1} - c_j) / (τ_{j+4} - τ_{j+1}).
 //
 // Samples (t_i, y_i) with h_i = t_{i+1} - t_i are interpolated by the natural spline. Its second
-// derivatives M_i are zero at both ends, and solve the diagonally dominant tridiagonal system
+// derivatives M_i at t_i are zero at both ends, and solve the diagonally dominant tridiagonal
+// system
 //
 //   h_{i-1} M_{i-1} + 2 (h_{i-1} + h_i) M_i + h_i M_{i+1}
 //     = 6 ((y_{i+1} - y_i)/h_i - (y_i - y_{i-1})/h_{i-1}).
@@ -54,14 +55,14 @@ std::string non_finite_point(const PointsView<Scalar>& points, const char* name)
 
 }  // namespace detail
 
-/// A C² cubic curve t ↦ R³ (s ↦ m) on [start_time, end_time] with clamped ends.
+/// A cubic C² curve from time (s) to position (m) on [start_time, end_time] with clamped ends.
 ///
 /// Outside this interval the position is that of the nearer end, and both derivatives are zero.
 template <RealScalar Scalar>
 class CubicBSpline {
  public:
   /// Makes the curve with the given control points (3×n, n ≥ 4, m) on uniform clamped knots over
-  /// [start_time, end_time] (s). It starts at the first control point and ends at the last.
+  /// [start_time, end_time] (s). The curve starts at the first control point and ends at the last.
   /// Allocates. Complexity: O(n). Fails when: n < 4, a value is not finite, end_time ≤ start_time,
   /// or two knots coincide in Scalar.
   static Result<CubicBSpline> from_control_points(const PointsView<Scalar>& control,
@@ -96,9 +97,9 @@ class CubicBSpline {
   }
 
   /// Makes the curve through all samples: `times` (n ≥ 2, strictly increasing, s) and `points`
-  /// (3×n, m), with zero acceleration at both ends. It has n + 2 control points. Allocates.
-  /// Complexity: O(n). Fails when: counts differ, n < 2, a value is not finite, or the times do not
-  /// increase.
+  /// (3×n, m), with zero acceleration at both ends. The curve has n + 2 control points. Allocates.
+  /// Complexity: O(n). Fails when: counts differ, n < 2, a value is not finite, the times do not
+  /// increase, or a control point overflows.
   static Result<CubicBSpline> interpolate(const Eigen::Ref<const VectorX<Scalar>>& times,
                                           const PointsView<Scalar>& points) {
     const Index n = times.size();

@@ -12,17 +12,18 @@
 //       [ z      S + Sᵀ - (tr S) I  ]
 //
 // so that q is the eigenvector of the largest eigenvalue. Let Sᵀ = U diag(s1, s2, d s3) Vᵀ with
-// proper rotations U and V, s1 ≥ s2 ≥ s3 ≥ 0 and d = ±1. Then N is diagonal in the quaternions q1
-// of U Vᵀ and q1 v_1, q1 v_2, q1 v_3 (half turns about the v_k first):
+// proper rotations U and V, s1 ≥ s2 ≥ s3 ≥ 0 and d = ±1. Then the eigenvectors of N are the
+// quaternion q1 of U Vᵀ and the products q1 v_1, q1 v_2, q1 v_3 (a half turn about v_k, then U Vᵀ),
+// with the eigenvalues
 //
 //   λ1 = s1 + s2 + d s3,   λ2 = s1 - s2 - d s3,   λ3 = -s1 + s2 - d s3,   λ4 = -s1 - s2 + d s3.
 //
-// These pairs come from one-sided Jacobi rotations of the three columns of Sᵀ
-// (symmetric_eigen.hpp). That squares nothing, so no digits are lost, and takes half the rotations
-// that N would. Where other eigenvalues equal λ1 within a tolerance, the data do not determine R.
-// Then q is the projection of a reference quaternion on all their eigenvectors: R is the solution
-// closest to the reference. (λ1 - λ2)/2 is the curvature of the objective about its weakest axis
-// v_1.
+// These eigenpairs come from one-sided Jacobi rotations of the three columns of Sᵀ
+// (symmetric_eigen.hpp). This does not square S, so no digits are lost, and takes half as many
+// rotations as Jacobi on N. When other eigenvalues equal λ1 within a tolerance, the data do not
+// determine R. Then q is the projection of a reference quaternion on the span of the eigenvectors
+// of λ1 and of these eigenvalues: R is the solution closest to the reference. (λ1 - λ2)/2 is the
+// curvature of the objective about its weakest axis v_1.
 //
 // Reference: Horn, J. Opt. Soc. Am. A 4, 629 (1987).
 
@@ -43,7 +44,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 enum class HornStatus {
   /// All of R. Use it. `rotation_error` estimates its error for noisy data.
   Unique,
-  /// R up to a turn about `free_axis`: the points are on a line, or there are two. R is the
+  /// R up to a turn about `free_axis`: the points are on a line, or there are only two. R is the
   /// solution closest to the reference. Use it if that turn does not matter or the reference is a
   /// good guess; otherwise add a point off the line.
   FreeTurn,
@@ -55,8 +56,8 @@ enum class HornStatus {
   /// mirrored; nearly flat sets that bulge to opposite sides are. R is the best rotation, never a
   /// reflection. Use it if the residuals are small enough, else look for swapped points or axes.
   Mirrored,
-  /// `message` says what was refused. R is the reference (identity if that was refused), t is zero.
-  /// Correct the input.
+  /// `message` says what was refused. R is the reference (identity if the reference was refused), t
+  /// is zero. Correct the input.
   InvalidInput
 };
 
@@ -75,13 +76,13 @@ constexpr std::string_view to_string(HornStatus status) {
 /// Settings of `horn`: when a turn counts as free.
 template <RealScalar Scalar>
 struct HornSettings {
-  /// Eigenvalues this close to the largest, relative to the largest in modulus, tie with it. A
-  /// strip of rms half length l and half width w has the gap 2 (w/l)². The default, 64 times the
-  /// scalar's spacing (1.4e-14 in double, 7.6e-6 in float: strips 1e-7 and 0.002 as wide as long),
-  /// frees only what rounding has lost, so that residuals are the least there are; R of a strip
-  /// near it is as uncertain as `rotation_error` says. For points with noise σ (m, each coordinate)
-  /// and a turn error φ (rad) that is still welcome, give 2 σ² / (φ² n l²); 1e-4 suits simulated
-  /// cloth.
+  /// Eigenvalues whose distance from the largest is at most this, relative to the largest in
+  /// modulus, count as equal to it. A strip of rms half length l and rms half width w has the
+  /// relative distance 2 (w/l)². The default, 64 times the scalar's spacing (1.4e-14 in double,
+  /// 7.6e-6 in float: strips 1e-7 and 0.002 as wide as long), lets R turn freely only where
+  /// rounding has lost the turn, so the residuals are minimal; the R of a strip near this limit is
+  /// as uncertain as `rotation_error` says. For n points with noise σ (m, each coordinate) and an
+  /// acceptable turn error φ (rad), use 2 σ² / (φ² n l²); 1e-4 suits simulated cloth.
   Scalar tie_tolerance = default_tolerance();
 
   /// 64 times the scalar's spacing at one.
@@ -100,33 +101,33 @@ template <RealScalar Scalar>
 struct HornResult {
   /// The rotation as a matrix; orthonormal to rounding, with determinant +1, whatever the data.
   Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
-  /// The rotation as a unit quaternion, of non-negative product with the reference (w ≥ 0 if that
-  /// is identity).
+  /// The rotation as a unit quaternion, of non-negative dot product with the reference (w ≥ 0 if
+  /// the reference is the identity).
   Eigen::Quaternion<Scalar> rotation =
       Eigen::Quaternion<Scalar>(Scalar(1), Scalar(0), Scalar(0), Scalar(0));
-  /// The translation (m): c_b - R c_a; zero without points of positive weight.
+  /// The translation (m): c_b - R c_a; zero if no point has a positive weight.
   Vector3<Scalar> t = Vector3<Scalar>::Constant(Scalar(0));
   /// Weighted root mean square of the distances |b_j - R a_j - t| (m).
   Scalar rms_residual = Scalar(0);
-  /// Largest distance among the points of positive weight (m).
+  /// Largest |b_j - R a_j - t| among the points of positive weight (m).
   Scalar largest_residual = Scalar(0);
-  /// (λ1 - λ2) over the largest eigenvalue in modulus, in [0, 4/3]: no more than the tolerance
-  /// where a turn is free, 4/3 for a ball.
+  /// (λ1 - λ2) divided by the largest eigenvalue in modulus, in [0, 4/3]: at most the tolerance if
+  /// a turn is free, 4/3 for a ball.
   Scalar gap = Scalar(0);
   /// Rms distance of the points from the axis about which R is weakest (m): noise σ (m, each
-  /// coordinate) of n points turns R by σ / (rms_width √n) rad about it.
+  /// coordinate) of n points turns R by σ / (rms_width √n) rad about this axis.
   Scalar rms_width = Scalar(0);
-  /// Standard deviation of R about its weakest axis (rad) that the residuals of these points lead
-  /// to expect, if they come from independent noise; at most π, which also stands for "unknown": a
-  /// free turn, or fewer than three points.
+  /// Standard deviation of R about its weakest axis (rad), estimated from the residuals as if they
+  /// came from independent noise; at most π, which also stands for "unknown": a free turn, or fewer
+  /// than three points (two with given centroids).
   Scalar rotation_error = Scalar(3.14159265358979323846);
-  /// Dimension of the set of equally good rotations: 0 one, 1 a turn about `free_axis`, 2 all
-  /// products of two turns (mirrored balls), 3 any rotation.
+  /// Dimension of the set of equally good rotations: 0 for one rotation, 1 for a turn about
+  /// `free_axis`, 2 for all products of two turns (mirrored balls), 3 for any rotation.
   int free_turns = 3;
-  /// The unit axis, as it lies among the b_j, about which R may turn when `free_turns` is 1; else
+  /// The unit axis, in the frame of the b_j, about which R may turn when `free_turns` is 1; else
   /// zero.
   Vector3<Scalar> free_axis = Vector3<Scalar>::Constant(Scalar(0));
-  /// What is determined.
+  /// How much of R the data determine.
   HornStatus status = HornStatus::InvalidInput;
   /// With InvalidInput: what was refused (static text); else empty.
   std::string_view message;
@@ -134,7 +135,8 @@ struct HornResult {
 
 namespace detail {
 
-/// Returns a power of two that scales a positive value into 2⁻⁸ … 2⁸, if it is within 2⁻¹⁰⁴ … 2¹⁰⁴.
+/// Returns a power of two that scales a positive value into 2⁻⁸ … 2⁸, if the value is within 2⁻¹⁰⁴
+/// … 2¹⁰⁴.
 template <RealScalar Scalar>
 Scalar scaling_power_of_two(const Scalar& value) {
   const Scalar large(256), inverse = Scalar(1) / large;
@@ -144,8 +146,8 @@ Scalar scaling_power_of_two(const Scalar& value) {
   return power;
 }
 
-/// Returns true when every coefficient is finite. It never returns early, which is faster where all
-/// are finite.
+/// Returns true when every coefficient is finite. Reads all coefficients without an early return,
+/// which is faster when all are finite.
 template <class Derived>
 bool every_finite(const Eigen::DenseBase<Derived>& matrix) {
   bool all = true;
@@ -162,8 +164,9 @@ struct ProperSvd {
   Matrix3<Scalar> U, V;
   Vector3<Scalar> s;
 
-  /// Decomposes A, whose largest entry is within 2^±30. Singular values below the rounding of the
-  /// largest have arbitrary vectors. Complexity: O(1), at most 12 sweeps of 3 rotations, usually 4.
+  /// Decomposes A, whose largest entry in modulus must be within 2^±30. Singular values below the
+  /// rounding error of the largest one have arbitrary vectors. Complexity: O(1), usually 4 and at
+  /// most 12 sweeps of 3 rotations.
   explicit ProperSvd(const Matrix3<Scalar>& A) : U(A), V(Matrix3<Scalar>::Identity()) {
     using std::abs;
     using std::sqrt;
@@ -201,8 +204,8 @@ struct ProperSvd {
   }
 
  private:
-  /// Rotates columns i and j of U and of V so that those of U are orthogonal. Returns false when
-  /// they already are.
+  /// Rotates columns i and j of U and of V so that those of U become orthogonal. Returns false when
+  /// they were orthogonal already.
   template <int i, int j>
   bool rotate() {
     using std::abs;
@@ -223,7 +226,7 @@ struct ProperSvd {
     M.col(i) = cosine * before - sine * M.col(j);
     M.col(j) = sine * before + cosine * M.col(j);
   }
-  /// Puts the longer of columns i and j first, by a rotation of 90°.
+  /// Exchanges columns i and j, by a rotation of 90°, when column j is longer.
   void order(Index i, Index j) {
     if (!(s[i] < s[j])) return;
     std::swap(s[i], s[j]);
@@ -234,8 +237,9 @@ struct ProperSvd {
   }
 };
 
-/// Sets the rotation with the largest tr(R Bᵀ) that is closest to the result's own, and its status.
-/// Returns the curvature about the weakest axis.
+/// Sets the rotation of `result` to the one that maximises tr(R Bᵀ); among several, to the one
+/// closest to the rotation that `result` holds at the call. Sets the status. Returns the curvature
+/// of the objective about the weakest axis.
 template <RealScalar Scalar>
 Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Scalar& rounding,
                     HornResult<Scalar>& result) {
@@ -282,17 +286,17 @@ Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Sca
   return curvature * Scalar(0.5);
 }
 
-/// Weights of the pairs, scaled by a power of two. No weights stand for ones.
+/// Weights of the pairs, scaled by a power of two. An empty vector means that all weights are one.
 template <RealScalar Scalar>
 struct HornWeights {
   const Eigen::Ref<const VectorX<Scalar>>& weights;
-  /// The largest weight, and a pair that has it: -1 when no weight is positive.
+  /// The largest weight, and the index of a pair that has it (-1 when no weight is positive).
   Scalar largest = Scalar(0);
   Index heaviest = -1;
-  /// The power of two that scales weights.
+  /// The power of two by which weights are multiplied.
   Scalar scale;
 
-  /// Looks at `n` finite weights, or at none: ones.
+  /// Reads `n` finite weights, or an empty vector.
   HornWeights(const Eigen::Ref<const VectorX<Scalar>>& w, Index n) : weights(w) {
     if (w.size() == 0 && n > 0) heaviest = 0;
     for (Index j = 0; j < w.size(); ++j) {
@@ -312,15 +316,16 @@ struct HornWeights {
 template <RealScalar Scalar>
 struct HornCloud {
   const PointsView<Scalar>& points;
-  /// The centre is origin + shift; the sum itself would round the offsets of points far from the
-  /// origin.
+  /// The centre is origin + shift. They are stored apart, since the rounding of their sum would
+  /// spoil the offsets of points far from the coordinate origin.
   Vector3<Scalar> origin, shift = Vector3<Scalar>::Constant(Scalar(0));
-  /// Largest coordinate in modulus of the points, and of their offsets from the origin.
+  /// Largest coordinate in modulus of the points, and of their offsets from `origin`.
   Scalar reach, spread;
-  /// The power of two that scales offsets.
+  /// The power of two by which offsets are multiplied.
   Scalar scale;
 
-  /// Puts the centre at `centre`, or at the weighted centroid of finite points where it is null.
+  /// Puts the centre at `centre`, or at the weighted centroid if `centre` is null. The points must
+  /// be finite.
   HornCloud(const PointsView<Scalar>& x, const HornWeights<Scalar>& weights,
             const Vector3<Scalar>* centre)
       : points(x) {
@@ -345,7 +350,7 @@ struct HornCloud {
     spread = most_offset.maxCoeff();
     scale = Scalar(0) < spread ? scaling_power_of_two(spread) : Scalar(1);
   }
-  /// Returns the rounding of the coordinates relative to the spread, at most 1.
+  /// Returns the rounding error of the coordinates relative to the spread, at most 1.
   Scalar noise() const {
     const Scalar rounding = Scalar(4) * scalar_traits<Scalar>::epsilon() * reach;
     return rounding < spread ? rounding / spread : Scalar(1);
@@ -356,14 +361,14 @@ struct HornCloud {
   }
 };
 
-/// Fits R, then t, to a result whose rotation is the reference. `unknowns` made the residuals
-/// small: 6, or 3 with given centres.
+/// Fits R, then t. On entry the rotation of `result` is the reference. `unknowns` is the number of
+/// fitted parameters: 6, or 3 with given centres.
 template <RealScalar Scalar>
 void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b,
                 const HornWeights<Scalar>& weights, const Scalar& tie_tolerance, Index unknowns,
                 HornResult<Scalar>& result) {
   using std::sqrt;
-  // Sᵀ, and the moments that its rounding is relative to.
+  // B = Sᵀ, and the second moments, which scale its rounding error.
   const Index n = a.points.cols();
   Matrix3<Scalar> B = Matrix3<Scalar>::Constant(Scalar(0));
   Scalar total(0), moment_a(0), moment_b(0);
@@ -378,7 +383,7 @@ void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b,
     ++count;
   }
 
-  // The rounding of coordinates far from the origin counts as noise, and so does that of the sum.
+  // The rounding errors of coordinates far from the origin, and those of the sum B, count as noise.
   const Scalar noise = (std::max)(a.noise(), b.noise());
   const Scalar tolerance = (std::max)(tie_tolerance, Scalar(Scalar(2) * noise * noise));
   const Scalar rounding =
@@ -409,8 +414,7 @@ void fit_motion(const HornCloud<Scalar>& a, const HornCloud<Scalar>& b,
     result.rotation_error = miss / result.rms_width;
 }
 
-/// Checks the input, then fits: about the given centres, or about the centroids where there are
-/// none.
+/// Checks the input, then fits about the given centres, or about the centroids if these are null.
 template <RealScalar Scalar>
 HornResult<Scalar> fit_pairs(const PointsView<Scalar>& a, const PointsView<Scalar>& b,
                              const Eigen::Ref<const VectorX<Scalar>>& weights,
@@ -459,7 +463,7 @@ HornResult<Scalar> fit_pairs(const PointsView<Scalar>& a, const PointsView<Scala
 /// Fits R and t to the pairs a_j → b_j (3×n each, m). `weights` (n, ≥ 0) may be empty, which stands
 /// for ones. Pairs of weight zero are ignored. `rotation_error` takes weights as inverse variances.
 /// Of equally good rotations the one closest to `reference` (any length but zero) is returned; pass
-/// the rotation of the last result to keep free turns still. Name the scalar in the call:
+/// the rotation of the last result to avoid jumps along free turns. Name the scalar in the call:
 /// `horn<double>(a, b)`. Never allocates. Complexity: O(n). Fails when (InvalidInput): a value is
 /// NaN, infinite or beyond 1e20, a weight is negative, sizes differ, the reference is zero, or a
 /// setting is bad.
@@ -472,9 +476,9 @@ template <RealScalar Scalar>
   return detail::fit_pairs<Scalar>(a, b, weights, reference, settings, nullptr, nullptr);
 }
 
-/// Fits R alone, about given centroids: t = centroid_b - R centroid_a, whatever the points' own
-/// centroids are. A single point away from its centroid counts as a line. All else is as in `horn`.
-/// Reference: [Bai 2016], eq. 11, with R u_j about the planned centroid.
+/// Fits only R, about given centroids: t = centroid_b - R centroid_a, even if they are not the
+/// centroids of the points. A single point away from its centroid counts as a line. Everything else
+/// is as in `horn`. Reference: [Bai 2016], eq. 11, with R u_j about the planned centroid.
 template <RealScalar Scalar>
 [[nodiscard]] HornResult<Scalar> horn_about(
     const PointsView<Scalar>& a, const PointsView<Scalar>& b, const Vector3<Scalar>& centroid_a,

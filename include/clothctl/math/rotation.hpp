@@ -14,8 +14,8 @@
 //   log(q) = 2 atan2(|v|, q_w) v / |v|                  v = (x, y, z), q_w ≥ 0: the shorter turn
 //
 // The half angle makes all of them exact to rounding near θ = 0 and near θ = π. Matrix logarithms
-// go through the quaternion; its largest entry is found from the diagonal of R, so that nothing is
-// divided by a small number.
+// go through the quaternion. Its largest entry is computed first, from the diagonal of R, and the
+// other entries are divided by this one, never by a small number.
 //
 // Reference: Shepperd, J. Guidance and Control 1 (1978) for matrix to quaternion; Solà, Deray,
 // Atchuthan, A micro Lie theory for state estimation in robotics (2018) for exp and log.
@@ -72,7 +72,7 @@ QuaternionWxyz<Scalar> quaternion_exp(const Vector3<Scalar>& w) {
 }
 
 /// Returns the rotation vector (rad, length at most π) of a quaternion of any length. At exactly π
-/// both axes are right and one of them is returned. Zero gives zero.
+/// both axes ±a are right and one of them is returned. A zero quaternion gives zero.
 template <RealScalar Scalar>
 Vector3<Scalar> quaternion_log(const QuaternionWxyz<Scalar>& q) {
   using std::atan2;
@@ -148,7 +148,8 @@ Vector3<Scalar> rotation_log(const Matrix3<Scalar>& R) {
 }
 
 /// Returns the rotation vector (rad) of the shortest rotation that takes the unit vector `from` to
-/// the unit vector `to`. For opposite vectors the axis is not unique; one across them is returned.
+/// the unit vector `to`. For opposite vectors the axis is not unique; one that is perpendicular to
+/// them is returned.
 template <RealScalar Scalar>
 Vector3<Scalar> shortest_rotation(const Vector3<Scalar>& from, const Vector3<Scalar>& to) {
   using std::abs;
@@ -174,7 +175,7 @@ Vector3<Scalar> shortest_rotation(const Vector3<Scalar>& from, const Vector3<Sca
 }
 
 /// Returns Rz(yaw) Ry(pitch) Rx(roll) (rad): roll about x first, then pitch about y, then yaw about
-/// z, all about fixed axes. It is the convention of URDF.
+/// z, all about fixed axes, as in URDF.
 template <RealScalar Scalar>
 Matrix3<Scalar> rotation_from_roll_pitch_yaw(const Scalar& roll, const Scalar& pitch,
                                              const Scalar& yaw) {

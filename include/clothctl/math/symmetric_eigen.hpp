@@ -8,15 +8,16 @@
 //
 //   δ = a_qq - a_pp,   t = s/c = sign(δ) 2 a_pq / (|δ| + √(δ² + 4 a_pq²)),   c = 1/√(1 + t²)
 //
-// where t is the smaller of two roots, at most 1 in modulus. Sweeps over the three pairs converge
-// quadratically: three or four reach rounding. Small eigenvalues keep digits that a solution of the
-// characteristic cubic would lose.
+// where t is the root of smaller modulus, |t| ≤ 1. Sweeps over the three pairs converge
+// quadratically: three or four reach rounding. Small eigenvalues keep digits that the roots of the
+// characteristic polynomial would lose.
 //
 // The same rotation makes two columns a, b orthogonal, with a_pp = a·a, a_pq = a·b, a_qq = b·b:
-// one-sided Jacobi, the way to singular values in horn.hpp and in prioritised inverse kinematics.
+// one-sided Jacobi, which gives the singular values in horn.hpp and in prioritised inverse
+// kinematics.
 //
 // Reference: Golub, Van Loan, Matrix Computations (2013) §8.5; Demmel, Veselić, SIAM J. Matrix
-// Anal. Appl. 13 (1992) for its accuracy.
+// Anal. Appl. 13 (1992) for the accuracy.
 
 #include <algorithm>
 #include <cmath>
@@ -35,8 +36,8 @@ struct JacobiRotation {
 };
 
 /// Returns the rotation, |φ| ≤ π/4, for which columns c a - s b and s a + c b of [a b] are
-/// orthogonal, where `a_pp` = a·a, `a_qq` = b·b and `a_pq` = a·b ≠ 0. For a symmetric matrix those
-/// are its entries and the rotation makes entry pq zero.
+/// orthogonal, where `a_pp` = a·a, `a_qq` = b·b and `a_pq` = a·b ≠ 0. If they are the entries of a
+/// symmetric matrix, the rotation makes its entry pq zero.
 template <RealScalar Scalar>
 JacobiRotation<Scalar> jacobi_rotation(const Scalar& a_pp, const Scalar& a_qq, const Scalar& a_pq) {
   using std::abs;
@@ -64,9 +65,9 @@ struct SymmetricEigen {
   Matrix3<Scalar> vectors;
 };
 
-/// Returns eigenvalues and eigenvectors of the symmetric matrix `A`, of which both triangles are
-/// read. NaN or infinite entries give a result with NaN or infinite entries. Never allocates.
-/// Complexity: at most 12 sweeps of three rotations, usually 4.
+/// Returns eigenvalues and eigenvectors of the symmetric matrix `A`; both triangles are read. NaN
+/// or infinite entries give a result with NaN or infinite entries. Never allocates. Complexity:
+/// usually 4 and at most 12 sweeps of three rotations.
 template <RealScalar Scalar>
 SymmetricEigen<Scalar> symmetric_eigen(const Matrix3<Scalar>& A) {
   using std::abs;

@@ -6,8 +6,8 @@
 //
 // Row 0 is the bottom, row rows-1 the top (z = 0). Column 0 is the left side (x = -width/2). Every
 // cell is divided into two triangles, counter-clockwise seen from -y. The direction of the dividing
-// diagonal alternates like the colours of a chessboard. So a sheet with an even number of cells in
-// a row is its own mirror image, and wind along y does not turn it.
+// diagonal alternates like the colours of a chessboard. So the mesh of a sheet with an even number
+// of cells in a row is symmetric about x = 0, and wind along y does not turn the sheet.
 
 #include <array>
 #include <cstdint>
@@ -38,16 +38,16 @@ struct GridMesh {
 
   /// Returns the index of the vertex in a row (0 = bottom) and a column (0 = left).
   int vertex(int row, int col) const { return row * cols + col; }
-  /// Returns the distance of neighbours in a row, m.
+  /// Returns the distance between neighbouring vertices in a row, m.
   Scalar column_spacing() const { return width / Scalar(static_cast<double>(cols - 1)); }
-  /// Returns the distance of neighbours in a column, m.
+  /// Returns the distance between neighbouring vertices in a column, m.
   Scalar row_spacing() const { return height / Scalar(static_cast<double>(rows - 1)); }
 };
 
 /// Makes a sheet of rows × cols vertices in the x-z plane with its top edge at z = 0. `width` and
 /// `height` are in m. 65×65 gives 4225 vertices and 8192 triangles. Allocates. Complexity:
-/// O(rows*cols). Fails when: rows or cols is below 2, their product exceeds 10^8, or a size is not
-/// positive.
+/// O(rows*cols). Fails when: rows or cols is below 2, rows*cols exceeds 10^8, or width or height is
+/// not positive and finite.
 template <RealScalar Scalar>
 Result<GridMesh<Scalar>> make_grid(int rows, int cols, Scalar width, Scalar height) {
   if (rows < 2) return Error{"grid needs at least 2 rows, got " + std::to_string(rows)};

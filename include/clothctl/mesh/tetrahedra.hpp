@@ -7,11 +7,11 @@
 // Box: every cell is divided into six tetrahedra, one for each order of the three axes (Kuhn). The
 // faces of neighbouring cells match.
 //
-// Ball: it starts from the octahedron |x|+|y|+|z| ≤ n on the integer lattice. With p = x+y+z,
-// q = y+z, r = z, one octant is n ≥ p ≥ q ≥ r ≥ 0. Kuhn's division of the (p, q, r) lattice fills
-// it with n³ tetrahedra of equal volume; mirror images fill the other seven octants, and their
-// faces match. Then each vertex moves along its ray, x → radius (|x|₁/n) x/|x|₂, which maps the
-// faces of the octahedron onto the sphere.
+// Ball: the mesh starts as the octahedron |x|+|y|+|z| ≤ n on the integer lattice. With p = x+y+z, q
+// = y+z, r = z, one octant is n ≥ p ≥ q ≥ r ≥ 0. Kuhn's division of the (p, q, r) lattice fills
+// this octant with n³ tetrahedra of equal volume; their mirror images fill the other seven octants,
+// and all faces match. Then each vertex moves along the ray from the centre through it, x → radius
+// (|x|₁/n) x/|x|₂, which maps the faces of the octahedron onto the sphere.
 
 #include <algorithm>
 #include <array>
@@ -45,8 +45,8 @@ struct TetMesh {
            Scalar(6.0);
   }
 
-  /// Returns an empty string when positions and indices are good, all volumes are positive and
-  /// every vertex belongs to a tetrahedron; else a line that names the first bad item.
+  /// Returns an empty string when positions are finite, indices are in range, all volumes are
+  /// positive and every vertex belongs to a tetrahedron; else a line that names the first bad item.
   std::string validate() const {
     const Index n = positions.cols();
     if (n == 0 || tetrahedra.empty()) return "tetrahedral mesh is empty";
@@ -137,8 +137,8 @@ class OctahedronLattice {
   std::vector<std::array<int, 3>> points_;
 };
 
-/// Moves each lattice point along its ray, so that the octahedron becomes a ball. Returns the
-/// positions, 3×vertices. Allocates.
+/// Moves each lattice point along the ray from the centre through it, so that the octahedron
+/// becomes a ball (radius and centre in m). Returns the positions, 3×vertices. Allocates.
 template <RealScalar Scalar>
 Points<Scalar> ball_positions(const OctahedronLattice& lattice, const Scalar& radius,
                               const Vector3<Scalar>& centre) {
@@ -198,8 +198,8 @@ inline std::vector<std::array<int, 4>> octahedron_tetrahedra(const OctahedronLat
 
 /// Makes a box of nx × ny × nz cells, centred at the origin. `size` holds its edge lengths, m.
 /// Vertex (i, j, k) has the index i + (nx+1) (j + (ny+1) k). Allocates. Complexity: O(nx ny nz).
-/// Fails when: a count is below 1, the cells exceed 10^7, a size is not positive, or a volume is
-/// too small or large for Scalar.
+/// Fails when: a count is below 1, there are more than 10^7 cells, a size is not positive and
+/// finite, or a volume is too small or too large for Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& size) {
   const std::array<int, 3> count{nx, ny, nz};
@@ -249,10 +249,11 @@ Result<TetMesh<Scalar>> make_box(int nx, int ny, int nz, const Vector3<Scalar>& 
 }
 
 /// Makes a ball; `radius` and `centre` are in m. `resolution` is the number of layers from centre
-/// to surface; the ball has 8 resolution³ tetrahedra. The first vertex is the south pole, the last
-/// one the north pole centre + (0, 0, radius), the middle one the centre. Allocates. Complexity:
-/// O(resolution³). Fails when: resolution is below 1 or above 100, the radius is not positive, the
-/// centre is not finite, or a volume is too small or large for Scalar.
+/// to surface; the ball has 8 resolution³ tetrahedra. The first vertex is the south pole centre -
+/// (0, 0, radius), the last one the north pole centre + (0, 0, radius), the middle one the centre.
+/// Allocates. Complexity: O(resolution³). Fails when: resolution is below 1 or above 100, the
+/// radius is not positive and finite, the centre is not finite, or a volume is too small or too
+/// large for Scalar.
 template <RealScalar Scalar>
 Result<TetMesh<Scalar>> make_ball(Scalar radius, int resolution, const Vector3<Scalar>& centre) {
   if (resolution < 1 || resolution > 100)

@@ -1,8 +1,8 @@
 #pragma once
 
 // The connectivity of a triangle mesh: every edge once, the edges of the border, the neighbours of
-// a vertex, and the hinges (two triangles that share an edge). All lists are sorted, so they are
-// the same for the same mesh in every run.
+// a vertex, and the hinges (two triangles that share an edge). All lists are sorted, so every run
+// gives the same lists for the same mesh.
 
 #include <algorithm>
 #include <array>
@@ -51,10 +51,10 @@ struct Topology {
   /// The index in `neighbour_list` of the first neighbour of each vertex. There is one entry more
   /// than there are vertices.
   std::vector<int> neighbour_start;
-  /// The neighbours of all vertices, ascending for each.
+  /// The neighbours of all vertices, vertex by vertex, ascending for each vertex.
   std::vector<int> neighbour_list;
   /// True when the two triangles at each interior edge traverse it in opposite directions, so that
-  /// all triangles show the same side. False when some triangle is turned over.
+  /// all normals point to the same side of the sheet. False when a triangle is flipped.
   bool consistently_oriented = true;
 
   /// Returns the vertices that share an edge with `vertex`, ascending.

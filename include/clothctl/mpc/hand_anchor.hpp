@@ -2,7 +2,7 @@
 
 // Where the hands belong while the features follow their target. The tracking cost sees only the
 // features. Between them and the hands lies a swinging sheet (the control is non-collocated):
-// inverting it drives the hands apart. The anchor pulls each hand to
+// inverting the sheet's dynamics drives the hands apart. The anchor pulls each hand to
 //
 //   p̄(t) = ȳ(t) + (p_rest - y_rest),
 //
@@ -89,9 +89,9 @@ std::vector<HandAnchor<Scalar>> make_anchors(const Points<Scalar>& features,
   return anchors;
 }
 
-/// Returns where the hand of `anchor` belongs at time `t` (s), m. `target(feature, time)` is ȳ (m),
-/// `gravity` the size of gravity (m/s²). Never allocates. Complexity: 33 evaluations of each
-/// feature.
+/// Returns where the hand of `anchor` belongs at time `t` (s), m. `target(feature, time)` is the
+/// target of a feature (m), `gravity` the magnitude of gravity (m/s²). Never allocates. Complexity:
+/// at most 34 evaluations of each feature's target.
 template <RealScalar Scalar, class Target>
 Vector3<Scalar> anchor_position(const HandAnchor<Scalar>& anchor, HeavyChainAxes heavy_chain_axes,
                                 Scalar gravity, const Target& target, Scalar t) {

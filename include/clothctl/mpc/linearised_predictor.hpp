@@ -5,23 +5,26 @@
 //
 //   A v_k = M v_{k-1} + h (f - K q_{k-1} + E u_k),   q_k = q_{k-1} + h v_k,   y_k = C (x + q_k)
 //
+// A is the step matrix, M holds the masses and K is the stiffness (cloth/mass_spring_response.hpp).
 // x are the measured positions, q_k the displacement from them after k frames of length h, v_k the
-// velocity, u_k the input of frame k, f the net force at the measured state, and y_k the outputs.
-// The prediction is exact for this linear model.
+// velocity, u_k the input of frame k, which E adds to the held vertices, f the net force at the
+// measured state, and y_k the outputs, with their weights C. The prediction is exact for this
+// linear model. (As a number of frames or solves, K is the horizon.)
 //
 // A, K and R = A - (1 + h α) M are symmetric. By reciprocity, the response of an output y to any
 // input can therefore be read from the step response z of the sheet to a constant unit force on y.
-// This takes K solves for all outputs together, one lane an output, and none for the inputs:
+// This takes K solves for all outputs together, one lane for each scalar output, and none for the
+// inputs:
 //
 //   a = Cᵀ_y, w = 0;   for m = 0 .. K-1:  w += A⁻¹ (h a - h α M w - R w),  z_m = w,  a -= h K w
 //   free:    y_{m+1} = y + z_mᵀ M v + h Z_mᵀ f,                 Z_m = Σ_{i<=m} z_i
 //   force:   T_m = h z_m at the held vertices
 //   pose:    T_m = -(R z_m) - h² Σ_{i<m} K z_i at the held vertices   (z is zero at held vertices)
 //
-// Two measures keep single precision accurate: each solve is for the change of w, and the mean of w
-// is taken out of the products with K and R where internal forces do not feel a translation, since
-// a sheet that hangs on forces moves almost as one body: R w̄ = h C w̄, C the air drag. Cost: one
-// factorisation and K solves of 3·outputs lanes.
+// Two measures keep single precision accurate: each solve is for the change of w, and the mean w̄
+// of w is taken out of the products with K and R where internal forces do not feel a translation,
+// since a sheet that hangs on forces moves almost as one body: K w̄ = 0 and R w̄ = h C w̄, here
+// with C the air drag. Cost: one factorisation and K solves of 3·outputs lanes.
 
 #include <algorithm>
 #include <array>
@@ -45,10 +48,11 @@ template <RealScalar Scalar>
 struct LinearisedPredictorSettings {
   /// How much of the predicted net force is measured, from 0 to 1. 0 takes the model's force at the
   /// measured state. 1 takes what the last frame shows, M ((v - v₋)/h + α v) + C₋ (v̄ - w₋) + C w
-  /// minus the input that was applied: v₋ and w₋ are velocity and wind of the last frame, v̄ is the
-  /// mean velocity of the sheet, C and C₋ are the air drag now and then. Internal damping is left
-  /// out, because it would add noise on plants that jitter. Held vertices whose input is not known
-  /// keep the model's force. For plants whose elongation does not tell their tension.
+  /// minus the input that was applied: M are the masses, α is the drag, v₋ and w₋ are velocity and
+  /// wind of the last frame, w is the wind now, v̄ the mean velocity of the sheet, C and C₋ are the
+  /// matrices of the air drag now and in the last frame. Internal damping is left out, because it
+  /// would add noise on plants that jitter. Held vertices whose input is not known keep the model's
+  /// force. Use it for plants whose elongation does not tell their tension.
   Scalar measured_force = Scalar(0);
 
   /// Returns an empty string, or a line that names the bad setting and its value.
@@ -103,8 +107,8 @@ class LinearisedPredictor {
   /// last linearisation.
   void measure_force(Inner dt);
 
-  /// Blends the model's force with the measured one, which counts neither the input nor the change
-  /// of the wind.
+  /// Blends the model's force with the measured one, after it has subtracted the applied input from
+  /// the latter and added the force of the present wind.
   void blend_measured(const WindowRequest<S>& request);
 
   void gather_force(const WindowRequest<S>& request);
@@ -183,7 +187,7 @@ bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const Poi
                                                WindowResponse<S>& response) {
   const Index n = Traits::vertex_count(response_);
   if (x.cols() != n || v.cols() != n) return false;
-  // Where a translation changes nothing, single precision is spent on the shape alone.
+  // If translations have no effect, only the shape is stored in single precision.
   Vector3<S> place = Vector3<S>::Zero();
   if (translation_free()) {
     for (Index i = 0; i < n; ++i) place += x.col(i);

@@ -2,9 +2,10 @@
 
 // Settings that belong together for a plant that is not the predictor: a cloth of another engine, a
 // position-based cloth, a real one. Feedback through a model that is slightly wrong can pump energy
-// into a lightly damped sheet; a strong hand anchor takes it out. It keeps an explicit 9×9 cloth
-// within 6 mm for 12 s and within 22 mm for 2 minutes, where an anchor of 10 loses the track after
-// 5 s. Larger sheets of another engine are not tracked reliably (docs/planner.md).
+// into a lightly damped sheet; a strong hand anchor removes the energy. With this profile, the
+// features of an explicit 9×9 cloth stay within 6 mm of their target for 12 s and within 22 mm for
+// 2 minutes; with an anchor weight of 10, tracking is lost after 5 s. Larger sheets of another
+// engine are not tracked reliably (docs/planner.md).
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/mpc/linearised_predictor.hpp"
@@ -24,8 +25,8 @@ enum class WeightBearing {
 /// Settings of planner, predictor and response for a plant that is not the predictor.
 template <RealScalar Scalar>
 struct LoosePlantProfile {
-  /// For the Planner: poses, calm hands, strong anchor. Planned forces (GripInput::Force) follow
-  /// about ten times worse.
+  /// For the Planner: pose input, high weights on smooth hands and on the anchor. Planned forces
+  /// (GripInput::Force) follow about ten times worse.
   PlannerSettings<Scalar> planner = {};
   /// For the LinearisedPredictor.
   LinearisedPredictorSettings<Scalar> predictor = {};

@@ -35,7 +35,8 @@ struct PlanResult {
   /// [0, 1]. 1 means that the plant does what was predicted. 1 also in the first frame and after a
   /// failure.
   Scalar agreement = Scalar(1);
-  /// Largest predicted non-affine displacement of a held vertex over the window, m.
+  /// Largest coordinate of a predicted non-affine mode of a patch (affine_patch.hpp) over the
+  /// window, m.
   Scalar patch_residual = Scalar(0);
   /// QP iterations of the frame, over all attempts.
   int qp_iterations = 0;

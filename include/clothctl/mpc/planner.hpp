@@ -112,7 +112,8 @@ class Planner {
   /// Returns true when the predictor's response has the size of the request.
   bool response_fits() const;
 
-  /// Returns the step weight from which damping grows when none is asked for, s²/m².
+  /// Returns the step weight at which the damping of a plan starts when the settings ask for less,
+  /// s²/m².
   static Scalar least_step_weight() { return Scalar(1e-4); }
   static Vector3<Scalar> still_air(const Scalar&) { return Vector3<Scalar>::Zero(); }
   std::size_t grip_count() const { return problem_.basis.grips().size(); }
@@ -135,8 +136,8 @@ class Planner {
   /// Fills the input with the first frame of the plan and remembers it as applied.
   void send(PlanResult<Scalar>& result);
 
-  /// Fills the result with the previous plan, moved on by a frame; without one, with no force and
-  /// no motion.
+  /// Fills the result with the previous plan, moved on by a frame; if there is none, with zero
+  /// forces and no motion.
   PlanStatus fail(PlanResult<Scalar>& result);
 
   Setup setup_;

@@ -36,14 +36,14 @@ enum class PlantCommand {
 /// How a patch of held vertices is kept from moving in ways that no finger can make ([Bai 2016],
 /// eq. 3).
 enum class PatchMode {
-  /// Non-affine motion is a cost: the QP keeps bounds alone. Fast.
+  /// Non-affine motion is a cost: the QP needs no patch rows. Fast.
   Soft,
   /// Non-affine motion is forbidden by equality rows. Exact; slower.
   Hard
 };
 
 /// Weights of the cost, SI units. The defaults suit a 0.5 m sheet, on plants that solve their
-/// equations to the end and on those that do not.
+/// equations to convergence and on those that do not.
 template <RealScalar Scalar>
 struct PlannerWeights {
   /// w_f, 1/m².
@@ -90,13 +90,13 @@ struct PlannerSettings {
   /// Longest step of a commanded grip in a frame along each axis, m; also of positions that planned
   /// forces reach (PlantCommand::Position).
   Scalar max_step = Scalar(0.05);
-  /// Largest change of the planned velocity of a held vertex between frames, m/s; 0 means any.
-  /// Plans of poses are scaled back to it. Plans of forces are made again with up to 4⁴ times the
-  /// `step` weight (at least 1e-4 s²/m²).
+  /// Largest change of the planned velocity of a held vertex from one plan to the next, m/s; 0
+  /// means any. Plans of poses are scaled back to it. Plans of forces are made again, up to four
+  /// times in a frame, each time with four times the `step` weight (at least 1e-4 s²/m²).
   Scalar max_change = Scalar(0);
   /// Tolerances and budget of the QPs of a frame, for solvers that are made from QpSettings. The
-  /// default of 300 rounds is more than a plan that goes well takes. A QP that runs out makes the
-  /// plan Suboptimal.
+  /// default of 300 iterations is more than a successful plan needs. If a QP reaches the limit, the
+  /// plan is Suboptimal.
   QpSettings<Scalar> qp = default_qp();
   /// The upward force that the grips carry together at rest, N: minus the weight of the sheet,
   /// `plant.gravity_load()`. Each held vertex has its share of it as u_ref. Left at zero, the

@@ -32,8 +32,8 @@ namespace clothctl::inline CLOTHCTL_ABI {
 struct RolloutSettings {
   /// Largest number of Newton steps in a frame of a rollout. 0 takes the model's own step.
   int newton_steps = 4;
-  /// A Newton step that changes no velocity by more than this is the last of its frame, m/s. Mostly
-  /// the first is.
+  /// A Newton step that changes no velocity by more than this is the last of its frame, m/s. In
+  /// most frames that is the first step.
   double step_tolerance = 0.1;
   /// Number of Newton steps in the first frame of a force plan, because its force is sent. Not used
   /// when `newton_steps` is 0.
@@ -52,8 +52,8 @@ struct RolloutSettings {
   }
 };
 
-/// Predicts the free response by rolling `Model` (a MassSpring, or a ClothModel with its
-/// `step_from` and `holding_forces`) out. `Inner` supplies the impulse response.
+/// Predicts the free response by a rollout of `Model`: a MassSpring, or another ClothModel that has
+/// `step_from` and `holding_forces` too. `Inner` supplies the impulse response.
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 class RolloutPredictor {
@@ -83,8 +83,8 @@ class RolloutPredictor {
   }
 
  private:
-  /// Rolls frame k: moves the hands along the path, writes the outputs to free_ and the forces of
-  /// the hands to plan_.
+  /// Rolls out frame k: moves the held vertices along the path, writes the outputs to free_ and the
+  /// forces that hold these vertices to plan_. Returns false when the step fails.
   bool roll(Index k, const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& inner);
 
   Model model_;

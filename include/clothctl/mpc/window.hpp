@@ -5,9 +5,9 @@
 //   y_k = free_k + Σ_{j=1..k} T_{k-j} (u_j - ū_j),   k = 1..K
 //
 // y_k are the predicted points at the end of frame k: features, then held vertices. u_k are the raw
-// inputs of frame k, three a held vertex: its force (N) or its velocity (m/s). ū is the plan at
-// which the free response was computed. The impulse response T is Toeplitz in time: it depends on k
-// - j alone.
+// inputs of frame k, three for each held vertex: its force (N) or its velocity (m/s). ū is the plan
+// at which the free response was computed. The impulse response T is Toeplitz in time: it depends
+// only on k - j.
 
 #include <vector>
 
@@ -25,7 +25,8 @@ enum class GripInput {
   Pose
 };
 
-/// What is asked of a predictor. `reserve` fixes all but the plan and what acts from outside.
+/// What is asked of a predictor. After `reserve`, only plan, path, applied input, wind and outer
+/// forces change.
 template <RealScalar Scalar>
 struct WindowRequest {
   /// Number of frames K.

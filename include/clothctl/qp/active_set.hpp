@@ -6,11 +6,12 @@
 //   x_{k+1} = argmin over lb ≤ x ≤ ub of f(x) + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
 //   y_{k+1} = y(x_{k+1})
 //
-// The inner loop is an active-set method on the free unknowns and the violated rows. Both are in
-// detail/proximal_method.hpp. This header adds the interface: it checks and keeps the caller's
-// data, manages warm starts, and returns results and certificates in the caller's units. Reference:
-// R. T. Rockafellar, Augmented Lagrangians and applications of the proximal point algorithm in
-// convex programming, Math. Oper. Res. 1 (1976).
+// y(x) are the multipliers of the penalty term, (Π(v) - v)/μ at v = Ax - μ y_k, where Π projects
+// onto [rl, ru]. The inner loop is an active-set method on the free unknowns and the violated rows.
+// Both loops are in detail/proximal_method.hpp. This header adds the interface: it checks and keeps
+// the caller's data, manages warm starts, and returns results and certificates in the caller's
+// units. Reference: R. T. Rockafellar, Augmented Lagrangians and applications of the proximal point
+// algorithm in convex programming, Math. Oper. Res. 1 (1976).
 
 #include <algorithm>
 #include <span>
@@ -27,7 +28,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Solves convex QPs with bounds and two-sided rows, warm from its last iterate and active set.
+/// Solves convex QPs with bounds and two-sided rows. Each solve starts from the last iterate and
+/// active set.
 template <RealScalar Scalar>
 class ActiveSet {
  public:
@@ -40,27 +42,27 @@ class ActiveSet {
   /// A read-only view of a matrix.
   using MatrixView = Eigen::Ref<const MatrixX<Scalar>>;
 
-  /// Takes settings. Solves answer InvalidData with the text of `settings.validate()` when that is
-  /// not empty.
+  /// Keeps the settings. When the text of `settings.validate()` is not empty, every solve returns
+  /// InvalidData with that text as its message.
   explicit ActiveSet(QpSettings<Scalar> settings = {})
       : settings_(settings), method_(settings), settings_error_(settings.validate()) {}
 
   /// Makes room for up to n unknowns and m rows and forgets both matrices. Afterwards no member
-  /// function allocates up to those sizes; a result sizes itself at its first solve. Returns
-  /// Solved, or InvalidData for a negative size: `refusal()` then names it, and nothing has
-  /// changed. Allocates.
+  /// function allocates for problems up to these sizes, except that a result is sized at its first
+  /// solve. Returns Solved, or InvalidData for a negative size: `refusal()` then names this size,
+  /// and the solver is unchanged. Allocates.
   QpStatus reserve(Index n, Index m);
 
   /// Takes H (n×n, symmetric, positive semidefinite; zero for a linear program) and keeps a copy.
   /// When n changes the rows must be set again. Allocates only beyond the reserved size. Fails
   /// when: an entry is not finite or not symmetric (InvalidData), a diagonal entry is negative or
-  /// h_ij² > h_ii h_jj (NonConvex); `refusal()` says where, and the solver stays as it was.
+  /// h_ij² > h_ii h_jj (NonConvex); `refusal()` says where, and the solver is unchanged.
   /// Complexity: O(n²).
   [[nodiscard]] QpStatus set_hessian(const MatrixView& H);
 
   /// Takes A (m×n; m may be 0) and keeps a copy; call after `set_hessian`. Allocates only beyond
-  /// the reserved size. Fails when: A has not n columns or an entry is not finite (InvalidData);
-  /// `refusal()` says where, and the solver stays as it was. Complexity: O(mn).
+  /// the reserved size. Fails when: A does not have n columns or an entry is not finite
+  /// (InvalidData); `refusal()` says where, and the solver is unchanged. Complexity: O(mn).
   [[nodiscard]] QpStatus set_rows(const MatrixView& A);
 
   /// What the last call of `reserve`, `set_hessian` or `set_rows` refused.
@@ -68,8 +70,8 @@ class ActiveSet {
 
   /// Solves for gradient g, bounds lb, ub (n each) and row bounds rl, ru (m each), warm from the
   /// last iterate and active set. Never allocates once `result` has seen this size. Fails when:
-  /// sizes differ, an entry is NaN, or a lower bound lies above its upper one (InvalidData; nothing
-  /// is changed).
+  /// sizes differ, an entry of g is not finite, a bound is NaN, or a lower bound exceeds its upper
+  /// bound (InvalidData; the solver is unchanged).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub,
                                const VectorView& rl, const VectorView& ru, result_type& result);
 
@@ -79,9 +81,9 @@ class ActiveSet {
   [[nodiscard]] bool warm_start(const VectorView& x);
 
   /// Makes the next solve start from an active set, one side for each unknown and each row: that of
-  /// a result, or the caller's own guess. Where it is the optimal one, x and the multipliers follow
-  /// from one factorisation. Sides that a bound does not offer count as Between. Returns false, and
-  /// changes nothing, for another size or a value that is no side.
+  /// a result, or the caller's own guess. If the active set is the optimal one, x and the
+  /// multipliers follow from one factorisation. A side whose bound is infinite counts as Between.
+  /// Returns false, and changes nothing, for another size or a value that is no side.
   [[nodiscard]] bool warm_start(std::span<const QpSide> bounds, std::span<const QpSide> rows);
 
   /// Makes the next solve start from an active set, and from x (n) for the unknowns that are
@@ -89,8 +91,9 @@ class ActiveSet {
   [[nodiscard]] bool warm_start(const VectorView& x, std::span<const QpSide> bounds,
                                 std::span<const QpSide> rows);
 
-  /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns, row i
-  /// those of row i + rows; the tails repeat their last blocks.
+  /// Receding horizon: unknown i takes the value and active-set status of unknown i + unknowns, and
+  /// row i those of row i + rows; the last `unknowns` unknowns and the last `rows` rows keep
+  /// theirs.
   void shift(Index unknowns, Index rows);
 
   /// Forgets the active set: the next solve is cold.
@@ -107,40 +110,44 @@ class ActiveSet {
     return {sides_of_unknowns_.data(), static_cast<std::size_t>(n_)};
   }
 
-  /// Sizes everything but the data to the room that the data have.
+  /// Sizes all memory but that of the data to the reserved sizes of the data, and forgets the
+  /// active set.
   void reserve_work();
 
-  /// Takes over what the structured method found, for solves that it cannot do.
+  /// Takes over the solution of the structured method as the start of later solves by the proximal
+  /// method.
   void follow(const result_type& result);
 
   /// Scales H and A afresh after either changed.
   void prepare();
 
-  /// State of an unknown from where it stands.
+  /// Sets the state of unknown i from x_i: at its lower or upper bound, or free.
   void place(Index i);
 
-  /// Puts x, its states and y where the start says, and loads the method.
+  /// Sets x, the states of the unknowns and y as `start_` says, and loads the method.
   void take_start();
 
-  /// Runs from the start that is set, and fills the result.
+  /// Runs the method from `start_`, and fills the result.
   void attempt(const detail::Budget& budget, const VectorView& lb, const VectorView& ub,
                const VectorView& rl, const VectorView& ru, result_type& result);
 
-  /// Gives row i a multiplier that shows the side it was given: the sign is what counts, in the
-  /// caller's units and scaled.
+  /// Gives row i a multiplier with the sign of the side that the caller gave the row. Its size only
+  /// has to survive scaling.
   void take_side(Index i);
 
-  /// Hands a proof to the result in the caller's units.
+  /// Writes the certificate that belongs to the status, if any, into the result, in the caller's
+  /// units.
   void write_certificate(result_type& result) const;
 
-  /// After PrimalInfeasible: goes to the closest feasible point, and from there to the least
-  /// objective among the closest points. The proof in the result stays.
+  /// After PrimalInfeasible: finds a closest point (closest_point.hpp), then minimises the
+  /// objective among all closest points. Keeps the certificate in the result.
   void approach(const detail::Budget& budget, result_type& result);
 
-  /// What ran out of budget goes on in the next solve.
+  /// After the budget ended: makes the next solve continue from the last iterate.
   void stay_at_last();
 
-  /// Fills the result in the caller's units; the definition has the last word on "Solved".
+  /// Fills the result in the caller's units. The residuals of the caller's problem decide whether
+  /// the status is Solved.
   void report(const VectorView& lb, const VectorView& ub, const VectorView& rl,
               const VectorView& ru, result_type& result);
 
@@ -156,7 +163,7 @@ class ActiveSet {
   Start start_ = Start::Cold;
   std::string_view settings_error_;  // of the settings, static text
   bool prepared_ = false, unfinished_ = false;
-  bool answered_ = false;  // the general way's iterate solves what was loaded last
+  bool answered_ = false;  // the proximal method's iterate solves the data loaded last
 };
 
 template <RealScalar Scalar>
@@ -461,8 +468,7 @@ void ActiveSet<Scalar>::report(const VectorView& lb, const VectorView& ub, const
       hx_.head(n_), ax_.head(m_), aty_.head(n_), data_.g().head(n_), rl, ru, lb, ub, result.x,
       y_.head(m_), z_.head(n_));
   using std::abs;
-  Scalar unseen(0);  // A x, however well summed, is rounded once, and what that takes off a slack
-                     // counts as slack
+  Scalar unseen(0);  // A x is rounded at least once; this error of a slack counts as slack
   for (Index i = 0; i < m_; ++i) unseen += abs(y_[i] * ax_[i]);
   r.complementarity += Scalar(0.5) * scalar_traits<Scalar>::epsilon() * unseen;
   r.relative_complementarity = detail::relative_error(

@@ -6,8 +6,8 @@
 //
 // by the primal active-set method of detail/box_method.hpp. This header adds the interface: it
 // checks and keeps the caller's data, and it checks each answer against the optimality conditions
-// before it returns Solved. With f free unknowns a round costs O(f² + n f), a change of the free
-// set O(f²) an unknown, or f³/3 when many unknowns change.
+// before it returns Solved. With f free unknowns a round costs O(f² + n f), and a change of the
+// free set O(f²) for each unknown that changes, or f³/3 when many change.
 
 #include <algorithm>
 #include <span>
@@ -21,8 +21,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Solves bound-constrained convex QPs, warm from its last active set. Fast where few unknowns are
-/// free or few bounds active.
+/// Solves bound-constrained convex QPs. Each solve starts from the last active set. Fast when few
+/// unknowns are free or few bounds are active.
 template <RealScalar Scalar>
 class BoxActiveSet {
  public:
@@ -33,29 +33,29 @@ class BoxActiveSet {
   /// A read-only view of a vector.
   using VectorView = Eigen::Ref<const VectorX<Scalar>>;
 
-  /// Takes settings. Solves answer InvalidData with the text of `settings.validate()` when that is
-  /// not empty.
+  /// Keeps the settings. When the text of `settings.validate()` is not empty, every solve returns
+  /// InvalidData with that text as its message.
   explicit BoxActiveSet(QpSettings<Scalar> settings = {})
       : settings_(settings), settings_error_(settings.validate()) {}
 
   /// Makes room for up to n unknowns and forgets the Hessian. Afterwards no member function
-  /// allocates for up to n unknowns; a result sizes itself at its first solve. Returns Solved, or
-  /// InvalidData for a negative size: `refusal()` then names it, and nothing has changed.
-  /// Allocates.
+  /// allocates for up to n unknowns, except that a result is sized at its first solve. Returns
+  /// Solved, or InvalidData for a negative size: `refusal()` then names this size, and the solver
+  /// is unchanged. Allocates.
   QpStatus reserve(Index n);
 
-  /// Takes H (n×n, symmetric, positive semidefinite) and keeps a copy. The active set is kept while
-  /// n stays. Allocates only when n exceeds the reserved size. Fails when: an entry is not finite
+  /// Takes H (n×n, symmetric, positive semidefinite) and keeps a copy. The active set stays if n is
+  /// unchanged. Allocates only when n exceeds the reserved size. Fails when: an entry is not finite
   /// or not symmetric (InvalidData), a diagonal entry is negative or h_ij² > h_ii h_jj (NonConvex);
-  /// `refusal()` says where, and the solver stays as it was. Complexity: O(n²).
+  /// `refusal()` says where, and the solver is unchanged. Complexity: O(n²).
   [[nodiscard]] QpStatus set_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H);
 
   /// What the last call of `reserve` or `set_hessian` refused.
   const QpRefusal& refusal() const { return data_.refusal(); }
 
   /// Solves for gradient g and bounds lb, ub (n each), warm from the last active set. Never
-  /// allocates once `result` has seen this size. Fails when: sizes differ, g or a bound is NaN, or
-  /// lb > ub (InvalidData; nothing is changed).
+  /// allocates once `result` has seen this size. Fails when: sizes differ, an entry of g is not
+  /// finite, a bound is NaN, or lb > ub (InvalidData; the solver is unchanged).
   [[nodiscard]] QpStatus solve(const VectorView& g, const VectorView& lb, const VectorView& ub,
                                result_type& result);
 
@@ -65,7 +65,7 @@ class BoxActiveSet {
   [[nodiscard]] bool warm_start(const VectorView& x);
 
   /// Makes the next solve start from an active set, one side for each unknown: that of a result, or
-  /// the caller's own guess. Sides that a bound does not offer count as Between. Returns false, and
+  /// the caller's own guess. A side whose bound is infinite counts as Between. Returns false, and
   /// changes nothing, for another size or a value that is no side.
   [[nodiscard]] bool warm_start(std::span<const QpSide> bounds);
 
@@ -73,8 +73,8 @@ class BoxActiveSet {
   /// Between.
   [[nodiscard]] bool warm_start(const VectorView& x, std::span<const QpSide> bounds);
 
-  /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the
-  /// tail repeats the last block.
+  /// Receding horizon: unknown i takes the value and active-set status of unknown i + unknowns; the
+  /// last `unknowns` unknowns keep theirs.
   void shift(Index unknowns) {
     method_.shift(unknowns);
     answered_ = false;
@@ -92,24 +92,26 @@ class BoxActiveSet {
  private:
   using Method = detail::BoxMethod<Scalar, detail::DenseCurvature<Scalar>>;
 
-  /// Fills the result from x and a fresh gradient, and lets the definition have the last word on
-  /// "Solved".
+  /// Fills the result from x and a gradient computed from scratch. The residuals of the caller's
+  /// problem decide whether the status is Solved.
   void report(const typename Method::Data& data, const VectorView& lb, const VectorView& ub,
               result_type& result);
 
-  /// Newton steps from accurate gradients while x is no solution yet and each halves the residuals.
+  /// Takes Newton steps from accurate gradients while the residuals exceed the tolerances and each
+  /// step halves them.
   void correct(const typename Method::Data& data, const VectorView& lb, const VectorView& ub,
                result_type& result, KktResiduals<Scalar>& r);
 
-  /// Takes x and multipliers into the result; residuals of product_ and gradient_.
+  /// Copies x and the multipliers to the result. Returns the residuals that follow from product_
+  /// and gradient_.
   KktResiduals<Scalar> measure_residuals(const typename Method::Data& data, const VectorView& lb,
                                          const VectorView& ub, result_type& result) const;
 
-  /// Returns true when rounding of H x could reach the tolerance of stationarity: its terms cancel
-  /// that far.
+  /// Returns true when the rounding error of H x could exceed the stationarity tolerance, because
+  /// its terms cancel.
   bool rounding_counts(const typename Method::Data& data) const;
 
-  /// Product and gradient as if in twice the precision.
+  /// Computes H x and the gradient as if in twice the precision.
   void accurate_gradient(const typename Method::Data& data);
 
   QpSettings<Scalar> settings_;
@@ -117,7 +119,7 @@ class BoxActiveSet {
   Method method_;
   VectorX<Scalar> product_, gradient_, zeros_;
   std::string_view settings_error_;  // of the settings, static text
-  bool answered_ = false;            // the iterate solves what was loaded last
+  bool answered_ = false;            // the iterate solves the data loaded last
 };
 
 template <RealScalar Scalar>

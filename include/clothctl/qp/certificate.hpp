@@ -13,12 +13,12 @@
 //   H d = 0,   gᵀd < 0,   d_j ≥ 0 where lb_j is finite, d_j ≤ 0 where ub_j is finite,
 //   (A d)_i ≥ 0 where rl_i is finite, (A d)_i ≤ 0 where ru_i is finite
 //
-// proves that the objective falls without limit from every feasible point along d (if there is
-// one).
+// proves that the objective falls without limit along d from every feasible point (if there is a
+// feasible point).
 //
 // Computed certificates hold to rounding only, so the functions below measure by how much each
-// condition fails. Each error is relative to the sum of the sizes of the terms that should cancel;
-// it therefore does not depend on how rows or unknowns are scaled.
+// condition fails. Each error is relative to the sum of the absolute values of the terms that
+// should cancel, so it does not depend on how rows or unknowns are scaled.
 //
 // References: Farkas (1902); Boyd and Vandenberghe, Convex Optimization (2004), §5.8.
 
@@ -34,16 +34,15 @@ namespace clothctl::inline CLOTHCTL_ABI {
 /// By how much a pair (y, z) fails to be a Farkas certificate of infeasibility.
 template <RealScalar Scalar>
 struct FarkasResiduals {
-  /// Largest |Aᵀy + z|_j over the sum of the sizes of its terms. Infinite when an entry is not
-  /// finite or a size does not match.
+  /// Largest |Aᵀy + z|_j divided by the sum of the absolute values of its terms. Infinite when an
+  /// entry is not finite or a size does not match.
   Scalar balance = scalar_traits<Scalar>::infinity();
-  /// The bound s, which must be negative. Infinite when a multiplier pushes against a bound that is
-  /// not there.
+  /// The bound s, which must be negative. Infinite when a multiplier belongs to an infinite bound.
   Scalar value = scalar_traits<Scalar>::infinity();
-  /// s over the sum of the sizes of its terms.
+  /// s divided by the sum of the absolute values of its terms.
   Scalar relative_value = scalar_traits<Scalar>::infinity();
   /// What a certificate with an error still proves: no feasible x has Σ|x_j| below this radius,
-  /// which is -s over the largest |Aᵀy + z|_j. Infinite when the balance is exact.
+  /// which is -s divided by the largest |Aᵀy + z|_j. Infinite when the balance is exact.
   Scalar excluded_radius = Scalar(0);
 
   /// Returns true when the pair is a certificate to the tolerance: the balance is at most
@@ -56,13 +55,13 @@ struct FarkasResiduals {
 /// By how much a direction d fails to be a certificate of unboundedness.
 template <RealScalar Scalar>
 struct RayResiduals {
-  /// Largest |H d|_i over the sum of the sizes of its terms. Infinite when an entry is not finite
-  /// or a size does not match.
+  /// Largest |H d|_i divided by the sum of the absolute values of its terms. Infinite when an entry
+  /// is not finite or a size does not match.
   Scalar curvature = scalar_traits<Scalar>::infinity();
-  /// Largest amount by which d runs into a finite bound: |d_j| over the largest entry of d, or
-  /// |A d|_i over the sum of the sizes of its terms.
+  /// Largest amount by which d runs into a finite bound: |d_j| divided by the largest entry of |d|,
+  /// or |A d|_i divided by the sum of the absolute values of its terms.
   Scalar violation = scalar_traits<Scalar>::infinity();
-  /// gᵀd over the sum of the sizes of its terms. It must be negative.
+  /// gᵀd divided by the sum of the absolute values of its terms. It must be negative.
   Scalar relative_slope = scalar_traits<Scalar>::infinity();
 
   /// Returns true when d is a certificate to the tolerance: curvature and violation are at most
@@ -74,7 +73,7 @@ struct RayResiduals {
 
 namespace detail {
 
-/// Sum of products with the sum of their sizes.
+/// A sum, together with the sum of the absolute values of its terms (`size`).
 template <RealScalar Scalar>
 struct SizedSum {
   Scalar value = Scalar(0);
@@ -85,7 +84,7 @@ struct SizedSum {
     value += term;
     size += abs(term);
   }
-  /// |value| over size, 0 for an empty sum, infinite when it is not finite.
+  /// |value| divided by size; 0 for an empty sum, infinite when value or size is not finite.
   Scalar relative() const {
     using std::abs;
     if (!is_finite(value) || !is_finite(size)) return scalar_traits<Scalar>::infinity();
@@ -93,7 +92,7 @@ struct SizedSum {
   }
 };
 
-/// Adds the largest v t over lower ≤ t ≤ upper. Returns false when there is no largest.
+/// Adds the maximum of v t over lower ≤ t ≤ upper. Returns false when there is no maximum.
 template <RealScalar Scalar>
 bool add_largest(const Scalar& v, const Scalar& lower, const Scalar& upper, SizedSum<Scalar>& sum) {
   if (!(v < Scalar(0)) && !(v > Scalar(0))) return is_finite(v);

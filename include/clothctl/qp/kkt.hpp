@@ -3,14 +3,15 @@
 // Checks a solution of a QP on the caller's own data, independently of any solver. The residuals of
 // the optimality (Karush-Kuhn-Tucker) conditions are
 //
-//   stationarity      largest entry of |Hx + g - Aᵀy - z|; a multiplier that pushes against a bound
-//                     that is not there counts fully
+//   stationarity      largest entry of |Hx + g - Aᵀy - z|, or of the multipliers that belong to an
+//                     infinite bound
 //   feasibility       largest violation of rl ≤ Ax ≤ ru and lb ≤ x ≤ ub
 //   complementarity   Σ |y_i| slack_i + Σ |z_j| slack_j, where the slack is the distance to the
 //                     lower bound for a positive multiplier, else to the upper bound
 //
-// Relative values divide by max(1, |Hx|, |g|, |Aᵀy|), by max(1, |Ax|, |x|) and by
-// max(1, |objective|), in infinity norms. A NaN or an overflow makes its residual infinite.
+// The relative values are these residuals divided by max(1, |Hx|, |g|, |Aᵀy|), by max(1, |Ax|, |x|)
+// and by max(1, |objective|), in infinity norms. A NaN or an overflow makes the residual infinite
+// in which it occurs.
 
 #include <cmath>
 #include <type_traits>
@@ -19,7 +20,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// How far a primal-dual triple is from optimal.
+/// How far a primal-dual triple (x, y, z) is from optimal.
 template <RealScalar Scalar>
 struct KktResiduals {
   /// Largest stationarity error.
@@ -28,11 +29,11 @@ struct KktResiduals {
   Scalar feasibility = Scalar(0);
   /// Sum of |multiplier| times slack.
   Scalar complementarity = Scalar(0);
-  /// Stationarity over max(1, |Hx|, |g|, |Aᵀy|).
+  /// Stationarity divided by max(1, |Hx|, |g|, |Aᵀy|).
   Scalar relative_stationarity = Scalar(0);
-  /// Feasibility over max(1, |Ax|, |x|).
+  /// Feasibility divided by max(1, |Ax|, |x|).
   Scalar relative_feasibility = Scalar(0);
-  /// Complementarity over max(1, |objective|).
+  /// Complementarity divided by max(1, |objective|).
   Scalar relative_complementarity = Scalar(0);
   /// ½ xᵀHx + gᵀx.
   Scalar objective = Scalar(0);
@@ -66,7 +67,8 @@ Scalar relative_error(const Scalar& error, const Scalar& scale) {
                                               : scalar_traits<Scalar>::infinity();
 }
 
-/// Adds one bounded quantity `value` in [lower, upper] with its multiplier to the residuals.
+/// Adds the errors of one quantity `value` with bounds [lower, upper] and its multiplier to the
+/// residuals.
 template <RealScalar Scalar>
 void add_bound_residuals(const Scalar& value, const Scalar& lower, const Scalar& upper,
                          const Scalar& multiplier, KktResiduals<Scalar>& r) {

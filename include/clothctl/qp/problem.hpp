@@ -4,13 +4,13 @@
 //
 //   min ½ xᵀHx + gᵀx   subject to   rl ≤ A x ≤ ru,  lb ≤ x ≤ ub
 //
-// H is symmetric positive semidefinite (n×n), A is m×n. A bound that is not wanted is infinite. The
+// H is symmetric positive semidefinite (n×n), A is m×n. An absent bound is infinite. The
 // multipliers y of the rows and z of the bounds satisfy
 //
 //   H x + g = Aᵀ y + z
 //
-// They are ≥ 0 at a lower bound, ≤ 0 at an upper one, and 0 between the bounds. Where the two
-// bounds are equal they may have either sign.
+// A multiplier is ≥ 0 at a lower bound, ≤ 0 at an upper bound, and 0 between the bounds. Where the
+// two bounds are equal it may have either sign.
 
 #include <algorithm>
 #include <cmath>
@@ -28,7 +28,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 enum class QpSide : signed char {
   /// At its lower bound, or fixed.
   Lower = -1,
-  /// Free: no bound holds it.
+  /// Free: not at a bound.
   Between = 0,
   /// At its upper bound.
   Upper = 1
@@ -38,21 +38,22 @@ enum class QpSide : signed char {
 /// relative to problem magnitude as in `kkt_residuals`.
 template <RealScalar Scalar>
 struct QpSettings {
-  /// Spacing of the scalar to the power 9/16: 1.6e-9 in double, 1.3e-4 in float.
+  /// Spacing of the scalar at one, to the power 9/16: 1.6e-9 in double, 1.3e-4 in float.
   static Scalar default_tolerance() {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     return half * sqrt(sqrt(sqrt(half)));
   }
-  /// Largest entry of Hx + g - Aᵀy - z over max(1, |Hx|, |g|, |Aᵀy|).
+  /// Limit on the largest entry of |Hx + g - Aᵀy - z| divided by max(1, |Hx|, |g|, |Aᵀy|).
   Scalar stationarity_tolerance = default_tolerance();
-  /// Largest bound or row violation over max(1, |Ax|, |x|).
+  /// Limit on the largest violation of a bound or row divided by max(1, |Ax|, |x|).
   Scalar feasibility_tolerance = default_tolerance();
-  /// Σ |multiplier| · slack over max(1, |objective|).
+  /// Limit on Σ |multiplier| · slack divided by max(1, |objective|).
   Scalar complementarity_tolerance = default_tolerance();
-  /// Limit on the rounds of a solve, each of which changes the active set; 0 means 10 (n + m).
+  /// Limit on the rounds of a solve, each of which changes the active set; 0 means 10 (n + m + 1).
   int max_iterations = 0;
-  /// Time limit of a solve, s, by `clock`, which is read once a round; 0 means no limit.
+  /// Time limit of a solve, s, measured by `clock`, which is read at the start and after each
+  /// round; 0 means no limit.
   double time_limit = 0;
   /// The caller's clock: seconds since any fixed moment. Needed when there is a time limit.
   double (*clock)(void* context) = nullptr;
@@ -61,7 +62,8 @@ struct QpSettings {
 
   /// True when a solve that ends as PrimalInfeasible goes on to the closest feasible point: x then
   /// minimises the objective among the points of the least Σ s² with rl ≤ A x + s ≤ ru, lb ≤ x ≤
-  /// ub, and the shifts s are in the result. Only for ActiveSet; the scale of rows weighs them.
+  /// ub, and the shifts s are in the result. Only for ActiveSet. Scaling a row changes its weight
+  /// in Σ s².
   bool closest_point = false;
 
   /// Checks the values. Returns an empty text, or a static one that names the first bad value.
@@ -91,20 +93,21 @@ struct QpResult {
   /// Multipliers y of the rows, m. With PrimalInfeasible: Aᵀy + z = 0 while the largest value of
   /// yᵀr + zᵀx over all r in [rl, ru], x in [lb, ub] is negative, which no feasible point allows.
   VectorX<Scalar> row_multipliers;
-  /// With DualInfeasible: a direction d, n, in which the objective falls and no bound is ever met;
-  /// else zero.
+  /// With DualInfeasible: a direction d (n) along which the objective falls without limit and no
+  /// bound is ever met; else zero.
   VectorX<Scalar> ray;
-  /// With PrimalInfeasible and QpSettings::closest_point: the least shifts s (m) that let Ax + s
-  /// keep the row bounds; else zero.
+  /// With PrimalInfeasible and QpSettings::closest_point: the smallest shifts s (m) with which Ax +
+  /// s satisfies the row bounds; else zero.
   VectorX<Scalar> row_shifts;
-  /// The active set of the bounds, n: what may be given to warm_start. All Between with an
-  /// infeasible or unbounded problem.
+  /// The active set of the bounds (n), which `warm_start` accepts. All Between if the problem is
+  /// infeasible or unbounded.
   std::vector<QpSide> bound_sides;
-  /// The active set of the rows, m: those with a multiplier, and equalities.
+  /// The active set of the rows (m): rows with a nonzero multiplier and equalities are active.
   std::vector<QpSide> row_sides;
   /// How the solve ended.
   QpStatus status = QpStatus::InvalidData;
-  /// Rounds in which the active set changed; 0 when the warm set was already optimal.
+  /// Rounds in which the active set changed; 0 when the active set of a warm start was already
+  /// optimal.
   int iterations = 0;
   /// Relative stationarity residual of the caller's data.
   Scalar stationarity = Scalar(0);
@@ -114,8 +117,8 @@ struct QpResult {
   Scalar complementarity = Scalar(0);
   /// ½ xᵀHx + gᵀx.
   Scalar objective = Scalar(0);
-  /// With InvalidData: what was refused; with QpSettings::closest_point: what kept x or the shifts
-  /// from being the least (static text); else empty.
+  /// With InvalidData: what was refused; with QpSettings::closest_point: why x or the shifts are
+  /// not the minimisers (static text); else empty.
   const char* message = "";
   /// With InvalidData: index of the first refused entry (column-major in a matrix), or -1.
   Index invalid_index = -1;
@@ -151,7 +154,7 @@ Scalar no_bound() {
   return Scalar(2e38);
 }
 
-/// Bounds beyond this are none; so a point beyond it is no solution.
+/// Bounds beyond ± this value count as infinite, so a point with an entry beyond it is no solution.
 template <RealScalar Scalar>
 Scalar largest_bound() {
   return Scalar(1e20);
@@ -159,7 +162,7 @@ Scalar largest_bound() {
 
 /// Which bound was refused, and why. The texts are for bounds of unknowns and of rows.
 struct BoundRefusal {
-  /// Index of the pair, or -1 when all are good.
+  /// Index of the refused pair, or -1 when all pairs are valid.
   Index index = -1;
   /// What is wrong with the bounds of an unknown.
   const char* bound = "";
@@ -193,14 +196,14 @@ BoundRefusal load_bounds(const Eigen::Ref<const VectorX<Scalar>>& lower,
   return {};
 }
 
-/// Returns true when a loaded bound, scaled or not, is finite for the caller.
+/// Returns true when a loaded bound, scaled or not, stands for a finite bound of the caller.
 template <RealScalar Scalar>
 bool has_bound(const Scalar& bound) {
   return bound < Scalar(1.5e38) && bound > Scalar(-1.5e38);
 }
 
-/// The part of the gradient entry q that the loaded bounds of an unknown at x may carry as its
-/// multiplier.
+/// Returns the bound multiplier of an unknown at x with gradient entry q: the part of q that its
+/// loaded bounds can balance.
 template <RealScalar Scalar>
 Scalar bound_multiplier(const Scalar& q, const Scalar& x, const Scalar& lo, const Scalar& hi) {
   if (!(lo < hi)) return q;
@@ -209,7 +212,7 @@ Scalar bound_multiplier(const Scalar& q, const Scalar& x, const Scalar& lo, cons
   return Scalar(0);
 }
 
-/// x, put on the bound that it is outside of by no more than `slack`.
+/// Returns x, moved to a bound that it violates by at most `slack`.
 template <RealScalar Scalar>
 Scalar snap(const Scalar& x, const Scalar& lo, const Scalar& hi, const Scalar& slack) {
   if (x < lo) return lo - x <= slack ? lo : x;
@@ -223,8 +226,8 @@ inline bool are_sides(std::span<const QpSide> sides) {
   });
 }
 
-/// Looks for the first entry of H that makes it no Hessian of a convex program: not finite, not
-/// symmetric (beyond the rounding of a product JᵀJ), a negative diagonal entry, or h_ij² > h_ii
+/// Looks for the first entry that shows that H is not the Hessian of a convex program: not finite,
+/// not symmetric (beyond the rounding of a product JᵀJ), a negative diagonal entry, or h_ij² > h_ii
 /// h_jj. Never allocates. Complexity: O(n²).
 template <RealScalar Scalar>
 QpRefusal validate_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {

@@ -6,7 +6,9 @@
 //
 //   min ½ |J dq - e|² + ½ dqᵀ D dq - rᵀ dq,   below ≤ dq ≤ above,   n·J_x dq ≥ offset - n·x
 //
-// with D, r as in inverse_kinematics.hpp. A step is accepted when it lowers the merit function
+// with e, J and D as in inverse_kinematics.hpp, r = w (q_ref - q), the distances `below` and
+// `above` to the joint limits, and the Jacobian J_x of x. A step is accepted when it lowers the
+// merit function
 //
 //   cost + ρ Σ max(0, offset - n·x)
 //
@@ -72,7 +74,7 @@ class ConstrainedIk {
   /// within limits and planes. `reference` is as in `InverseKinematics`. The status means
   ///
   /// * Reached: every task and every plane is met to the tolerance.
-  /// * LocalMinimum: limits and planes hold all of the gradient.
+  /// * LocalMinimum: limits and planes balance the whole gradient.
   /// * Stalled: no step lowers the merit function.
   ///
   /// Allocates when the number of planes changes. Fails when: see IkStatus.
@@ -124,8 +126,8 @@ class ConstrainedIk {
     return problem_.validate(model, tasks, reference, q);
   }
 
-  /// Evaluates tasks and planes at the first q, and sets the first price ρ. Returns false when they
-  /// are not finite.
+  /// Evaluates tasks and planes at the first q, and sets the initial price ρ. Returns false when
+  /// cost or violation is not finite.
   bool evaluate_start(const Model& model, Tasks tasks, HalfSpaces planes, const View& q,
                       IkReport<Scalar>& report) {
     report.cost = problem_.evaluate(model, tasks, q);
@@ -140,8 +142,8 @@ class ConstrainedIk {
     return true;
   }
 
-  /// Moves q by one step that lowers the merit function. Increases μ, or the price ρ, until there
-  /// is one. Returns false when the solve ends here; the report says how.
+  /// Moves q by one step that lowers the merit function. Increases μ, or the price ρ, until it
+  /// finds such a step. Returns false when the solve ends here; the report says how.
   bool descend(const Model& model, Tasks tasks, HalfSpaces planes, Eigen::Ref<VectorX<Scalar>> q,
                Scalar& mu, IkReport<Scalar>& report) {
     const bool reached = report.status == IkStatus::Reached;
@@ -162,7 +164,7 @@ class ConstrainedIk {
       }
       if (QpTraits::solution(answer_).tail(planes_).sum() > settings_.tolerance &&
           price_ < Scalar(1e6)) {
-        // The QP violates planes. A higher price tells whether it could meet them.
+        // The QP violates planes. A higher price shows whether it can satisfy them.
         price_ *= Scalar(10);
         continue;
       }
@@ -264,8 +266,8 @@ class ConstrainedIk {
     return all_finite(step_);
   }
 
-  /// Returns the largest entry of (JᵀJ + D) dq, relative to the largest that its terms could make
-  /// it. That is the part of the gradient that limits and planes do not hold.
+  /// Returns the largest |entry i| of (JᵀJ + D) dq, relative to |J_i| |e| + |r_i| with J_i column i
+  /// of J. These entries are the part of the gradient that limits and planes do not balance.
   Scalar projected_gradient() const {
     using std::abs;
     using std::sqrt;

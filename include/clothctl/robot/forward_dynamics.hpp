@@ -5,21 +5,21 @@
 //
 //   (M(q) + diag d) q̈ = τ - C(q, q̇) - g(q)
 //
-// Three passes over the tree:
+// with the mass matrix M, the Coriolis and centrifugal torques C and the torques g that hold the
+// robot against gravity. Three passes over the tree:
 //
 // 1. From the root to the leaves: motions at q̈ = 0 and the forces p = (N, F) that they need
 //    (detail/motion.hpp).
 // 2. From the leaves to the root: the articulated inertia of each body, from which its joint is
 //    eliminated (detail/articulated_inertia.hpp).
-// 3. From the root to the leaves: q̈ = D⁻¹ (u - Uᵀ (α, A)) with the parent's acceleration shifted
-//    to the body's origin.
+// 3. From the root to the leaves: q̈ = D⁻¹ (u - Uᵀ (α, A)) with the symbols of step 2 and the
+//    parent's acceleration (α, A), shifted to the body's origin.
 //
-// A tree whose joints share coordinates builds M and factors it.
+// For a tree whose joints share coordinates, M + diag d is built and factored instead.
 //
 // Reference: Featherstone, Rigid Body Dynamics Algorithms (2008) §7.3. The diagonal is that of
 // stable PD: Tan, Liu, Turk (2011), who solve a dense system.
 
-#include <cmath>
 #include <string_view>
 #include <vector>
 
@@ -33,11 +33,11 @@ namespace clothctl::inline CLOTHCTL_ABI {
 enum class DynamicsStatus {
   /// The accelerations are finite. Use them.
   Solved,
-  /// Poses, velocities or torques hold NaN or an infinity. Do not use the accelerations; correct
-  /// the input.
+  /// Poses, velocities, torques, diagonal or gravity hold NaN or an infinity. Do not use the
+  /// accelerations; correct the input.
   InvalidInput,
   /// A joint moves nothing that has inertia and has no diagonal; the report names its body. Give
-  /// the link an inertia or the joint a diagonal.
+  /// the link an inertia or the joint a diagonal. Body -1: the accelerations overflow.
   NoInertia,
   /// A vector is not of length nv; nothing was written. Correct the call.
   WrongSize,
@@ -61,7 +61,7 @@ constexpr std::string_view to_string(DynamicsStatus status) {
 struct DynamicsReport {
   /// How it ended.
   DynamicsStatus status = DynamicsStatus::Solved;
-  /// With NoInertia the body that the joint moves, else -1.
+  /// With NoInertia the body that the joint moves, or -1 where accelerations overflow; else -1.
   int body = -1;
 };
 

@@ -135,18 +135,19 @@ template <RealScalar Scalar>
 struct IkSettings {
   /// A task counts as reached when its weighted residual is at most this (m).
   Scalar tolerance = Scalar(1e-4);
-  /// A point counts as a minimum when the largest entry of the projected gradient, relative to its
-  /// terms, is at most this.
+  /// q counts as a minimum when every entry |g_i| of the projected gradient is at most this times
+  /// |J_i| |e| + |w (q_ref - q)_i|, the largest value that it could have.
   Scalar gradient_tolerance = default_gradient_tolerance();
-  /// Weight w of the distance to the reference posture (m²/rad², beside residuals in m). With 0 the
-  /// damping alone decides joints that the tasks leave free.
+  /// Weight w of the distance to the reference posture (m²/rad², beside residuals in m). With 0,
+  /// only the damping determines the joints that the tasks leave free.
   Scalar posture_weight = Scalar(0);
   /// Initial damping μ of the damped least squares steps.
   Scalar damping = Scalar(1e-3);
-  /// Largest number of steps in each attempt.
+  /// Largest number of steps in each attempt. The BFGS steps of InverseKinematics to targets out of
+  /// reach may be 30 times as many.
   int max_iterations = 100;
-  /// True to try again in other ways from the same start when targets were not reached. Targets out
-  /// of reach then take several times as long.
+  /// True to let InverseKinematics try its fallbacks and BFGS steps when targets were not reached.
+  /// Targets out of reach then take several times as long.
   bool fallbacks = true;
 
   /// Returns 1e-6, or 4 √ε where that is larger (float).
@@ -169,8 +170,8 @@ struct IkSettings {
   }
 };
 
-/// Which singular values of a task's Jacobian the damped pseudo-inverse damps. A singular value σ
-/// counts as σ / (σ² + λ²).
+/// Which singular values of a task's Jacobian the pseudo-inverse damps. It replaces 1/σ by
+/// σ / (σ² + λ²) for the singular value σ.
 enum class PriorityDamping {
   /// λ² is damping² - σ² below σ = damping, and 0 above: well-conditioned tasks are met exactly.
   NearSingular,
@@ -178,7 +179,7 @@ enum class PriorityDamping {
   Constant
 };
 
-/// Settings of prioritised inverse kinematics beside IkSettings: damping and rank of its levels.
+/// Settings of prioritised inverse kinematics in addition to IkSettings: damping and rank.
 template <RealScalar Scalar>
 struct PrioritySettings {
   /// Damping of the pseudo-inverse, in the units of the Jacobians' entries (m for positions); 0
@@ -214,8 +215,8 @@ enum class IkStatus {
   /// The iteration limit was reached; q is the best found. Allow more iterations, or start
   /// elsewhere.
   IterationLimit,
-  /// A start, task, reference or setting was refused; `message` says which and why. q is unchanged.
-  /// Correct the input.
+  /// A start, task, reference or setting was refused; `message` says which and why. q is unchanged,
+  /// or only clamped to the limits. Correct the input.
   InvalidInput
 };
 
@@ -240,7 +241,8 @@ struct IkReport {
   Scalar error = scalar_traits<Scalar>::infinity();
   /// The minimised cost: half the sum of squared residuals, plus the posture's term (m²).
   Scalar cost = scalar_traits<Scalar>::infinity();
-  /// Largest entry of the projected gradient, relative to its terms.
+  /// Largest entry of the projected gradient, relative to its largest possible value (see
+  /// IkSettings::gradient_tolerance).
   Scalar gradient = scalar_traits<Scalar>::infinity();
   /// Number of steps tried, over all attempts and starts.
   int iterations = 0;

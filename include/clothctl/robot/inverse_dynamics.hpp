@@ -10,9 +10,9 @@
 // (prismatic). Gravity enters as an acceleration of the world, A_0 = -gravity. With q̈ = 0 the
 // result is C + g, with q̇ = q̈ = 0 it is g.
 //
-// The mass matrix is the composite rigid body algorithm: column i holds the torques of a unit
-// acceleration of joint i alone, which moves everything below it as one body of mass m, first
-// moment h = m c and inertia I about its origin:
+// The mass matrix is computed by the composite rigid body algorithm: column i holds the torques for
+// a unit acceleration of only joint i, which moves its body and everything below as one body of
+// mass m, first moment h = m c and inertia I about its origin:
 //
 //   (N, F) = (I a, a × h)   revolute,      (h × a, m a)   prismatic
 //   M_ji = a_j · N_j or a_j · F_j,         from a body to its parent:  N += r × F
@@ -62,8 +62,8 @@ void add_composite(const Vector3<Scalar>& r, const BodyInertia<Scalar>& own,
   parent.mass += own.mass;
 }
 
-/// Writes column `column` of the mass matrix above its diagonal and the same entries of the row:
-/// the torques of the joints above body i that carry its moment N and force F.
+/// Adds to column `column` of the mass matrix and to the same entries of its row: the torques with
+/// which the joints between body i and the world carry the moment N and the force F of body i.
 template <RealScalar Scalar>
 void propagate_to_root(const KinematicTree<Scalar>& tree, const BodyPoses<Scalar>& body_poses,
                        int i, Index column, Vector3<Scalar> N, const Vector3<Scalar>& F,

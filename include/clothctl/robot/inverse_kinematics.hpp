@@ -28,7 +28,7 @@
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// Inverse kinematics of one robot for several tasks at once, by damped least squares. The
-/// constructor makes all memory.
+/// constructor allocates all memory.
 template <class Model, RealScalar Scalar = typename articulated_traits<Model>::scalar_type>
 requires ArticulatedModel<Model, Scalar>
 class InverseKinematics {
@@ -51,10 +51,10 @@ class InverseKinematics {
   IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference,
                          Eigen::Ref<VectorX<Scalar>> q);
 
-  /// Solves from q. If that does not reach the targets, tries up to `restarts` random starts, and
-  /// ends at the first that does. Starts are uniform within the limits; a coordinate without limits
-  /// starts at its value in q. q becomes the best result. `uniform()` returns random numbers from
-  /// [0, 1). Never allocates.
+  /// Solves from q. If that does not reach the targets, tries up to `restarts` random starts and
+  /// stops at the first that reaches them. Starts are uniform within the limits; a coordinate
+  /// without limits starts at its value in q. q becomes the best result. `uniform()` returns random
+  /// numbers from [0, 1). Never allocates.
   template <class Uniform>
   IkReport<Scalar> solve(const Model& model, Tasks tasks, const View& reference,
                          Eigen::Ref<VectorX<Scalar>> q, int restarts, Uniform&& uniform);
@@ -67,22 +67,24 @@ class InverseKinematics {
     bool posture, stages;
   };
 
-  /// Keeps the better of two reports in `best`, with the iterations of both. Returns true when it
-  /// is the second.
+  /// Stores the better of `best` and `next` in `best`, with the sum of their iterations. Returns
+  /// true when `next` was better.
   static bool keep_better(IkReport<Scalar>& best, IkReport<Scalar> next);
 
   IkReport<Scalar> solve_from(const Model& model, Tasks tasks, const View& reference,
                               Fallbacks fallbacks, Eigen::Ref<VectorX<Scalar>> q);
 
-  /// Returns the least damping. Less of it makes joints jump between their limits. It falls once
-  /// the residual is below a hundredth of the first one.
+  /// Returns the lower bound of the damping μ: 3e-4, and proportionally less once the residual
+  /// `error` is below a hundredth of the initial one, `first`. With less damping, joints jump
+  /// between their limits.
   Scalar least_damping_at(const Scalar& error, const Scalar& first) const {
     const Scalar share = first > Scalar(0) ? Scalar(Scalar(100) * error / first) : Scalar(1);
     return (std::max)(scalar_traits<Scalar>::epsilon(),
                       Scalar(Scalar(3e-4) * (std::min)(Scalar(1), share)));
   }
 
-  /// Iterates damped least squares from q to a minimum of the problem as it was started.
+  /// Iterates damped least squares from q to a minimum of the problem that `problem_` was started
+  /// with.
   void descend(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q,
                IkReport<Scalar>& report);
 
@@ -93,8 +95,8 @@ class InverseKinematics {
   void minimise(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q,
                 IkReport<Scalar>& report);
 
-  /// Line search along the step, clamped to the limits. The step becomes the motion that was made.
-  /// Returns true when it lowered the cost.
+  /// Line search along step_, clamped to the limits. Returns true when it lowered the cost; step_
+  /// is then the motion that q made.
   bool search(const Model& model, Tasks tasks, Eigen::Ref<VectorX<Scalar>> q,
               IkReport<Scalar>& report);
 

@@ -109,7 +109,7 @@ struct Joint {
   Pose<Scalar> origin;
   /// Axis of a revolute or prismatic joint, in the joint frame. Its length must not be zero.
   Vector3<Scalar> axis = Vector3<Scalar>(Scalar(1), Scalar(0), Scalar(0));
-  /// Limits. A joint that follows a leader uses its position limits alone: they narrow the
+  /// Limits. Of a joint that follows a leader only the position limits are used: they narrow the
   /// leader's range.
   JointLimits<Scalar> limits;
   /// Name of the joint that this one follows (`mimic` in URDF), or empty. A follower has no
@@ -132,7 +132,7 @@ struct Body {
   Index position = 0;
   /// Index of the joint's first entry in velocities.
   Index velocity = 0;
-  /// True when the joint follows a leader. Both then have the same entries.
+  /// True when the joint follows a leader. It then shares the entries of its leader.
   bool follows = false;
   /// Ratio of the joint's position to its coordinate. It is 1 unless the joint follows a leader.
   Scalar ratio = Scalar(1);

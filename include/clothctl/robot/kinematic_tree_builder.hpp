@@ -94,8 +94,8 @@ class KinematicTreeBuilder {
   /// Adds a link to the tree: to its parent's body where the joint is fixed, else to a new body.
   void attach(KinematicTree<Scalar>& tree, const Joint<Scalar>& joint, int child) const;
 
-  /// Returns the rotation closest in meaning to an accepted R: R itself where it is orthonormal to
-  /// rounding, else the rotation with the same x axis and the same x-y plane.
+  /// Returns a rotation for an accepted R: R itself where it is orthonormal up to rounding, else
+  /// the rotation with the same x axis and the same x-y plane.
   static Matrix3<Scalar> orthonormal(const Matrix3<Scalar>& R);
 
   /// Returns a rotation whose z axis is along `axis`: the identity where the axis is z.
@@ -117,8 +117,8 @@ class KinematicTreeBuilder {
     return joints_[static_cast<std::size_t>(find_joint(body.name))];
   }
 
-  /// FNV-1a over structure and numbers; of number types that are not built in, over structure
-  /// alone.
+  /// Returns the FNV-1a hash of structure and numbers; for scalars that are not built-in
+  /// floating-point types, of the structure only.
   static std::uint64_t fingerprint(const std::vector<Body<Scalar>>& bodies);
 
   static Scalar sqrt_epsilon() {

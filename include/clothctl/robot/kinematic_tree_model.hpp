@@ -95,8 +95,8 @@ struct articulated_traits<KinematicTree<Scalar>> {
     clothctl::inverse_dynamics<Scalar>(tree, work.body_poses, qd, qdd, work.gravity, work.inverse,
                                        torques);
   }
-  /// Writes the accelerations that torques cause. Returns -1, or a coordinate without a finite
-  /// result.
+  /// Writes the accelerations that torques cause. Returns -1 on success; else the velocity
+  /// coordinate of the joint without inertia, or 0 if something else is wrong.
   [[nodiscard]] static Index forward_dynamics(const Model& tree, const View& qd,
                                               const View& torques, const View& diagonal,
                                               workspace_type& work, Out qdd) {

@@ -50,8 +50,8 @@ class PrioritisedIk {
   /// * Reached: every task of every level is reached.
   /// * LocalMinimum: the gradient of all residuals is zero.
   /// * Stalled: no step is better by priority. Tasks out of reach mostly end like this;
-  /// `level_error`
-  ///   tells which level falls short. `InverseKinematics` moves on to the minimum in such cases.
+  ///   `level_error` tells which level falls short. `InverseKinematics` moves on to the minimum in
+  ///   such cases.
   ///
   /// Never allocates. Fails when: see IkStatus.
   IkReport<Scalar> solve(const Model& model, Tasks tasks, std::span<const int> levels,
@@ -85,7 +85,8 @@ class PrioritisedIk {
                  Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report);
 
   /// Returns true when the trial is better than q at the first level whose cost differs. Levels
-  /// that both meet to the tolerance do not differ.
+  /// that both meet to the tolerance do not differ. If no level differs, the reference posture
+  /// decides.
   bool better(const Model& model, std::span<const int> levels, const View& q);
 
   IkSettings<Scalar> settings_;

@@ -1,7 +1,9 @@
 #pragma once
 
 // Stable proportional-derivative (PD) control: the torque of a spring and a damper evaluated at the
-// end of the coming step of length h, found together with the acceleration that it causes. With
+// end of the coming step of length h, found together with the acceleration that it causes. M is the
+// mass matrix, C the Coriolis and centrifugal torques, g the torques that hold the robot against
+// gravity, τ_ext external torques, Kp and Kd the diagonal matrices of the gains kp and kd. With
 // target position q̄ and target velocity v̄ at the end of the step:
 //
 //   Stable      (M + h Kd) q̈ = -C - Kp (q + h q̇ - q̄) - Kd (q̇ - v̄) + τ_ext
@@ -9,9 +11,9 @@
 //   Implicit    (M + h Kd + h² Kp) q̈ = the same right-hand side
 //               τ = -Kp (q + h q̇ + h² q̈ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)
 //
-// Without v̄ a target that moves at velocity v is followed with a lag of kd/kp v. Without g(q)
-// joint i sags by g_i/kp_i. For one joint of mass m under symplectic Euler, Stable is stable for kd
-// > 1.5 kp h - 2 m/h, and Implicit for all gains.
+// Without v̄, a target that moves at velocity v is followed with a lag of (kd/kp) v. Without g(q),
+// joint i sags by g_i/kp_i. For one joint of mass m under symplectic Euler, Stable is stable for
+// kd > 1.5 kp h - 2 m/h, and Implicit for all gains.
 //
 // A joint whose torque would exceed its limit is held at the limit, and the other joints are solved
 // again with that torque. Clipping the torques after the solve would remove the implicit damping of
@@ -115,8 +117,7 @@ enum class PdStatus {
   /// Apply the torques; check gains and time step.
   Clipped,
   /// Positions, velocities, target or external torques hold NaN or an infinity; nothing was
-  /// written.
-  /// Correct the input.
+  /// written. Correct the input.
   InvalidInput,
   /// A vector is not as long as the robot's positions or velocities, or the robot is not the one
   /// that the controller was made for; nothing was written. Correct the call.
@@ -177,10 +178,10 @@ class StablePd {
   const StablePdSettings<Scalar>& settings() const { return settings_; }
 
   /// Returns the velocity coordinates whose damping is too low at positions q (nq), empty when the
-  /// gains are stable. With too little damping the motion oscillates and grows. The condition is
-  /// that 2 M/h + diag(kd - 1.5 kp h) is positive definite: `least_damping` for every combined
-  /// motion of the joints. Allocates. Complexity: O(nv³). Fails when: q or the workspace are not
-  /// the robot's.
+  /// gains are stable (with PdForm::Implicit always). With too little damping the motion oscillates
+  /// and grows. The condition is that 2 M/h + diag(kd - 1.5 kp h) is positive definite, which
+  /// extends `least_damping` to every combined motion of the joints. Allocates. Complexity: O(nv³).
+  /// Fails when: q or the workspace do not fit the robot.
   Result<std::vector<Index>> unstable_at(const Model& model, const View& q, Workspace& work) const;
 
   /// Computes torques and accelerations (nv each) of the coming step.

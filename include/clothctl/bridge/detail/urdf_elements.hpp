@@ -45,7 +45,8 @@ struct JointEntry {
   Scalar damping = Scalar(0), friction = Scalar(0);
 };
 
-/// Reads links and joints one by one. It does not check that the links and joints they name exist.
+/// Reads links and joints one by one. It does not check that the links and joints to which a joint
+/// refers exist.
 template <RealScalar Scalar>
 class ElementReader : public XmlReader {
  public:
@@ -146,8 +147,8 @@ class ElementReader : public XmlReader {
     return true;
   }
 
-  /// Warns of a tensor that no body can have: its principal moments a ≤ b ≤ c violate a ≥ 0 or a +
-  /// b ≥ c.
+  /// Warns of an inertia tensor that no body can have: one whose principal moments a ≤ b ≤ c
+  /// violate a ≥ 0 or a + b ≥ c.
   void check_tensor(const XmlElement& e, const Matrix3<Scalar>& inertia) {
     const Scalar size = inertia.cwiseAbs().maxCoeff();
     if (!(size > Scalar(0))) return;

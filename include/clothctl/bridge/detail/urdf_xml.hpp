@@ -1,8 +1,8 @@
 #pragma once
 
-// Reads XML as URDF uses it: elements with attributes that hold a name, or numbers separated by
-// white space. Numbers are read alike in every locale. Functions return true on success. The first
-// error is kept as one line, `file:line: element: what is wrong`. Needs tinyxml2.
+// Reads XML as URDF uses it: elements whose attributes hold a name, or numbers separated by white
+// space. The locale has no effect on numbers. Functions return true on success. The first error is
+// kept as one line, `file:line: element: what is wrong`. Needs tinyxml2.
 
 #include <algorithm>
 #include <array>
@@ -26,17 +26,17 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Larger files are refused, so that a wrong file does not fill the memory.
+/// Largest file, bytes. Larger files are refused, so that a wrong file does not fill the memory.
 inline constexpr std::size_t kLargestUrdf = std::size_t(1) << 24;
 
-/// Returns the first `most` bytes of a UTF-8 text, or a few less where that would cut a character.
+/// Returns the first `most` bytes of a UTF-8 text, or a few fewer so that no character is cut.
 inline std::string_view head_of(std::string_view text, std::size_t most) {
   if (text.size() <= most) return text;
   while (most > 0 && (static_cast<unsigned char>(text[most]) & 0xc0) == 0x80) --most;
   return text.substr(0, most);
 }
 
-/// Returns a text in quotes, shortened when it is long.
+/// Returns a text in quotes. Of a text longer than 40 bytes, it returns the start and `…`.
 inline std::string quote(std::string_view text) {
   const std::string_view head = head_of(text, 40);
   return '"' + std::string(head) + (head.size() < text.size() ? "…\"" : "\"");
@@ -115,12 +115,12 @@ class XmlReader {
   /// Returns the element <robot>.
   const XmlElement& root() const { return *root_; }
 
-  /// Keeps the error if it is the first one. Returns false.
+  /// Stores the error unless one is stored already. Returns false.
   bool fail(int line, const std::string& what) {
     if (error_.empty()) error_ = one_line(file_, line, what);
     return false;
   }
-  /// The same, with the name of the link or joint that is being read.
+  /// Like `fail`; the message also names the link or joint that is being read.
   bool fail_in(int line, const std::string& what) { return fail(line, owner_ + what); }
   void warn(int line, const std::string& what) { warnings.push_back(one_line(file_, line, what)); }
 
@@ -131,7 +131,7 @@ class XmlReader {
     owner_ += quote(name);
     owner_ += ": ";
   }
-  /// Ends that: messages name no link or joint.
+  /// From now on, messages name no link or joint.
   void leave() { owner_.clear(); }
   const std::string& owner() const { return owner_; }
 
@@ -145,13 +145,13 @@ class XmlReader {
     return text;
   }
 
-  /// Finds the child element of that name, or null. Two of them are an error.
+  /// Sets `child` to the child element of that name, or to null if there is none. Two are an error.
   bool find(const XmlElement& parent, const char* name, const XmlElement*& child) {
     child = parent.FirstChildElement(name);
     const XmlElement* second = child == nullptr ? nullptr : child->NextSiblingElement(name);
     return second == nullptr || fail_in(second->GetLineNum(), tag(*second) + " occurs twice");
   }
-  /// Finds the child element of that name. A missing one is an error.
+  /// Like `find`, but a missing element is an error.
   bool need(const XmlElement& parent, const char* name, const XmlElement*& child) {
     if (!find(parent, name, child)) return false;
     return child != nullptr || fail_in(parent.GetLineNum(), tag(parent) + " has no <" + name + ">");

@@ -2,9 +2,10 @@
 
 // Air drag on triangles, from the velocity of the triangle relative to the air.
 //
-// A triangle with corners a, b, c has the area A, the unit normal n and the mean velocity
-// v_t = (v_a + v_b + v_c)/3. The air moves at w. The relative velocity r = w - v_t has the parts
-// r_n = (r·n) n and r_t = r - r_n. The air pushes the triangle with
+// A triangle with corners a, b, c has the area A, the unit normal n and the mean velocity v_t =
+// (v_a + v_b + v_c)/3. The air moves at w. Relative to the triangle it moves at r = w - v_t, with
+// the parts r_n = (r·n) n and r_t = r - r_n. With the density ρ and the drag coefficients Cn and Ct
+// (AirSettings), the air pushes the triangle with
 //
 //     F = ½ ρ A ( Cn |r_n| r_n + Ct |r_t| r_t ),        a third of it on each corner.
 //
@@ -24,7 +25,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Unit normal and area of a triangle. The area is 0 when the corners lie on a line to rounding.
+/// Unit normal and area of a triangle. Both are zero when the corners lie on a line up to rounding.
 template <RealScalar Scalar>
 struct AirFacet {
   Triple<Scalar> normal{Scalar(0), Scalar(0), Scalar(0)};
@@ -111,10 +112,10 @@ void add_air_forces(const std::vector<std::array<int, 3>>& triangles,
   }
 }
 
-/// Lets the air act on the velocities `v` (3×n, m/s) for `h` seconds, one triangle after the other.
-/// C_t of a triangle is frozen, and its velocity change is implicit. Since every triangle lowers Σ
-/// ½ m |v - w|², this is stable for any h, wind and mass. Vertices with inverse mass 0 keep their
-/// velocity. Complexity: O(triangles).
+/// Adds the effect of the air over `h` seconds to the velocities `v` (3×n, m/s), one triangle after
+/// the other. C_t of a triangle is frozen, and its velocity change is implicit. Every triangle
+/// lowers Σ ½ m |v - w|², so this is stable for any h, wind and mass. Vertices with inverse mass 0
+/// keep their velocity. Complexity: O(triangles).
 template <RealScalar Scalar>
 void apply_air_impulses(const std::vector<std::array<int, 3>>& triangles,
                         std::type_identity_t<PointsView<Scalar>> x,
@@ -128,8 +129,8 @@ void apply_air_impulses(const std::vector<std::array<int, 3>>& triangles,
     const Triple<Scalar> r =
         triple(wind) - (column(v, t[0]) + column(v, t[1]) + column(v, t[2])) / Scalar(3);
     const AirDrag<Scalar> drag(facet, r, settings);
-    // An impulse J on the triangle changes v_t by J Σw/9. So J = h c (r - J Σw/9), with c the drag
-    // along the normal and along the surface.
+    // An impulse J, a third of it on each corner, changes v_t by w J, with w = Σ 1/(9 m) over the
+    // corners. So J = h c (r - w J), with c the drag along the normal or along the surface.
     const Scalar w = (inverse_mass[t[0]] + inverse_mass[t[1]] + inverse_mass[t[2]]) / Scalar(9);
     const Scalar j_n = h * drag.along_normal / (Scalar(1) + h * drag.along_normal * w);
     const Scalar j_t = h * drag.along_surface / (Scalar(1) + h * drag.along_surface * w);

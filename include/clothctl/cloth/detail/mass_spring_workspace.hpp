@@ -27,20 +27,21 @@ struct MassSpringWorkspace {
   std::vector<unsigned char> held;
   /// Unit vectors of the springs at the start of the step.
   Points<Scalar> direction;
-  /// Forces that are constant over the step (gravity, input, C w), velocities at its end, trial
-  /// velocities of the line search, positions at its end, and the gradient of the energy.
+  /// Forces that are constant over the step (gravity, input, C w), velocities at the end of the
+  /// step, trial velocities of the line search, positions at the end of the step, and the gradient
+  /// of the energy.
   Points<Scalar> outer, velocity, trial, position, gradient;
   /// Air matrices C_t, one for each triangle; empty without air.
   std::vector<Matrix3<Scalar>> air;
-  /// Right-hand side of the linear system, and a product of the step matrix.
+  /// Right-hand side of the linear system, and the product of the step matrix and a vector.
   Lanes<Scalar, 1> rhs, product;
   /// Length of the last step, s; 0 before the first.
   Scalar dt = Scalar(0);
   /// True when the last step was a single linear solve.
   bool linear = false;
 
-  /// Makes room for a network whose step matrix has the pattern of `pattern`. `air_count`: number
-  /// of air matrices. Allocates.
+  /// Makes room for a network whose step matrix has the sparsity pattern of `pattern`. `air_count`:
+  /// number of air matrices. Allocates.
   void reserve(const SpringNetwork<Scalar>& network, const BlockSymmetric<Scalar>& pattern,
                const EliminationTree& tree, std::size_t air_count) {
     const Index n = network.vertex_count();
@@ -55,7 +56,8 @@ struct MassSpringWorkspace {
     product.setZero(1, 3 * n);
   }
 
-  /// Returns true when `reserve` with these arguments would give the same sizes.
+  /// Returns true when the matrices and vectors have the sizes that `reserve` with these arguments
+  /// gives them. `held`, which each step resizes, and `factor` are not compared.
   bool fits(const SpringNetwork<Scalar>& network, const BlockSymmetric<Scalar>& pattern,
             std::size_t air_count) const {
     const Index n = network.vertex_count();
@@ -72,8 +74,8 @@ struct MassSpringWorkspace {
   bool is_held(Index i) const { return held[static_cast<std::size_t>(i)] != 0; }
 };
 
-/// Returns the hash of a pattern and an order of elimination. Nothing else of a workspace depends
-/// on the model, apart from sizes. Complexity: O(blocks of the pattern).
+/// Returns the hash of a pattern and an order of elimination. Apart from these and from sizes, a
+/// workspace does not depend on the model. Complexity: O(blocks of the pattern).
 template <RealScalar Scalar>
 std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree) {
   StructureHash hash;

@@ -1,8 +1,8 @@
 #pragma once
 
-// Constraints of the position-based schemes, stored in flat arrays, and one Gauss-Seidel sweep over
-// them. p are the positions being corrected, w inverse masses, h the substep, l0 the rest length, n
-// the unit vector along p_a - p_b, λ a multiplier and δ = p - (position at the substep's start).
+// Constraints of the position-based schemes, stored in flat arrays, and Gauss-Seidel sweeps over
+// them. Symbols: p positions being corrected, w inverse masses, h substep, l0 rest length, n unit
+// vector along p_a - p_b, λ multiplier, δ = p - (position at the start of the substep).
 //
 //   rigid distance (Verlet), relaxation r:
 //     c = r (|p_a - p_b| - l0)/(w_a + w_b),        p_a -= w_a c n,   p_b += w_b c n
@@ -30,9 +30,9 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// First-fit colouring. `corners(e)` returns the vertices of item e. Returns the items of `items`
-/// colour by colour; within a colour they keep their order. Allocates. Complexity: O(items ×
-/// colours).
+/// Greedy (first-fit) colouring: no two items of a colour share a vertex. `corners(e)` returns the
+/// vertices of item e. Returns the items of `items` colour by colour; within a colour they keep
+/// their order. Allocates. Complexity: O(items × colours).
 template <class Corners>
 std::vector<std::vector<std::size_t>> colour_items(std::vector<std::size_t> items,
                                                    std::size_t vertex_count, Corners corners) {
@@ -54,7 +54,7 @@ std::vector<std::vector<std::size_t>> colour_items(std::vector<std::size_t> item
   return colours;
 }
 
-/// The ends of a distance constraint, and how they lie now.
+/// The ends of a distance constraint, and their current separation.
 template <RealScalar Scalar>
 struct Separation {
   int a, b;
@@ -70,8 +70,8 @@ CLOTHCTL_FORCE_INLINE Separation<Scalar> separation(const Points<Scalar>& p,
   return {ends[0], ends[1], d, squared_norm(d)};
 }
 
-/// Two ends are at one place when their squared distance, relative to the squared rest length, is
-/// below this; they then have no direction.
+/// Threshold of (distance / rest length)². Below it, the ends of a constraint count as one point
+/// and define no direction.
 template <RealScalar Scalar>
 Scalar squared_resolution() {
   return scalar_traits<Scalar>::epsilon() * scalar_traits<Scalar>::epsilon();
@@ -81,7 +81,7 @@ Scalar squared_resolution() {
 template <RealScalar Scalar>
 class RigidDistances {
  public:
-  /// Data of a step: the share of the error that each end takes.
+  /// Data of a step: the fraction of the length error that each end corrects.
   struct Scratch {
     VectorX<Scalar> share_a, share_b;
   };
@@ -143,7 +143,7 @@ class RigidDistances {
 template <RealScalar Scalar>
 class CompliantDistances {
  public:
-  /// Data of a step: inverse masses of the ends, h² k, h d, one over the denominator, and λ.
+  /// Data of a step: inverse masses of the ends, h² k, h d, 1/(denominator of Δλ), and λ.
   struct Scratch {
     VectorX<Scalar> w_a, w_b, stiffness, damping, inverse, multiplier;
   };
@@ -238,13 +238,13 @@ class CompliantDistances {
   bool damped_ = false;
 };
 
-/// The bending stencils of at most kCount vertices, colour by colour. A shorter stencil is filled
-/// up with its first vertex at weight 0.
+/// Bending stencils of at most kCount vertices, colour by colour. Shorter stencils are padded with
+/// their first vertex at weight 0.
 template <RealScalar Scalar, int kCount>
 class BendConstraints {
  public:
-  /// Data of a step, one column for each stencil: ω_i w_i, the factors of Σ ω_i p_i and of λ in
-  /// -Δλ, and λ.
+  /// Data of a step, one column for each stencil: ω_i w_i; the factors of Σ ω_i p_i and of λ in
+  /// -Δλ; and λ.
   struct Scratch {
     DenseMatrix<Scalar, kCount, Eigen::Dynamic> share;
     VectorX<Scalar> error_factor, multiplier_factor;
@@ -253,7 +253,7 @@ class BendConstraints {
 
   BendConstraints() = default;
 
-  /// Takes those stencils of `least` to kCount vertices whose stiffness is positive.
+  /// Takes the stencils of positive stiffness that have `least` to kCount vertices.
   BendConstraints(const SpringNetwork<Scalar>& network, int least) {
     std::vector<std::size_t> items;
     for (std::size_t e = 0; e < network.bends.size(); ++e) {

@@ -12,10 +12,11 @@
 //                            from air_forces.hpp
 //   bending: f_i = -kb w_i Σ_j w_j x_j,   K_ij += kb w_i w_j I
 //
-// f forces, x positions, l length, l0 rest length, k and kb stiffnesses, d damper, w weights of a
-// stencil. The tension part of K is the pendulum stiffness of a hanging sheet; without it a
-// linearised sheet would not swing. A spring whose ends coincide (l < 1e-6 l0) has no direction: it
-// exerts no force, and adds k I to K so that the matrix stays definite.
+// Symbols: f forces; K, D and C stiffness, damper and air matrix; x positions; l length, l0 rest
+// length, k stiffness and d damper of a spring; kb stiffness and w weights of a stencil. The
+// tension part of K is the pendulum stiffness of a hanging sheet; without it a linearised sheet
+// would not swing. A spring whose ends coincide (l < 1e-6 l0) has no direction: it exerts no force,
+// and k I takes the place of its block in K, so that the matrix stays definite.
 
 #include <array>
 #include <cmath>
@@ -72,15 +73,15 @@ void add_to_diagonal(Matrix3<Scalar>& block, const Scalar& value) {
   for (Index c = 0; c < 3; ++c) block(c, c) = block(c, c) + value;
 }
 
-/// The places of a BlockSymmetric matrix that each element of a network adds to.
+/// For each element of a network, the blocks of a BlockSymmetric matrix that it adds to.
 template <RealScalar Scalar>
 class SpringPattern {
  public:
   /// An empty pattern.
   SpringPattern() = default;
 
-  /// Finds the places of all springs, of the bending stencils if `with_bending` is set, and of the
-  /// triangles if `with_air` is set. No element may hold a vertex twice. Allocates.
+  /// Finds the blocks of all springs, of the bending stencils if `with_bending` is set, and of the
+  /// triangles if `with_air` is set. No element may contain a vertex twice. Allocates.
   SpringPattern(const SpringNetwork<Scalar>& network, bool with_bending, bool with_air) {
     std::vector<std::pair<int, int>> springs, bends, triangles;
     for (const Spring<Scalar>& s : network.springs) springs.emplace_back(s.a, s.b);
@@ -106,8 +107,8 @@ class SpringPattern {
   /// Returns a matrix of this pattern whose entries are zero.
   const BlockSymmetric<Scalar>& matrix() const { return matrix_; }
 
-  /// Adds `factor` times the springs' stiffness K at positions `x` (3×n, m) to `out`. Never
-  /// allocates. Complexity: O(springs).
+  /// Adds `factor` times the springs' stiffness K at positions `x` (3×n, m) to `out`, with the
+  /// factors `scale` on the parts of K. Never allocates. Complexity: O(springs).
   void add_springs(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x,
                    const StiffnessScale<Scalar>& scale, Scalar factor,
                    BlockSymmetric<Scalar>& out) const {
@@ -150,8 +151,9 @@ class SpringPattern {
     }
   }
 
-  /// Adds to `out` `dt` times the dampers along the unit vectors `direction` (3×springs) and `dt`
-  /// times the air matrices of the triangles (`air`; empty: no air). Never allocates.
+  /// Adds two matrices to `out`: `dt` times D for springs along the unit vectors `direction`
+  /// (3×springs), and `dt` times C for the matrices C_t of the triangles (`air`; empty: no air).
+  /// Never allocates.
   void add_frozen(const SpringNetwork<Scalar>& network, const Points<Scalar>& direction,
                   const std::vector<Matrix3<Scalar>>& air, Scalar dt,
                   BlockSymmetric<Scalar>& out) const {

@@ -21,13 +21,14 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The energy of a step (J), and a bound on its rounding error divided by ε.
+/// `value`: the energy of a step (J). `size`: a bound on its rounding error, divided by ε (J).
 template <RealScalar Scalar>
 struct StepEnergy {
   Scalar value, size;
 };
 
-/// Adds energy and gradient of the frozen dampers and the air at velocities `v`.
+/// Returns `energy` plus that of the frozen dampers and the air at velocities `v`. Adds their
+/// gradient to ws.gradient.
 template <RealScalar Scalar>
 Scalar add_damping(const SpringNetwork<Scalar>& network, const Points<Scalar>& v, Scalar dt,
                    Scalar energy, MassSpringWorkspace<Scalar>& ws) {
@@ -55,9 +56,9 @@ Scalar add_damping(const SpringNetwork<Scalar>& network, const Points<Scalar>& v
   return energy;
 }
 
-/// Returns the energy of a step of length `dt` (s) that starts at `state` and ends with velocities
-/// `v` (3×n, m/s). `drag`: α, 1/s; `total_stiffness`: sum over the springs, N/m. Writes the
-/// gradient to ws.gradient and x0 + h v to ws.position; reads what is constant over the step from
+/// Returns the energy E of a step of length `dt` (s) that starts at `state` and ends with
+/// velocities `v` (3×n, m/s). `drag`: α, 1/s; `total_stiffness`: sum of k over the springs, N/m.
+/// Writes ∇E to ws.gradient and x0 + h v to ws.position; reads what is constant over the step from
 /// `ws`. On a held vertex the gradient is the impulse that holds it. Never allocates.
 template <RealScalar Scalar>
 StepEnergy<Scalar> step_energy(const SpringNetwork<Scalar>& network, Scalar drag,
@@ -70,8 +71,8 @@ StepEnergy<Scalar> step_energy(const SpringNetwork<Scalar>& network, Scalar drag
   move_along(state.positions, dt, v, ws.position);
   ws.gradient = ws.outer;
   Scalar energy = add_spring_forces<Scalar>(network, ws.position, ws.gradient);
-  // The rounding error of a position is ε |x|, that of a spring's energy k |l - l0| ε |x|. Their
-  // sum is at most √(2 U Σk) ε |x|.
+  // The rounding error of a position is ε |x|, that of a spring's energy k |l - l0| ε |x|. The sum
+  // over all springs is at most √(2 U Σk) ε |x|.
   Scalar size = sqrt(Scalar(2) * energy * total_stiffness) * largest_magnitude(ws.position);
   Scalar work = Scalar(0);
   for (Index i = 0; i < network.vertex_count(); ++i) {
@@ -89,9 +90,10 @@ StepEnergy<Scalar> step_energy(const SpringNetwork<Scalar>& network, Scalar drag
   return {energy - work, energy + size};
 }
 
-/// Sets ws.rhs to minus the gradient on the free vertices, 0 on the held ones, and `largest` to its
-/// largest entry (NaN when one is). Returns true when every entry of a vertex is less than
-/// `tolerance` (m/s) times its mass. Never allocates.
+/// Sets ws.rhs to minus the gradient on free vertices and to 0 on held ones, and `largest` to the
+/// largest magnitude in ws.rhs (NaN when an entry is NaN). Returns true when every entry of a
+/// vertex is, in magnitude, less than `tolerance` (m/s) times the mass of the vertex. Never
+/// allocates.
 template <RealScalar Scalar>
 bool load_residual(const SpringNetwork<Scalar>& network, Scalar tolerance, Scalar& largest,
                    MassSpringWorkspace<Scalar>& ws) {

@@ -130,7 +130,7 @@ void move_along(const Points<Scalar>& a, const std::type_identity_t<Scalar>& fac
   for (Index k = 0; k < out.size(); ++k) out.data()[k] = a.data()[k] + factor * b.data()[k];
 }
 
-/// Returns the largest magnitude of an entry; it ignores NaN.
+/// Returns the largest magnitude of an entry. NaN entries are ignored.
 template <class Matrix>
 typename Matrix::Scalar largest_magnitude(const Matrix& matrix) {
   using Scalar = typename Matrix::Scalar;

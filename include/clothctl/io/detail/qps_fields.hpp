@@ -7,7 +7,7 @@
 //
 // for example " UP BND X1 4", " X1 COST 1 ROW2 -1" or " RHS ROW1 3".
 //
-// In free form, RHS, RANGES and BOUNDS may leave out the name (of the set).
+// In free form, lines of RHS, RANGES and BOUNDS may omit the name, which is that of a set.
 
 #include <algorithm>
 #include <array>
@@ -21,14 +21,14 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// What a line of data says; views into the text.
+/// The fields of a data line, as views into the text. `pairs`: number of keys with values, 1 or 2.
 struct QpsFields {
   std::string_view type, name;
   std::array<std::string_view, 2> key, value;
   std::size_t pairs = 1;
 };
 
-/// The words of a line, as far as any line of QPS needs them.
+/// The first six words of a line (no line of QPS has more), and the number of all its words.
 struct QpsWords {
   explicit QpsWords(std::string_view line) {
     for (line = trimmed(line); !line.empty(); line = trimmed(line)) {
@@ -42,12 +42,12 @@ struct QpsWords {
   std::size_t count = 0;
 };
 
-/// Returns true when a type of bound comes with a number.
+/// Returns true when a bound of this type has a value.
 inline bool qps_bound_has_value(std::string_view type) {
   return type != "FR" && type != "MI" && type != "PL";
 }
 
-/// Takes the fields of a line in free form; returns what is wrong, "" where nothing is.
+/// Splits a line in free form into its fields. Returns what is wrong, or "".
 inline std::string qps_free_fields(const std::string& section, std::string_view line,
                                    QpsFields& f) {
   const QpsWords words(line);
@@ -81,7 +81,7 @@ inline std::string qps_free_fields(const std::string& section, std::string_view 
   return {};
 }
 
-/// Takes the fields of a line in fixed form; returns what is wrong, "" where nothing is.
+/// Splits a line in fixed form into its fields. Returns what is wrong, or "".
 inline std::string qps_fixed_fields(const std::string& section, std::string_view line,
                                     QpsFields& f) {
   constexpr std::array<std::size_t, 6> kFirst{1, 4, 14, 24, 39, 49};  // from 0

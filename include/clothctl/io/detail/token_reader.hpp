@@ -1,7 +1,7 @@
 #pragma once
 
-// Text as tokens between white space, with the line of each for messages. Functions answer whether
-// all is well; the first error is kept as one line `file:line: section: what is wrong`.
+// Splits text into tokens at white space, and keeps the line of each for messages. Functions return
+// true on success; the first error is kept as one line `file:line: section: what is wrong`.
 
 #include <algorithm>
 #include <charconv>
@@ -18,18 +18,18 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// Reads tokens, whole numbers and numbers.
+/// Reads tokens, integers and real numbers. `what` names the item in messages.
 class TokenReader {
  public:
   TokenReader(std::string_view text, std::string name) : text_(text), file_(std::move(name)) {}
 
-  /// Keeps the first error; returns false.
+  /// Stores the error unless one is stored already. Returns false.
   bool fail(const std::string& what) {
     if (error_.empty()) error_ = at_line(file_, token_line_) + what;
     return false;
   }
 
-  /// The next token; `where` names the section for the message at the end of the file.
+  /// Reads the next token. If the text ends, the message names the section `where`.
   bool next(std::string_view& token, const std::string& where) {
     if (!skip_blank())
       return fail("the file ends in section " + in_quotes(where) + ", without 'end'");
@@ -39,7 +39,7 @@ class TokenReader {
     return true;
   }
 
-  /// A whole number from `least` to `most`.
+  /// Reads an integer from `least` to `most`.
   bool count(const std::string& what, Index least, Index most, Index& value) {
     std::string_view token;
     if (!next(token, what)) return false;
@@ -51,14 +51,14 @@ class TokenReader {
     return fail(what + ": " + in_quotes(token) + " is not " + bounds(least, most));
   }
 
-  /// The range in words.
+  /// Returns the range in words, for messages.
   static std::string bounds(Index least, Index most) {
     if (most < least) return "possible where there is nothing to index";
     if (most == least) return std::to_string(least);
     return "within " + std::to_string(least) + " to " + std::to_string(most);
   }
 
-  /// A number; infinite only where `open` allows it.
+  /// Reads a number. With `open`, it may be infinite.
   bool number(const std::string& what, double& value, bool open = false) {
     std::string_view token;
     if (!next(token, what)) return false;
@@ -74,7 +74,7 @@ class TokenReader {
     return true;
   }
 
-  /// Returns true when nothing but white space is left; else an error that names what is.
+  /// Returns true when only white space is left; else fails and names the next token.
   bool at_end(const std::string& after) {
     if (!skip_blank()) return true;
     const std::string_view rest = text_.substr(place_);
@@ -82,7 +82,7 @@ class TokenReader {
                 in_quotes(after));
   }
 
-  /// Line of the last token, the first is 1.
+  /// Returns the line number of the last token, counted from 1.
   Index line() const { return token_line_; }
   /// The first error, or "".
   const std::string& error() const { return error_; }
@@ -90,7 +90,7 @@ class TokenReader {
  private:
   static constexpr std::string_view kBlank = " \t\r\v\f\n";
 
-  /// Goes to the next token; false where there is none.
+  /// Moves to the next token. Returns false where there is none.
   bool skip_blank() {
     for (; place_ < text_.size() && kBlank.find(text_[place_]) != std::string_view::npos;
          ++place_) {

@@ -2,12 +2,12 @@
 
 // Dense kernels of the multifrontal factorisation, column major, leading dimension ld.
 //
-// A front is F = [F_pp .; F_bp F_bb], symmetric, p pivot and b border rows (both multiples of 3).
-// With F_pp = L Lᵀ and V = F_bp L⁻ᵀ, the elimination replaces the pivot columns by L and V, and
-// computes the Schur complement U = F_bb - V Vᵀ for the parent. It works on panels of at most 12
-// columns. The diagonal block of L in each panel is replaced by its inverse. Solves
-// (solve_kernels.hpp) then consist only of products with small dense matrices. The kernels work on
-// tiles of vector registers, whose lanes are successive rows.
+// A front is a symmetric matrix F = [F_pp .; F_bp F_bb] with p pivot rows and b border rows (both
+// multiples of 3). With F_pp = L Lᵀ and V = F_bp L⁻ᵀ, the elimination replaces the pivot columns by
+// L and V, and computes the Schur complement U = F_bb - V Vᵀ for the parent. The elimination works
+// on panels of at most 12 columns, and stores the inverse of the diagonal block of L of each panel
+// in place of the block. Solves (solve_kernels.hpp) then consist only of products with small dense
+// matrices. The kernels work on tiles of vector registers, whose lanes are successive rows.
 
 #include <algorithm>
 #include <cmath>
@@ -16,13 +16,13 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Columns of a full panel: four vertices.
+/// Number of columns of a full panel: those of four vertices.
 inline constexpr int kPanel = 12;
 
 /// The division of `columns` (a multiple of 3) into panels of at most kPanel columns. The widths
 /// are multiples of 3, and as equal as possible.
 struct Panels {
-  /// Columns in thirds.
+  /// Number of columns divided by 3.
   int vertices;
   /// Number of panels.
   int count;
@@ -53,8 +53,9 @@ CLOTHCTL_KERNEL void dispatch_width(int width, Function&& function) {
   }
 }
 
-/// Inverse of the Cholesky factor of a w×w block (w <= 12; lower triangle of `a`): t[stride·k + i]
-/// = (L⁻¹)_ik. Fails when: a pivot is not positive or not finite (returns false).
+/// Inverse of the Cholesky factor L of a w×w block (w = `width` <= 12; lower triangle of `a`):
+/// inverse[kStride·k + i] = (L⁻¹)_ik. `factorize` returns false when a pivot is not positive or not
+/// finite.
 template <class Scalar>
 struct DiagonalBlock {
   static constexpr int kStride = native_lanes<Scalar>() >= 8 ? 16 : kPanel;
@@ -103,7 +104,7 @@ struct DiagonalBlock {
   }
 };
 
-/// kVectors registers of rows by kColumns columns.
+/// A tile of a matrix in registers: kVectors registers of rows by kColumns columns.
 template <class Scalar, int kVectors, int kColumns>
 struct Tile {
   static constexpr int kLanes = native_lanes<Scalar>();
@@ -155,8 +156,8 @@ struct Tile {
   }
 };
 
-/// Calls `function(integral_constant<int, vectors>, row)` for tiles of one or more whole registers
-/// that cover rows [first, last).
+/// Calls `function(integral_constant<int, vectors>, row)` for tiles that cover rows [first, last);
+/// a tile has `vectors` whole registers of rows and begins at `row`.
 template <class Scalar, class Function>
 CLOTHCTL_KERNEL void for_each_row_tile(Index first, Index last, Function&& function) {
   constexpr int kLanes = native_lanes<Scalar>();
@@ -169,9 +170,10 @@ CLOTHCTL_KERNEL void for_each_row_tile(Index first, Index last, Function&& funct
   for (; row < last; row += kLanes) function(std::integral_constant<int, 1>{}, row);
 }
 
-/// Computes kWidth pivot columns from `first` on: subtracts the products of all columns before,
-/// replaces the diagonal block by L⁻¹, and the rows below by those of L. Writes `rows` rows,
-/// rounded up to whole registers. Fails when: the block is not positive definite.
+/// Eliminates kWidth pivot columns from `first` on: subtracts the products with all earlier
+/// columns, replaces the diagonal block by the inverse of its Cholesky factor, and the rows below
+/// by those of L. Writes `rows` rows, rounded up to whole registers. Returns false when the
+/// diagonal block is not positive definite.
 template <int kWidth, class Scalar>
 bool eliminate_panel(Scalar* f, Index ld, Index rows, Index first) {
   constexpr Index kLanes = native_lanes<Scalar>();
@@ -209,9 +211,10 @@ bool eliminate_panel(Scalar* f, Index ld, Index rows, Index first) {
 }
 
 /// Eliminates the `pivots` columns of a front with `pivots + border` rows, and subtracts V Vᵀ from
-/// its lower border block u. If `fresh`, it takes u as zero and does not read it. ld and ldu are
-/// multiples of native_lanes. It may write the padding rows. After the last column of f,
-/// native_lanes more numbers must be readable. Fails when: the front is not positive definite.
+/// the lower triangle of its border block u. If `fresh`, u counts as zero and is not read. ld and
+/// ldu are multiples of native_lanes. Padding rows may be overwritten. After the last column of f,
+/// native_lanes more numbers must be readable. Returns false when the pivot block is not positive
+/// definite.
 template <class Scalar>
 bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u, Index ldu,
                      bool fresh) {
@@ -248,8 +251,8 @@ bool eliminate_front(Scalar* f, Index ld, Index pivots, Index border, Scalar* u,
 }
 
 /// Copies the pivot columns of an eliminated front in the order in which solves read them: one
-/// panel of rows after the other (pivots, then border). Each panel is stored column by column, up
-/// to its diagonal block.
+/// panel of rows after the other (pivots, then border). Each panel is stored column by column; a
+/// pivot panel ends with its diagonal block.
 template <class Scalar>
 void pack_front(const Scalar* f, Index ld, Index pivots, Index border, Scalar* to) {
   const auto pack_rows = [&](Index first, int width, Index columns) {
@@ -284,7 +287,7 @@ CLOTHCTL_KERNEL void add_lanes(Scalar* target, const Scalar* source) {
   a.store(target);
 }
 
-/// target[i] += source[i].
+/// target[i] += source[i] for i < count.
 template <class Scalar>
 CLOTHCTL_KERNEL void add_run(Scalar* target, const Scalar* source, Index count) {
   constexpr int kLanes = native_lanes<Scalar>();

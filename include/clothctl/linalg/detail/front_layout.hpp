@@ -1,8 +1,8 @@
 #pragma once
 
 // The symbolic part of a multifrontal factorisation (Liu 1992): the vertices of each front, the
-// places of all blocks of the matrix and of all rows of the children's update matrices, and the
-// layout of the memory. It depends only on the pattern and the elimination order.
+// positions in its front of each matrix block and of each row of the children's update matrices,
+// and the layout of the memory. All depend only on the pattern and the elimination tree.
 
 #include <algorithm>
 #include <cassert>
@@ -18,28 +18,29 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// by position in the elimination order.
 struct Front {
   Index pivots = 0, border = 0;
-  Index ld = 0, ldu = 0;         // leading dimensions of its pivot columns and of its update matrix
-  Index factor = 0, update = 0;  // begin of its packed columns and of its update matrix
-  int vertex_begin = 0;          // begin of the vertices of its rows
-  int entry_begin = 0, entry_end = 0;  // its blocks of the matrix
+  Index ld = 0, ldu = 0;         // leading dimensions of the pivot columns and of the update matrix
+  Index factor = 0, update = 0;  // begin of the packed columns and of the update matrix
+  int vertex_begin = 0;          // begin in `vertices`, one for 3 rows
+  int entry_begin = 0, entry_end = 0;  // range in `entries`
   int child_begin = 0, child_end = 0;
 };
 
 /// A block of the matrix: its slot (-1 for a diagonal block), its vertices (row > column unless
-/// diagonal), true if it is added as its transpose, and the place of its first scalar in the pivot
-/// columns.
+/// diagonal), whether the front gets its transpose, and the position of its first scalar in the
+/// pivot columns.
 struct FrontEntry {
   int slot, row, column;
   bool transposed;
   Index target;
 };
 
-/// Rows of a child's update matrix that are contiguous in the parent's front too.
+/// `length` rows of a child's update matrix, from row `source` on, that are contiguous in the
+/// parent's front too, from row `target` on.
 struct FrontRun {
   Index source, target, length;
 };
 
-/// A child of a front: its number and the runs of its update matrix.
+/// A child of a front: its number and the range of its runs in `runs`.
 struct FrontChild {
   int front;
   int run_begin, run_end;
@@ -158,8 +159,8 @@ struct FrontLayout {
     }
   }
 
-  /// Computes the children of each front, in ascending order, and the places of the rows of their
-  /// update matrices.
+  /// Lists the children of each front in ascending order, and computes which rows of the front get
+  /// the rows of their update matrices.
   void lay_out_children(const EliminationTree& tree) {
     // Linked lists of the children that have a border.
     std::vector<int> first(fronts.size(), -1), next(fronts.size(), -1);
@@ -176,7 +177,7 @@ struct FrontLayout {
     }
   }
 
-  /// Computes the places of the rows of the update matrix of child c in the front of node k. A run
+  /// Computes which rows of the front of node k get the rows of the update matrix of child c. A run
   /// never extends from the pivots of the parent into its border.
   void lay_out_child(const EliminationTree& tree, std::size_t k, std::size_t c) {
     const Front& front = fronts[k];
@@ -202,8 +203,8 @@ struct FrontLayout {
     children.push_back(child);
   }
 
-  /// Gives each update matrix the first gap in memory that is free from its own elimination until
-  /// its parent has assembled it.
+  /// Assigns to each update matrix the first sufficient gap in memory. The gap is in use from the
+  /// elimination of its front until the parent has assembled the matrix.
   void lay_out_updates() {
     struct Live {
       Index begin, end;

@@ -1,13 +1,14 @@
 #pragma once
 
 // Approximate minimum degree: an elimination order that keeps the factor of a sparse symmetric
-// matrix sparse. It always eliminates the node for which an upper bound of the degree is smallest.
+// matrix sparse. The next node is always one with the smallest upper bound of the degree.
 //
-// The elimination of p makes its neighbours a clique. The clique is stored as one element
-// L_p = (A_p ∪ ⋃ L_e over its elements e) \ {p}, which replaces these elements, so the graph does
-// not grow. L_p is the pattern of column p of the factor, so the order also gives the fill. After
-// p, the degree of i is at most |A_i| + |L_p \ i| + Σ_e |L_e \ L_p|. Reference: Amestoy, Davis and
-// Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
+// The elimination of a node p makes its neighbours a clique. The clique is stored as one element
+// L_p = (A_p ∪ ⋃_e L_e) \ {p}, where A_p are the neighbours of p that are listed singly, and e are
+// the elements that contain p. L_p replaces these elements, so the graph does not grow. L_p is also
+// the pattern of column p of the factor, so the order gives the fill too. After the elimination of
+// p, the degree of node i is at most |A_i| + |L_p \ i| + Σ_e |L_e \ L_p|, over the other elements e
+// that contain i. Reference: Amestoy, Davis and Duff, SIAM J. Matrix Anal. Appl. 17 (1996).
 
 #include <algorithm>
 #include <vector>
@@ -16,12 +17,12 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Orders nodes by approximate minimum degree. Among nodes of equal degree it takes the one whose
-/// degree changed last. All memory comes from `reserve`.
+/// Orders nodes by approximate minimum degree. Among nodes of equal degree, the one whose degree
+/// changed last comes first. All memory comes from `reserve`.
 class MinimumDegree {
  public:
-  /// Makes room for graphs with so many nodes and neighbours (each edge counts twice) and for so
-  /// many entries of the factor. Allocates.
+  /// Makes room for graphs with up to `nodes` nodes and `neighbours` neighbours in all (each edge
+  /// counts twice), and for `fill` entries of the factor below the diagonal. Allocates.
   void reserve(Index nodes, Index neighbours, Index fill) {
     const std::size_t n = static_cast<std::size_t>(nodes);
     for (std::vector<int>* v : {&first_, &elements_, &variables_, &size_, &outside_, &mark_,
@@ -34,7 +35,7 @@ class MinimumDegree {
     start(0);
   }
 
-  /// Starts a graph of so many nodes. For each node in turn, call `neighbour` for all its
+  /// Starts a graph of `nodes` nodes. For each node in turn, call `neighbour` for all its
   /// neighbours and then `close`.
   void start(Index nodes) {
     nodes_ = static_cast<int>(nodes);
@@ -42,15 +43,15 @@ class MinimumDegree {
     used_ = 0;
     first_[0] = 0;
   }
-  /// Adds a neighbour of the present node.
+  /// Adds a neighbour of the current node.
   void neighbour(Index other) {
     list_[static_cast<std::size_t>(used_++)] = static_cast<int>(other);
   }
-  /// Ends the neighbours of the present node.
+  /// Ends the neighbours of the current node; the next node becomes the current one.
   void close() { first_[static_cast<std::size_t>(++node_)] = used_; }
 
-  /// Finds the order. Returns false when the factor would have more than `fill` entries (at most as
-  /// many as reserved), or when Σ |L_p|² would exceed `work`. Never allocates.
+  /// Finds the order. Returns false when the factor would have more than `fill` entries below the
+  /// diagonal (or more than are reserved), or when Σ |L_p|² would exceed `work`. Never allocates.
   bool order(double work, Index fill) {
     most_ = (std::min)(static_cast<int>(fill), static_cast<int>(cliques_.size()));
     for (int i = 0; i <= nodes_; ++i) {
@@ -81,9 +82,9 @@ class MinimumDegree {
     return true;
   }
 
-  /// The node at place k of the order.
+  /// The node at position k of the order.
   int node(int k) const { return order_[static_cast<std::size_t>(k)]; }
-  /// Number of entries below the diagonal in the column of node p.
+  /// Number of entries below the diagonal in column p of the factor.
   int column(int p) const { return size_[static_cast<std::size_t>(p)]; }
   /// Number of entries of the factor below the diagonal.
   int fill() const { return fill_; }
@@ -110,8 +111,8 @@ class MinimumDegree {
     }
   }
 
-  /// Makes the element of p: the union of its variables and of the members of its elements. Absorbs
-  /// these elements. Returns false when the memory is full.
+  /// Makes the element L_p: the union of the variables (A_p) and of the members of the elements of
+  /// node p. Absorbs these elements. Returns false when the limit on the fill is exceeded.
   bool join(int p) {
     const int begin = fill_;
     at(clique_first_, p) = begin;
@@ -139,11 +140,12 @@ class MinimumDegree {
     return true;
   }
 
-  /// Marks an element as part of another one. The length of its column of the factor stays.
+  /// Marks an element as absorbed by a later one. The length of its factor column (size_) is kept.
   void absorb(int e) { at(outside_, e) = kAbsorbed; }
   bool absorbed(int e) { return at(outside_, e) == kAbsorbed; }
 
-  /// Updates the lists and degree bounds of the members of p. Returns the smallest bound.
+  /// Updates the lists and degree bounds of the members of L_p after p was eliminated at position
+  /// k. Returns the smallest of these bounds.
   int renew_degrees(int p, int k) {
     const int begin = at(clique_first_, p);
     const int end = begin + at(size_, p);
@@ -153,8 +155,9 @@ class MinimumDegree {
       for (int q = list; q < list + at(elements_, i); ++q) {
         const int e = at(list_, q);
         if (absorbed(e)) continue;
-        // Elements are not members of p, so their marks are free for use here. An element that is
-        // not absorbed still has all its members, since the elimination of one absorbs it.
+        // Elements are not members of L_p, so their marks are free for use here. An element that is
+        // not absorbed still has all its members, because the elimination of a member absorbs the
+        // element.
         if (at(mark_, e) != p) {
           at(mark_, e) = p;
           at(outside_, e) = at(size_, e);
@@ -198,7 +201,7 @@ class MinimumDegree {
   /// The elements and then the variables of node i begin at list_[first_[i]].
   std::vector<int> first_, elements_, variables_, list_;
   /// The size_[e] members of element e begin at cliques_[clique_first_[e]]. outside_[e] counts
-  /// those that are not members of p.
+  /// those that are not in L_p for the last eliminated node p.
   std::vector<int> cliques_, clique_first_, size_, outside_;
   std::vector<int> mark_, degree_, next_, previous_, head_, order_, scratch_;
   int nodes_ = 0, node_ = 0, used_ = 0, fill_ = 0, most_ = 0;

@@ -1,9 +1,9 @@
 #pragma once
 
-// A pack: a few numbers in as many vector registers as they need. It uses the vector types of g++
-// and clang, so that the same source compiles to SSE, AVX, AVX-512, NEON or WebAssembly code. Other
-// scalars and compilers use plain arrays. A chunk is one register, the widest one whose length
-// divides that of the pack.
+// A pack: a few numbers in as many vector registers as they need. The code uses the vector types of
+// g++ and clang, so that the same source compiles to SSE, AVX, AVX-512, NEON or WebAssembly code.
+// Other scalars and compilers use plain arrays. A chunk is one register of a pack, the widest one
+// whose length divides the length of the pack.
 
 #include <cstring>
 #include <type_traits>
@@ -28,15 +28,16 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Leading dimensions are multiples of this, the widest register of any machine. So the layout of
-/// the memory is the same in all units of a program, even if their compiler flags differ.
+/// Leading dimensions are multiples of this number of scalars, those of the widest register of any
+/// machine. So the layout of the memory is the same in all units of a program, even if their
+/// compiler flags differ.
 template <class Scalar>
 constexpr int padded_lanes() {
   return std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double> ? 64 / int(sizeof(Scalar))
                                                                          : 1;
 }
 
-/// Bytes of the widest register.
+/// Bytes of the widest vector register of the target machine.
 #if defined(__AVX512F__)
 inline constexpr int kVectorBytes = 64;
 #elif defined(__AVX__)
@@ -52,7 +53,7 @@ inline constexpr bool kManyRegisters = true;
 inline constexpr bool kManyRegisters = false;
 #endif
 
-/// Numbers in one vector register; 1 for scalars and compilers without vector types.
+/// Number of scalars in one vector register; 1 for scalar types and compilers without vector types.
 template <class Scalar>
 constexpr int native_lanes() {
 #if defined(__GNUC__)

@@ -1,6 +1,8 @@
 #pragma once
 
-// Solves with a packed front (pack_front in dense_kernels.hpp), panel by panel of its rows:
+// Solves with a packed front (pack_front in dense_kernels.hpp), one panel of rows after the other.
+// x_i are the rows of panel i of the right-hand sides, L_ik the block of L or V in row panel i and
+// column panel k:
 //     forward   x_i <- L_ii⁻¹ (x_i - Σ_{k<i} L_ik x_k),
 //     backward  x_i <- L_ii⁻ᵀ x_i,  then x_k <- x_k - L_ikᵀ x_i for all k < i, last panel first.
 // Each pass reads the factor once: the forward pass from begin to end, the backward pass from end
@@ -13,8 +15,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Prefetches the memory `offset` scalars from an address. The address need not be inside an
-/// object.
+/// Prefetches the memory at `base` + `offset` scalars. This address need not be inside an object.
 template <class Scalar>
 CLOTHCTL_KERNEL void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unused]] Index offset) {
 #if defined(__GNUC__)
@@ -26,7 +27,8 @@ CLOTHCTL_KERNEL void prefetch([[maybe_unused]] const Scalar* base, [[maybe_unuse
 /// kRows rows of kLanes right-hand sides.
 template <class Scalar, int kRows, int kLanes>
 struct RowBlock {
-  /// A single right-hand side is stored in one pack, several in one pack for each row.
+  /// A single right-hand side is stored in one pack; several right-hand sides have one pack for
+  /// each row.
   static constexpr bool kSingle = kLanes == 1;
   static constexpr int kPacks = kSingle ? 1 : kRows;
   /// Prefetch distance of a forward pass, in scalars; found by measurement.
@@ -119,7 +121,7 @@ struct RowBlock {
 };
 
 /// Forward pass of a front. Solves for the pivot rows x in place. Then calls `subtract(row, block)`
-/// with the product V x of each panel of border rows; `row` is the first row of the panel.
+/// for each panel of border rows, where `block` is its product V x and `row` its first border row.
 template <int kLanes, class Scalar, class Subtract>
 void solve_front_forward(const Scalar* packed, Index pivots, Index border, Scalar* x,
                          Subtract&& subtract) {
@@ -151,8 +153,8 @@ void solve_front_forward(const Scalar* packed, Index pivots, Index border, Scala
   }
 }
 
-/// Backward pass of a front. Solves for the pivot rows x in place. `load(row, block)` must fill a
-/// block of border rows that begins at `row`.
+/// Backward pass of a front. Solves for the pivot rows x in place. `load(row, block)` must fill
+/// `block` with the solution of the border rows from `row` on.
 template <int kLanes, class Scalar, class Load>
 void solve_front_backward(const Scalar* packed, Index pivots, Index border, Scalar* x,
                           Load&& load) {

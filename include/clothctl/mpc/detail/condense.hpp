@@ -1,8 +1,9 @@
 #pragma once
 
-// Condenses the cost of a window into Hessian and gradient. Weighted outputs e_k = e⁰_k + Σ_{j<=k}
-// Z_{k-j} δ_j give ½ Σ_k |e_k|² = ½ δᵀH δ + gᵀδ + const. Because Z is Toeplitz in time, H follows
-// from a recurrence instead of products of big matrices:
+// Condenses the cost of a window into Hessian and gradient. With the changes δ of the inputs and
+// their weighted impulse response Z, the weighted outputs e_k = e⁰_k + Σ_{j<=k} Z_{k-j} δ_j give
+// the cost ½ Σ_k |e_k|² = ½ δᵀH δ + gᵀδ + const. Because Z is Toeplitz in time, H follows from a
+// recurrence instead of products of big matrices:
 //
 //   H_{j,l} = H_{j+1,l+1} + Z_{K-1-j}ᵀ Z_{K-1-l},   H_{K,.} = H_{.,K} = 0
 //   g_j = Σ_{k>=j} Z_{k-j}ᵀ e⁰_k                    j, l, k = 0 .. K-1

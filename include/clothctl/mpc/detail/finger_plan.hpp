@@ -12,8 +12,8 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 template <RealScalar Scalar>
 class FingerPlan {
  public:
-  /// Sets the forces of all frames to zero and names their grips, fingers and vertices. Allocates
-  /// when a size changes.
+  /// Sets the forces of all frames to zero and sets their indices of grip, finger and vertex.
+  /// Allocates when a size changes.
   template <class Contact>
   void reset(const GripBasis<Scalar, Contact>& basis, Index horizon) {
     std::vector<FingerForce<Scalar>> none(static_cast<std::size_t>(basis.force_count()));
@@ -28,7 +28,7 @@ class FingerPlan {
     frames_.assign(static_cast<std::size_t>(horizon), none);
   }
 
-  /// Moves the plan on by a frame; its last frame is repeated. Never allocates.
+  /// Moves the plan on by a frame and repeats the last frame. Never allocates.
   void shift() {
     for (std::size_t k = 0; k + 1 < frames_.size(); ++k) frames_[k].swap(frames_[k + 1]);
     if (frames_.size() > 1) frames_.back() = frames_[frames_.size() - 2];
@@ -36,10 +36,6 @@ class FingerPlan {
 
   /// The forces of frame `k`.
   std::vector<FingerForce<Scalar>>& frame(Index k) { return frames_[static_cast<std::size_t>(k)]; }
-  /// The forces of frame `k`.
-  const std::vector<FingerForce<Scalar>>& frame(Index k) const {
-    return frames_[static_cast<std::size_t>(k)];
-  }
 
  private:
   std::vector<std::vector<FingerForce<Scalar>>> frames_;

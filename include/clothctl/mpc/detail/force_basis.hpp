@@ -5,8 +5,8 @@
 //
 //   r = B d + r0
 //
-// r holds the forces on the held vertices, three coordinates each; the place of a held vertex in r
-// is its slot. r0 is the force at d = 0: an adhesive finger presses less than nothing and pulls.
+// r holds the forces on the held vertices, three coordinates each; the index of a held vertex in r
+// is its slot. r0 is the force at d = 0: the largest pull of an adhesive finger, zero otherwise.
 //
 // Reference: [Bai 2016], eq. 1-2.
 
@@ -35,7 +35,7 @@ class ForceBasis {
     int grip, finger;
     /// First column and number of columns.
     Index column, count;
-    /// First of its entries in the list of finger forces; it has one a vertex.
+    /// Index of its first entry in the list of finger forces, where it has one for each vertex.
     Index first_force;
     /// The slots of its vertices, in the finger's order.
     std::vector<Index> held_slots;
@@ -74,7 +74,7 @@ class ForceBasis {
 
   /// The fingers.
   const std::vector<FingerColumns>& fingers() const { return fingers_; }
-  /// Number of finger forces: one a finger and vertex.
+  /// Number of finger forces: one for each vertex of each finger.
   Index force_count() const { return force_count_; }
   /// Contact normals, 3 × force_count.
   const Points<Scalar>& normals() const { return normals_; }
@@ -115,7 +115,7 @@ class ForceBasis {
     }
   }
 
-  /// Writes the finger forces of one frame's coefficients `d` (as many as `force_count`). Never
+  /// Writes the finger forces (`force_count` entries) of one frame's coefficients `d`. Never
   /// allocates.
   void finger_forces(const std::vector<Grip<Scalar, Contact>>& grips,
                      const HeldVertices<Scalar>& held, const MatrixX<Scalar>& B,
@@ -152,7 +152,7 @@ class ForceBasis {
     return sum - adhesion(contact, m) * Scalar(static_cast<double>(m));
   }
 
-  /// The finger that columns belong to.
+  /// Returns the finger that `columns` belong to.
   static const Finger<Scalar, Contact>& finger(const std::vector<Grip<Scalar, Contact>>& grips,
                                                const FingerColumns& columns) {
     return grips[static_cast<std::size_t>(columns.grip)]
@@ -167,7 +167,7 @@ class ForceBasis {
   }
 
  private:
-  /// The rows from the first to the last slot that a generator acts on.
+  /// Returns the rows of B from the first to the last slot that a generator acts on.
   static RowRange rows_of(const FingerColumns& columns, const std::pair<Index, Index>& support) {
     const auto begin = columns.held_slots.begin() + support.first;
     const auto [low, high] = std::minmax_element(begin, begin + support.second);

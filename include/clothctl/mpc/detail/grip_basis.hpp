@@ -43,15 +43,15 @@ class GripBasis {
   const HeldVertices<Scalar>& held() const { return held_; }
   /// The fingers and their columns; empty for poses.
   const std::vector<FingerColumns>& fingers() const { return forces_.fingers(); }
-  /// The finger that columns belong to.
+  /// Returns the finger that `columns` belong to.
   const Finger<Scalar, Contact>& finger(const FingerColumns& columns) const {
     return forces_.finger(grips_, columns);
   }
-  /// Number of finger forces, one a finger and vertex; 0 for poses.
+  /// Number of finger forces: one for each vertex of each finger; 0 for poses.
   Index force_count() const { return forces_.force_count(); }
   /// Number of unknowns of a frame.
   Index unknowns() const { return matrix_.cols(); }
-  /// Number of raw inputs of a frame, three a held vertex.
+  /// Number of raw inputs of a frame, three for each held vertex.
   Index inputs() const { return matrix_.rows(); }
   /// B, inputs × unknowns.
   const MatrixX<Scalar>& matrix() const { return matrix_; }
@@ -69,8 +69,8 @@ class GripBasis {
     }
   }
 
-  /// Writes the bounds of one frame's unknowns at positions `x`; `max_step` (m) and `dt` (s) bound
-  /// poses. Never allocates.
+  /// Writes the bounds of one frame's unknowns at positions `x`. For poses they follow from
+  /// `max_step` (m) and `dt` (s), for forces from the contact models. Never allocates.
   void bounds(const PointsView<Scalar>& x, Scalar max_step, Scalar dt,
               Eigen::Ref<VectorX<Scalar>> lower, Eigen::Ref<VectorX<Scalar>> upper) const {
     if (input_ == GripInput::Pose) {

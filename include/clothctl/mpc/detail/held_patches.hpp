@@ -56,8 +56,8 @@ std::vector<HeldPatch<Scalar>> find_patches(const GripBasis<Scalar, Contact>& ba
   return patches;
 }
 
-/// Writes mode `i` of the non-affine motion as a weighted sum of outputs; `first` is the output of
-/// the first held vertex. Allocates only when `point` grows.
+/// Writes mode `i` of the non-affine motion to `point` as a weighted sum of outputs. `first`: index
+/// of the output that is the first held vertex. Allocates only when `point` grows.
 template <RealScalar Scalar>
 void take_non_affine(const HeldPatch<Scalar>& patch, Index i, Index first,
                      std::vector<OutputTerm<Scalar>>& point) {

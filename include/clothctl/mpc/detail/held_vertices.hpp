@@ -27,7 +27,7 @@ class HeldVertices {
   std::size_t grip_count() const { return grip_begin_.size() - 1; }
   /// The held vertices, grip by grip.
   const std::vector<int>& vertices() const { return vertices_; }
-  /// First slot of grip `g`; that of grip g + 1 ends it.
+  /// First slot of grip `g`. The slots of grip g end before `grip_begin(g + 1)`.
   std::size_t grip_begin(std::size_t g) const { return grip_begin_[g]; }
   /// Number of vertices of grip `g`.
   std::size_t grip_size(std::size_t g) const { return grip_begin_[g + 1] - grip_begin_[g]; }
@@ -45,7 +45,7 @@ class HeldVertices {
     return sum / Scalar(static_cast<double>(grip_size(g)));
   }
 
-  /// Returns one over the number of vertices of the grip that slot `slot` belongs to.
+  /// Returns 1/(number of vertices) of the grip that slot `slot` belongs to.
   Scalar vertex_share(Index slot) const {
     const std::size_t g = grip_of_[static_cast<std::size_t>(slot)];
     return Scalar(1) / Scalar(static_cast<double>(grip_size(g)));

@@ -1,7 +1,7 @@
 #pragma once
 
-// From a window's solution to its plan: raw inputs r_k = B u_k + r0, held back to max_change of the
-// previous plan r̄, and the change of the outputs that they cause:
+// Turns the solution of a window into its plan, the raw inputs r_k = B u_k + r0. For velocities, it
+// limits the change from the previous plan r̄ to max_change. The outputs then change by
 //
 //   Δy_k = Σ_(j <= k) R_(k-j) (r_j - r̄_j)        R: impulse response
 
@@ -23,8 +23,9 @@ class PlanChange {
     outputs_.setZero(problem.request.output_rows(), problem.settings.horizon);
   }
 
-  /// Writes the raw inputs of the solution of `qp` to result.plan and computes the change. With a
-  /// previous plan, velocities are scaled back to max_change. Never allocates.
+  /// Writes the raw inputs of the solution of `qp` to result.plan and computes the change. If there
+  /// is a previous plan and the inputs are velocities, their change is scaled down to max_change.
+  /// Never allocates.
   template <class Problem, class Qp>
   void take(const Problem& problem, const Qp& qp, bool has_previous, PlanResult<Scalar>& result) {
     using std::abs;
@@ -54,9 +55,9 @@ class PlanChange {
     }
   }
 
-  /// Returns true when planned forces change the velocity of a held vertex by more than max_change
-  /// in a frame. Such a plan cannot be scaled back, because the previous plan need not lie inside
-  /// of this frame's friction cones.
+  /// Returns true when the new force plan changes the velocity of a held vertex by more than
+  /// max_change in some frame, compared with the previous plan. Such a plan cannot be scaled back,
+  /// because the previous plan need not lie inside of this frame's friction cones.
   template <class Problem>
   bool too_large(const Problem& problem, bool has_previous) const {
     using std::abs;

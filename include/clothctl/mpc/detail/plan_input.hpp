@@ -1,7 +1,7 @@
 #pragma once
 
-// What a frame of planning is given: measured positions and velocities, the time, the target and
-// the air. `take_plan_input` refuses bad arguments without a word, because it may not allocate;
+// The inputs of a frame of planning: measured positions and velocities, the time, the target and
+// the air. `take_plan_input` refuses bad arguments without a message, because it may not allocate;
 // `check_plan_input` finds the same faults and names the first.
 
 #include <string>
@@ -12,15 +12,9 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Returns the time `k` frames after `t`, s.
-template <RealScalar Scalar, class Contact>
-Scalar frame_time(const WindowProblem<Scalar, Contact>& problem, Scalar t, Index k) {
-  return t + Scalar(static_cast<double>(k)) * problem.settings.dt;
-}
-
-/// Samples target and wind over the window that starts at `t` (s), and keeps what was measured of
-/// the held vertices. `x` (m) and `v` (m/s): 3×vertex_count. Returns false when a size is wrong, a
-/// value is not finite or a target is out of reach. Never allocates.
+/// Samples target and wind over the window that starts at `t` (s), and stores the measured motion
+/// of the held vertices. `x` (m) and `v` (m/s): 3×vertex_count. Returns false when a size is wrong,
+/// a value is not finite or a target is out of reach. Never allocates.
 template <RealScalar Scalar, class Contact, class Target, class Wind>
 [[nodiscard]] bool take_plan_input(WindowProblem<Scalar, Contact>& problem,
                                    WindowCost<Scalar, Contact>& cost, Index vertex_count,
@@ -47,7 +41,7 @@ std::string value_text(const Vector3<Scalar>& p) {
   return " is (" + number_text(p[0]) + ", " + number_text(p[1]) + ", " + number_text(p[2]) + ")";
 }
 
-/// The same for a target that is not finite or too far away. Allocates.
+/// Returns `value_text(p)` and the range that a target must be in. Allocates.
 template <RealScalar Scalar>
 std::string far_text(const Vector3<Scalar>& p) {
   return value_text(p) + ", must be finite and within " + number_text(largest_target<Scalar>()) +

@@ -46,8 +46,8 @@ bool fits(const WindowProblem<Scalar, Contact>& problem, const PlanResult<Scalar
          result.predicted.cols() == problem.settings.horizon && sent == held_count;
 }
 
-/// Keeps the velocities of the held vertices that the plan promises, from the outputs predicted
-/// under it (problem.response.free_response). Never allocates.
+/// Stores the velocities of the held vertices that the outputs predicted under the plan
+/// (problem.response.free_response) imply, as the path of the request. Never allocates.
 template <RealScalar Scalar, class Contact>
 void take_path(WindowProblem<Scalar, Contact>& problem) {
   for (std::size_t j = 0; j < problem.request.held.size(); ++j) {
@@ -63,8 +63,8 @@ void take_path(WindowProblem<Scalar, Contact>& problem) {
   problem.request.has_path = true;
 }
 
-/// Returns the largest coordinate of a non-affine displacement of a patch that
-/// problem.response.free_response predicts, m. `point`: scratch. Allocates only when `point` grows.
+/// Returns the largest coordinate of a non-affine mode of a patch in
+/// problem.response.free_response, m. `point`: scratch. Allocates only when `point` grows.
 template <RealScalar Scalar, class Contact>
 Scalar largest_non_affine(const WindowProblem<Scalar, Contact>& problem,
                           std::vector<OutputTerm<Scalar>>& point) {
@@ -84,7 +84,8 @@ Scalar largest_non_affine(const WindowProblem<Scalar, Contact>& problem,
   return largest;
 }
 
-/// Sends finger forces; each vertex gets the sum over its fingers. Never allocates.
+/// Writes finger forces to the result. If the plant receives forces, that of a vertex is the sum
+/// over its fingers. Never allocates.
 template <RealScalar Scalar, class Contact>
 void send_forces(const WindowProblem<Scalar, Contact>& problem,
                  const std::vector<FingerForce<Scalar>>& forces, PlanResult<Scalar>& result) {

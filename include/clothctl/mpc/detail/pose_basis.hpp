@@ -3,7 +3,7 @@
 // The unknowns of a planner that plans grip poses: the velocity v of each grip's centroid c and,
 // where it holds several vertices, its angular velocity ω,
 //
-//   r_j = v + ω × (x_j - c),     r: velocities of the held vertices (3 a slot)
+//   r_j = v + ω × (x_j - c),     r: velocities of the held vertices (3 for each slot)
 
 #include <cmath>
 #include <utility>
@@ -18,7 +18,8 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 template <RealScalar Scalar>
 class PoseBasis {
  public:
-  /// Appends the row ranges of the columns of all grips: three, or six, a grip. Allocates.
+  /// Appends the row ranges of the columns of all grips: three columns for a grip of one vertex,
+  /// six for a larger one. Allocates.
   static void reserve(const HeldVertices<Scalar>& held,
                       std::vector<std::pair<Index, Index>>& columns) {
     for (std::size_t g = 0; g < held.grip_count(); ++g) {

@@ -16,7 +16,7 @@ void resize_result(Result& result, Index unknowns, Index rows) {
   if constexpr (requires { result.resize(unknowns, rows); }) result.resize(unknowns, rows);
 }
 
-/// Returns the iterations that a result tells (the optional member `iterations`), or 0.
+/// Returns the iterations that a result reports (the optional member `iterations`), or 0.
 template <class Result>
 int iterations_of(const Result& result) {
   if constexpr (requires { result.iterations; }) return static_cast<int>(result.iterations);
@@ -39,8 +39,7 @@ QpStatus solve_with_rows(Solver& solver, const MatrixX<Scalar>& hessian,
                        View(row_upper), result);
 }
 
-/// The QP with slack on the patch rows, A u + s⁺ - s⁻, and a penalty on s above the multipliers
-/// of the rows.
+/// The QP with slack on the patch rows, A u + s⁺ - s⁻, and the penalty ρ on s⁺ and s⁻.
 template <RealScalar Scalar, QpSolver<Scalar> RowSolver>
 struct RelaxedQp {
   /// Solves the relaxed problem; it has a warm start of its own.

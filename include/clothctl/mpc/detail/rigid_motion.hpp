@@ -17,8 +17,9 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Moves `points` (3×m, m) rigidly for `dt` seconds, as their `velocities` (3×m, m/s) ask for, and
-/// writes where they end. Points on a line do not rotate about it. Never allocates.
+/// Moves `points` (3×m, m) for `dt` seconds by the rigid motion that fits their `velocities` (3×m,
+/// m/s) best, and writes the new positions to `moved`. Points on a line do not rotate about it.
+/// Never allocates.
 template <RealScalar Scalar>
 void move_rigidly(const PointsView<Scalar>& points, const PointsView<Scalar>& velocities,
                   std::type_identity_t<Scalar> dt,

@@ -5,7 +5,7 @@
 //
 //   e_k = s (Σ_i b_i z_{k-i} - target_k),   b = 1 | 1,-1 | 1,-2,1 | 1,-3,3,-1
 //
-// z_0, z_-1 and z_-2 are measured.
+// Frames are k = 1..K. z_0, z_-1 and z_-2 come from measurements.
 
 #include <array>
 #include <cassert>
@@ -42,12 +42,12 @@ class TermStack {
   /// Returns the response of all rows to the raw inputs, Z_0 .. Z_{K-1} side by side, rows ×
   /// inputs·K.
   auto blocks() const { return blocks_.topRows(rows_); }
-  /// Returns the rows at the plan, rows × K.
+  /// Returns the residuals e_k of all rows at the plan, rows × K.
   auto residual() const { return residual_.topRows(rows_); }
 
   /// Adds the three rows of a point. `past`: z_0, z_-1, z_-2. `order`: number of differences, 0 to
-  /// 3. `scale`: √weight, over h where the difference is a velocity. `target(k)`: the wanted value
-  /// in frame k = 0 .. K-1.
+  /// 3. `scale`: s, i.e. √weight, divided by h where the weight is on velocities. `target(k - 1)`:
+  /// target_k, for k = 1..K.
   template <class Target>
   void add(const WindowResponse<Scalar>& window, std::span<const OutputTerm<Scalar>> point,
            const std::array<Vector3<Scalar>, 3>& past, int order, Scalar scale,

@@ -1,7 +1,7 @@
 #pragma once
 
 // The planner's cost over one window, written as weighted rows of the predicted outputs (the sum is
-// in planner_settings.hpp). Features and anchors are pulled to samples of the target at the end of
+// in planner_settings.hpp). Features and hands are pulled to their sampled targets at the end of
 // each frame; the centroids of the grips and the affine shapes of the patches are differenced in
 // time, from the frames before the window on:
 //
@@ -17,8 +17,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Largest coordinate of a target that a planner takes, m: a target further away is an error of the
-/// caller, and the QP could not resolve the sheet beside it.
+/// Largest coordinate of a target that a planner accepts, m. A target further away is an error of
+/// the caller; with it, the QP could not resolve the motion of the sheet.
 template <RealScalar Scalar>
 Scalar largest_target() {
   return Scalar(1e6);
@@ -58,13 +58,13 @@ class WindowCost {
   }
 
   /// Samples the wanted positions of features and hands at the ends of the frames that follow `t`
-  /// (s); `target(feature, time)` in m. Returns false when one is not finite or is unbounded; the
-  /// samples are then of no use. Never allocates.
+  /// (s); `target(feature, time)` in m. Returns false when one is not finite or beyond
+  /// `largest_target`; the samples are then of no use. Never allocates.
   template <class Target>
   [[nodiscard]] bool sample(const Problem& problem, Scalar t, const Target& target) {
     const PlannerSettings<Scalar>& settings = problem.settings;
     for (Index k = 0; k < settings.horizon; ++k) {
-      const Scalar end = t + Scalar(static_cast<double>(k + 1)) * settings.dt;
+      const Scalar end = frame_time(problem, t, k + 1);
       for (Index i = 0; i < problem.feature_count; ++i) {
         const Vector3<Scalar> wanted = target(i, end);
         targets_.template block<3, 1>(3 * i, k) = wanted;

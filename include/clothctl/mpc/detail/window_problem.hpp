@@ -11,7 +11,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// What the held vertices did up to now, by slot: 3×held each.
+/// Measured motion of the held vertices, by slot: 3×held each.
 template <RealScalar Scalar>
 struct HeldMotion {
   /// Measured positions, m.
@@ -69,5 +69,11 @@ struct WindowProblem {
   /// Share of the gravity load that each held vertex carries, N; zero for poses.
   Vector3<Scalar> force_share = Vector3<Scalar>::Zero();
 };
+
+/// Returns the time `k` frames after `t`, s.
+template <RealScalar Scalar, class Contact>
+Scalar frame_time(const WindowProblem<Scalar, Contact>& problem, Scalar t, Index k) {
+  return t + Scalar(static_cast<double>(k)) * problem.settings.dt;
+}
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

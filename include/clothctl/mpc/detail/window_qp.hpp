@@ -7,9 +7,9 @@
 //   grip limits:    Σ s_i d_i - a <= limit    for each finger and frame (s: normal shares)
 //   hard patches:   N y_k = 0                 3 · non-affine modes a frame ([Bai 2016], eq. 3)
 //
-// The QP with bounds alone is tried first. Grip limits go to the row solver only in frames where
-// its solution breaks one; hard patch rows always do. Rows that cannot be met (a grip limit stands
-// against them) are relaxed by an exact L1 penalty.
+// Without hard patch rows, the QP with only bounds is solved first; the row solver follows only
+// when that solution exceeds a grip limit. With hard patch rows, the row solver is used at once. If
+// a grip limit makes the patch rows infeasible, they are relaxed by an exact L1 penalty.
 
 #include <algorithm>
 #include <cmath>
@@ -99,8 +99,8 @@ class WindowQp {
     }
   }
 
-  /// Solves and returns Planned, Suboptimal, Relaxed or Failed. Fills the QP part of `result`; adds
-  /// to the iterations in it. Never allocates.
+  /// Solves and returns Planned, Suboptimal, Relaxed or Failed. Sets qp_status and used_rows of
+  /// `result`, and adds to its qp_iterations. Never allocates.
   PlanStatus solve(const Problem& problem, PlanResult<Scalar>& result) {
     const bool force = problem.settings.input == GripInput::Force;
     bool hard = false;
@@ -192,7 +192,7 @@ class WindowQp {
     }
   }
 
-  /// The QP with bounds alone.
+  /// Solves the QP with only bounds.
   PlanStatus solve_box(PlanResult<Scalar>& result) {
     using Traits = qp_solver_traits<BoxSolver>;
     result.qp_status = Traits::set_hessian(box_, hessian_);
@@ -203,7 +203,7 @@ class WindowQp {
     return take<BoxSolver>(box_result_, result.qp_status);
   }
 
-  /// The QP with rows; relaxed where hard patch rows cannot be met.
+  /// Solves the QP with rows. If hard patch rows are infeasible, solves the relaxed QP.
   PlanStatus solve_rows(const Problem& problem, bool hard, PlanResult<Scalar>& result) {
     fill_rows(problem);
     result.qp_status = solve_with_rows(rows_, hessian_, row_matrix_, gradient_, lower_, upper_,
@@ -238,7 +238,7 @@ class WindowQp {
         .dot(raw.segment(rows.first, rows.second));
   }
 
-  /// Keeps the unknowns of a result; Failed when its status is no solution or it is not finite.
+  /// Stores the unknowns of a result. Returns Failed when there is no solution or it is not finite.
   template <QpSolverBase<Scalar> Solver>
   PlanStatus take(const typename qp_solver_traits<Solver>::result_type& result,
                   QpStatus qp_status) {
@@ -270,7 +270,8 @@ class WindowQp {
     }
   }
 
-  /// Removes what a row solver leaves above the limits, or below zero: the contact law still holds.
+  /// Scales forces that a row solver leaves above the limits down to them, and sets negative
+  /// coefficients to zero. The contact law still holds then.
   void keep_limits(const Problem& problem) {
     const Basis& basis = problem.basis;
     remove_negatives();
@@ -315,7 +316,7 @@ class WindowQp {
     }
   }
 
-  /// Coordinate c of the mode in point_ stays zero in frame k.
+  /// Fills the row that keeps coordinate c of the mode in point_ at zero in frame k.
   void fill_patch_row(Index row, Index k, Index c, const Problem& problem) {
     const Basis& basis = problem.basis;
     const WindowResponse<Scalar>& window = problem.response;

@@ -6,24 +6,24 @@
 //
 //   1. Newton step on the free set:  p_F = -H_FF⁻¹ q_F.
 //   2. Line search along x + t p. An unknown that meets its bound stops there and the others go on,
-//      up to the first minimum along the bent path. Unknowns that met a bound leave F. Back to 1.
-//   3. When no bound was met, x minimises over F. Free every unknown whose multiplier has the wrong
-//      sign: all at once, or one at a time when the objective no longer falls. When there is none,
-//      x is optimal.
+//      up to the first minimum along the bent path. Unknowns that met a bound leave F. Go to 1.
+//   3. When no bound was met, x is the minimiser on F. Free the unknowns whose multiplier has the
+//      wrong sign: all at once, or one at a time when the objective no longer falls. When there is
+//      no such unknown, x is optimal.
 //
 // The method is finite. Step 2 only shrinks F. Between two visits of step 3 the objective falls
-// strictly: q_F = 0 there, and dropping an unknown that points outward only makes the descent
-// steeper. A freed unknown that depends on F (zero pivot) gives a direction d with H d = 0 and
-// qᵀd < 0 (zero_curvature_direction.hpp). The method walks along d to the first bound; when there
-// is none, the problem is unbounded. The curvature class keeps, multiplies and factors H
-// (dense_curvature.hpp, special/low_rank_curvature.hpp).
+// strictly: q_F = 0 there, and removing an unknown whose step points out of its bound only makes
+// the descent steeper. A freed unknown that makes H_FF singular (zero pivot) gives a direction d
+// with H d = 0 and qᵀd < 0 (zero_curvature_direction.hpp). The method moves along d until a bound
+// stops it; when no bound blocks d, the problem is unbounded. The curvature class stores H,
+// multiplies with it and factors H_FF (dense_curvature.hpp, special/low_rank_curvature.hpp).
 //
 // When a minimiser on a given active set is cheap, a primal-dual active-set method
-// (special/primal_dual_active_set.hpp) runs first and provides the start, which is mostly optimal
-// already. It is always cheap with a low-rank Hessian. With a dense Hessian it is cheap when few
-// bounds are active and the Hessian has been used before (special/active_bounds.hpp).
-// Reference: primal active sets, Nocedal and Wright (2006) §16.5; projected Newton, Bertsekas, SIAM
-// J. Control Optim. 20 (1982).
+// (special/primal_dual_active_set.hpp) runs first and provides the start, which in most cases is
+// already optimal. This minimiser is always cheap with a low-rank Hessian. With a dense Hessian it
+// is cheap when few bounds are active and the Hessian has been used before
+// (special/active_bounds.hpp). Reference: primal active sets, Nocedal and Wright (2006) §16.5;
+// projected Newton, Bertsekas, SIAM J. Control Optim. 20 (1982).
 
 #include <algorithm>
 #include <vector>
@@ -40,21 +40,21 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The method on loaded data: open bounds are no_bound, every entry finite. Keeps iterate and
-/// active set between solves.
+/// The method on loaded data: infinite bounds are ±no_bound, and every entry is finite. Keeps
+/// iterate and active set between solves.
 template <RealScalar Scalar, class Curvature>
 class BoxMethod {
  public:
   using Vector = VectorX<Scalar>;
 
-  /// Gradient g and bounds of a solve, n entries each; they must outlive it.
+  /// Gradient g and bounds of a solve, n entries each; they must outlive this object.
   struct Data {
     const Vector& g;
     const Vector& lo;
     const Vector& hi;
   };
 
-  /// Makes room for n unknowns; the curvature is reserved by its owner. Allocates.
+  /// Makes room for n unknowns. The caller must reserve `curvature()` too. Allocates.
   void reserve(Index n) {
     set_zero<Scalar>({&x_, &q_, &p_, &limit_, &work_}, n);
     zero_.reserve(n);
@@ -86,18 +86,19 @@ class BoxMethod {
   const Vector& x() const { return x_; }
   /// H x + g of the last refresh, n entries in use.
   const Vector& gradient() const { return q_; }
-  /// A bound on |H_jk x_k| summed over k, for every j of the last refresh.
+  /// An upper bound on Σ_k |H_jk x_k| for every j, at the x of the last refresh.
   const Scalar& largest_terms() const { return zero_.largest_terms(); }
   /// The direction of the last DualInfeasible, n entries in use.
   const Vector& ray() const { return flat_.ray(); }
 
-  /// Who checks a start from the primal-dual method that has converged.
+  /// Who checks the optimality of a converged guess of the primal-dual method: this method or its
+  /// caller.
   enum class Check { Method, Caller };
 
-  /// Solves; returns Solved (as far as the method can tell), what ran out, NonConvex or
-  /// DualInfeasible, and adds rounds with a change of the active set to `iterations`. Where the
-  /// caller judges x anyway, a finished guess is Solved without a gradient, and `gradient()` is of
-  /// no use. Never allocates.
+  /// Solves. Returns Solved (by its own tests), IterationLimit, TimeLimit, NonConvex or
+  /// DualInfeasible. Adds the rounds that change the active set to `iterations`. With Check::Caller
+  /// a converged guess is Solved without a test, and `gradient()` is then out of date. Never
+  /// allocates.
   QpStatus solve(const Data& data, const Scalar& stationarity_tolerance, const Budget& budget,
                  int& iterations, Check criterion = Check::Method) {
     data_ = &data;
@@ -116,15 +117,16 @@ class BoxMethod {
     return static_cast<Index>(std::count(state_.begin(), state_.begin() + n_, kFree));
   }
 
-  /// H x + g from scratch into `gradient()`.
+  /// Computes `gradient()` = H x + g. Reuses H x only if it was computed from scratch for this very
+  /// x.
   void refresh(const Data& data) {
     data_ = &data;
     refresh_gradient();
     data_ = nullptr;
   }
 
-  /// One Newton step on the free unknowns from a gradient that the caller knows better.
-  /// `gradient()` is of no use afterwards.
+  /// Takes one Newton step on the free unknowns from `gradient`, which the caller has computed more
+  /// accurately. `gradient()` is out of date afterwards.
   void correct(const Data& data, const Vector& gradient) {
     sync_factor();
     curvature_.newton(gradient, p_);
@@ -152,8 +154,8 @@ class BoxMethod {
     start_ = Start::FromX;
   }
 
-  /// Makes the next solve start from an active set: side_of(i) of unknown i. x stays where it is
-  /// between its bounds.
+  /// Makes the next solve start from an active set: side_of(i) of unknown i. Unknowns between their
+  /// bounds keep their x.
   template <class SideOf>
   void warm_start_sides(SideOf side_of) {
     if (start_ == Start::Cold) std::fill_n(x_.data(), n_, Scalar(0));
@@ -161,8 +163,8 @@ class BoxMethod {
     start_ = Start::Warm;
   }
 
-  /// Receding horizon: unknown i takes value and active-set status of unknown i + unknowns; the
-  /// tail repeats the last block.
+  /// Receding horizon: unknown i takes the value and active-set status of unknown i + unknowns; the
+  /// last `unknowns` unknowns keep theirs.
   void shift(Index unknowns) {
     if (unknowns <= 0) return;
     for (Index i = 0; i + unknowns < n_; ++i) {
@@ -212,8 +214,9 @@ class BoxMethod {
     return good_guess();
   }
 
-  /// Guess, then the free-set method. A guess may take half of the budget; one that is cut short is
-  /// taken if it is lower.
+  /// Searches for a guess, then runs the free-set method from there. The search may use half of the
+  /// budget. A guess that the budget cut short is used only if its objective is lower than that of
+  /// x.
   QpStatus run(bool warm, Check criterion, const Budget& budget, int& iterations) {
     const auto side_of = [this](Index i) {
       return static_cast<QpSide>(state(i) == kParked ? kFree : state(i));
@@ -253,12 +256,13 @@ class BoxMethod {
     refresh_gradient();
   }
 
-  /// Status of an unknown that is not in the factor, from where it stands.
+  /// Sets the state of an unknown that is not in the factor from x_i: at a bound, or parked between
+  /// the bounds.
   void place_by_x(Index i) {
     state(i) = !(x_[i] > lo()[i]) ? kLower : !(x_[i] < hi()[i]) ? kUpper : kParked;
   }
 
-  /// q = g + H x; the product comes from scratch, or was made so for this very x.
+  /// q = g + H x. Reuses H x only if it was computed from scratch for this very x.
   void refresh_gradient() { take_gradient(product_.refresh(curvature_, x_)); }
 
   Scalar relative_zero() const {
@@ -271,8 +275,8 @@ class BoxMethod {
     zero_.update(n_, g(), x_, product, relative_zero());
   }
 
-  /// Updates the factor to the free unknowns. Returns how many unknowns it took in; the
-  /// dependent ones stay out.
+  /// Updates the factor to the free unknowns. Returns the number of unknowns added. Unknowns that
+  /// would make H_FF singular stay out.
   Index sync_factor() {
     const Index fresh = update_factor_to(
         curvature_, n_, [this](Index i) { return state(i) == kFree; }, list_, moving_);
@@ -288,7 +292,7 @@ class BoxMethod {
     return taken;
   }
 
-  /// One Newton step over the free set along the bent path.
+  /// Takes one Newton step of the free set along the bent path.
   Walk newton_step() {
     const Index f = curvature_.size();
     bool still = true;
@@ -302,7 +306,8 @@ class BoxMethod {
     return walk(f, true);
   }
 
-  /// Walks along p over the `count` unknowns in moving_, whose bounds bend the path.
+  /// Moves the `count` unknowns in moving_ along p. The path bends where an unknown meets its
+  /// bound.
   Walk walk(Index count, bool newton) {
     using std::sqrt;
     const Scalar rounding = Scalar(4) * static_cast<Scalar>(n_) * scalar_traits<Scalar>::epsilon();
@@ -368,7 +373,8 @@ class BoxMethod {
     }
   }
 
-  /// Violation of the sign condition on q_i, scaled by curvature; 0 where it holds.
+  /// Returns the violation of the sign condition on q_i, divided by √H_ii; 0 when the condition
+  /// holds.
   Scalar violation(Index i) {
     using std::abs;
     if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);
@@ -376,8 +382,8 @@ class BoxMethod {
     return q > zero_[i] ? q * zero_.scale(i) : Scalar(0);
   }
 
-  /// Frees unknowns whose multiplier has the wrong sign: all, or only the worst. Returns the worst
-  /// one, or -1.
+  /// Frees unknowns whose multiplier has the wrong sign: all, or only the one with the largest
+  /// violation. Returns that one, or -1 when there is none.
   Index release(bool one) {
     Index worst = -1;
     Scalar most(0);
@@ -395,7 +401,8 @@ class BoxMethod {
     return worst;
   }
 
-  /// Follows the flat direction that unknown i opens when it depends on the free set.
+  /// Moves along the direction of zero curvature that unknown i has when it would make H_FF
+  /// singular.
   Walk flat_step(Index i) {
     const Index count = flat_.open(curvature_, i, Scalar(q_[i] > Scalar(0) ? -1 : 1), moving_, p_);
     if (flat_.is_ray(curvature_, moving_, count, p_, g(), lo(), hi())) return Walk::Ray;
@@ -412,7 +419,7 @@ class BoxMethod {
     return false;
   }
 
-  /// Returns true when the objective is lower than ever since the start.
+  /// Returns true when the objective is lower than at all earlier calls of this run.
   bool progressed() {
     using std::abs;
     descent_.add_quadratic(
@@ -421,8 +428,8 @@ class BoxMethod {
     return descent_.is_lowest();
   }
 
-  /// Returns true when the gradient vanishes on the free unknowns, to so many times what counts as
-  /// zero, and has the right sign on the others.
+  /// Returns true when each |q_i| of a free unknown is at most `times` its threshold zero_[i], and
+  /// q has the right sign at the other unknowns.
   bool optimal(const Scalar& times = Scalar(1)) {
     using std::abs;
     for (Index i = 0; i < n_; ++i) {
@@ -432,8 +439,8 @@ class BoxMethod {
     return true;
   }
 
-  /// Returns true when a guess needs no more work: its stationarity may take an eighth of the
-  /// tolerance.
+  /// Returns true when a guess needs no more work: its stationarity error is within an eighth of
+  /// the tolerance.
   bool good_guess() {
     return optimal(
         (std::max)(Scalar(1), Scalar(stationarity_tolerance_ / (Scalar(8) * relative_zero()))));
@@ -443,7 +450,7 @@ class BoxMethod {
     take_gradient(product_.update(curvature_, x_));
     if (guessed && good_guess()) return QpStatus::Solved;
     if (guessed && guess_.rounds().ended()) refine_guess();
-    if (optimal()) {  // the product of a few moves may be rounded by how far they went
+    if (optimal()) {  // rounding errors of an updated H x grow with the distance moved
       refresh_gradient();
       if (optimal()) return QpStatus::Solved;
     }
@@ -474,9 +481,9 @@ class BoxMethod {
         if (outcome == Walk::Concave) return QpStatus::NonConvex;
         if (outcome == Walk::Ray) return QpStatus::DualInfeasible;
         if (outcome != Walk::Unbounded) continue;
-        if (met_bound()) continue;  // on from there, with what is still free
+        if (met_bound()) continue;  // go on with the unknowns that are still free
       }
-      stuck = true;  // no further way down that rounding does not hide: the residuals will tell
+      stuck = true;  // rounding hides any further descent; the residuals decide
     }
   }
 

@@ -1,10 +1,10 @@
 #pragma once
 
 // Provides a start for the box method by a primal-dual active-set method
-// (special/primal_dual_active_set.hpp). In most cases the start is already optimal. The method pays
+// (special/primal_dual_active_set.hpp). In most cases the start is already optimal. This saves time
 // only if the minimiser on a given active set is cheap. With a low-rank Hessian it always is. With
-// a dense Hessian it needs the inverse K = H⁻¹ (special/active_bounds.hpp), which is computed after
-// several solves with the same Hessian.
+// a dense Hessian the minimiser needs the inverse K = H⁻¹ (special/active_bounds.hpp), which is
+// computed after several solves with the same Hessian.
 
 #include "clothctl/qp/detail/dense_curvature.hpp"
 #include "clothctl/qp/detail/special/primal_dual_active_set.hpp"
@@ -17,7 +17,7 @@ class BoxWarmStart {
  public:
   using Vector = VectorX<Scalar>;
 
-  /// Makes room for n unknowns. The owner of the curvature reserves that. Allocates.
+  /// Makes room for n unknowns. The caller must reserve the curvature too. Allocates.
   void reserve(Index n) {
     rounds_.reserve(n);
     uses_ = 0;
@@ -34,7 +34,7 @@ class BoxWarmStart {
   }
 
   /// Call this after each solve: it counts the uses of the Hessian. After a successful cold solve
-  /// with few `active` bounds it may prepare the inverse for the next solves; this clears the
+  /// with few `active` bounds, it may compute the inverse for the next solves; this clears the
   /// curvature's factor.
   void end_solve(Curvature& curvature, bool warm, bool solved, Index active) {
     ++uses_;
@@ -45,8 +45,8 @@ class BoxWarmStart {
     }
   }
 
-  /// Makes the next solve start without a guess. Call this when the guess used the whole budget and
-  /// was of no use.
+  /// Makes the next solve start without a guess. Call this when the search used up the budget and
+  /// gave no useful guess.
   void skip_next() { skip_ = true; }
 
   /// Searches for a guess, starting from the active set side_of(i) with `active` active bounds.

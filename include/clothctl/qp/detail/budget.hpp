@@ -9,12 +9,12 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The budget of one solve. It starts with the construction.
+/// The budget of one solve. The time starts at construction.
 class Budget {
  public:
   /// Takes the limits of iterations and time from `settings`. `size`, the number of unknowns plus
-  /// constraint rows, sets the default limit of iterations. With a time limit it reads the clock
-  /// once, as the start.
+  /// constraint rows, sets the default limit of iterations. If there is a time limit, reads the
+  /// clock once, for the start time.
   template <RealScalar Scalar>
   Budget(const QpSettings<Scalar>& settings, Index size)
       : rounds_(settings.max_iterations > 0 ? settings.max_iterations

@@ -39,8 +39,8 @@ class CachedProduct {
     return product_;
   }
 
-  /// Returns H x. If at most a quarter of the unknowns moved since `refresh`, only their columns
-  /// are added; the rounding error then grows with the distance that they moved.
+  /// Returns H x. If at most a quarter of the unknowns changed since `refresh`, adds only the
+  /// columns of those; the rounding error then grows with the distance that they moved.
   template <class Curvature>
   const Vector& update(Curvature& curvature, const Vector& x) {
     const Index n = curvature.unknowns(), count = known_ ? moved(x, n) : n;
@@ -52,7 +52,7 @@ class CachedProduct {
   }
 
  private:
-  /// Returns the number of unknowns that differ from those of the product.
+  /// Returns the number of unknowns that differ from those of the stored product.
   Index moved(const Vector& x, Index n) const {
     Index count = 0;
     for (Index j = 0; j < n; ++j) count += x[j] < at_[j] || x[j] > at_[j] ? 1 : 0;

@@ -5,17 +5,18 @@
 //   y_{k+1} - y_k  ->  Farkas pair:  refined towards Aᵀy = 0 on the free unknowns
 //   x_{k+1} - x_k  ->  ray:          refined towards H d = 0 and A d = 0 on the active rows
 //
-// The refinement uses the factor of the regularised problem. It succeeds when all sums that should
-// be zero are no larger than their own rounding errors. Larger sums are rejected. So there is no
-// certificate for a problem whose solutions are only far away or whose curvature is only small.
+// The refinement uses the factor of the regularised problem. The refinement succeeds when all sums
+// that should be zero are no larger than their own rounding errors. Larger sums are rejected. So
+// there is no certificate for a problem whose solutions are only far away or whose curvature is
+// only small.
 //
 // The differences contain small entries for rows and unknowns that are not part of the certificate.
 // If such an entry is the only term of a sum, nothing cancels it. Entries below a drop tolerance
-// therefore count as zero. Several drop tolerances are tried, the largest first. Scaling is by
-// powers of two, so a relative test here is the same test on the caller's data.
+// therefore count as zero. Several drop tolerances are tried, the largest first. The solver scales
+// by powers of two, so a relative test in scaled space is the same test on the caller's data.
 //
-// Reference for differences of iterates as certificates, there of ADMM: Banjac, Goulart, Stellato
-// and Boyd, J. Optim. Theory Appl. 183 (2019).
+// Reference for certificates from differences of iterates (of ADMM): Banjac, Goulart, Stellato and
+// Boyd, J. Optim. Theory Appl. 183 (2019).
 
 #include <algorithm>
 #include <cmath>
@@ -33,9 +34,9 @@ enum class RayStatus {
   /// The direction is no ray.
   NotFound,
   /// No bound blocks the direction, and its curvature is so small that the proximal term limited
-  /// the step: the minimum may be far along it.
+  /// the step: the minimum may be far along the direction.
   FarMinimum,
-  /// The direction proves that the problem is unbounded, if it is feasible.
+  /// The direction proves that the problem is unbounded, if the problem is feasible.
   Proven
 };
 
@@ -117,7 +118,8 @@ class CertificateSearch {
   static constexpr int kSteps = 10;
   /// The proximal term limits a step when the curvature is below this many times ρ |d|².
   static constexpr int kSmallCurvature = 16;
-  /// When errors are below this many rounding bounds, accurate sums replace the plain ones.
+  /// When the largest ratio of an error to its rounding bound is below this, accurate sums replace
+  /// the plain ones.
   static constexpr int kUseAccurateSums = 1000;
 
   /// Refines y_ towards a Farkas certificate. Returns true on success.
@@ -213,8 +215,8 @@ class CertificateSearch {
   }
 
   /// Fixes the free unknowns that have a bound and are zero in d. Each refinement step would move
-  /// them, and setting them back to zero disturbs the other unknowns. Returns true when there are
-  /// any. The caller must free them afterwards.
+  /// them, and setting them back to zero disturbs the other unknowns. Returns true when any unknown
+  /// is fixed. The caller must free these unknowns afterwards.
   bool fix_bounded(Problem& problem, bool& synced) {
     for (Index j = 0; j < problem.unknowns(); ++j) {
       typename Problem::State& state = problem.state[static_cast<std::size_t>(j)];
@@ -230,14 +232,14 @@ class CertificateSearch {
   }
   Index fixed(Index k) const { return fixed_[static_cast<std::size_t>(k)]; }
 
-  /// Returns true when one more refinement step can help: the error was halved, or it is so close
-  /// to its rounding bound that it varies from step to step.
+  /// Returns true when one more refinement step can help: the error was halved, or is so close to
+  /// its rounding bound that it varies from step to step.
   static bool worth_a_step(const Scalar& error, const Scalar& last) {
     return error < Scalar(0.5) * last || error < Scalar(8);
   }
 
   /// Returns true when the proximal term, not the curvature, limited the step along d. Then sets
-  /// `step_` to the minimum of the objective.
+  /// `step_` to the step length along d to the minimum of the objective.
   bool has_far_minimum(const Problem& problem) {
     using std::abs;
     const Index n = problem.unknowns();
@@ -276,7 +278,7 @@ class CertificateSearch {
     }
   }
 
-  /// Computes hd and ad as if in twice the precision.
+  /// Computes hd = H d and ad = A d as if in twice the precision.
   void multiply_accurately(const Problem& problem) {
     for (Index j = 0; j < problem.unknowns(); ++j) {
       AccurateSum<Scalar> sum;

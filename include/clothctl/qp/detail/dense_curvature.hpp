@@ -30,7 +30,7 @@ class DenseCurvature {
     solution_.setZero(n);
     n_ = 0;
   }
-  /// Sets the matrix of the next solves. It is not copied, so it must outlive them.
+  /// Sets the matrix of the next solves. H is not copied, so it must outlive these solves.
   void attach(const ConstMap& H) {
     data_ = H.data();
     n_ = H.rows();
@@ -49,20 +49,20 @@ class DenseCurvature {
 
   /// Number of unknowns in the factor.
   Index size() const { return factor_.size(); }
-  /// The unknown at place k.
+  /// The unknown at position k of the factor.
   Index order(Index k) const { return factor_.order(k); }
-  /// The place of unknown i, or -1.
+  /// The position of unknown i in the factor, or -1.
   Index place(Index i) const { return factor_.place(i); }
   /// Empties the factor.
   void clear() { factor_.clear(); }
-  /// Returns true when `changes` single updates are cheaper than a new factor, given that `kept`
-  /// unknowns stay.
+  /// Returns true when `changes` single updates are cheaper than a factorisation from scratch,
+  /// given that `kept` unknowns stay.
   bool few(Index changes, Index kept) const {
     return changes <= kFewChanges || kUpdateCost * changes <= kept;
   }
   /// Adds unknown i to the factor, unless the enlarged block would be singular.
   void append(Index i) { factor_.append(H(), i, Scalar(0), pivot_tolerance()); }
-  /// Removes the unknown at place k.
+  /// Removes the unknown at position k of the factor.
   void remove(Index k) { factor_.remove(k); }
   /// Factors the block of `wanted[0 … count-1]` from scratch. Leaves out unknowns that would make
   /// it singular.
@@ -107,7 +107,7 @@ class DenseCurvature {
       size += diagonal(i) * p[i] * p[i];
     }
   }
-  /// Moves on by `step` and updates the gradient q.
+  /// Moves by `step` along p: updates the gradient q.
   void advance(const Scalar& step, Vector& q) { add_scaled(n_, step, w_.data(), q.data()); }
   /// Stops unknown i at its bound: removes p_i from the direction.
   void stop(Index i, const Vector& p, Vector&) {

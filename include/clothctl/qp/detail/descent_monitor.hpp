@@ -1,10 +1,10 @@
 #pragma once
 
 // Tells whether the objective of an active-set method still falls. Values of the objective would
-// hide small changes behind a large constant, so its changes are summed. For a quadratic with
-// gradient s the step from x' to x changes it by ½ (s + s')ᵀ(x - x').
+// hide small changes behind a large constant, so the changes are summed instead. A step from x' to
+// x changes a quadratic with gradients s' at x' and s at x by ½ (s + s')ᵀ(x - x').
 
-#include <algorithm>
+#include <cmath>
 
 #include "clothctl/core/types.hpp"
 
@@ -21,11 +21,12 @@ class DescentMonitor {
     restart();
   }
 
-  /// Makes the next iterate the one that later ones are compared with.
+  /// Makes the next iterate the reference for later ones.
   void restart() { fresh_ = true; }
 
   /// Adds the change of the quadratic part over the first n unknowns. `slope(i)` is its gradient at
-  /// x, `size(i)` the magnitude of the gradient's terms, for the rounding error.
+  /// x, and `size(i)` the sum of the absolute values of the gradient's terms, for the rounding
+  /// error.
   template <class Slope, class Size>
   void add_quadratic(Index n, const VectorX<Scalar>& x, Slope slope, Size size) {
     using std::abs;
@@ -39,14 +40,15 @@ class DescentMonitor {
     }
   }
 
-  /// Adds the change of another term, of magnitude `size`. Call it after `add_quadratic`.
+  /// Adds the change of another term; `size` is the magnitude that its rounding error is relative
+  /// to. Call it after `add_quadratic`.
   void add_term(const Scalar& change, const Scalar& size) {
     change_ += change;
     size_ += size;
   }
 
-  /// Ends the step. Returns true when the objective is lower than after all earlier steps since the
-  /// restart, beyond rounding, and for the first one.
+  /// Ends the step. Returns true for the first step since the restart, and when the objective is
+  /// lower than after all earlier ones by more than rounding.
   bool is_lowest() {
     if (fresh_) {
       fresh_ = false;

@@ -12,8 +12,9 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// Changes `factor` to hold the unknowns i < n for which wanted(i) is true. Unknowns that stay keep
 /// their order; new ones follow. The factor has size(), order(k), place(i), append(i), remove(k),
 /// renew(list, count), and few(changes, kept), which returns true when single updates are cheaper.
-/// It may refuse an unknown. Returns the number of new unknowns, and lists them in `fresh`. `kept`
-/// is scratch memory. Both lists have room for n entries. Never allocates.
+/// append and renew may refuse an unknown. Returns the number of new unknowns, refused ones
+/// included, and lists them in `fresh`. `kept` is scratch memory. Both lists have room for n
+/// entries. Never allocates.
 template <class Factor, class Wanted>
 Index update_factor_to(Factor& factor, Index n, Wanted wanted, std::vector<Index>& fresh,
                        std::vector<Index>& kept) {

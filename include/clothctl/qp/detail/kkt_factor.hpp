@@ -1,17 +1,17 @@
 #pragma once
 
-// The factor of the regularised optimality equations over changing sets of unknowns and rows. It is
-// sparse (linalg/sparse_ldlt.hpp) when H and A have so many zeros that this is cheaper, else dense
-// (linalg/row_factor.hpp). A pivot of the sparse factor can fail because of rounding alone. The
-// dense factor then takes over. It factors H_FF + ρ I first, so its pivots show whether negative
-// curvature is the cause.
+// The factor of the regularised optimality equations over changing sets of unknowns and rows. The
+// factor is sparse (linalg/sparse_ldlt.hpp) when H and A have so many zeros that this is cheaper,
+// else dense (linalg/row_factor.hpp). A pivot of the sparse factor can fail because of rounding
+// alone. The dense factor then takes over. This one factors H_FF + ρ I first, so its pivots show
+// whether negative curvature is the cause.
 
 #include "clothctl/linalg/row_factor.hpp"
 #include "clothctl/linalg/sparse_ldlt.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Solves | H_FF + ρ I, A_WFᵀ; A_WF, -μ I | over sets F and W, by the cheaper of two factors.
+/// Solves | H_FF + ρ I, A_WFᵀ; A_WF, -μ I | for sets F and W, by the cheaper of two factors.
 template <RealScalar Scalar>
 class KktFactor {
  public:
@@ -55,9 +55,9 @@ class KktFactor {
   Index free_size() const { return is_sparse_ ? sparse_.free_size() : dense_.free_size(); }
   /// Number of active rows.
   Index row_size() const { return is_sparse_ ? sparse_.row_size() : dense_.row_size(); }
-  /// The free unknown at place k.
+  /// The k-th free unknown of the factor.
   Index unknown(Index k) const { return is_sparse_ ? sparse_.unknown(k) : dense_.unknown(k); }
-  /// The active row at place k.
+  /// The k-th active row of the factor.
   Index row(Index k) const { return is_sparse_ ? sparse_.row(k) : dense_.row(k); }
 
   /// Updates the factor to the sets given by the predicates; At is Aᵀ. Returns false when a pivot
@@ -73,7 +73,8 @@ class KktFactor {
     return dense_.sync(H, At, rho, mu, is_free, is_active, changed);
   }
 
-  /// Returns true when the pivot of an unknown failed last, false when it was that of a row.
+  /// Returns true when the pivot that failed last was that of an unknown, false when it was that of
+  /// a row.
   bool free_failed() const { return is_sparse_ ? sparse_.free_failed() : dense_.free_failed(); }
 
   /// Solves for the right-hand sides r1 (n, read at free unknowns) and r2 (m, read at active rows).

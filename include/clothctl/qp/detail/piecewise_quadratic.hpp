@@ -25,12 +25,11 @@ class PiecewiseQuadratic {
   /// Forgets the breakpoints.
   void clear() { count_ = 0; }
 
-  /// Adds a breakpoint, of which there is still room: from t on the curvature is larger by
-  /// `change`.
+  /// Adds a breakpoint, at most as many as reserved: from t on the curvature is larger by `change`.
   void add(const Scalar& t, const Scalar& change) { points_[count_++] = {t, change}; }
 
-  /// Returns the first minimiser on [0, end], where `slope` < 0 and `curvature` are those at 0.
-  /// Returns `end` when the function falls up to there.
+  /// Returns the first minimiser on [0, end], given the slope < 0 and the curvature at 0. Returns
+  /// `end` when the function falls on all of [0, end].
   Scalar minimiser(const Scalar& slope, const Scalar& curvature, const Scalar& end) {
     const auto end_of_points = points_.begin() + static_cast<std::ptrdiff_t>(count_);
     std::sort(points_.begin(), end_of_points,

@@ -4,8 +4,8 @@
 // infinite bounds.
 //
 // `validate_hessian` and `validate_rows` check a matrix before `take` and `take_rows` copy it, so a
-// refused matrix changes nothing. `load` takes the vectors of each solve. It replaces the bounds
-// only if all new ones are valid.
+// refused matrix changes nothing. `load` takes the vectors of each solve, and replaces the stored
+// ones only if all new ones are valid.
 
 #include <algorithm>
 #include <string_view>

@@ -5,15 +5,15 @@
 //   x_{k+1} = argmin over lb ≤ x ≤ ub of f(x) + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
 //   y_{k+1} = y(x_{k+1})
 //
-// Every subproblem is strictly convex and feasible (proximal_problem.hpp). So dependent rows,
-// degenerate vertices, semidefinite H and linear programs need no special treatment. When the
-// active sets are right, a few refinement steps give the solution to rounding: they solve the
-// optimality equations of these sets without the terms in ρ and μ, with the factor of the
-// regularised equations. When no solution exists, y_{k+1} - y_k and x_{k+1} - x_k converge to a
-// Farkas pair or to a ray (certificate_search.hpp). Scaling is by powers of two, hence exact.
-// Tolerances apply to unscaled residuals. References: Rockafellar, Math. Oper. Res. 1 (1976);
-// Hermans, Themelis and Patrinos, QPALM, Math. Program. Comput. 14 (2022), for Newton steps in the
-// inner loop.
+// y(x) are the multipliers of the penalty term. Every subproblem is strictly convex and feasible
+// (proximal_problem.hpp). So dependent rows, degenerate vertices, semidefinite H and linear
+// programs need no special treatment. When the active sets are right, a few refinement steps give
+// the solution to rounding: these steps solve the optimality equations of the sets without the
+// terms in ρ and μ, with the factor of the regularised equations. When no solution exists,
+// y_{k+1} - y_k and x_{k+1} - x_k converge to a Farkas pair or to a ray (certificate_search.hpp).
+// Scaling is by powers of two, hence exact. Tolerances apply to unscaled residuals. References:
+// Rockafellar, Math. Oper. Res. 1 (1976); Hermans, Themelis and Patrinos, QPALM, Math. Program.
+// Comput. 14 (2022), for Newton steps in the inner loop.
 
 #include <algorithm>
 
@@ -76,8 +76,8 @@ class ProximalMethod {
     weighted_ = false;
   }
 
-  /// Loads gradient, bounds and the start x = D x̂ (within its bounds), y = E ŷ, and chooses the
-  /// weights. The caller sets the states of the unknowns in `problem()`.
+  /// Loads gradient, bounds and the start x = D x̂ (must be within the bounds), y = E ŷ, and
+  /// chooses the weights ρ and μ. The caller sets the states of the unknowns in `problem()`.
   void load(const ProblemData<Scalar>& data, const Vector& x, const Vector& y, Start start) {
     using std::abs;
     const auto scaled = [](const Scalar& bound, const Scalar& factor) {
@@ -101,7 +101,8 @@ class ProximalMethod {
     choose_weights(steepest, start);
   }
 
-  /// Discards the best iterate of earlier runs. `settle` uses that of the runs since.
+  /// Discards the best iterate of earlier runs. `settle` uses the best iterate of the runs since
+  /// this call.
   void forget_best() { best_.forget(); }
 
   /// Runs from the loaded start. Adds the rounds that change a set to `iterations`. Returns Solved,
@@ -121,7 +122,7 @@ class ProximalMethod {
     // Extra steps for a point that meets the tolerances, but not in scaled space.
     int extra_steps = 0;
     // True when a ray is known. A feasible point then proves that the problem is unbounded; the
-    // search for it ignores g.
+    // search for a feasible point ignores g.
     bool ray_known = false;
     for (int outer = 0; outer < kOuterLimit; ++outer) {
       std::copy_n(problem_.x.data(), n(), problem_.xk.data());
@@ -169,10 +170,10 @@ class ProximalMethod {
   }
 
   /// Ends a solve and returns the status to report. After IterationLimit, TimeLimit and NonConvex
-  /// it restores the best iterate, and returns Solved if that meets the tolerances. An iterate that
-  /// is not finite is replaced by the point of the box nearest to zero. Afterwards products and
-  /// `gradient()` are up to date. Where plain rounding could reach the tolerances, they are
-  /// computed in twice the precision if the scalar type has accurate sums.
+  /// it restores the best iterate, and returns Solved if this iterate meets the tolerances. An
+  /// iterate that is not finite is replaced by the point of the box nearest to zero. Afterwards
+  /// products and `gradient()` are up to date. If rounding errors could reach the tolerances, both
+  /// are computed in twice the precision, provided that the scalar type has accurate sums.
   QpStatus settle(const ProblemData<Scalar>& data, QpStatus status) {
     load_gradient(data);
     std::copy_n(problem_.x.data(), n(), old_x_.data());
@@ -216,7 +217,7 @@ class ProximalMethod {
   /// The last x of the run before `settle`, in scaled space. A solve that reached a limit continues
   /// from here, not from its best iterate.
   const Vector& last_x() const { return old_x_; }
-  /// The row multipliers at the start of its last step.
+  /// The row multipliers at the start of the last step of that run.
   const Vector& last_y() const { return old_y_; }
   /// Ĥx̂ + ĝ - Âᵀŷ of the last `settle`, n entries in use.
   const Vector& gradient() const { return q_; }
@@ -231,7 +232,7 @@ class ProximalMethod {
     for (Index j = 0; j < n(); ++j) problem_.g[j] = D_[j] * data.g()[j];
   }
 
-  /// Chooses ρ and μ in the units of the scaled problem. Keeps those of the last run if they have
+  /// Chooses ρ and μ in the units of the scaled problem. Keeps ρ and μ of the last run if they have
   /// the right order of magnitude.
   void choose_weights(const Scalar& steepest, Start start) {
     using std::sqrt;
@@ -259,7 +260,8 @@ class ProximalMethod {
     }
   }
 
-  /// Decreases μ, which penalises violated rows more. The first steps have a higher lower limit.
+  /// Decreases μ, which penalises violated rows more. The lower limit of μ is higher in the first
+  /// steps.
   void lower_mu(int outer) {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
@@ -268,7 +270,7 @@ class ProximalMethod {
     problem_.factor.touch();
   }
 
-  /// Computes the residuals of the present (x, y), and the scaled gradient in q_.
+  /// Computes the residuals of the current (x, y), and the scaled gradient in q_.
   KktResiduals<Scalar> measure_residuals() {
     if (accurate_sums_) {
       problem_.accurate_products(q_);
@@ -290,8 +292,8 @@ class ProximalMethod {
     best_.offer(now, settings_, problem_.x.head(n()), problem_.y.head(m()));
   }
 
-  /// Computes products and gradient in twice the precision. Refines a `solution` that does not meet
-  /// the tolerances then.
+  /// Computes products and gradient in twice the precision. If x is a `solution` and the residuals
+  /// then exceed the tolerances, refines it.
   void refine_accurately(bool solution) {
     accurate_sums_ = true;
     const KktResiduals<Scalar> now = measure_residuals();

@@ -5,11 +5,12 @@
 //   φ(x) = ½ xᵀHx + gᵀx + ρ/2 |x - x_k|² + 1/(2μ) dist²(Ax - μ y_k, [rl, ru])
 //   y(x) = (Π(v) - v)/μ,  v = Ax - μ y_k         ∇φ = Hx + g + ρ (x - x_k) - Aᵀ y(x)
 //
-// φ is strictly convex, bounded below and finite for every x in the box, so it has a minimiser even
-// if the rows contradict each other. The minimiser is found by Newton steps on the free unknowns
-// and the violated rows. Each step has an exact line search along a path that bends at the bounds:
-// an unknown that meets its bound stops there and leaves the free set. When the gradient on the
-// free set is small, unknowns at a bound whose multiplier has the wrong sign become free.
+// Π projects onto [rl, ru]. φ is strictly convex, bounded below and finite for every x in the box,
+// so it has a minimiser even if the rows contradict each other. The minimiser is found by Newton
+// steps on the free unknowns and the violated rows. Each step has an exact line search along a path
+// that bends at the bounds: an unknown that meets its bound stops there and leaves the free set.
+// When the gradient on the free set is small, unknowns at a bound whose multiplier has the wrong
+// sign become free.
 
 #include <algorithm>
 #include <cmath>
@@ -27,7 +28,7 @@
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// Data, iterate and factor of the proximal subproblem, in scaled space. Members are public because
-/// only the proximal method uses the class.
+/// the class is internal to the proximal method and its parts.
 template <RealScalar Scalar>
 class ProximalProblem {
  public:
@@ -37,7 +38,7 @@ class ProximalProblem {
   enum class State : signed char { Lower = -1, Free = 0, Upper = 1 };
   enum class Outcome { Minimised, IterationLimit, TimeLimit, NonConvex, NumericalError };
 
-  /// Makes room. Allocates.
+  /// Makes room for n unknowns and m rows. Allocates.
   void reserve(Index n, Index m) {
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
     rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
@@ -102,7 +103,8 @@ class ProximalProblem {
   const Columns<Scalar>& columns_of_A() const { return a_; }
   const Columns<Scalar>& columns_of_At() const { return at_; }
 
-  /// Computes hx = H x and ax = A x from scratch, and resets the moves of the rows to zero.
+  /// Computes hx = H x and ax = A x from scratch, and makes this A x the reference of later row
+  /// moves (`anchor`).
   void refresh_products() {
     std::fill_n(hx.data(), n_, Scalar(0));
     std::fill_n(ax.data(), m_, Scalar(0));
@@ -140,7 +142,7 @@ class ProximalProblem {
     }
   }
 
-  /// Computes y(x) and ∇φ from hx and from the moves of the rows since `refresh_products`.
+  /// Computes y(x) and ∇φ from hx and from the change of A x since `refresh_products`.
   void update_multipliers() {
     for (Index i = 0; i < m_; ++i) y[i] = multiplier(i);
     reduced_gradient(grad);
@@ -148,7 +150,7 @@ class ProximalProblem {
   }
 
   /// Returns by how much the multiplier of an unknown at a bound has the wrong sign, given the
-  /// gradient; 0 for a right sign and for a free unknown.
+  /// gradient; 0 if the sign is right or the unknown is free or fixed.
   Scalar violation(Index i, const Vector& gradient) const {
     const State s = state[static_cast<std::size_t>(i)];
     if (s == State::Free || !(lo[i] < hi[i])) return Scalar(0);
@@ -199,7 +201,7 @@ class ProximalProblem {
   }
 
   /// Updates the factor to the free unknowns and to the rows for which `is_active` is true. Does
-  /// not depend on x and y.
+  /// not read x or y.
   template <class IsActive>
   bool sync_rows(IsActive is_active) {
     for (Index i = 0; i < m_; ++i) active_[static_cast<std::size_t>(i)] = is_active(i) ? 1 : 0;
@@ -255,7 +257,7 @@ class ProximalProblem {
     }
   }
 
-  /// Updates the factor to the present sets. When a pivot fails, increases ρ or μ and tries again.
+  /// Updates the factor to the current sets. When a pivot fails, increases ρ or μ and tries again.
   /// Returns nothing on success, else the outcome of `minimise`.
   std::optional<Outcome> factorise(bool& changed) {
     for (int tries = 0; !sync(changed); ++tries) {
@@ -285,8 +287,8 @@ class ProximalProblem {
     return factor.sync(self.H(), self.At(), rho, mu, is_free, is_active, changed);
   }
 
-  /// Stores the bounds of the rows relative to the present A x. Later moves are small, so that the
-  /// rounding error of A x does not dominate y = (bound - A x)/μ.
+  /// Stores the row bounds relative to the current A x, as the reference of moved_. Later changes
+  /// of A x are small, so that the rounding error of A x does not dominate y = (bound - A x)/μ.
   void anchor() {
     for (Index i = 0; i < m_; ++i) {
       below_[i] = has_bound(rl[i]) ? Scalar(rl[i] - ax[i]) : rl[i];
@@ -321,7 +323,7 @@ class ProximalProblem {
   Scalar smooth_slope(Index j) const { return hx[j] + g[j] + rho * (x[j] - xk[j]); }
 
   /// Returns true when φ is lower than at all earlier calls since the restart of `descent_`. The
-  /// row part changes by μ/2 (y + y')ᵀ(y - y').
+  /// row part changes by μ/2 (y + y')ᵀ(y - y'), where y' is y at the previous call.
   bool progressed() {
     using std::abs;
     descent_.add_quadratic(
@@ -336,8 +338,9 @@ class ProximalProblem {
     return descent_.is_lowest();
   }
 
-  /// Returns the first minimiser of φ(x + t p) on 0 ≤ t ≤ end, given φ'(0) = `slope` < 0 and the
-  /// curvature without rows. Returns `end` when φ decreases up to there.
+  /// Returns the first minimiser of φ(x + t p) on 0 ≤ t ≤ end, given the slope < 0 of φ at t = 0
+  /// and the curvature of φ without the row term. Returns `end` when φ decreases on all of [0,
+  /// end].
   Scalar minimum_along(const Scalar& slope, const Scalar& curvature, const Scalar& end) {
     along_.clear();
     Scalar bend = curvature;
@@ -362,8 +365,8 @@ class ProximalProblem {
     return along_.minimiser(slope, bend, end);
   }
 
-  /// Moves x along the Newton direction, which bends at the bounds. Returns true when this was the
-  /// whole step, with no change of the sets.
+  /// Moves x along the Newton direction, on a path that bends at the bounds. Returns true when x
+  /// moved by the whole step and no set changed.
   bool walk() {
     const Index count = factor.free_size();
     const Index hits = ratio_test(count);
@@ -378,7 +381,8 @@ class ProximalProblem {
   }
 
   /// Computes w = H p and b = A p. For each unknown that moves towards a bound, computes the step
-  /// length `limit_` to this bound, and lists the unknown in `hits_`. Returns their number.
+  /// length `limit_` to this bound, and lists the unknown in `hits_`. Returns the number of listed
+  /// unknowns.
   Index ratio_test(Index count) {
     std::fill_n(w_.data(), n_, Scalar(0));
     std::fill_n(b_.data(), m_, Scalar(0));
@@ -405,7 +409,7 @@ class ProximalProblem {
     return true;
   }
 
-  /// Returns true when the whole step leaves each inequality row on its side of its bounds.
+  /// Returns true when the whole step crosses no bound of an inequality row.
   bool keeps_row_sides() const {
     for (Index i = 0; i < m_; ++i) {
       if (!(rl[i] < ru[i])) continue;
@@ -456,7 +460,7 @@ class ProximalProblem {
     p_[i] = Scalar(0);
   }
 
-  /// Moves x by `step` along the direction, and updates hx and the moves of the rows.
+  /// Moves x by `step` along the direction, and updates hx and moved_.
   void advance(const Scalar& step, Index count) {
     for (Index k = 0; k < count; ++k) {
       const Index i = moving_[static_cast<std::size_t>(k)];

@@ -15,7 +15,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Machine spacing to the power 3/4 (1.8e-12 in double). Errors below it can be refined away.
+/// Spacing of the scalar at one, to the power 3/4 (1.8e-12 in double). Refinement can remove errors
+/// below this value.
 template <RealScalar Scalar>
 Scalar certificate_tolerance() {
   using std::sqrt;
@@ -27,17 +28,17 @@ Scalar certificate_tolerance() {
 /// as zero.
 inline constexpr int kDropLevels = 3;
 
-/// The first drop tolerance, relative to the largest entry. Each later one is the square of the one
-/// before.
+/// The first drop tolerance, relative to the largest entry of the candidate. Each later tolerance
+/// is the square of the previous one.
 template <RealScalar Scalar>
 Scalar largest_drop_tolerance() {
   using std::sqrt;
   return sqrt(sqrt(certificate_tolerance<Scalar>()));
 }
 
-/// Adds max{v t : lower ≤ t ≤ upper} to `value` and its absolute value to `size`. In place of an
-/// infinite bound it takes `reach`, an upper bound of |t| for all useful solutions. Otherwise a
-/// rounding error in v would make the maximum infinite.
+/// Adds max{v t : lower ≤ t ≤ upper} to `value` and its absolute value to `size`. An infinite bound
+/// is replaced by `reach`, an upper bound of |t| for all useful solutions. Otherwise a rounding
+/// error in v would make the maximum infinite.
 template <RealScalar Scalar>
 void add_support(const Scalar& v, const Scalar& lower, const Scalar& upper, const Scalar& reach,
                  Scalar& value, Scalar& size) {
@@ -53,14 +54,14 @@ template <RealScalar Scalar>
 struct CertificateCheck {
   /// The candidate is a certificate: every condition holds to rounding.
   bool holds = false;
-  /// The candidate is admissible, and the number that must be negative is so by more than rounding:
-  /// the support function of a Farkas pair, or the objective's slope along a ray.
+  /// The candidate is admissible, and the number that must be negative (the sum of maxima of a
+  /// Farkas pair, or the objective's slope along a ray) is negative by more than rounding.
   bool promising = false;
   /// Each multiplier, or entry of the ray, has a sign that its bounds allow, and all are finite.
   bool admissible = false;
-  /// Largest error over its rounding bound; at most 1 for a certificate.
+  /// Largest ratio of an error to its rounding bound; at most 1 for a certificate.
   Scalar error = Scalar(0);
-  /// The same over the rows only (rays only).
+  /// The same ratio among the rows only; set for rays only.
   Scalar row_error = Scalar(0);
 };
 
@@ -71,16 +72,16 @@ Scalar summation_error(Index terms) {
   return Scalar(0.5) * static_cast<Scalar>(terms + 2) * scalar_traits<Scalar>::epsilon();
 }
 
-/// How far below zero the support or slope of `terms` products must be, relative to the sum of
-/// their absolute values.
+/// How far below zero the sum of `terms` products that must be negative has to be, relative to the
+/// sum of their absolute values.
 template <RealScalar Scalar>
 Scalar sign_margin(Index terms) {
   return certificate_tolerance<Scalar>() + Scalar(8) * summation_error<Scalar>(terms);
 }
 
 /// Checks (y, z) as a Farkas certificate for the loaded bounds. z must be -Aᵀy and `z_size`
-/// |Aᵀ||y|. Where z_j pushes towards an infinite bound, it must be zero up to the rounding of its
-/// own sum; a certificate gets an exact zero there. Complexity: O(n + m).
+/// |Aᵀ||y|. A z_j that belongs to an infinite bound must be zero up to the rounding error of its
+/// own sum; if the check succeeds, this z_j becomes exactly zero. Complexity: O(n + m).
 template <RealScalar Scalar>
 CertificateCheck<Scalar> check_farkas(
     const Eigen::Ref<const VectorX<Scalar>>& y, Eigen::Ref<VectorX<Scalar>> z,
@@ -123,8 +124,9 @@ CertificateCheck<Scalar> check_farkas(
 }
 
 /// Checks d, with its products Hd and Ad, as a certificate of unboundedness. Hd_size = |H||d| and
-/// Ad_size = |A||d|. No component of d may point at a finite bound. Hd, and Ad where it points at a
-/// finite bound, must be zero up to the rounding of their own sums. Complexity: O(n + m).
+/// Ad_size = |A||d|. No entry of d may point at a finite bound. Each entry of Hd, and each entry of
+/// Ad that points at a finite bound, must be zero up to the rounding error of its own sum.
+/// Complexity: O(n + m).
 template <RealScalar Scalar>
 CertificateCheck<Scalar> check_ray(
     const Eigen::Ref<const VectorX<Scalar>>& d, const Eigen::Ref<const VectorX<Scalar>>& Hd,

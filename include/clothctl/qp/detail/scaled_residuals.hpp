@@ -1,9 +1,9 @@
 #pragma once
 
-// Residuals of an iterate of the proximal problem, in the caller's units and in scaled space. Those
-// in the caller's units are relative to the largest terms, as in kkt.hpp, and decide whether the
-// problem is solved. When unknowns differ by many orders of magnitude, they can hide errors of the
-// small unknowns. The residuals in scaled space show such errors.
+// Residuals of an iterate of the proximal problem, in the caller's units and in scaled space. The
+// residuals in the caller's units are relative to the largest terms, as in kkt.hpp, and decide
+// whether the problem is solved. When unknowns differ by many orders of magnitude, these residuals
+// can hide errors of the small unknowns. The residuals in scaled space show such errors.
 
 #include <algorithm>
 
@@ -23,8 +23,8 @@ struct ScaledResiduals {
 
 /// Computes the residuals of (x, y). The products in `problem` and its `gradient` Ĥx̂ + ĝ - Âᵀŷ
 /// must be up to date. Scales are D (n) and E (m): x = D x̂, y = E ŷ. Each z_j is the part of the
-/// gradient that the bounds at x_j allow. A point beyond 1e20 gets an infinite feasibility
-/// residual. Never allocates.
+/// gradient that the bounds at x_j allow. If an |x_j| exceeds 1e20, the relative feasibility
+/// residual is infinite. Never allocates.
 template <RealScalar Scalar>
 ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
                                          const VectorX<Scalar>& D, const VectorX<Scalar>& E,
@@ -34,7 +34,8 @@ ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
   ScaledResiduals<Scalar> result;
   KktResiduals<Scalar>& r = result.residuals;
   Scalar dual_scale(1), farthest(1);
-  // In scaled space: stationarity and feasibility errors, and the sizes that they are relative to.
+  // In scaled space: stationarity and feasibility errors, and the magnitudes that they are relative
+  // to.
   Scalar scaled_stationarity(0), scaled_violation(0), scaled_dual(0), scaled_primal(0);
   for (Index j = 0; j < problem.unknowns(); ++j) {
     const Scalar hx = problem.hx[j], g = problem.g[j], aty = hx + g - gradient[j];

@@ -28,7 +28,8 @@ void divide_entries(Index n, const VectorX<Scalar>& a, const VectorX<Scalar>& b,
   for (Index i = 0; i < n; ++i) quotient[i] = a[i] / b[i];
 }
 
-/// Returns the power of two whose logarithm is nearest to that of a positive value, within 2^±60.
+/// Returns a power of two p with value/p between 0.71875 and 1.4375, if p is within 2^±60. The
+/// value must be positive.
 template <RealScalar Scalar>
 Scalar nearest_power_of_two(const Scalar& value) {
   Scalar power(1);
@@ -39,8 +40,8 @@ Scalar nearest_power_of_two(const Scalar& value) {
   return power;
 }
 
-/// Scales H (n×n) and A (m×n) in place, and writes the factors to D and E. Never allocates.
-/// Complexity: O(n² + mn).
+/// Scales H (n×n) and A (m×n) in place, and writes the scale factors to D (n) and E (m). Never
+/// allocates. Complexity: O(n² + mn).
 template <RealScalar Scalar>
 void equilibrate(Eigen::Ref<MatrixX<Scalar>> H, Eigen::Ref<MatrixX<Scalar>> A,
                  Eigen::Ref<VectorX<Scalar>> D, Eigen::Ref<VectorX<Scalar>> E) {

@@ -23,15 +23,15 @@ Scalar residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& s
                  Scalar(r.relative_complementarity / settings.complementarity_tolerance)));
 }
 
-/// The same for feasibility and complementarity only, the residuals that depend on the rows.
+/// The same ratio for feasibility and complementarity only, the residuals that depend on the rows.
 template <RealScalar Scalar>
 Scalar row_residual_ratio(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings) {
   return (std::max)(Scalar(r.relative_feasibility / settings.feasibility_tolerance),
                     Scalar(r.relative_complementarity / settings.complementarity_tolerance));
 }
 
-/// Writes the residuals of the caller's data into the result. If its status is Solved,
-/// IterationLimit or TimeLimit, the residuals decide the new status. Other statuses stay.
+/// Writes the residuals of the caller's data into the result. If the status of the result is
+/// Solved, IterationLimit or TimeLimit, the residuals decide the new status. Other statuses stay.
 template <RealScalar Scalar>
 void conclude(const KktResiduals<Scalar>& r, const QpSettings<Scalar>& settings,
               QpResult<Scalar>& result) {
@@ -83,9 +83,9 @@ void write_active_set(const VectorX<Scalar>& lo, const VectorX<Scalar>& hi,
   }
 }
 
-/// The best iterate of a solve. Inaccurate solutions are best, and are compared by residual_ratio.
-/// Other iterates are compared by violation first. Violations within the tolerance count as equal;
-/// residual_ratio then decides.
+/// The best iterate of a solve. Iterates whose residual_ratio is at most kLooseTolerances rank
+/// first, and are compared by this ratio. Other iterates are compared by violation first;
+/// violations within the tolerance count as equal, and the ratio then decides.
 template <RealScalar Scalar>
 class BestIterate {
  public:
@@ -100,11 +100,11 @@ class BestIterate {
   void forget() { rank_ = {}; }
   /// Returns true when there is an iterate.
   bool known() const { return is_finite(rank_.residual_ratio); }
-  /// Its residual_ratio.
+  /// The residual_ratio of the best iterate.
   const Scalar& ratio() const { return rank_.residual_ratio; }
-  /// Its unknowns. The first entries are in use, as many as `offer` got.
+  /// The unknowns of the best iterate. As many leading entries are in use as `offer` got.
   const VectorX<Scalar>& x() const { return x_; }
-  /// Its row multipliers.
+  /// The row multipliers of the best iterate.
   const VectorX<Scalar>& y() const { return y_; }
 
   /// Keeps a copy of (x, y) with residuals r if it is the best so far. Never allocates.

@@ -1,12 +1,12 @@
 #pragma once
 
-// The direction of zero curvature of an unknown i for which H becomes singular on F and i:
+// The direction of zero curvature of an unknown i that makes H singular on F together with i:
 //
 //   p_i = ±1,  p_F = ∓H_FF⁻¹ H_Fi        so that  H_F p = 0
 //
-// Its curvature pᵀHp is the pivot that the factorisation refused; this is zero up to rounding.
-// Before use, the direction is refined towards H_F p = 0. When H p = 0 in every row and no bound
-// blocks p, p is a certificate that the problem is unbounded.
+// Its curvature pᵀHp is the pivot that the factorisation refused, zero up to rounding. Before use,
+// the direction is refined towards H_F p = 0. When H p = 0 in every row and no bound blocks p, p is
+// a certificate that the problem is unbounded.
 
 #include <algorithm>
 #include <cmath>
@@ -53,10 +53,10 @@ class ZeroCurvatureDirection {
   }
 
   /// Returns true when the direction p over moving[0 … count-1] leads to a ray: H p = 0 up to
-  /// rounding, gᵀp < 0, and no bound blocks p. Stores it in `ray()`. Entries below a drop tolerance
-  /// count as zero, because nothing cancels an entry that is the only term of a row. Several drop
-  /// tolerances are tried, the largest first. The entries in the factor are refined towards H p =
-  /// 0.
+  /// rounding, gᵀp < 0, and no bound blocks p. Stores the ray in `ray()`. Entries below a drop
+  /// tolerance count as zero, because nothing cancels an entry that is the only term of a row.
+  /// Several drop tolerances are tried, the largest first. The entries in the factor are refined
+  /// towards H p = 0.
   bool is_ray(DenseCurvature<Scalar>& curvature, const std::vector<Index>& moving, Index count,
               const Vector& p, const Vector& g, const Vector& lo, const Vector& hi) {
     using std::abs;
@@ -74,7 +74,7 @@ class ZeroCurvatureDirection {
         ray_[i] = p[i] / largest;
       }
       constexpr int kSteps = 4, kUseAccurateSums = 1000;
-      bool accurate = false;  // near the end, the rounding of plain products limits the refinement
+      bool accurate = false;  // near the end, rounding of plain products limits the refinement
       for (int step = 0; step < kSteps; ++step) {
         for (Index j = 0; j < n; ++j) {
           if (abs(ray_[j]) < threshold) ray_[j] = Scalar(0);

@@ -1,8 +1,9 @@
 #pragma once
 
 // What counts as zero in each entry of a gradient q = H x + g. The threshold of entry j is relative
-// to the largest term of any entry, and to what the terms of its own can be, |H_jk x_k| ≤
-// √H_jj √H_kk |x_k|, so that scaling an unknown changes nothing.
+// to the smaller of two magnitudes: the largest |g_i| or |H x|_i of all entries (at least 1), and
+// an upper bound |g_j| + Σ_k √H_jj √H_kk |x_k| on the sum of the |terms| of entry j itself, which
+// scales with q_j when unknowns are scaled.
 
 #include <algorithm>
 #include <cmath>
@@ -34,7 +35,7 @@ class ZeroGradient {
     }
   }
 
-  /// Computes the thresholds at x, where `product` = H x, relative to `relative`.
+  /// Computes the thresholds at x, where `product` = H x: `relative` times the magnitudes above.
   void update(Index n, const Vector& g, const Vector& x, const Vector& product,
               const Scalar& relative) {
     using std::abs;
@@ -44,7 +45,8 @@ class ZeroGradient {
       length += root_[i] * abs(x[i]);
     }
     largest_terms_ = steepest_ * length;
-    // Smaller slopes count as zero: without one in g the others fall with x.
+    // Smaller slopes always count as zero: without this floor the thresholds would vanish with x
+    // when g = 0.
     const Scalar least = Scalar(1e-30);
     for (Index i = 0; i < n; ++i) {
       const Scalar size = (std::min)(Scalar(abs(g[i]) + length * root_[i]), largest);
@@ -54,9 +56,10 @@ class ZeroGradient {
 
   /// Returns the threshold of entry i.
   const Scalar& operator[](Index i) const { return threshold_[i]; }
-  /// Returns 1/√H_ii, or 1 where that is zero: q_i times it does not depend on the unit of x_i.
+  /// Returns 1/√H_ii, or 1 where H_ii is not positive. q_i times this scale does not depend on the
+  /// unit of x_i.
   const Scalar& scale(Index i) const { return scale_[i]; }
-  /// Returns a bound on |H_jk x_k| summed over k, for every j.
+  /// Returns an upper bound on Σ_k |H_jk x_k| for every j.
   const Scalar& largest_terms() const { return largest_terms_; }
 
  private:

@@ -1,8 +1,9 @@
 #pragma once
 
-// The articulated inertia of a body: how its acceleration (α, A) depends on the wrench at its joint
-// when everything below it moves freely, (N, F) = [A B; Bᵀ C] (α, A) + p. The joint with direction
-// S is eliminated from it, and the rest is shifted to the parent's origin by r and added there:
+// The articulated inertia of a body, with 3×3 blocks A, B, C: how the body accelerates (α: angular;
+// A in (α, A): of its origin) under the wrench at its joint when everything below it moves freely,
+// (N, F) = [A B; Bᵀ C] (α, A) + p. The joint with direction S, torque τ and added diagonal d is
+// eliminated from it; the result is shifted to the parent's origin by r and added there:
 //
 //   U = [A B; Bᵀ C] S,   D = Sᵀ U + d,   u = τ - Sᵀ p
 //   [A B; Bᵀ C] -= U D⁻¹ Uᵀ,   p += U D⁻¹ u

@@ -178,8 +178,9 @@ class IkProblem {
     return sqrt(worst);
   }
 
-  /// Returns the largest entry of the projected gradient, relative to the largest that its terms
-  /// could make it. Entries that push against a limit count as zero. The result is 0 at a minimum.
+  /// Returns the largest entry |g_i| of the projected gradient, relative to
+  /// |J_i| |e| + |w (q_ref - q)_i|, the largest value that it could have. Entries that push against
+  /// a limit count as zero. The result is 0 at a minimum.
   Scalar projected_gradient() const {
     using std::abs;
     using std::sqrt;
@@ -209,7 +210,7 @@ class IkProblem {
   using Traits = articulated_traits<Model>;
   static constexpr float kUnlimited = 1e30f;
 
-  /// Returns true when all entries are below 1e15. Squares of larger ones overflow in float, or
+  /// Returns true when all magnitudes are below 1e15. Squares of larger ones overflow in float, or
   /// leave no digits for the joints.
   template <class Derived>
   static bool reasonable(const Eigen::MatrixBase<Derived>& v) {
@@ -245,8 +246,8 @@ class IkProblem {
 
   /// Computes the distance of each velocity coordinate to `limit`, downwards (sign -1) or upwards
   /// (1). It takes the difference from q to points one unit beyond the limits, so that it works for
-  /// any relation of positions to velocities. Coordinates without a limit get a difference of zero,
-  /// which tells them from the others.
+  /// any relation of positions to velocities. For coordinates without a limit this difference is
+  /// zero, and the distance becomes ±1e30.
   void distance_to(const Model& model, const View& q, const VectorX<Scalar>& limit,
                    const Scalar& sign, VectorX<Scalar>& distance) {
     using std::abs;

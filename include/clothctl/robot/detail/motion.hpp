@@ -11,10 +11,11 @@
 //   K = [α] + [ω] [ω]        the point at x from the origin accelerates by A + K x
 //   N = I α + ω × I ω + h × A,   F = m A + K h               h = m c, I about the origin
 //
-// N and F are the moment about the origin and the force that the body alone needs. These are the
-// Newton-Euler equations for a point fixed on the body. Linear velocities do not appear, and going
-// from a body to its parent is a translation. Origins near the masses keep digits that one common
-// origin would lose. Gravity enters as an acceleration of the world, A_0 = -gravity.
+// N and F are the moment about the origin and the force that accelerate the body itself, without
+// the bodies below it. These are the Newton-Euler equations for a point fixed on the body. Linear
+// velocities do not appear, and going from a body to its parent is a translation. Origins near the
+// masses keep digits that one common origin would lose. Gravity enters as an acceleration of the
+// world, A_0 = -gravity.
 //
 // Reference: Featherstone, Rigid Body Dynamics Algorithms (2008) ch. 5, here with the accelerations
 // of points instead of spatial accelerations.
@@ -129,7 +130,7 @@ struct BodyMotions {
         inertias(body_inertias(tree)),
         fingerprint(tree.fingerprint()) {}
 
-  /// Returns true when they were made for `tree` or a copy of it.
+  /// Returns true when these motions were made for `tree` or a copy of it.
   bool fits(const KinematicTree<Scalar>& tree) const { return fingerprint == tree.fingerprint(); }
 };
 
@@ -145,8 +146,8 @@ EIGEN_ALWAYS_INLINE Matrix3<Scalar> acceleration_gradient(const Vector3<Scalar>&
   return K;
 }
 
-/// Computes motions, inertias in world axes, and the moments and forces of each body alone. An
-/// empty qdd stands for zero.
+/// Computes motions, inertias in world axes, and for each body the moment and force that it needs
+/// without the bodies below it. An empty qdd stands for zero.
 template <RealScalar Scalar>
 [[gnu::flatten]] void compute_motions(const KinematicTree<Scalar>& tree,
                                       const BodyPoses<Scalar>& body_poses,

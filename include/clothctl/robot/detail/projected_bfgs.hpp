@@ -1,8 +1,8 @@
 #pragma once
 
 // Projected BFGS: quasi-Newton steps within limits. They serve minima at which residuals stay
-// large. Damped least squares approximates the Hessian by JᵀJ and converges slowly where the other
-// part, Σ e ∂²x/∂q², is as large.
+// large. Damped least squares approximates the Hessian by JᵀJ and converges slowly where the
+// neglected part, Σ e_i ∂²e_i/∂q², is as large as JᵀJ.
 //
 //   B_FF dq_F = g_F,   F: the entries that are not at a limit
 //   B ← B - B s sᵀB / sᵀB s + y yᵀ / sᵀy,   y ← θ y + (1 - θ) B s so that sᵀy ≥ 0.2 sᵀB s

@@ -6,16 +6,16 @@
 //
 //   A_k = J_k N_(k-1),   q̇ += A_k⁺ (ẋ_k - J_k q̇),   N_k = N_(k-1) - A_k⁺ A_k,   N_0 = 1
 //
-// N = 1 - V Vᵀ is stored as an orthonormal basis V of all directions that levels use. So it is a
-// projector to rounding. Only A_k⁺ is damped. A projector made of a damped pseudo-inverse would let
-// later levels disturb earlier ones. Singular values and vectors come from one-sided Jacobi
+// N = 1 - V Vᵀ is stored as an orthonormal basis V of all directions that levels use, so N is a
+// projector up to rounding. Only A_k⁺ is damped. A projector made of a damped pseudo-inverse would
+// let later levels disturb earlier ones. Singular values and vectors come from one-sided Jacobi
 // rotations (math/symmetric_eigen.hpp):
 //
 //   A_kᵀ W = U diag(σ),   A_k⁺ = U diag(σ / (σ² + λ²)) Wᵀ
 //
 // Reference: [Toh 2011], eq. 3.3 and 3.5, corrected (docs/robot.md); Siciliano, Slotine, ICAR
-// (1991); Maciejewski, Klein, Int. J. Robotics Research 8 (1989) for damping near singularities
-// alone.
+// (1991); Maciejewski, Klein, Int. J. Robotics Research 8 (1989) for damping only near
+// singularities.
 
 #include <algorithm>
 #include <cassert>
@@ -30,7 +30,8 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// Result of adding a level.
 template <RealScalar Scalar>
 struct PriorityReport {
-  /// True when J, ẋ and the settings are finite and of the right sizes. Otherwise nothing changed.
+  /// True when J and ẋ are finite and of the right sizes and the settings are valid. Otherwise
+  /// nothing changed.
   bool accepted = false;
   /// Number of directions that the level constrains.
   Index rank = 0;
@@ -47,7 +48,7 @@ class TaskPriority {
   /// A read-only view of a matrix.
   using MatrixView = Eigen::Ref<const MatrixX<Scalar>, 0, Eigen::OuterStride<>>;
 
-  /// Makes room for n velocities and levels of up to so many rows. Allocates.
+  /// Makes room for n velocities and levels of up to `most_rows` rows. Allocates.
   TaskPriority(Index n, Index most_rows, PrioritySettings<Scalar> settings = {})
       : settings_(settings), n_(n) {
     V_.setZero(n, n);
@@ -105,9 +106,8 @@ class TaskPriority {
     return report;
   }
 
-  /// Adds the posture as the last level, q̇ = z where the other levels leave q̇ free: q̇ += N
-  /// (z - q̇).
-  /// Never allocates.
+  /// Adds the posture as the last level: q̇ = z where the other levels leave q̇ free, i.e.
+  /// q̇ += N (z - q̇). Never allocates.
   void add_posture(const View& z) {
     assert(z.size() == n_);
     share_ = z - velocity_;

@@ -6,9 +6,9 @@
 //
 //   u = -K g,   K_AA z_A = b_A - u_A,   x = u + K_{:A} z_A
 //
-// The factor of K_AA is updated when A changes (updatable_cholesky.hpp). Cost with a active bounds:
-// n³/2 for K, n² for u in each solve, n a in each round, and a² for each unknown that enters or
-// leaves A. It does not depend on the number of free unknowns.
+// The factor of K_AA is updated when A changes (updatable_cholesky.hpp). Cost for a = |A| active
+// bounds: n³/2 for K, n² for u in each solve, n a in each round, and a² for each unknown that
+// enters or leaves A. It does not depend on the number of free unknowns.
 
 #include <algorithm>
 #include <cmath>
@@ -48,10 +48,10 @@ class ActiveBounds {
   }
   /// Returns true when K is known.
   bool known() const { return known_; }
-  /// Returns true when this class suits n unknowns with `active` active bounds.
+  /// Returns true when this class is efficient for n unknowns with `active` active bounds.
   static bool suits(Index active, Index n) { return n <= kMostUnknowns && active <= most(n); }
 
-  /// Returns true when `prepare` was called for this Hessian, with success or not.
+  /// Returns true when `prepare` was called for this Hessian, whether it succeeded or not.
   bool ready() const { return known_ || refused_; }
 
   /// Computes K, unless a pivot shows that H is almost singular. The rounding errors of K are not

@@ -1,13 +1,13 @@
 #pragma once
 
-// A closest point to rows that contradict each other or the bounds:
+// A point closest to satisfying rows that contradict each other or the bounds:
 //
 //   s = argmin |s|²  over  rl ≤ A x + s ≤ ru,  lb ≤ x ≤ ub
 //
-// x minimises ½ dist²(Ax, [rl, ru]) over the box, and s = Π(Ax) - Ax. The shifts s are unique; x
-// may not be. The proximal problem with H = 0, g = 0, μ = 1 and y_k = 0 is one proximal step for
-// this least-squares problem. A few steps with a decreasing weight ρ converge, even if rows are
-// linearly dependent (Rockafellar 1976).
+// x minimises ½ dist²(Ax, [rl, ru]) over the box, and s = Π(Ax) - Ax, where Π projects onto [rl,
+// ru]. The shifts s are unique; x need not be. The proximal problem with H = 0, g = 0, μ = 1 and
+// y_k = 0 is one proximal step for this least-squares problem. A few steps with a decreasing weight
+// ρ converge, even if rows are linearly dependent (Rockafellar 1976).
 
 #include <algorithm>
 
@@ -82,12 +82,13 @@ class ClosestPoint {
 
   /// After `find`: tightens the bounds of `problem`, whose rows are now scaled by E, until only
   /// closest points remain. A row with a shift becomes an equality. An unknown becomes fixed at its
-  /// bound if the distance has a nonzero slope there. Both hold at every closest point. As
-  /// inequalities, they would describe a set without interior, where multipliers are unbounded.
+  /// bound if the distance has a nonzero slope there. Every closest point satisfies these
+  /// equations. The inequalities that they replace would describe a set without interior, where
+  /// multipliers are unbounded.
   void tighten_bounds(Problem& problem, const Vector& E) const {
     using std::abs;
     using std::sqrt;
-    // Smaller shifts and slopes, relative to the largest, are errors of `find`.
+    // Shifts and slopes below this, relative to the largest, are errors of `find`.
     const Scalar relative_zero = sqrt(scalar_traits<Scalar>::epsilon());
     const Index n = problem.unknowns(), m = problem.rows();
     Scalar farthest(0);
@@ -118,8 +119,8 @@ class ClosestPoint {
     return Scalar(1e-3) * sqrt(scalar_traits<Scalar>::epsilon());
   }
 
-  /// Returns the largest entry of |A|ᵀ|Π(Ax) - Ax|, or with rows of |A|ᵀ(|Π(Ax) - Ax| + |Ax|),
-  /// since the rounding error of the distances is that of A x.
+  /// Returns the largest entry of |A|ᵀ|Π(Ax) - Ax|. If `with_rows` is true, that of |A|ᵀ(|Π(Ax) -
+  /// Ax| + |Ax|), because the rounding error of the distances is that of A x.
   Scalar size(const Problem& problem, bool with_rows) {
     using std::abs;
     const Index n = problem.unknowns();

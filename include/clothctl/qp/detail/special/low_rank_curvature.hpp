@@ -5,10 +5,10 @@
 //   H = D + NᵀN,  D > 0 diagonal, N r×n          S = I + N_F D_F⁻¹ N_Fᵀ = L diag(d) Lᵀ,  r×r
 //   H_FF⁻¹ = D_F⁻¹ - D_F⁻¹ N_Fᵀ S⁻¹ N_F D_F⁻¹      (Woodbury)
 //
-// When an unknown enters or leaves F, L and d change by a rank-one update, O(r²) for any size f of
-// F. A Newton step costs O(r f + r²), a gradient O(r n), and a breakpoint of a line search O(r),
-// because the gradient along the search is q + D Δx + NᵀU with U = N Δx. The minimiser on an active
-// set A, x_A = b_A, follows from c = N x in O(r n + r²):
+// F are the free unknowns. When an unknown enters or leaves F, L and d change by a rank-one update,
+// O(r²) for any size f of F. A Newton step costs O(r f + r²), a gradient O(r n), and a breakpoint
+// of a line search O(r), because the gradient after a move Δx of the search is q + D Δx + NᵀU with
+// U = N Δx. The minimiser on an active set A, x_A = b_A, follows from c = N x in O(r n + r²):
 //
 //   S c = N_A b_A - N_F D_F⁻¹ g_F,   x_F = -D_F⁻¹ (g_F + N_Fᵀ c),   z_A = D_A b_A + g_A + N_Aᵀ c
 
@@ -25,8 +25,8 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// L diag(d) Lᵀ ← L diag(d) Lᵀ + weight v vᵀ in place, for a unit lower triangular L (r×r).
 /// Overwrites v. Returns false when the result would not be positive definite; the factor is then
-/// no longer valid. Complexity: O(r²), one division a column. Reference: Gill, Golub, Murray and
-/// Saunders, Math. Comp. 28 (1974), method C1.
+/// no longer valid. Complexity: O(r²), with one division for each column. Reference: Gill, Golub,
+/// Murray and Saunders, Math. Comp. 28 (1974), method C1.
 template <RealScalar Scalar>
 bool rank_one_change(Eigen::Ref<MatrixX<Scalar>> L, Eigen::Ref<VectorX<Scalar>> d,
                      Eigen::Ref<VectorX<Scalar>> v, Scalar weight) {
@@ -98,9 +98,9 @@ class LowRankCurvature {
   Scalar diagonal(Index i) const { return D_[i] + dot_product(r_, column(i), column(i)); }
   /// Number of free unknowns.
   Index size() const { return size_; }
-  /// The free unknown at place k.
+  /// The free unknown at position k of the list.
   Index order(Index k) const { return order_[static_cast<std::size_t>(k)]; }
-  /// The place of unknown i, or -1.
+  /// The position of unknown i in the list of free unknowns, or -1.
   Index place(Index i) const { return place_[static_cast<std::size_t>(i)]; }
   /// Empties the free set.
   void clear() {
@@ -124,7 +124,7 @@ class LowRankCurvature {
     place_[static_cast<std::size_t>(i)] = size_++;
     change(i, 1);
   }
-  /// Removes the unknown at place k. The last unknown takes its place.
+  /// Removes the unknown at position k. The last unknown moves to this position.
   void remove(Index k) {
     const Index i = order(k), last = order(--size_);
     order_[static_cast<std::size_t>(k)] = last;
@@ -236,7 +236,7 @@ class LowRankCurvature {
     curvature = axial_ + bend_;
     size = curvature;
   }
-  /// Moves on by `step`.
+  /// Moves by `step` along p.
   void advance(const Scalar& step, Vector&) {
     slope_ += step * (axial_ + bend_);
     add_scaled(r_, step, v_.data(), U_.data());
@@ -312,8 +312,9 @@ class LowRankCurvature {
     batched_ = 0;
   }
 
-  /// Updates S to the free set. Adds and subtracts the unknowns that changed, or sums all from
-  /// scratch when these are fewer, or when rounding errors of many changes may have accumulated.
+  /// Updates S to the free set. Adds and subtracts the unknowns that changed, or sums all free
+  /// unknowns from scratch when they are fewer than the changes, or when rounding errors of many
+  /// changes may have accumulated.
   void update_S() {
     Index changes = 0;
     for (Index i = 0; i < n_; ++i)

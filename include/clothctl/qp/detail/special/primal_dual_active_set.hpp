@@ -6,10 +6,10 @@
 //   bounds that x violates enter A, bounds whose multiplier z has the wrong sign leave A
 //
 // When A does not change, x is the minimiser. From a good start the method needs few rounds, fewer
-// than a method that keeps x within its bounds. But it may cycle. So it stops when the number of
-// changes no longer decreases. Its result is a guess: another method starts from it and checks it.
-// The minimiser computes x and z for a given A (active_bounds.hpp, low_rank_curvature.hpp).
-// Reference: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002).
+// than a method that keeps x within its bounds. But the method may cycle, so it stops when the
+// number of changes no longer decreases. Its result is a guess: another method starts from the
+// guess and checks it. The minimiser class computes x and z for a given A (active_bounds.hpp,
+// low_rank_curvature.hpp). Reference: Hintermüller, Ito and Kunisch, SIAM J. Optim. 13 (2002).
 
 #include <algorithm>
 #include <vector>
@@ -20,11 +20,11 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The method for a minimiser with minimise(g, lo, hi, side, tolerance, x, z). This computes x (n)
-/// and, where side(i) is not Between, z on the active set; it returns false when it cannot. It must
-/// put an x_i that violates a bound by rounding only on that bound, and set a z_i below
-/// `tolerance`, relative to its terms, to zero. Otherwise rounding errors would change the set. All
-/// memory comes from `reserve`.
+/// The method for a class with a function minimise(g, lo, hi, side, tolerance, x, z). This function
+/// computes x (n) and, where side(i) is not Between, the multipliers z_i; it returns false when it
+/// cannot. When x_i violates a bound by no more than rounding, it must set x_i to this bound; when
+/// |z_i| is below `tolerance` relative to its terms, it must set z_i to zero. Otherwise rounding
+/// errors would change the set. All memory comes from `reserve`.
 template <RealScalar Scalar>
 class PrimalDualActiveSet {
  public:
@@ -38,8 +38,8 @@ class PrimalDualActiveSet {
 
   /// Starts from the active set side_of(i) of n unknowns. Reads n entries of g, lo and hi. Adds the
   /// rounds that change the set to `iterations`. Returns false when the minimiser fails or x is not
-  /// finite. Otherwise `x()`, within the bounds, and `side()` are the guess. It is the minimiser,
-  /// to rounding, if the method converged. Never allocates.
+  /// finite. Otherwise `x()`, within the bounds, and `side()` are the guess. If the method
+  /// converged, x is the minimiser to rounding. Never allocates.
   template <class Minimiser, class SideOf>
   bool find(Minimiser& minimiser, Index n, const Vector& g, const Vector& lo, const Vector& hi,
             SideOf side_of, const Scalar& tolerance, const Budget& budget, int& iterations) {
@@ -69,7 +69,7 @@ class PrimalDualActiveSet {
   bool ended() const { return ended_; }
   /// The guess of the last `find`.
   const Vector& x() const { return x_; }
-  /// Its active set.
+  /// The side of unknown i in the guess of the last `find`.
   QpSide side(Index i) const { return side_[static_cast<std::size_t>(i)]; }
 
  private:

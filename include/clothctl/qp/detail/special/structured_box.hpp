@@ -1,16 +1,18 @@
 #pragma once
 
-// Eliminates equality rows that define unknowns. If each row i has an unknown w_i without bounds
-// that appears in no other row, then
+// Eliminates equality rows that define unknowns. If each row i of A x = b has an unknown w_i
+// without bounds that appears in no other row, with entry a_i, and the Hessian is Q on w and a
+// diagonal D on the remaining unknowns d (A_d: their columns), without coupling of w and d, then
 //
 //   a_i w_i + (A_d d)_i = b_i              ->  w = c + M d,   c = b / a,   M = -A_d / a
 //   ½ wᵀQ w + g_wᵀw + ½ dᵀD d + g_dᵀd      ->  ½ dᵀ(D + NᵀN) d + g'ᵀd,   Q = U Uᵀ,   N = UᵀM,
 //                                              g' = g_d + Mᵀ(g_w + Q c)
 //   y = (Q w + g_w) / a,   z_w = 0,   z_d = D d + g_d - A_dᵀ y
 //
-// Only bounds remain, and the Hessian is diagonal plus low rank (low_rank_curvature.hpp). Contact
-// forces w with friction-cone coefficients d have this structure. The search for it runs once for
-// each H and A. c, g' and the solution cost O(nnz(A) + m²) a solve.
+// Only the bounds on d remain, and the Hessian is diagonal plus low rank (low_rank_curvature.hpp).
+// Contact forces w with friction-cone coefficients d have this structure. The search for this
+// structure runs once for each H and A. c, g' and the recovery of x, y and z cost O(nnz(A) + m²)
+// for each solve.
 
 #include <algorithm>
 #include <span>
@@ -61,8 +63,8 @@ class StructuredBox {
   }
 
   /// Solves a problem for which `ready` is true. Fills the result except for its ray. lb, ub, rl,
-  /// ru are the caller's bounds. Returns false when the solution does not meet the tolerances; the
-  /// caller should then use another method. Never allocates.
+  /// ru are the caller's bounds. Returns false when x is not finite, or the method converged but x
+  /// does not meet the tolerances; the caller should then use another method. Never allocates.
   bool solve(const Data& data, const QpSettings<Scalar>& settings, const Budget& budget,
              const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
              const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
@@ -95,7 +97,7 @@ class StructuredBox {
     method_.warm_start_sides([&](Index k) { return sides[static_cast<std::size_t>(full(k))]; });
   }
   /// Shifts the active set forward by `unknowns` unknowns of the whole problem, if the pattern of
-  /// eliminated unknowns repeats after so many. Otherwise the set stays.
+  /// eliminated unknowns repeats with this period. Otherwise the active set stays.
   void shift(Index unknowns) {
     if (!found_ || unknowns <= 0) return;
     Index step = 0;
@@ -132,8 +134,8 @@ class StructuredBox {
     return find_owners(data) && separate(data) && factor_hessian(data) && build(data);
   }
 
-  /// Assigns to each row an unknown without bounds that appears in no other row. If there are
-  /// several, it takes the one with the largest entry.
+  /// Assigns to each row an unknown without bounds that appears in no other row. If a row has
+  /// several, it gets the one with the largest entry in modulus. Returns false when a row has none.
   bool find_owners(const Data& data) {
     using std::abs;
     const Index n = data.n(), m = data.m();
@@ -207,7 +209,7 @@ class StructuredBox {
       for (Index i = 0; i < m; ++i) pivot_[i] -= Ut_(rank_, i) * Ut_(rank_, i);
       pivot_[best] = Scalar(0);
     }
-    // The rest must be rounding errors. Otherwise Q is not positive semidefinite.
+    // The remaining pivots must be rounding errors. Otherwise Q is not positive semidefinite.
     for (Index i = 0; i < m; ++i) {
       if (pivot_[i] < -Scalar(8) * least) return false;
     }
