@@ -8,10 +8,10 @@
 //
 //   edge of length l          k  = stretch · w / l
 //   both diagonals of a cell  k  = shear · (dx² + dz²)/(2 dx dz), since a shear angle γ stretches a
-//                             diagonal of length L by γ dx dz / L; G t = shear
-//   stencil 1,-2,1 on a row   kb = bending · (dz/dx) / dx², from ½ B ∫ κ² dA with the curvature
+//                             diagonal of length L by γ dx dz / L
+//   stencil 1,-2,1 on a row   kb = bending · (dz/dx) / dx², from ½ bending ∫ κ² dA, curvature
 //                             κ = |Σ w_i x_i| / dx² on the area dx dz
-//        and on a column      kb = bending · (dx/dz) / dz²; border rows and columns count in full
+//        and on a column      kb = bending · (dx/dz) / dz²; not halved on the border
 //   mass                      each cell gives a quarter of its mass to each of its vertices
 //
 // On square cells k is stretch (half on the border) and shear, and kb is bending / dx².
@@ -21,7 +21,8 @@
 //   edge      k  = stretch · Σ A / l², summed over the one or two triangles at the edge. If the
 //             edges point evenly in all directions, the sheet has Young's modulus `stretch`,
 //             Poisson's ratio 1/3 and shear modulus 3/8 stretch. Material::shear is not used.
-//   hinge     U  = ½ B/(A0+A1) |K x|², with K the cotangent weights of the two triangles at an
+//   hinge     U  = ½ bending/(A0+A1) |K x|², with K the cotangent weights of the two triangles at
+//   an
 //             interior edge
 //   mass      each triangle gives a third of its mass to each of its vertices
 //
@@ -32,8 +33,8 @@
 // flat, so a mesh that is curved at rest is pulled flat. The energy of a cylinder is exact on
 // equilateral triangles and for bending along the legs of right-angled triangles; on other meshes
 // it depends on the directions of the edges. Reference: quadratic bending of isometric sheets
-// (Bergou et al. 2006), with the factor 1/(A0+A1) in place of 3/(A0+A1), with which a cylinder on
-// equilateral triangles has three times its energy.
+// (Bergou et al. 2006). They have 3/(A0+A1) instead of 1/(A0+A1), which would give a cylinder on
+// equilateral triangles three times its energy.
 
 #include <array>
 #include <string>

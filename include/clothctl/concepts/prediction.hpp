@@ -20,7 +20,8 @@ template <class Scalar>
 inline constexpr int kResponseLanes = sizeof(Scalar) <= 4 ? 16 : 8;
 
 /// A block of `kResponseLanes` vectors of 3n degrees of freedom: column 3i + c holds coordinate c
-/// of vertex i, and each row (lane) is one vector, so that one vector instruction serves all lanes.
+/// of vertex i, and each row (lane) is one of the vectors, so that one SIMD instruction serves all
+/// of them.
 template <class Scalar>
 using ResponseLanes = Lanes<Scalar, kResponseLanes<Scalar>>;
 

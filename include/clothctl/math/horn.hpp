@@ -266,7 +266,8 @@ Scalar fit_rotation(const Matrix3<Scalar>& B, const Scalar& tolerance, const Sca
   Eigen::Quaternion<Scalar> best(Matrix3<Scalar>(svd.U * svd.V.transpose()));
   best.normalize();
   if (result.free_turns > 0) {
-    // q1 and the tied q1 v_k are orthonormal; in the frame of q1 they are 1 and v_k.
+    // All best quaternions are spanned by the orthonormal q1 (`best`) and q1 v_k. Multiplied by the
+    // conjugate of q1 from the left, these become 1 and the v_k.
     const Eigen::Quaternion<Scalar> seen = best.conjugate() * reference;
     Vector3<Scalar> turn = Vector3<Scalar>::Constant(Scalar(0));
     for (Index k = 0; k < result.free_turns; ++k)

@@ -3,15 +3,16 @@
 // Forward kinematics and Jacobians of a tree. All vectors are in world axes; a twist has its linear
 // part first.
 //
-//   R_i = R_parent R_placement Rot(z, q),   p_i = p_parent + R_parent p_placement    (revolute)
-//                                           p_i += R_i z q                           (prismatic)
+//   revolute:    R_i = R_parent R_placement Rot(z, q),   p_i = p_parent + R_parent p_placement
+//   prismatic:   R_i = R_parent R_placement,   p_i = p_parent + R_parent p_placement + R_i z q
 //
 // The Jacobian of a point x on a body has one column for each joint between body and world, with
 // the joint's axis a = R_i z:
 //
 //   [a × (x - p_i); a]   revolute,      [a; 0]   prismatic
 //
-// Columns of joints that share a coordinate add up.
+// Joints that are coupled to one q share its column: the sum of their columns, each times the ratio
+// of its coupling.
 //
 // Reference: Featherstone, Rigid Body Dynamics Algorithms (2008) ch. 4; Siciliano et al., Robotics
 // (2009) §3.1.

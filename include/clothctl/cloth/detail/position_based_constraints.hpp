@@ -9,15 +9,15 @@
 //   spring k with damper d (XPBD):
 //     Δλ = -( h² k (|p_a - p_b| - l0) + λ + h d n·(δ_a - δ_b) )
 //          / ( (h² k + h d)(w_a + w_b) + 1 ),      p_a += w_a Δλ n,  p_b -= w_b Δλ n,  λ += Δλ
-//   stencil with stiffness kb and weights ω (XPBD):
+//   bending stencil Σ ω_i p_i = 0 with stiffness kb and weights ω (XPBD); λ is a vector:
 //     Δλ = -( h² kb Σ ω_i p_i + λ ) / ( h² kb Σ ω_i² w_i + 1 ),   p_i += ω_i w_i Δλ,  λ += Δλ
-//   stencil (Verlet), relaxation r:
+//   bending stencil (Verlet), relaxation r:
 //     Δλ = -r Σ ω_i p_i / Σ ω_i² w_i,              p_i += ω_i w_i Δλ
 //
 // The XPBD equations are the usual ones (compliance 1/k, multiplier λ) multiplied by h² k, so that
 // neither k = 0 nor a huge k needs a special case. λ has the unit of an impulse times time. XPBD
-// visits its springs colour by colour. Springs of one colour share no vertex, so the processor can
-// overlap their work.
+// visits its springs colour by colour. Springs of one colour share no vertex, so their
+// updates do not wait for each other.
 
 #include <array>
 #include <cmath>

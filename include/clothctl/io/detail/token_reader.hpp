@@ -74,7 +74,8 @@ class TokenReader {
     return true;
   }
 
-  /// Returns true when only white space is left; else fails and names the next token.
+  /// Returns true when only white space is left; else fails and names the next token. `after`: what
+  /// was read last, for the message.
   bool at_end(const std::string& after) {
     if (!skip_blank()) return true;
     const std::string_view rest = text_.substr(place_);

@@ -115,8 +115,8 @@ class ForceBasis {
     }
   }
 
-  /// Writes the finger forces (`force_count` entries) of one frame's coefficients `d`. Never
-  /// allocates.
+  /// Writes the finger forces (`force_count` entries) that the coefficients `d` of one planning
+  /// frame cause. Never allocates.
   void finger_forces(const std::vector<Grip<Scalar, Contact>>& grips,
                      const HeldVertices<Scalar>& held, const MatrixX<Scalar>& B,
                      const Eigen::Ref<const VectorX<Scalar>>& d,

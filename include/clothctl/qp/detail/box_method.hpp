@@ -306,8 +306,8 @@ class BoxMethod {
     return walk(f, true);
   }
 
-  /// Moves the `count` unknowns in moving_ along p. The path bends where an unknown meets its
-  /// bound.
+  /// Moves the `count` unknowns in moving_ along p, up to the first minimum. An unknown that meets
+  /// its bound stays there while the others go on. `newton`: p is a Newton step.
   Walk walk(Index count, bool newton) {
     using std::sqrt;
     const Scalar rounding = Scalar(4) * static_cast<Scalar>(n_) * scalar_traits<Scalar>::epsilon();
@@ -373,8 +373,9 @@ class BoxMethod {
     }
   }
 
-  /// Returns the violation of the sign condition on q_i, divided by √H_ii; 0 when the condition
-  /// holds.
+  /// Returns by how much q_i has the wrong sign for the bound that unknown i is at, or |q_i| when
+  /// it is between its bounds; divided by √H_ii. Returns 0 when the sign is right, and for a free
+  /// unknown.
   Scalar violation(Index i) {
     using std::abs;
     if (state(i) == kFree || !(lo()[i] < hi()[i])) return Scalar(0);

@@ -17,7 +17,8 @@ class BoxWarmStart {
  public:
   using Vector = VectorX<Scalar>;
 
-  /// Makes room for n unknowns. The caller must reserve the curvature too. Allocates.
+  /// Makes room for n unknowns. The caller reserves the curvature
+  /// object itself. Allocates.
   void reserve(Index n) {
     rounds_.reserve(n);
     uses_ = 0;

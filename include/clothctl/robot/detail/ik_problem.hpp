@@ -186,8 +186,9 @@ class IkProblem {
     using std::sqrt;
     const Scalar length = sqrt(e_.head(rows_).squaredNorm());
     const bool pulled = weight_ > Scalar(0);
-    // Entry and terms are compared by their squares, scaled by the residual: a root and a quotient
-    // for each entry would cost more than everything else here.
+    // The ratio of each gradient entry to its terms is not computed: ratios are compared by
+    // products of squares, since a root and a division for each entry would cost more than all else
+    // here.
     Scalar most(0), terms_of_most(1);
     const Scalar scale = length > Scalar(0) ? Scalar(Scalar(1) / length) : Scalar(1);
     for (Index i = 0; i < n_; ++i) {

@@ -140,7 +140,8 @@ class TaskPriority {
     return sigma / (sigma * sigma + damping);
   }
 
-  /// Adds the direction u (unit length up to rounding) to the basis V, and moves along it.
+  /// Adds the direction u (unit length up to rounding) to the basis V, and to the velocity u times
+  /// `amount` times the damped inverse of the singular value `sigma`.
   void add_direction(Eigen::Ref<VectorX<Scalar>> u, const Scalar& sigma, const Scalar& amount,
                      PriorityReport<Scalar>& report) {
     using std::sqrt;
