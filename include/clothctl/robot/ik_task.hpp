@@ -241,10 +241,10 @@ struct IkReport {
   Scalar error = scalar_traits<Scalar>::infinity();
   /// The minimised cost: half the sum of squared residuals, plus the posture's term (m²).
   Scalar cost = scalar_traits<Scalar>::infinity();
-  /// Largest entry of the projected gradient, relative to its largest possible value (see
-  /// IkSettings::gradient_tolerance).
+  /// Largest entry of the projected gradient, each divided by the largest value that this entry can
+  /// have for the residual's length (see IkSettings::gradient_tolerance).
   Scalar gradient = scalar_traits<Scalar>::infinity();
-  /// Number of steps tried, over all attempts and starts.
+  /// Number of steps tried in all attempts from all starts.
   int iterations = 0;
   /// Number of starts used.
   int starts = 1;

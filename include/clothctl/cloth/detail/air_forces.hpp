@@ -9,10 +9,11 @@
 //
 //     F = ½ ρ A ( Cn |r_n| r_n + Ct |r_t| r_t ),        a third of it on each corner.
 //
-// With  C_t = ½ ρ A ( Cn |r_n| n nᵀ + Ct |r_t| (I - n nᵀ) )  this is F = C_t (w - v_t). When C_t is
-// frozen at the start of a step, it is symmetric positive semidefinite and F is linear in the
-// velocity: an implicit model adds h C_t / 9 to each of the nine blocks that couple the corners in
-// its step matrix. Drag never adds energy to the relative motion: F · (v_t - w) <= 0.
+// With  C_t = ½ ρ A ( Cn |r_n| n nᵀ + Ct |r_t| (I - n nᵀ) )  this is F = C_t (w - v_t). The matrix
+// C_t of triangle t is symmetric positive semidefinite. An implicit model keeps its value from the
+// start of a step, so that F is linear in the velocity, and adds h C_t / 9 to each of the nine
+// blocks that couple the corners in its step matrix. Drag never adds energy to the relative motion:
+// F · (v_t - w) <= 0.
 
 #include <array>
 #include <cmath>

@@ -3,8 +3,8 @@
 // The factor of the regularised optimality equations over changing sets of unknowns and rows. The
 // factor is sparse (linalg/sparse_ldlt.hpp) when H and A have so many zeros that this is cheaper,
 // else dense (linalg/row_factor.hpp). A pivot of the sparse factor can fail because of rounding
-// alone. The dense factor then takes over. This one factors H_FF + ρ I first, so its pivots show
-// whether negative curvature is the cause.
+// alone, without negative curvature. The dense factor then takes over: it factors H_FF + ρ I first,
+// and a pivot that fails there shows negative curvature.
 
 #include "clothctl/linalg/row_factor.hpp"
 #include "clothctl/linalg/sparse_ldlt.hpp"

@@ -270,7 +270,7 @@ class ProximalMethod {
     problem_.factor.touch();
   }
 
-  /// Computes the residuals of the current (x, y), and the scaled gradient in q_.
+  /// Returns the residuals of the current (x, y), and stores the scaled gradient in q_.
   KktResiduals<Scalar> measure_residuals() {
     if (accurate_sums_) {
       problem_.accurate_products(q_);
