@@ -111,6 +111,7 @@ struct clothctl::plant_traits<game::Cloth> {
   }
   /// Takes a step. A failed step leaves the cloth unchanged and is reported.
   static StepReport<double> advance(game::Cloth& cloth, double dt) {
+    if (!(dt > 0)) return {StepStatus::InvalidInput, false, 0.0, 0};
     const game::Cloth before = cloth;
     cloth.frame(static_cast<float>(dt));
     const bool good = all_finite(positions(cloth)) && all_finite(velocities(cloth));

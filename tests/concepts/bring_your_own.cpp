@@ -1,5 +1,6 @@
 // The foreign types of examples/bring_your_own obey the laws of their concepts.
 
+#include "../../examples/bring_your_own/cloth_plant.hpp"
 #include "../../examples/bring_your_own/contact_model.hpp"
 #include "../../examples/bring_your_own/qp_solver.hpp"
 #include "../../examples/bring_your_own/robot.hpp"
@@ -9,6 +10,7 @@
 #include "laws/articulated_laws.hpp"
 #include "laws/cloth_rollout_laws.hpp"
 #include "laws/contact_laws.hpp"
+#include "laws/plant_laws.hpp"
 #include "laws/qp_solver_laws.hpp"
 #include "support/catch.hpp"
 
@@ -16,12 +18,20 @@ using namespace clothctl;
 
 static_assert(ContactModel<gripper::RibbedPad> && ClothRollout<lab::Cloth>);
 static_assert(QpSolver<splitting::Admm> && ArticulatedModel<workshop::Arm>);
+static_assert(ClothPlant<game::Cloth>);
 
 TEST_CASE("the contact model of examples/bring_your_own obeys the laws of contacts", "[concepts]") {
   clothctl_test::check_contact_laws<double>(gripper::RibbedPad{}, 1e-12);
   gripper::RibbedPad slanted;
   slanted.ribs = {0.3, -0.2, 2.0};
   clothctl_test::check_contact_laws<double>(slanted, 1e-12);
+}
+
+TEST_CASE("the plant of examples/bring_your_own obeys the laws of plants", "[concepts]") {
+  const GridMesh<double> grid = make_grid<double>(4, 4, 0.3, 0.3).value();
+  const SpringNetwork<double> network = sheet_network(grid, Material<double>{}).value();
+  clothctl_test::check_plant_laws<double>(
+      [&] { return game::make_cloth(network, network.rest_positions); }, 0.01);
 }
 
 TEST_CASE("the cloth of examples/bring_your_own obeys the laws of rollouts", "[concepts]") {

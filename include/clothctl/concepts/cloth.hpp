@@ -46,8 +46,8 @@ struct plant_traits {
 /// A sheet, simulated or real, that takes inputs and can be measured.
 ///
 /// Axioms: after `advance` reports `advanced`, positions and velocities are those `dt` later; after
-/// any other report they are unchanged; a simulated plant gives equal results for equal state and
-/// input.
+/// any other report they are unchanged; `advance` refuses a `dt` that is not positive and input
+/// that is not finite; a simulated plant gives equal results for equal state and input.
 ///
 /// Optional hooks: `gravity_load(plant)` and `time_step(plant)`; where a plant has them,
 /// `run_frame` compares them with the planner's settings.
