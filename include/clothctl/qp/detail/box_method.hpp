@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "clothctl/linalg/vector_kernels.hpp"
+#include "clothctl/qp/detail/bound_breakpoints.hpp"
 #include "clothctl/qp/detail/box_warm_start.hpp"
 #include "clothctl/qp/detail/budget.hpp"
 #include "clothctl/qp/detail/cached_product.hpp"
@@ -56,7 +57,8 @@ class BoxMethod {
 
   /// Makes room for n unknowns. The caller must reserve `curvature()` too. Allocates.
   void reserve(Index n) {
-    set_zero<Scalar>({&x_, &q_, &p_, &limit_, &work_}, n);
+    set_zero<Scalar>({&x_, &q_, &p_, &work_}, n);
+    breaks_.reserve(n);
     zero_.reserve(n);
     descent_.reserve(n);
     product_.reserve(n);
@@ -311,29 +313,17 @@ class BoxMethod {
   Walk walk(Index count, bool newton) {
     using std::sqrt;
     const Scalar rounding = Scalar(4) * static_cast<Scalar>(n_) * scalar_traits<Scalar>::epsilon();
-    Index hits = 0;
-    bool clipped = false;
-    for (Index k = 0; k < count; ++k) {
-      const Index i = moving(k);
-      const Scalar edge = p_[i] < Scalar(0) ? lo()[i] : hi()[i];
-      if (!has_bound(edge) || (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0)))) continue;
-      limit_[i] = (std::max)(Scalar(0), Scalar((edge - x_[i]) / p_[i]));
-      if (newton && limit_[i] < Scalar(1)) clipped = true;
-      list_[static_cast<std::size_t>(hits++)] = i;
-    }
+    breaks_.find(moving_, count, x_, p_, lo(), hi());
     curvature_.start_walk(moving_, count, p_, q_);
-    if (newton && !clipped) {
+    if (newton && !breaks_.any_before(Scalar(1))) {
       curvature_.advance(Scalar(1), q_);
       curvature_.end_walk(moving_, count, p_, q_);
       go_on(Scalar(1), count);
       stay_inside(count);
       return Walk::Full;
     }
-    std::sort(list_.begin(), list_.begin() + hits, [this](Index a, Index b) {
-      return limit_[a] < limit_[b] || (!(limit_[b] < limit_[a]) && a < b);
-    });
+    breaks_.sort();
     Scalar t(0);
-    Index hit = 0;
     for (;;) {
       Scalar slope, curvature, size;
       curvature_.line(moving_, count, p_, q_, slope, curvature, size);
@@ -342,14 +332,14 @@ class BoxMethod {
         return Walk::Concave;
       const bool curved = curvature > (newton ? Scalar(0) : rounding * size);
       const Scalar rest = curved ? -slope / curvature : Scalar(0);
-      const bool stops_first = hit < hits && !(curved && t + rest < limit_[list(hit)]);
+      const bool stops_first = !breaks_.done() && !(curved && t + rest < breaks_.length());
       if (!stops_first && !curved) return Walk::Unbounded;
-      const Scalar step = stops_first ? limit_[list(hit)] - t : rest;
+      const Scalar step = stops_first ? breaks_.length() - t : rest;
       go_on(step, count);
       curvature_.advance(step, q_);
       t += step;
       if (!stops_first) break;
-      const Index i = list(hit++);
+      const Index i = breaks_.take();
       const bool down = p_[i] < Scalar(0);
       x_[i] = down ? lo()[i] : hi()[i];
       state(i) = down ? kLower : kUpper;
@@ -495,7 +485,8 @@ class BoxMethod {
   BoxWarmStart<Scalar, Curvature> guess_;
   ZeroGradient<Scalar> zero_;
   DescentMonitor<Scalar> descent_;
-  Vector x_, q_, p_, limit_, work_;
+  BoundBreakpoints<Scalar> breaks_;
+  Vector x_, q_, p_, work_;
   CachedProduct<Scalar> product_;
   std::vector<State> state_;
   std::vector<Index> list_, moving_;

@@ -19,6 +19,7 @@
 
 #include "clothctl/linalg/columns.hpp"
 #include "clothctl/linalg/vector_kernels.hpp"
+#include "clothctl/qp/detail/bound_breakpoints.hpp"
 #include "clothctl/qp/detail/budget.hpp"
 #include "clothctl/qp/detail/descent_monitor.hpp"
 #include "clothctl/qp/detail/kkt_factor.hpp"
@@ -43,14 +44,14 @@ class ProximalProblem {
     hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
     rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
     columns_.assign(static_cast<std::size_t>(n * m), Scalar(0));
-    set_zero<Scalar>({&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_, &limit_}, n);
+    set_zero<Scalar>({&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_}, n);
+    breaks_.reserve(n);
     set_zero<Scalar>(
         {&rl, &ru, &y, &yk, &ax, &moved_, &below_, &above_, &b_, &delta_, &zero_rows_, &last_y_},
         m);
     state.assign(static_cast<std::size_t>(n), State::Lower);
     active_.assign(static_cast<std::size_t>(m), 0);
     moving_.assign(static_cast<std::size_t>(n), 0);
-    hits_.assign(static_cast<std::size_t>(n), 0);
     along_.reserve(2 * m);
     descent_.reserve(n);
     factor.reserve(n, m);
@@ -369,44 +370,29 @@ class ProximalProblem {
   /// moved by the whole step and no set changed.
   bool walk() {
     const Index count = factor.free_size();
-    const Index hits = ratio_test(count);
-    const bool whole = keeps_bounds(hits) && keeps_row_sides();
+    start_walk(count);
+    const bool whole = !breaks_.any_before(Scalar(1)) && keeps_row_sides();
     if (whole) {
       advance(Scalar(1), count);
     } else {
-      search_bent_path(hits, count);
+      search_bent_path(count);
     }
     stay_inside(count);
     return whole;
   }
 
-  /// Computes w = H p and b = A p. For each unknown that moves towards a bound, computes the step
-  /// length `limit_` to this bound, and lists the unknown in `hits_`. Returns the number of listed
-  /// unknowns.
-  Index ratio_test(Index count) {
+  /// Computes w = H p and b = A p, and finds where the moving unknowns meet their bounds.
+  void start_walk(Index count) {
     std::fill_n(w_.data(), n_, Scalar(0));
     std::fill_n(b_.data(), m_, Scalar(0));
-    Index hits = 0;
     for (Index k = 0; k < count; ++k) {
       const Index i = factor.unknown(k);
       moving_[static_cast<std::size_t>(k)] = i;
       if (!(p_[i] < Scalar(0)) && !(p_[i] > Scalar(0))) continue;
       h_.add(i, p_[i], w_);
       a_.add(i, p_[i], b_);
-      const Scalar edge = p_[i] < Scalar(0) ? lo[i] : hi[i];
-      if (!has_bound(edge)) continue;
-      limit_[i] = (std::max)(Scalar(0), Scalar((edge - x[i]) / p_[i]));
-      hits_[static_cast<std::size_t>(hits++)] = i;
     }
-    return hits;
-  }
-
-  /// Returns true when the whole step crosses none of the listed bounds.
-  bool keeps_bounds(Index hits) const {
-    for (Index k = 0; k < hits; ++k) {
-      if (limit_[hits_[static_cast<std::size_t>(k)]] < Scalar(1)) return false;
-    }
-    return true;
+    breaks_.find(moving_, count, x, p_, lo, hi);
   }
 
   /// Returns true when the whole step crosses no bound of an inequality row.
@@ -423,13 +409,11 @@ class ProximalProblem {
 
   /// Moves x to the first minimum of φ along the bent path. The path is straight from one bound to
   /// the next; an unknown stops at the bound that it meets.
-  void search_bent_path(Index hits, Index count) {
-    std::sort(hits_.begin(), hits_.begin() + hits, [this](Index a, Index c) {
-      return limit_[a] < limit_[c] || (!(limit_[c] < limit_[a]) && a < c);
-    });
+  void search_bent_path(Index count) {
+    breaks_.sort();
     const Scalar big = no_bound<Scalar>();
     Scalar t(0);
-    for (Index hit = 0;; ++hit) {
+    for (;;) {
       Scalar slope(0);
       Scalar curvature(0);
       for (Index k = 0; k < count; ++k) {
@@ -439,14 +423,13 @@ class ProximalProblem {
       }
       for (Index i = 0; i < m_; ++i) slope -= multiplier(i) * b_[i];
       if (!(slope < Scalar(0))) return;
-      const Index next = hit < hits ? hits_[static_cast<std::size_t>(hit)] : Index(-1);
-      const Scalar end = next >= 0 ? Scalar(limit_[next] - t) : big;
+      const Scalar end = breaks_.done() ? big : Scalar(breaks_.length() - t);
       const Scalar step = minimum_along(slope, curvature, end);
       if (!(step < big)) return;
       advance(step, count);
       t += step;
       if (step < end) return;
-      stop_at_bound(next);
+      stop_at_bound(breaks_.take());
     }
   }
 
@@ -480,10 +463,11 @@ class ProximalProblem {
 
   std::vector<Scalar> hessian_, rows_, columns_;
   Columns<Scalar> h_, a_, at_;
-  Vector p_, w_, limit_, b_, moved_, below_, above_, delta_, zero_rows_, last_y_;
+  Vector p_, w_, b_, moved_, below_, above_, delta_, zero_rows_, last_y_;
   DescentMonitor<Scalar> descent_;
   PiecewiseQuadratic<Scalar> along_;
-  std::vector<Index> moving_, hits_;
+  std::vector<Index> moving_;
+  BoundBreakpoints<Scalar> breaks_;
   std::vector<char> active_;  // 1 for each row that belongs in the factor
   Index n_ = 0, m_ = 0;
 };
