@@ -9,7 +9,7 @@
 #include <cmath>
 
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/network/sheet.hpp"
 
 namespace {
 

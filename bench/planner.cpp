@@ -15,10 +15,10 @@
 #include <vector>
 
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/cloth/materials.hpp"
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/mpc/linearised_predictor.hpp"
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/sheet.hpp"
 
 namespace {
 

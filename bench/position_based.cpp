@@ -4,9 +4,9 @@
 
 #include <benchmark/benchmark.h>
 
-#include "clothctl/cloth/materials.hpp"
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/mesh/grid.hpp"
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/sheet.hpp"
 
 namespace {
 

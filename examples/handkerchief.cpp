@@ -6,7 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
-#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 

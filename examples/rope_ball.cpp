@@ -3,8 +3,8 @@
 //
 //   rope_ball --out out          then open out/player.html
 
-#include "clothctl/cloth/rope.hpp"
-#include "clothctl/cloth/solid.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/solid.hpp"
 #include "support/loop.hpp"
 
 namespace {

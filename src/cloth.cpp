@@ -2,6 +2,7 @@
 
 #include "clothctl/contact.hpp"
 #include "clothctl/mesh.hpp"
+#include "clothctl/network.hpp"
 #include "clothctl/qp.hpp"
 
 // From here on CLOTHCTL_INSTANTIATE defines.

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <vector>
 
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/concepts/cloth.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace game {
 

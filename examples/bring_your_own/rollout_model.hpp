@@ -14,8 +14,8 @@
 #include <span>
 #include <vector>
 
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/concepts/cloth.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace lab {
 using Numbers = std::vector<double>;

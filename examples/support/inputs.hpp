@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "clothctl/cloth/materials.hpp"
+#include "clothctl/network/materials.hpp"
 
 namespace program {
 

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/network/spring_network.hpp"
 #include "support/options.hpp"
 #include "support/timing.hpp"
 

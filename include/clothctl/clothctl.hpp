@@ -12,5 +12,6 @@
 #include "clothctl/math.hpp"
 #include "clothctl/mesh.hpp"
 #include "clothctl/mpc.hpp"
+#include "clothctl/network.hpp"
 #include "clothctl/qp.hpp"
 #include "clothctl/robot.hpp"

@@ -13,10 +13,10 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
-#include "clothctl/cloth/rope.hpp"
-#include "clothctl/cloth/sheet.hpp"
-#include "clothctl/cloth/solid.hpp"
 #include "clothctl/concepts/cloth.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/solid.hpp"
 #include "laws/cloth_laws.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"

@@ -4,9 +4,9 @@
 #include <limits>
 #include <random>
 
-#include "clothctl/cloth/rope.hpp"
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/concepts/prediction.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "laws/step_response_laws.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"

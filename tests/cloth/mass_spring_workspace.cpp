@@ -3,8 +3,8 @@
 #include "clothctl/cloth/detail/mass_spring_workspace.hpp"
 
 #include "clothctl/cloth/detail/spring_forces.hpp"
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/linalg/nested_dissection.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;

@@ -5,7 +5,7 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
-#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 

@@ -8,13 +8,13 @@
 
 #include <Eigen/Geometry>
 
-#include "clothctl/cloth/materials.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
-#include "clothctl/cloth/rope.hpp"
-#include "clothctl/cloth/sheet.hpp"
-#include "clothctl/cloth/solid.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/mesh/grid.hpp"
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/solid.hpp"
 #include "laws/cloth_laws.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"

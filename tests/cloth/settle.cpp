@@ -9,7 +9,7 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;

@@ -5,9 +5,9 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "clothctl/cloth/rope.hpp"
-#include "clothctl/cloth/sheet.hpp"
-#include "clothctl/cloth/solid.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/solid.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/tier.hpp"

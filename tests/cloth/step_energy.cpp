@@ -6,8 +6,8 @@
 #include <limits>
 #include <random>
 
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/linalg/nested_dissection.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 

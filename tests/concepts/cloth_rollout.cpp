@@ -8,9 +8,9 @@
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/cloth/position_based.hpp"
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/mesh/grid.hpp"
+#include "clothctl/network/sheet.hpp"
 #include "laws/cloth_rollout_laws.hpp"
 #include "support/catch.hpp"
 

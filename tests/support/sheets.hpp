@@ -11,10 +11,10 @@
 #include <vector>
 
 #include "clothctl/cloth/mass_spring.hpp"
-#include "clothctl/cloth/materials.hpp"
-#include "clothctl/cloth/sheet.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/mesh/grid.hpp"
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/sheet.hpp"
 
 namespace clothctl_test {
 

@@ -9,7 +9,7 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
-#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/network/sheet.hpp"
 
 namespace clothctl_test {
 

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "clothctl/cloth/materials.hpp"
-#include "clothctl/cloth/spring_network.hpp"
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

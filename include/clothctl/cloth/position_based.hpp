@@ -33,11 +33,11 @@
 #include "clothctl/cloth/detail/position_based_constraints.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/step_input.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

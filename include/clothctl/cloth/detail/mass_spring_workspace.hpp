@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/step_input.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/linalg/block_cholesky.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

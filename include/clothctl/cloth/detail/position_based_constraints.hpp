@@ -25,8 +25,8 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/triple.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/core/types.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

@@ -27,8 +27,8 @@
 #include "clothctl/cloth/detail/air_forces.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/linalg/block_symmetric.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

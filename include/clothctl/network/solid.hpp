@@ -20,10 +20,10 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/cloth/rope.hpp"
-#include "clothctl/cloth/sheet.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/mesh/tetrahedra.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

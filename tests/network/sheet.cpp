@@ -1,4 +1,4 @@
-#include "clothctl/cloth/sheet.hpp"
+#include "clothctl/network/sheet.hpp"
 
 #include <Eigen/Geometry>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "clothctl/cloth/spring_network.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 #include <limits>
 

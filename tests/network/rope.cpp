@@ -1,4 +1,4 @@
-#include "clothctl/cloth/rope.hpp"
+#include "clothctl/network/rope.hpp"
 
 #include <cmath>
 #include <limits>

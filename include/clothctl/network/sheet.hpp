@@ -41,10 +41,10 @@
 #include <type_traits>
 #include <vector>
 
-#include "clothctl/cloth/materials.hpp"
-#include "clothctl/cloth/spring_network.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/mesh/topology.hpp"
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

@@ -13,8 +13,8 @@
 #include <string>
 #include <utility>
 
-#include "clothctl/cloth/sheet.hpp"
-#include "clothctl/cloth/spring_network.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

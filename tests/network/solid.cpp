@@ -1,4 +1,4 @@
-#include "clothctl/cloth/solid.hpp"
+#include "clothctl/network/solid.hpp"
 
 #include <Eigen/Geometry>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "clothctl/cloth/materials.hpp"
+#include "clothctl/network/materials.hpp"
 
 #include <limits>
 

@@ -1,0 +1,9 @@
+#pragma once
+
+// What a body is made of: masses, springs, materials, and builders of sheets, ropes and solids.
+
+#include "clothctl/network/materials.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/solid.hpp"
+#include "clothctl/network/spring_network.hpp"
