@@ -425,3 +425,18 @@ TEMPLATE_TEST_CASE("bad sheets are refused with a message", "[cloth]", float, do
   CHECK(sheet_network(mesh.positions, lonely, material).error() ==
         "vertex 2 belongs to no triangle");
 }
+
+TEST_CASE("sheet_network says which springs are diagonals", "[network][sheet]") {
+  const auto grid = make_grid<double>(3, 4, 0.3, 0.2);
+  REQUIRE(grid);
+  const auto network = sheet_network(grid.value(), Material<double>());
+  REQUIRE(network);
+  for (const SpringNetwork<double>& copy :
+       {network.value(), network.value().template cast<float>().template cast<double>()}) {
+    for (const Spring<double>& s : copy.springs) {
+      const bool thread = s.b - s.a == 1 || s.b - s.a == 4;
+      CAPTURE(s.a, s.b);
+      CHECK(s.kind == (thread ? SpringKind::Structural : SpringKind::Shear));
+    }
+  }
+}

@@ -53,7 +53,7 @@ namespace detail {
 /// Adds a spring of the given stiffness. Its rest length is the distance of its vertices.
 template <RealScalar Scalar>
 void add_spring(SpringNetwork<Scalar>& network, int a, int b, const Scalar& stiffness,
-                const Scalar& damping_time) {
+                const Scalar& damping_time, SpringKind kind = SpringKind::Structural) {
   Spring<Scalar> spring;
   spring.a = a;
   spring.b = b;
@@ -61,6 +61,7 @@ void add_spring(SpringNetwork<Scalar>& network, int a, int b, const Scalar& stif
   spring.rest_length = d.norm();
   spring.stiffness = stiffness;
   spring.damping = damping_time * stiffness;
+  spring.kind = kind;
   network.springs.push_back(spring);
 }
 
@@ -124,8 +125,8 @@ void add_cells(const GridMesh<Scalar>& mesh, const Material<Scalar>& material,
     for (int col = 0; col + 1 < mesh.cols; ++col) {
       const int a = mesh.vertex(row, col), b = mesh.vertex(row, col + 1);
       const int c = mesh.vertex(row + 1, col + 1), d = mesh.vertex(row + 1, col);
-      add_spring(network, a, c, diagonal, material.damping_time);
-      add_spring(network, b, d, diagonal, material.damping_time);
+      add_spring(network, a, c, diagonal, material.damping_time, SpringKind::Shear);
+      add_spring(network, b, d, diagonal, material.damping_time, SpringKind::Shear);
       for (int v : {a, b, c, d}) network.mass[v] += quarter_cell;
     }
   }

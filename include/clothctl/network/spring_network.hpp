@@ -47,6 +47,18 @@ struct AirSettings {
   }
 };
 
+/// What a spring stands for. Models that limit stretch or tear tell springs apart by it.
+enum class SpringKind : unsigned char {
+  /// An edge of a mesh, or a thread of a grid.
+  Structural,
+  /// A diagonal of a cell.
+  Shear,
+  /// A spring that resists bending: between vertices two edges apart.
+  Bend,
+  /// A seam that pulls two edges together.
+  Seam
+};
+
 /// An axial spring with a parallel damper between two vertices.
 template <RealScalar Scalar>
 struct Spring {
@@ -60,6 +72,8 @@ struct Spring {
   Scalar stiffness = Scalar(0);
   /// Axial damping d, N s/m.
   Scalar damping = Scalar(0);
+  /// What the spring stands for.
+  SpringKind kind = SpringKind::Structural;
 };
 
 /// A quadratic bending element: ½ kb |Σ w_i x_i|² over three or four vertices.
@@ -102,7 +116,8 @@ struct SpringNetwork {
     out.springs.reserve(springs.size());
     for (const Spring<Scalar>& s : springs) {
       out.springs.push_back({s.a, s.b, static_cast<Other>(s.rest_length),
-                             static_cast<Other>(s.stiffness), static_cast<Other>(s.damping)});
+                             static_cast<Other>(s.stiffness), static_cast<Other>(s.damping),
+                             s.kind});
     }
     out.bends.reserve(bends.size());
     for (const BendStencil<Scalar>& b : bends) {
