@@ -18,15 +18,20 @@ clothctl::Material<double> read_material(const std::string& name) {
   if (json.is_discarded() || !json.is_object()) refuse(name + ": not a JSON object");
   clothctl::Material<double> material;
   material.name = name;
-  for (const auto& [key, value] : json.items()) {
+  for (const auto& [key, value] : json.items()) {  // "stretch" comes before "stretch_warp"
     if (key == "name" && value.is_string()) {
       material.name = value.get<std::string>();
       continue;
     }
+    double both = 0;
     double* quantity = key == "area_density"   ? &material.area_density
-                       : key == "stretch"      ? &material.stretch
+                       : key == "stretch"      ? &both
+                       : key == "stretch_warp" ? &material.stretch_warp
+                       : key == "stretch_weft" ? &material.stretch_weft
                        : key == "shear"        ? &material.shear
-                       : key == "bending"      ? &material.bending
+                       : key == "bending"      ? &both
+                       : key == "bending_warp" ? &material.bending_warp
+                       : key == "bending_weft" ? &material.bending_weft
                        : key == "damping_time" ? &material.damping_time
                        : key == "drag"         ? &material.drag
                        : key == "friction"     ? &material.friction
@@ -37,6 +42,8 @@ clothctl::Material<double> read_material(const std::string& name) {
     if (!value.is_number())
       refuse(name + ": " + key + " is " + value.dump() + ", expected a number");
     *quantity = value.get<double>();
+    if (key == "stretch") material.set_stretch(both);
+    if (key == "bending") material.set_bending(both);
   }
   if (std::string problem = material.validate(); !problem.empty()) refuse(problem);
   return material;

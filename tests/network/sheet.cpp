@@ -255,7 +255,7 @@ TEST_CASE("strain energy does not depend on the direction of the diagonals", "[c
     shear(0, 2) += small;
     const double along_x =
         spring_energy(network, mapped(network.rest_positions, stretch, Eigen::Vector3d::Zero()));
-    CHECK(along_x == Approx(0.5 * (material.stretch + material.shear * dx * dx / (dz * dz)) *
+    CHECK(along_x == Approx(0.5 * (material.stretch_warp + material.shear * dx * dx / (dz * dz)) *
                             small * small * area)
                          .epsilon(1e-3));
     const double sheared =
@@ -274,12 +274,12 @@ TEST_CASE("a sheet rolled along rows or columns has the energy of its bending st
     const double dx = 0.5 / (cut.second - 1), dz = 0.4 / (cut.first - 1);
     Points<double> x = network.rest_positions;
     x.row(1) = 0.5 * curvature * x.row(0).cwiseAbs2();
-    CHECK(bending_energy(network, x) == Approx(0.5 * material.bending * curvature * curvature * dx *
-                                               dz * cut.first * (cut.second - 2))
+    CHECK(bending_energy(network, x) == Approx(0.5 * material.bending_warp * curvature * curvature *
+                                               dx * dz * cut.first * (cut.second - 2))
                                             .epsilon(1e-9));
     x.row(1) = 0.5 * curvature * x.row(2).cwiseAbs2();
-    CHECK(bending_energy(network, x) == Approx(0.5 * material.bending * curvature * curvature * dx *
-                                               dz * cut.second * (cut.first - 2))
+    CHECK(bending_energy(network, x) == Approx(0.5 * material.bending_warp * curvature * curvature *
+                                               dx * dz * cut.second * (cut.first - 2))
                                             .epsilon(1e-9));
   }
 }
@@ -329,7 +329,8 @@ TEST_CASE("springs on equilateral triangles have Young's modulus `stretch` and P
     strain(0, 0) += small;
     const Eigen::Matrix3d map = turn * strain * turn.transpose();
     CHECK(spring_energy(network.value(), mapped(x, map, Eigen::Vector3d::Zero())) ==
-          Approx(0.5 * material.stretch / (1.0 - 1.0 / 9.0) * small * small * area).epsilon(1e-3));
+          Approx(0.5 * material.stretch_warp / (1.0 - 1.0 / 9.0) * small * small * area)
+              .epsilon(1e-3));
   }
 }
 
@@ -347,7 +348,7 @@ TEST_CASE("a hinge measures edge length times fold angle", "[cloth]") {
   const BendStencil<double>& hinge = network->bends[0];
   CHECK(hinge.weight[0] + hinge.weight[1] + hinge.weight[2] + hinge.weight[3] ==
         Approx(0.0).margin(1e-14));
-  CHECK(hinge.stiffness == Approx(material.bending / (0.5 * 0.3 * (0.2 + 0.15))));
+  CHECK(hinge.stiffness == Approx(material.bending_warp / (0.5 * 0.3 * (0.2 + 0.15))));
   for (double angle : {0.01, 0.5, 2.0}) {
     Points<double> folded = x;
     folded.col(2) = Eigen::AngleAxisd(angle, Eigen::Vector3d::UnitX()) * Eigen::Vector3d(x.col(2));
@@ -380,12 +381,13 @@ TEST_CASE("a cylinder on equilateral triangles has the energy ½ B κ²", "[clot
       const int step = s.vertex[1] - s.vertex[0];
       const double energy = 0.5 * s.stiffness * stencil_value(s, bent).squaredNorm();
       if (cost.count(step) != 0)
-        CHECK(energy == Approx(cost[step]).margin(1e-12 * material.bending));
+        CHECK(energy == Approx(cost[step]).margin(1e-12 * material.bending_warp));
       cost[step] = energy;
     }
     REQUIRE(cost.size() == 3);
-    CHECK(cost[1] + cost[m] + cost[m - 1] ==
-          Approx(0.5 * material.bending * curvature * curvature * 2.0 * triangle).epsilon(1e-9));
+    CHECK(
+        cost[1] + cost[m] + cost[m - 1] ==
+        Approx(0.5 * material.bending_warp * curvature * curvature * 2.0 * triangle).epsilon(1e-9));
   }
 }
 
@@ -394,9 +396,9 @@ TEMPLATE_TEST_CASE("bad sheets are refused with a message", "[cloth]", float, do
   const auto made = make_grid<S>(3, 3, S(1), S(1));
   REQUIRE(made);
   Material<S> material;
-  material.stretch = S(-5);
+  material.set_stretch(S(-5));
   CHECK(sheet_network(made.value(), material).error() ==
-        "material \"handkerchief\": stretch must be positive, got -5");
+        "material \"handkerchief\": stretch_warp must be positive, got -5");
   CHECK_FALSE(sheet_network(made->positions, made->triangles, material));
   material = Material<S>();
   GridMesh<S> mesh = made.value();
@@ -439,4 +441,128 @@ TEST_CASE("sheet_network says which springs are diagonals", "[network][sheet]") 
       CHECK(s.kind == (thread ? SpringKind::Structural : SpringKind::Shear));
     }
   }
+}
+
+TEST_CASE("a woven grid has its own energy along columns (warp) and rows (weft)",
+          "[network][sheet]") {
+  Material<double> material;
+  material.stretch_warp = 3000.0;
+  material.bending_weft = 5e-5;
+  const auto network = grid_sheet<double>(9, 13, 0.6, 0.4, material);
+  const Points<double>& x = network.rest_positions;
+  const double small = 1e-5, area = 0.24, dx = 0.05;
+  for (const int axis : {0, 2}) {
+    Eigen::Matrix3d strain = Eigen::Matrix3d::Identity();
+    strain(axis, axis) += small;
+    const double along = axis == 2 ? material.stretch_warp : material.stretch_weft;
+    CHECK(spring_energy(network, mapped(x, strain, Eigen::Vector3d::Zero())) ==
+          Approx(0.5 * (along + material.shear) * small * small * area).epsilon(1e-3));
+    Points<double> bent = x;
+    bent.row(1) = 0.4 * x.row(axis).cwiseAbs2();  // the curvature is 0.8
+    const double bending = axis == 2 ? material.bending_warp : material.bending_weft;
+    const double stencils = axis == 2 ? 7 * 13 : 9 * 11;
+    CHECK(bending_energy(network, bent) ==
+          Approx(0.5 * bending * 0.64 * dx * dx * stencils).epsilon(1e-9));
+  }
+}
+
+TEST_CASE("woven equilateral triangles have nearly the energy of an orthotropic membrane",
+          "[network][sheet]") {
+  Points<double> x;
+  std::vector<std::array<int, 3>> triangles;
+  equilateral_patch(8, 0.05, x, triangles);
+  const double area = static_cast<double>(triangles.size()) * std::sqrt(3.0) / 4 * 0.05 * 0.05;
+  Material<double> material;
+  material.stretch_warp = 1500.0;
+  material.bending_weft = 4e-5;
+  double total = 0;
+  for (const double angle : {0.0, 0.2, 0.4, 0.5, 0.8}) {
+    const Eigen::Vector3d warp(std::sin(angle), 0, std::cos(angle)),
+        weft(std::cos(angle), 0, -std::sin(angle));
+    const auto network = sheet_network(x, triangles, material, warp);
+    REQUIRE(network);
+    // A strip that is pulled along the warp and free to contract: the energy of the strain ε along
+    // the warp and t along the weft, least over t, is ½ stretch_warp ε² per area. It is quadratic:
+    // three energies tell it.
+    const double small = 1e-5;
+    const auto energy = [&](double along, double across) {
+      const Eigen::Matrix3d map = Eigen::Matrix3d::Identity() +
+                                  small * along * warp * warp.transpose() +
+                                  small * across * weft * weft.transpose();
+      const Points<double> moved = mapped(x, map, Eigen::Vector3d::Zero());
+      return 2 * spring_energy(network.value(), moved) / (small * small * area);
+    };
+    const double c11 = energy(1, 0), c22 = energy(0, 1), c12 = 0.5 * (energy(1, 1) - c11 - c22);
+    CHECK(c11 - c12 * c12 / c22 == Approx(1500).epsilon(0.04));  // here shear is not free to follow
+    CHECK(c22 - c12 * c12 / c11 == Approx(1000).epsilon(0.04));
+    total += c11 / c22;
+    for (const auto& [along, bending] : {std::pair(warp, 2e-5), std::pair(weft, 4e-5)}) {
+      Points<double> bent = x;
+      for (Index v = 0; v < x.cols(); ++v) {
+        const double s = along.dot(x.col(v));
+        bent(1, v) = 0.5 * 0.5 * s * s;
+      }
+      std::map<int, double> cost;  // of a hinge of each direction, as above
+      for (const BendStencil<double>& s : network->bends)
+        cost[s.vertex[1] - s.vertex[0]] = 0.5 * s.stiffness * stencil_value(s, bent).squaredNorm();
+      REQUIRE(cost.size() == 3);
+      CHECK(cost[1] + cost[8] + cost[7] ==
+            Approx(0.5 * bending * 0.25 * std::sqrt(3.0) / 2 * 0.05 * 0.05).epsilon(1e-9));
+    }
+  }
+  CHECK(total / 5 == Approx(1.5).epsilon(0.01));  // E_warp/E_weft = C11/C22
+}
+
+TEMPLATE_TEST_CASE("the direction of the warp has no effect on a sheet without one",
+                   "[network][sheet]", float, double) {
+  using S = TestType;
+  const auto grid = make_grid<S>(5, 6, S(0.5), S(0.4));
+  REQUIRE(grid);
+  const auto plain = sheet_network(grid->positions, grid->triangles, Material<S>());
+  for (const Vector3<S>& warp : {Vector3<S>(1, 2, 3), Vector3<S>(0, 1, 0)}) {  // one perpendicular
+    const auto turned = sheet_network(grid->positions, grid->triangles, Material<S>(), warp);
+    REQUIRE(turned);
+    for (std::size_t e = 0; e < plain->springs.size(); ++e)
+      CHECK(turned->springs[e].stiffness == plain->springs[e].stiffness);
+    for (std::size_t e = 0; e < plain->bends.size(); ++e)
+      CHECK(turned->bends[e].stiffness == plain->bends[e].stiffness);
+  }
+}
+
+TEST_CASE("a woven mesh turned together with its warp is the same sheet", "[network][sheet]") {
+  const auto grid = make_grid<double>(5, 6, 0.5, 0.4);
+  REQUIRE(grid);
+  Material<double> material;
+  material.stretch_weft = 400.0;
+  material.bending_warp = 6e-5;
+  const auto flat = sheet_network(grid->positions, grid->triangles, material);
+  const Eigen::Matrix3d turn = some_rotation();
+  const auto turned = sheet_network(mapped(grid->positions, turn, {0.1, 0.2, 0.3}), grid->triangles,
+                                    material, turn.col(2));
+  REQUIRE(flat);
+  REQUIRE(turned);
+  for (std::size_t e = 0; e < flat->springs.size(); ++e)
+    CHECK(turned->springs[e].stiffness == Approx(flat->springs[e].stiffness).epsilon(1e-9));
+  for (std::size_t e = 0; e < flat->bends.size(); ++e)
+    CHECK(turned->bends[e].stiffness == Approx(flat->bends[e].stiffness).epsilon(1e-9));
+}
+
+TEST_CASE("woven triangle meshes with a bad warp or too strong a contrast are refused",
+          "[network][sheet]") {
+  const auto grid = make_grid<double>(3, 3, 1.0, 1.0);
+  REQUIRE(grid);
+  Material<double> material;
+  material.stretch_warp = 2000.0;
+  const auto made = [&](const Eigen::Vector3d& warp) {
+    return sheet_network(grid->positions, grid->triangles, material, warp);
+  };
+  CHECK(made({0, 0, 1}));
+  CHECK(made({0, 1, 0}).error() == "triangle 0 is perpendicular to the warp direction 0 1 0");
+  CHECK(made({0, 0, 0}).error() == "warp direction must be finite and not zero, got 0 0 0");
+  material.stretch_warp = 9000.0;
+  CHECK(made({0, 0, 1}).error().find("stretch_warp 9000 and stretch_weft 1000") !=
+        std::string::npos);
+  CHECK(sheet_network(grid.value(), material));  // a grid takes any contrast
+  material = Material<double>();
+  CHECK(made({0, 0, 0}).error() == "warp direction must be finite and not zero, got 0 0 0");
 }

@@ -2,29 +2,35 @@
 
 // Spring networks of sheets: a grid with threads along rows and columns, or any triangle mesh.
 //
-// Grid with spacing dx along a row and dz along a column. A spring replaces a strip of cloth whose
-// width w is the other spacing (half of it on the border). A uniform strain then costs the same
-// energy on every grid:
+// Grid with spacing dx along a row (weft) and dz along a column (warp). A spring replaces a strip
+// of cloth whose width w is the other spacing (half of it on the border). A uniform strain then
+// costs the same energy on every grid:
 //
-//   edge of length l          k  = stretch · w / l
+//   edge of length l          k  = stretch · w / l, with stretch_weft in a row, stretch_warp in a
+//                             column
 //   both diagonals of a cell  k  = shear · (dx² + dz²)/(2 dx dz), since a shear angle γ stretches a
 //                             diagonal of length L by γ dx dz / L
-//   stencil 1,-2,1 on a row   kb = bending · (dz/dx) / dx², from ½ bending ∫ κ² dA, curvature
+//   stencil 1,-2,1 on a row   kb = bending_weft · (dz/dx) / dx², from ½ bending ∫ κ² dA, curvature
 //                             κ = |Σ w_i x_i| / dx² on the area dx dz
-//        and on a column      kb = bending · (dx/dz) / dz²; not halved on the border
+//        and on a column      kb = bending_warp · (dx/dz) / dz²; not halved on the border
 //   mass                      each cell gives a quarter of its mass to each of its vertices
 //
 // On square cells k is stretch (half on the border) and shear, and kb is bending / dx².
 //
 // Triangles of area A, edges of rest length l:
 //
-//   edge      k  = stretch · Σ A / l², summed over the one or two triangles at the edge. If the
-//             edges point evenly in all directions, the sheet has Young's modulus `stretch`,
-//             Poisson's ratio 1/3 and shear modulus 3/8 stretch. Material::shear is not used.
-//   hinge     U  = ½ bending/(A0+A1) |K x|², with K the cotangent weights of the two triangles at
-//   an
-//             interior edge
+//   edge      k  = Σ Y A / l², summed over the one or two triangles at the edge. Where warp and
+//   weft
+//             are the same, Y = stretch; if the edges then point evenly in all directions, the
+//             sheet has Young's modulus `stretch`, Poisson's ratio 1/3 and shear modulus 3/8
+//             stretch. Material::shear is not used
+//   hinge     U  = ½ B/(A0+A1) |K x|², with K the cotangent weights of the two triangles at an
+//             interior edge and B = bending where warp and weft are the same
 //   mass      each triangle gives a third of its mass to each of its vertices
+//
+// Otherwise Y depends on the angle between the edge and the warp, and B on that between the fold's
+// curvature and the warp; detail/thread_profile.hpp states both. The warp of a triangle is a given
+// direction of space, projected onto its plane.
 //
 // With c_i, d_i the cotangents of the two triangles' angles at the ends i = 0, 1 of the edge, K has
 // the weights (c1+d1, c0+d0) on the ends and -(c0+c1), -(d0+d1) on the opposite vertices. K x = 0
@@ -43,6 +49,7 @@
 
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/mesh/topology.hpp"
+#include "clothctl/network/detail/thread_profile.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -98,7 +105,8 @@ void add_edge_springs(const GridMesh<Scalar>& mesh, const Material<Scalar>& mate
   const int rows = mesh.rows, cols = mesh.cols;
   const Scalar half(0.5), one(1.0);
   const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
-  const Scalar horizontal = material.stretch * (dz / dx), vertical = material.stretch * (dx / dz);
+  const Scalar horizontal = material.stretch_weft * (dz / dx),
+               vertical = material.stretch_warp * (dx / dz);
   for (int row = 0; row < rows; ++row) {
     const Scalar share = row == 0 || row == rows - 1 ? half : one;
     for (int col = 0; col + 1 < cols; ++col)
@@ -137,8 +145,8 @@ template <RealScalar Scalar>
 void add_bending(const GridMesh<Scalar>& mesh, const Material<Scalar>& material,
                  SpringNetwork<Scalar>& network) {
   const Scalar dx = mesh.column_spacing(), dz = mesh.row_spacing();
-  const Scalar along_row = material.bending * (dz / dx) / (dx * dx);
-  const Scalar along_column = material.bending * (dx / dz) / (dz * dz);
+  const Scalar along_row = material.bending_weft * (dz / dx) / (dx * dx);
+  const Scalar along_column = material.bending_warp * (dx / dz) / (dz * dz);
   for (int row = 0; row < mesh.rows; ++row) {
     for (int col = 1; col + 1 < mesh.cols; ++col)
       add_second_difference(network, mesh.vertex(row, col - 1), mesh.vertex(row, col),
@@ -194,25 +202,54 @@ Result<TriangleMeasures<Scalar>> measure_triangles(
   return measures;
 }
 
-/// Adds a spring along each edge of a triangle mesh.
+/// Adds a spring along each edge of a triangle mesh. `warp`: the warp in each triangle; not used
+/// when the material is the same along warp and weft.
 template <RealScalar Scalar>
 void add_edge_springs(const Topology& topology, const TriangleMeasures<Scalar>& measures,
-                      const Material<Scalar>& material, SpringNetwork<Scalar>& network) {
+                      const Material<Scalar>& material, const std::vector<Vector3<Scalar>>& warp,
+                      SpringNetwork<Scalar>& network) {
+  const ThreadProfile<Scalar> modulus = stretch_profile(material);
   network.springs.reserve(topology.edges.size());
   for (const MeshEdge& edge : topology.edges) {
-    Scalar share = measures.area[static_cast<std::size_t>(edge.triangle[0])];
-    if (!edge.is_boundary()) share += measures.area[static_cast<std::size_t>(edge.triangle[1])];
     const Vector3<Scalar> d =
         network.rest_positions.col(edge.b) - network.rest_positions.col(edge.a);
-    add_spring(network, edge.a, edge.b, Scalar(material.stretch * share / d.squaredNorm()),
+    Scalar share(0.0), stiff_share(0.0);  // Σ A and Σ Y A
+    for (std::size_t side = 0; side < (edge.is_boundary() ? 1u : 2u); ++side) {
+      const std::size_t t = static_cast<std::size_t>(edge.triangle[side]);
+      share += measures.area[t];
+      if (!modulus.uniform())
+        stiff_share += modulus.at(cosine_of_double_angle(d, warp[t])) * measures.area[t];
+    }
+    if (modulus.uniform()) stiff_share = modulus.mean * share;
+    add_spring(network, edge.a, edge.b, Scalar(stiff_share / d.squaredNorm()),
                material.damping_time);
   }
 }
 
-/// Adds the bending stencil K of each hinge of a triangle mesh.
+/// Returns the bending stiffness of a hinge: the mean of its triangles by their areas. A fold
+/// curves across its edge, where cos 2θ is minus that along the edge.
+template <RealScalar Scalar>
+Scalar hinge_bending(const ThreadProfile<Scalar>& bending, const MeshEdge& edge,
+                     const TriangleMeasures<Scalar>& measures,
+                     const std::vector<Vector3<Scalar>>& warp,
+                     const Points<Scalar>& rest_positions) {
+  if (bending.uniform()) return bending.mean;
+  const Vector3<Scalar> d = rest_positions.col(edge.b) - rest_positions.col(edge.a);
+  Scalar area(0.0), sum(0.0);
+  for (const int triangle : edge.triangle) {
+    const std::size_t t = static_cast<std::size_t>(triangle);
+    area += measures.area[t];
+    sum += bending.at(Scalar(0.0) - cosine_of_double_angle(d, warp[t])) * measures.area[t];
+  }
+  return sum / area;
+}
+
+/// Adds the bending stencil K of each hinge of a triangle mesh. `warp`: as for the edges.
 template <RealScalar Scalar>
 void add_bending(const Topology& topology, const TriangleMeasures<Scalar>& measures,
-                 const Material<Scalar>& material, SpringNetwork<Scalar>& network) {
+                 const Material<Scalar>& material, const std::vector<Vector3<Scalar>>& warp,
+                 SpringNetwork<Scalar>& network) {
+  const ThreadProfile<Scalar> bending = bending_profile(material);
   network.bends.reserve(topology.hinges.size());
   for (const Hinge& hinge : topology.hinges) {
     const MeshEdge& edge = topology.edges[static_cast<std::size_t>(hinge.edge)];
@@ -224,8 +261,9 @@ void add_bending(const Topology& topology, const TriangleMeasures<Scalar>& measu
     BendStencil<Scalar> stencil;
     stencil.vertex = hinge.vertex;
     stencil.weight = {c1 + d1, c0 + d0, Scalar(0) - (c0 + c1), Scalar(0) - (d0 + d1)};
-    stencil.stiffness = material.bending / (measures.area[static_cast<std::size_t>(t0)] +
-                                            measures.area[static_cast<std::size_t>(t1)]);
+    stencil.stiffness =
+        hinge_bending(bending, edge, measures, warp, network.rest_positions) /
+        (measures.area[static_cast<std::size_t>(t0)] + measures.area[static_cast<std::size_t>(t1)]);
     stencil.count = 4;
     network.bends.push_back(stencil);
   }
@@ -273,15 +311,22 @@ Result<SpringNetwork<Scalar>> sheet_network(const GridMesh<Scalar>& mesh,
   return network;
 }
 
-/// Makes the spring network of a triangle mesh (positions 3×n, m). Springs have the order of the
-/// edges of `make_topology`, stencils that of its hinges. Allocates. Complexity: O(n log n). Fails
-/// when: a value of the material is out of range, the mesh is not a manifold, a position is not
-/// finite, a triangle has no area, or a vertex belongs to no triangle.
+/// Makes the spring network of a triangle mesh (positions 3×n, m). `warp` (any length) is the
+/// direction of the warp threads in the rest shape; each triangle takes its projection onto its
+/// plane. It has no effect where the material is the same along warp and weft. Springs have the
+/// order of the edges of `make_topology`, stencils that of its hinges. Allocates. Complexity:
+/// O(n log n). Fails when: a value of the material is out of range, stretch or bending of warp and
+/// weft differ by more than a factor of 5, the mesh is not a manifold, a position is not finite, a
+/// triangle has no area, a vertex belongs to no triangle, `warp` is zero or not finite, or (when it
+/// has an effect) a triangle is perpendicular to it.
 template <RealScalar Scalar>
 Result<SpringNetwork<Scalar>> sheet_network(
     const std::type_identity_t<PointsView<Scalar>>& positions,
-    const std::vector<std::array<int, 3>>& triangles, const Material<Scalar>& material) {
+    const std::vector<std::array<int, 3>>& triangles, const Material<Scalar>& material,
+    const std::type_identity_t<Vector3<Scalar>>& warp = {Scalar(0), Scalar(0), Scalar(1)}) {
   if (std::string problem = material.validate(); !problem.empty()) return Error{problem};
+  if (std::string problem = detail::validate_contrast(material); !problem.empty())
+    return Error{problem};
   const Result<Topology> made = make_topology(static_cast<int>(positions.cols()), triangles);
   if (!made) return Error{made.error()};
   const Topology& topology = made.value();
@@ -300,8 +345,14 @@ Result<SpringNetwork<Scalar>> sheet_network(
   if (std::string problem = detail::lump_mass(measures.area, material.area_density, network);
       !problem.empty())
     return Error{problem};
-  detail::add_edge_springs(topology, measures, material, network);
-  detail::add_bending(topology, measures, material, network);
+  const bool uniform =
+      detail::stretch_profile(material).uniform() && detail::bending_profile(material).uniform();
+  const std::vector<std::array<int, 3>> none;
+  const auto along =
+      detail::warp_directions<Scalar>(network.rest_positions, uniform ? none : triangles, warp);
+  if (!along) return Error{along.error()};
+  detail::add_edge_springs(topology, measures, material, along.value(), network);
+  detail::add_bending(topology, measures, material, along.value(), network);
   if (std::string problem = network.validate(); !problem.empty()) return Error{problem};
   return network;
 }
