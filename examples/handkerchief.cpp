@@ -130,7 +130,7 @@ int main(int argc, char** argv) {
   const Options o = read_options(argc, argv, features);
   const Grid grid = must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size));
   std::vector<int> corners{grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
-  if (!features.empty()) corners = read_vertices(features);
+  if (!features.empty()) corners = read_vertices(features, "--features");
   Scene scene = make_scene(o, grid, corners);
   if (!o.targets.empty()) {
     scene.task = read_task(o);

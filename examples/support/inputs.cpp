@@ -49,16 +49,16 @@ clothctl::Material<double> read_material(const std::string& name) {
   return material;
 }
 
-std::vector<int> read_vertices(const std::string& list) {
+std::vector<int> read_vertices(const std::string& list, const std::string& option) {
   std::vector<int> out;
   std::stringstream stream(list);
   for (std::string cell; std::getline(stream, cell, ',');) {
     char* end = nullptr;
     const long value = std::strtol(cell.c_str(), &end, 10);
     if (cell.empty() || *end != '\0' || value < -1000000000 || value > 1000000000)
-      refuse("--features: \"" + cell + "\" is not a vertex index");
+      refuse(option + ": \"" + cell + "\" is not a vertex index");
     if (std::find(out.begin(), out.end(), value) != out.end())
-      refuse("--features: vertex " + std::to_string(value) + " occurs twice");
+      refuse(option + ": vertex " + std::to_string(value) + " occurs twice");
     out.push_back(static_cast<int>(value));
   }
   return out;

@@ -12,7 +12,7 @@ namespace program {
 /// Reads a preset by name, or a JSON file with the quantities of clothctl::Material.
 clothctl::Material<double> read_material(const std::string& name);
 
-/// Reads a list of vertex indices separated by commas, as for --features.
-std::vector<int> read_vertices(const std::string& list);
+/// Reads a list of vertex indices separated by commas; `option` is the name for messages.
+std::vector<int> read_vertices(const std::string& list, const std::string& option);
 
 }  // namespace program

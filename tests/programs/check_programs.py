@@ -152,6 +152,96 @@ def check_runs(programs, folder):
     check(code == 0 and error and float(error[1]) < 5, f"bring_your_own: exit {code}: {text}")
 
 
+SIMULATE_KEYS = ["status", "vertices", "real_time_factor", "stretch_max", "stretch_mean",
+                 "energy_drift", "solves_per_second", "nonfinite"]
+
+
+def without_speed(figures):
+    return {k: v for k, v in figures.items() if k not in ("real_time_factor", "solves_per_second")}
+
+
+def check_simulate_runs(programs, folder):
+    simulate = programs / "simulate"
+
+    def figures_of(name, *arguments):
+        code, text, errors = run(simulate, *arguments, "--json")
+        check(code == 0 and not errors, f"simulate {name}: exit {code}: {text!r} {errors!r}")
+        return json.loads(text.strip().split("\n")[-1]) if code == 0 else None
+
+    for model, bound in (("pbd", 0.4), ("xpbd", 0.1), ("mass-spring", 0.05)):
+        out = folder / f"simulate_{model}"
+        arguments = ["--model", model, "--mesh", "grid:9x11", "--size", 0.5, "--seconds", 2]
+        for start in ("hanging", "level"):
+            figures = figures_of(model, *arguments, "--start", start, "--out", out)
+            if not figures:
+                continue
+            check(list(figures)[:len(SIMULATE_KEYS)] == SIMULATE_KEYS,
+                  f"simulate {model}: keys {list(figures)}")
+            check(figures["status"] == "finished" and figures["vertices"] == 99
+                  and figures["nonfinite"] == 0 and figures["steps"] == 120,
+                  f"simulate {model}: {figures}")
+            check(0 < figures["stretch_mean"] < figures["stretch_max"] < bound,
+                  f"simulate {model} --start {start}: stretch {figures}")
+            # A free fall to the end of the swing loses at most the sheet's height, 0.4 of 0.5 m.
+            check(-0.8 < figures["energy_drift"] <= figures["energy_rise_max"] < 0.02,
+                  f"simulate {model} --start {start}: energy {figures}")
+            check(figures["real_time_factor"] > 0 and figures["solves_per_second"] > 0,
+                  f"simulate {model}: {figures}")
+            check(json.loads((out / "summary.json").read_text()) == figures,
+                  f"simulate {model}: summary.json differs from the printed line")
+            check(is_page(out / "player.html"), f"simulate {model}: player.html is not self-contained")
+            again = figures_of(model, *arguments, "--start", start)
+            check(without_speed(again) == without_speed(figures), f"simulate {model}: two runs differ")
+        other = figures_of(model, *arguments, "--start", "level", "--seed", 2)
+        check(without_speed(other) != without_speed(figures), f"simulate {model}: --seed has no effect")
+    # A sheet that nothing holds falls: its energy is kept but for the drag, it does not stretch.
+    still = folder / "still.json"
+    still.write_text('{"drag": 0, "stretch": 800, "stretch_weft": 1200, "bending_warp": 1e-5}')
+    falling = figures_of("free fall", "--mesh", "grid:5x5", "--pin", "none", "--seconds", 1, "--dt",
+                         0.001, "--material", still)
+    # Steps h of a free fall lose ½ g² h² each: over t, ½ g h t of m g · 1 m, 0.5 % if h is 1 ms.
+    check(-0.006 < falling["energy_drift"] <= 0 and falling["stretch_max"] < 1e-4,
+          f"simulate --pin none: {falling}")
+    windy = figures_of("wind", "--mesh", "grid:7x7", "--pin", "top", "--wind", "0,2,0", "--seconds", 1)
+    check(windy["energy_drift"] is None and windy["setup"]["pinned"] == 7
+          and windy["setup"]["wind_m_s"] == [0, 2, 0], f"simulate --wind: {windy}")
+    one = figures_of("one pin", "--mesh", "grid:7x7", "--pin", "45", "--seconds", 0.5)
+    check(one["setup"]["pinned"] == 1, f"simulate --pin 45: {one}")
+    code, text, _ = run(simulate, "--mesh", "grid:5x5", "--seconds", 0.1)
+    check(code == 0 and "finished: 6 steps of 25 vertices" in text, f"simulate as text: {text!r}")
+
+
+def check_bad_simulate(programs, bad, file):
+    simulate = programs / "simulate"
+
+    def bad_value(option, value):
+        wanted = [option] if "," in str(value) else [option, str(value)]  # the bad part of a list
+        bad(f"simulate {option} {value}", wanted, option, value, program=simulate)
+
+    for option, values in (("--model", ["jelly"]),
+                           ("--mesh", ["grid:1x5", "grid:5", "grid:5x5x", "grid:ax3", "grid:-3x3",
+                                       "grid:99999999999x3", "grid:2000x2", "cube", "bunny.ply"]),
+                           ("--size", [0, -1, "nan", 1e9]),
+                           ("--pin", [5000, -1, "left", "1,1", "1,,2", "99999999999"]),
+                           ("--start", ["up"]),
+                           ("--wind", ["1,2", "1,2,nan", "1,2,3,4", "a", "1e9,0,0", "1 2 3"]),
+                           ("--cap", [-0.1, 2, "nan"]), ("--seconds", [0, "nan", -3]),
+                           ("--dt", [0, "nan", 2]), ("--seed", [-1])):
+        for value in values:
+            bad_value(option, value)
+    for option in ("--pin", "--wind", "--out"):
+        bad(f"simulate {option} without text", [option, "empty"], option, "", program=simulate)
+    bad("too many steps", ["--seconds", "--dt"], "--seconds", 1000, "--dt", 1e-5, program=simulate)
+    bad("cap of a model that has none", ["--cap", "mass-spring"], "--model", "mass-spring", "--cap",
+        0.02, program=simulate)
+    bad("simulate, unknown material", ["silkworm"], "--material", "silkworm", program=simulate)
+    bad("simulate, bad material", ["mine.json", "stretch_weft", "-1"], "--material",
+        file("mine.json", '{"stretch_weft": -1}'), program=simulate)
+    bad("simulate, out in a file", ["mine.json"], "--out", file("mine.json", "{}") / "x",
+        program=simulate)
+    bad("simulate, unknown option", ["--colour"], "--colour", "red", program=simulate)
+
+
 TINY_QPT = """qpt 1
 name tiny
 n 2
@@ -728,6 +818,7 @@ def check_bad_input(programs, folder):
         folder / "dt.csv" / "x")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     check_bad_qp(programs, bad, file)
+    check_bad_simulate(programs, bad, file)
     if has_hands(programs):
         check_bad_hands(programs, bad, file)
     bad("rope without a ball", ["--radius", "-1"], "--radius", -1, program=programs / "rope_ball")
@@ -739,7 +830,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own",
-             "qp_solve", "qp_in_your_loop")
+             "qp_solve", "qp_in_your_loop", "simulate")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
@@ -747,6 +838,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         check_bad_input(programs, pathlib.Path(folder))
         check_qp_runs(programs, pathlib.Path(folder))
+        check_simulate_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
         if has_hands(programs):
             check_hand_runs(programs, pathlib.Path(folder))

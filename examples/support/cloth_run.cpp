@@ -1,0 +1,163 @@
+#include "support/cloth_run.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/core/number_text.hpp"
+#include "support/timing.hpp"
+
+namespace program {
+
+namespace {
+
+constexpr double kGravity = 9.81;
+
+/// Switches the stretch cap on where the settings have one.
+template <class Settings>
+void set_cap(double cap, Settings& settings) {
+  if constexpr (requires { settings.stretch_limit; }) {
+    settings.stretch_limit = cap;
+  } else {
+    if (cap > 0)
+      refuse("--cap: " + clothctl::number_text(cap) + " is not available in this version");
+  }
+}
+
+/// Collects what the figures need of each frame.
+class ClothMeter {
+ public:
+  ClothMeter(const ClothRunOptions& run, const ClothScene& scene)
+      : run_(run), scene_(scene), start_(energy(scene.state.positions, scene.state.velocities)) {
+    end_ = most_ = start_;
+  }
+
+  /// Measures a frame.
+  void add(const Points& x, const Points& v) {
+    for (Index i = 0; i < x.size(); ++i)
+      nonfinite_ +=
+          (clothctl::is_finite(x.data()[i]) ? 0 : 1) + (clothctl::is_finite(v.data()[i]) ? 0 : 1);
+    for (const clothctl::Spring<double>& s : scene_.network.springs) {
+      if (s.kind != clothctl::SpringKind::Structural) continue;
+      const double stretch = (x.col(s.b) - x.col(s.a)).norm() / s.rest_length - 1;
+      stretch_max_ = std::max(stretch_max_, stretch);
+      stretch_sum_ += std::max(0.0, stretch);
+      ++stretch_count_;
+    }
+    end_ = energy(x, v);
+    most_ = std::max(most_, end_);
+  }
+
+  /// Writes the figures of all frames.
+  void write(ClothFigures& figures) const {
+    const double scale = kGravity * scene_.network.mass.sum() * scene_.extent;
+    const double unknown = std::numeric_limits<double>::quiet_NaN();  // "null" in JSON
+    const bool windy = !scene_.wind.isZero(0);
+    figures.nonfinite = nonfinite_;
+    figures.stretch_max = stretch_max_;
+    figures.stretch_mean =
+        stretch_count_ > 0 ? stretch_sum_ / static_cast<double>(stretch_count_) : 0;
+    figures.energy_drift = windy ? unknown : (end_ - start_) / scale;
+    figures.energy_rise_max = windy ? unknown : (most_ - start_) / scale;
+  }
+
+ private:
+  double energy(const Points& x, const Points& v) const { return cloth_energy(run_, scene_, x, v); }
+
+  const ClothRunOptions& run_;
+  const ClothScene& scene_;
+  double start_, end_ = 0, most_ = 0, stretch_max_ = 0, stretch_sum_ = 0;
+  long long stretch_count_ = 0, nonfinite_ = 0;
+};
+
+}  // namespace
+
+AnyPlant make_cloth_plant(const ClothRunOptions& run, const ClothScene& scene) {
+  const bool windy = !scene.wind.isZero(0);
+  if (run.model == "mass-spring") {
+    if (run.cap > 0) refuse("--cap: mass-spring has no stretch cap; take xpbd or pbd");
+    auto settings = clothctl::MassSpringSettings<double>::of(scene.material, windy);
+    settings.integration = clothctl::Integration::Newton;
+    settings.pinned = scene.pinned;
+    return AnyPlant(must(clothctl::MassSpring<double>::create(scene.network, settings)));
+  }
+  const auto of = clothctl::PositionBasedSettings<double>::of(scene.material, windy);
+  auto settings = run.model == "pbd" ? clothctl::PositionBasedSettings<double>::verlet() : of;
+  settings.drag = of.drag;
+  settings.air = of.air;
+  settings.pinned = scene.pinned;
+  set_cap(run.cap, settings);
+  return AnyPlant(must(clothctl::PositionBased<double>::create(scene.network, settings)));
+}
+
+double cloth_energy(const ClothRunOptions& run, const ClothScene& scene, const Points& x,
+                    const Points& v) {
+  const clothctl::SpringNetwork<double>& network = scene.network;
+  double energy = 0;
+  for (Index i = 0; i < x.cols(); ++i)
+    energy += network.mass[i] * (0.5 * v.col(i).squaredNorm() + kGravity * x(2, i));
+  if (run.model == "pbd") return energy;
+  for (const clothctl::Spring<double>& s : network.springs) {
+    const double longer = (x.col(s.b) - x.col(s.a)).norm() - s.rest_length;
+    energy += 0.5 * s.stiffness * longer * longer;
+  }
+  for (const clothctl::BendStencil<double>& b : network.bends) {
+    Vec sum = Vec::Zero();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
+      sum += b.weight[i] * x.col(b.vertex[i]);
+    energy += 0.5 * b.stiffness * sum.squaredNorm();
+  }
+  return energy;
+}
+
+ClothFigures run_cloth(const ClothRunOptions& run, const ClothScene& scene,
+                       clothctl::PlayerRecorder* page, long every) {
+  AnyPlant plant = make_cloth_plant(run, scene);
+  plant.set_state(scene.state);
+  clothctl::ClothInput<double> input;
+  input.wind = scene.wind;
+  plant.apply(input);
+  const Points none(3, 0);
+  const auto record = [&](long step) {
+    if (page != nullptr && step % every == 0)
+      page->add_frame(plant.positions(), none, none, none, none);
+  };
+  ClothFigures figures;
+  figures.vertices = scene.network.vertex_count();
+  ClothMeter meter(run, scene);
+  Progress progress;
+  const long steps = std::max(1L, std::lround(run.seconds / run.dt));
+  const double constraints =
+      static_cast<double>(scene.network.springs.size()) +
+      (run.model == "mass-spring" ? 0.0 : static_cast<double>(scene.network.bends.size()));
+  double seconds = 0, solves = 0;
+  record(0);
+  for (long step = 1; step <= steps; ++step) {
+    progress.show(step, steps);
+    const double before = thread_seconds();
+    const clothctl::StepReport<double> report = plant.advance(run.dt);
+    seconds += thread_seconds() - before;
+    if (!report.advanced) {
+      figures.status =
+          "step " + std::to_string(step) + ": " + std::string(to_string(report.status));
+      break;
+    }
+    ++figures.steps;
+    figures.unconverged_steps += report.status == clothctl::StepStatus::Converged ? 0 : 1;
+    solves += constraints * report.iterations;
+    meter.add(plant.positions(), plant.velocities());
+    record(step);
+  }
+  progress.clear();
+  meter.write(figures);
+  if (figures.nonfinite > 0 && figures.status == "finished") figures.status = "not finite";
+  if (seconds > 0) {
+    figures.real_time_factor = run.dt * static_cast<double>(figures.steps) / seconds;
+    figures.solves_per_second = solves / seconds;
+  }
+  return figures;
+}
+
+}  // namespace program
