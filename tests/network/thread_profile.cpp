@@ -131,29 +131,45 @@ TEST_CASE("equal values are kept bit by bit, and no direction has a negative sti
 }
 
 TEST_CASE("the warp of a triangle is the direction projected onto its plane", "[network]") {
-  Points<double> x(3, 4);
+  Points<double> x(3, 3);
   x.col(0) = Eigen::Vector3d(0, 0, 0);
   x.col(1) = Eigen::Vector3d(1, 0, 0);
   x.col(2) = Eigen::Vector3d(0, 0.6, 0.8);
-  x.col(3) = Eigen::Vector3d(0, 1, 0);
   const std::vector<std::array<int, 3>> triangles{{0, 1, 2}};
-  const auto along = [&](const Eigen::Vector3d& warp) {
-    return detail::warp_directions<double>(x, triangles, warp);
+  const auto cosines = [&](const Eigen::Vector3d& warp) {
+    return detail::edge_cosines<double>(x, triangles, woven(2, 1), warp);
   };
-  for (const double length : {1.0, 1e-200, 1e200}) {
-    const auto found = along({0.0, 0.0, 2 * length});
+  for (const double length : {1.0, 1e-200, 1e200}) {  // projected: along the edge 0-2
+    const auto found = cosines({0.0, 0.0, 2 * length});
     REQUIRE(found);
-    CHECK((found.value()[0] - Eigen::Vector3d(0.0, 0.6, 0.8)).norm() < 1e-15);
+    CHECK(found.value()[0][0] == Approx(0).margin(1e-15));  // the hypotenuse 1-2
+    CHECK(found.value()[0][1] == Approx(1).epsilon(1e-15));
+    CHECK(found.value()[0][2] == Approx(-1).epsilon(1e-15));
   }
-  CHECK((along({3, 0, 0}).value()[0] - Eigen::Vector3d::UnitX()).norm() < 1e-15);
-  CHECK(along({0, 0.8, -0.6}).error() ==
+  CHECK(cosines({3, 0, 0}).value()[0][2] == 1);
+  CHECK(cosines({0, 0.8, -0.6}).error() ==
         "triangle 0 is perpendicular to the warp direction 0 0.8 -0.6");
-  CHECK(along({0, 0, 0}).error() == "warp direction must be finite and not zero, got 0 0 0");
-  CHECK(along({0, std::numeric_limits<double>::quiet_NaN(), 1}).error() ==
+  CHECK(cosines({0, 0, 0}).error() == "warp direction must be finite and not zero, got 0 0 0");
+  CHECK(cosines({0, std::numeric_limits<double>::quiet_NaN(), 1}).error() ==
         "warp direction must be finite and not zero, got 0 nan 1");
-  CHECK_FALSE(along({0, std::numeric_limits<double>::infinity(), 1}));
+  CHECK_FALSE(cosines({0, std::numeric_limits<double>::infinity(), 1}));
+  const auto plain = detail::edge_cosines<double>(x, triangles, woven(1, 1), {0, 0.8, -0.6});
+  REQUIRE(plain);
+  CHECK(plain->empty());
   CHECK(detail::cosine_of_double_angle<double>(Eigen::Vector3d(0, 0, 3), {0, 0, 1}) == 1);
   CHECK(detail::cosine_of_double_angle<double>(Eigen::Vector3d(5, 0, 0), {0, 0, 1}) == -1);
-  CHECK(std::abs(detail::cosine_of_double_angle<double>(Eigen::Vector3d(2, 0, -2), {0, 0, 1})) <
-        1e-15);
+}
+
+TEST_CASE("the stiffness at an edge is the mean over its triangles by their areas", "[network]") {
+  const std::vector<std::array<int, 3>> triangles{{0, 1, 2}, {1, 0, 3}};
+  const std::vector<double> area{1.0, 3.0};
+  const detail::EdgeCosines<double> cosines{{0.1, 0.2, 1.0}, {0.3, 0.4, -1.0}};
+  const detail::ThreadProfile<double> profile{10.0, 0.5};  // 15 along the warp, 5 along the weft
+  const MeshEdge edge{0, 1, {0, 1}, {2, 3}}, border{0, 1, {0, -1}, {2, -1}};
+  CHECK(detail::edge_stiffness(profile, edge, triangles, area, cosines, 1.0) ==
+        Approx((15.0 + 3 * 5.0) / 4));
+  CHECK(detail::edge_stiffness(profile, edge, triangles, area, cosines, -1.0) ==
+        Approx((5.0 + 3 * 15.0) / 4));
+  CHECK(detail::edge_stiffness(profile, border, triangles, area, cosines, 1.0) == Approx(15.0));
+  CHECK(detail::edge_stiffness<double>({7.0, 0.0}, edge, triangles, area, {}, 1.0) == 7.0);
 }

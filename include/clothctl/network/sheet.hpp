@@ -202,52 +202,29 @@ Result<TriangleMeasures<Scalar>> measure_triangles(
   return measures;
 }
 
-/// Adds a spring along each edge of a triangle mesh. `warp`: the warp in each triangle; not used
-/// when the material is the same along warp and weft.
+/// Adds a spring along each edge of a triangle mesh.
 template <RealScalar Scalar>
 void add_edge_springs(const Topology& topology, const TriangleMeasures<Scalar>& measures,
-                      const Material<Scalar>& material, const std::vector<Vector3<Scalar>>& warp,
+                      const Material<Scalar>& material, const EdgeCosines<Scalar>& cosines,
                       SpringNetwork<Scalar>& network) {
   const ThreadProfile<Scalar> modulus = stretch_profile(material);
   network.springs.reserve(topology.edges.size());
   for (const MeshEdge& edge : topology.edges) {
+    Scalar share = measures.area[static_cast<std::size_t>(edge.triangle[0])];
+    if (!edge.is_boundary()) share += measures.area[static_cast<std::size_t>(edge.triangle[1])];
     const Vector3<Scalar> d =
         network.rest_positions.col(edge.b) - network.rest_positions.col(edge.a);
-    Scalar share(0.0), stiff_share(0.0);  // Σ A and Σ Y A
-    for (std::size_t side = 0; side < (edge.is_boundary() ? 1u : 2u); ++side) {
-      const std::size_t t = static_cast<std::size_t>(edge.triangle[side]);
-      share += measures.area[t];
-      if (!modulus.uniform())
-        stiff_share += modulus.at(cosine_of_double_angle(d, warp[t])) * measures.area[t];
-    }
-    if (modulus.uniform()) stiff_share = modulus.mean * share;
-    add_spring(network, edge.a, edge.b, Scalar(stiff_share / d.squaredNorm()),
+    const Scalar along =
+        edge_stiffness(modulus, edge, network.triangles, measures.area, cosines, Scalar(1));
+    add_spring(network, edge.a, edge.b, Scalar(along * share / d.squaredNorm()),
                material.damping_time);
   }
 }
 
-/// Returns the bending stiffness of a hinge: the mean of its triangles by their areas. A fold
-/// curves across its edge, where cos 2θ is minus that along the edge.
-template <RealScalar Scalar>
-Scalar hinge_bending(const ThreadProfile<Scalar>& bending, const MeshEdge& edge,
-                     const TriangleMeasures<Scalar>& measures,
-                     const std::vector<Vector3<Scalar>>& warp,
-                     const Points<Scalar>& rest_positions) {
-  if (bending.uniform()) return bending.mean;
-  const Vector3<Scalar> d = rest_positions.col(edge.b) - rest_positions.col(edge.a);
-  Scalar area(0.0), sum(0.0);
-  for (const int triangle : edge.triangle) {
-    const std::size_t t = static_cast<std::size_t>(triangle);
-    area += measures.area[t];
-    sum += bending.at(Scalar(0.0) - cosine_of_double_angle(d, warp[t])) * measures.area[t];
-  }
-  return sum / area;
-}
-
-/// Adds the bending stencil K of each hinge of a triangle mesh. `warp`: as for the edges.
+/// Adds the bending stencil K of each hinge of a triangle mesh. A fold curves across its edge.
 template <RealScalar Scalar>
 void add_bending(const Topology& topology, const TriangleMeasures<Scalar>& measures,
-                 const Material<Scalar>& material, const std::vector<Vector3<Scalar>>& warp,
+                 const Material<Scalar>& material, const EdgeCosines<Scalar>& cosines,
                  SpringNetwork<Scalar>& network) {
   const ThreadProfile<Scalar> bending = bending_profile(material);
   network.bends.reserve(topology.hinges.size());
@@ -262,7 +239,7 @@ void add_bending(const Topology& topology, const TriangleMeasures<Scalar>& measu
     stencil.vertex = hinge.vertex;
     stencil.weight = {c1 + d1, c0 + d0, Scalar(0) - (c0 + c1), Scalar(0) - (d0 + d1)};
     stencil.stiffness =
-        hinge_bending(bending, edge, measures, warp, network.rest_positions) /
+        edge_stiffness(bending, edge, network.triangles, measures.area, cosines, Scalar(-1)) /
         (measures.area[static_cast<std::size_t>(t0)] + measures.area[static_cast<std::size_t>(t1)]);
     stencil.count = 4;
     network.bends.push_back(stencil);
@@ -345,14 +322,11 @@ Result<SpringNetwork<Scalar>> sheet_network(
   if (std::string problem = detail::lump_mass(measures.area, material.area_density, network);
       !problem.empty())
     return Error{problem};
-  const bool uniform =
-      detail::stretch_profile(material).uniform() && detail::bending_profile(material).uniform();
-  const std::vector<std::array<int, 3>> none;
-  const auto along =
-      detail::warp_directions<Scalar>(network.rest_positions, uniform ? none : triangles, warp);
-  if (!along) return Error{along.error()};
-  detail::add_edge_springs(topology, measures, material, along.value(), network);
-  detail::add_bending(topology, measures, material, along.value(), network);
+  const auto cosines =
+      detail::edge_cosines<Scalar>(network.rest_positions, triangles, material, warp);
+  if (!cosines) return Error{cosines.error()};
+  detail::add_edge_springs(topology, measures, material, cosines.value(), network);
+  detail::add_bending(topology, measures, material, cosines.value(), network);
   if (std::string problem = network.validate(); !problem.empty()) return Error{problem};
   return network;
 }

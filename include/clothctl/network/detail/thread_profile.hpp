@@ -27,6 +27,7 @@
 #include "clothctl/core/quoted_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
+#include "clothctl/mesh/topology.hpp"
 #include "clothctl/network/materials.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -84,35 +85,10 @@ std::string validate_contrast(const Material<Scalar>& material) {
   return {};
 }
 
-/// Returns for each triangle the unit vector along `warp` in its plane. Allocates. Fails when:
-/// `warp` is zero or not finite, or perpendicular to a triangle (to 0.06 degrees).
+/// cos 2θ of the angle between the warp and each edge of each triangle. Edge i lies opposite corner
+/// i. Empty when the direction has no effect.
 template <RealScalar Scalar>
-Result<std::vector<Vector3<Scalar>>> warp_directions(
-    const Points<Scalar>& positions, const std::vector<std::array<int, 3>>& triangles,
-    const Vector3<Scalar>& warp) {
-  const Scalar largest = warp.cwiseAbs().maxCoeff();
-  if (!all_finite(warp) || !(Scalar(0) < largest))
-    return Error{"warp direction must be finite and not zero, got " + number_text(warp[0]) + " " +
-                 number_text(warp[1]) + " " + number_text(warp[2])};
-  Vector3<Scalar> unit = warp / largest;
-  unit /= unit.norm();
-  std::vector<Vector3<Scalar>> out;
-  out.reserve(triangles.size());
-  for (std::size_t t = 0; t < triangles.size(); ++t) {
-    const Vector3<Scalar> u = positions.col(triangles[t][1]) - positions.col(triangles[t][0]),
-                          w = positions.col(triangles[t][2]) - positions.col(triangles[t][0]);
-    Vector3<Scalar> normal(u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2],
-                           u[0] * w[1] - u[1] * w[0]);
-    normal /= normal.norm();
-    const Vector3<Scalar> flat = unit - normal * normal.dot(unit);
-    const Scalar length = flat.norm();
-    if (!(Scalar(1e-3) < length))
-      return Error{"triangle " + std::to_string(t) + " is perpendicular to the warp direction " +
-                   number_text(warp[0]) + " " + number_text(warp[1]) + " " + number_text(warp[2])};
-    out.push_back(flat / length);
-  }
-  return out;
-}
+using EdgeCosines = std::vector<std::array<Scalar, 3>>;
 
 /// Returns cos 2θ of the angle between `along` and the unit vector `warp` of one plane.
 template <RealScalar Scalar>
@@ -120,6 +96,62 @@ Scalar cosine_of_double_angle(const Vector3<Scalar>& along, const Vector3<Scalar
   const Scalar dot = along.dot(warp);
   const Scalar u = Scalar(2) * (dot * dot / along.squaredNorm()) - Scalar(1);
   return Scalar(1) < u ? Scalar(1) : u;
+}
+
+/// Returns cos 2θ at the edges of triangles whose warp is the direction `warp` of space, projected
+/// onto their planes. Empty when `material` is the same along warp and weft. Allocates. Fails when:
+/// `warp` is zero or not finite, or perpendicular to a triangle (to 0.06 degrees) and has an
+/// effect.
+template <RealScalar Scalar>
+Result<EdgeCosines<Scalar>> edge_cosines(const Points<Scalar>& positions,
+                                         const std::vector<std::array<int, 3>>& triangles,
+                                         const Material<Scalar>& material,
+                                         const Vector3<Scalar>& warp) {
+  const std::string shown =
+      number_text(warp[0]) + " " + number_text(warp[1]) + " " + number_text(warp[2]);
+  const Scalar largest = warp.cwiseAbs().maxCoeff();
+  if (!all_finite(warp) || !(Scalar(0) < largest))
+    return Error{"warp direction must be finite and not zero, got " + shown};
+  EdgeCosines<Scalar> out;
+  if (stretch_profile(material).uniform() && bending_profile(material).uniform()) return out;
+  Vector3<Scalar> unit = warp / largest;
+  unit /= unit.norm();
+  out.resize(triangles.size());
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    const Vector3<Scalar> u = positions.col(triangles[t][1]) - positions.col(triangles[t][0]),
+                          w = positions.col(triangles[t][2]) - positions.col(triangles[t][0]);
+    Vector3<Scalar> normal(u[1] * w[2] - u[2] * w[1], u[2] * w[0] - u[0] * w[2],
+                           u[0] * w[1] - u[1] * w[0]);
+    normal /= normal.norm();
+    Vector3<Scalar> flat = unit - normal * normal.dot(unit);
+    const Scalar length = flat.norm();
+    if (!(Scalar(1e-3) < length))
+      return Error{"triangle " + std::to_string(t) + " is perpendicular to the warp direction " +
+                   shown};
+    flat /= length;
+    out[t] = {cosine_of_double_angle<Scalar>(w - u, flat), cosine_of_double_angle<Scalar>(w, flat),
+              cosine_of_double_angle<Scalar>(u, flat)};
+  }
+  return out;
+}
+
+/// Returns the stiffness at an edge: the mean over its triangles, by their areas, of the profile
+/// along the edge (`sign` 1) or across it (-1, since cos 2(θ + 90°) = -cos 2θ).
+template <RealScalar Scalar>
+Scalar edge_stiffness(const ThreadProfile<Scalar>& profile, const MeshEdge& edge,
+                      const std::vector<std::array<int, 3>>& triangles,
+                      const std::vector<Scalar>& area, const EdgeCosines<Scalar>& cosines,
+                      const Scalar& sign) {
+  if (profile.uniform()) return profile.mean;
+  Scalar sum(0.0), whole(0.0);
+  for (std::size_t side = 0; side < (edge.is_boundary() ? 1u : 2u); ++side) {
+    const std::size_t t = static_cast<std::size_t>(edge.triangle[side]);
+    const int opposite = edge.opposite[side];
+    const std::size_t i = triangles[t][0] == opposite ? 0 : (triangles[t][1] == opposite ? 1 : 2);
+    sum += profile.at(sign * cosines[t][i]) * area[t];
+    whole += area[t];
+  }
+  return sum / whole;
 }
 
 }  // namespace detail
