@@ -1,11 +1,12 @@
 #pragma once
 
-// Files: comma-separated tables, target curves, quadratic programs and player pages. The umbrella
-// header does not include them.
+// Files: comma-separated tables, target curves, meshes, quadratic programs and player pages. The
+// umbrella header does not include them.
 
 #include "clothctl/io/csv.hpp"
 #include "clothctl/io/file.hpp"
 #include "clothctl/io/html_player.hpp"
+#include "clothctl/io/obj.hpp"
 #include "clothctl/io/player_scene.hpp"
 #include "clothctl/io/qp_problem.hpp"
 #include "clothctl/io/qps.hpp"

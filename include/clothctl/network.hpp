@@ -2,6 +2,7 @@
 
 // What a body is made of: masses, springs, materials, and builders of sheets, ropes and solids.
 
+#include "clothctl/network/garment.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/rope.hpp"
 #include "clothctl/network/sheet.hpp"
