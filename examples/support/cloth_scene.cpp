@@ -2,12 +2,15 @@
 
 #include <algorithm>
 #include <charconv>
-#include <filesystem>
 #include <random>
 #include <string_view>
 #include <system_error>
 
+#include "clothctl/cloth/settle.hpp"
 #include "clothctl/core/quoted_text.hpp"
+#include "clothctl/io/obj.hpp"
+#include "clothctl/mesh/garment_patterns.hpp"
+#include "clothctl/network/garment.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "support/inputs.hpp"
 
@@ -46,14 +49,44 @@ clothctl::SpringNetwork<double> grid_network(const ClothOptions& o,
                                       material));
 }
 
+double largest_extent(const Points& x) {
+  return (x.rowwise().maxCoeff() - x.rowwise().minCoeff()).maxCoeff();
+}
+
 clothctl::SpringNetwork<double> mesh_network(const ClothOptions& o,
                                              const clothctl::Material<double>& material) {
   if (o.mesh.starts_with("grid:")) return grid_network(o, material);
-  // Garments and OBJ files come here.
-  if (o.mesh == "tshirt" || std::filesystem::path(o.mesh).extension() == ".obj")
-    refuse("--mesh: " + clothctl::quoted_text(o.mesh) + " is not available in this version");
-  refuse("--mesh: " + clothctl::quoted_text(o.mesh) +
-         " is neither grid:ROWSxCOLUMNS nor tshirt nor FILE.obj");
+  clothctl::PatternMesh mesh;
+  if (o.mesh == "tshirt") {
+    const clothctl::Garment panels =
+        must(clothctl::make_garment(must(clothctl::tshirt_pattern()), clothctl::kTshirtEdgeLength));
+    mesh = must(clothctl::weld_seams(panels)).mesh;
+  } else if (o.mesh.ends_with(".obj")) {
+    mesh = must(clothctl::read_obj(o.mesh));
+  } else {
+    refuse("--mesh: " + clothctl::quoted_text(o.mesh) +
+           " is neither grid:ROWSxCOLUMNS nor tshirt nor FILE.obj");
+  }
+  if (o.size_given) {
+    const double scale = o.size / largest_extent(mesh.positions);
+    mesh.positions *= scale;
+    mesh.pattern *= scale;
+  }
+  return must(mesh.has_pattern()
+                  ? clothctl::pattern_network(mesh, material)
+                  : clothctl::sheet_network<double>(mesh.positions, mesh.triangles, material));
+}
+
+/// Lets a sewn garment come to rest: its panels were cut flat and placed around a body, so that the
+/// cloth near its seams is strained. It hangs from its pins, slowed by strong drag.
+void relax(ClothScene& scene) {
+  Body body;
+  body.network = scene.network;
+  AnyPlant plant = make_plant("xpbd", body, 10.0);
+  plant.set_state(scene.state);
+  if (!clothctl::settle(plant, scene.pinned, 1.0 / 60, 3.0, 0.02).advanced)
+    refuse("--mesh: the garment does not settle");
+  scene.state.positions = plant.positions();
 }
 
 /// Returns the vertices that --pin names: words by their places in the hanging mesh, or indices.
@@ -107,14 +140,16 @@ ClothScene make_cloth_scene(const ClothOptions& o) {
   scene.network = mesh_network(o, scene.material);
   if (!o.wind.empty()) scene.wind = read_triple(o.wind, "--wind");
   const Points& rest = scene.network.rest_positions;
-  scene.extent = (rest.rowwise().maxCoeff() - rest.rowwise().minCoeff()).maxCoeff();
+  scene.extent = largest_extent(rest);
   scene.pinned = read_pins(o, rest);
   scene.state = {rest, Points::Zero(3, rest.cols())};
+  if (o.mesh == "tshirt") relax(scene);
   Points& x = scene.state.positions;
   if (o.start == "level") {  // turn about the x axis, so that what was low comes to the front
-    const double top = rest.row(2).maxCoeff();
-    x.row(1) = rest.row(2).array() - top;
-    x.row(2) = top - rest.row(1).array();
+    const Points hanging = x;
+    const double top = hanging.row(2).maxCoeff();
+    x.row(1) = hanging.row(2).array() - top;
+    x.row(2) = top - hanging.row(1).array();
   }
   std::mt19937_64 random(o.seed);
   std::vector<bool> held(static_cast<std::size_t>(x.cols()), false);

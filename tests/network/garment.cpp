@@ -232,3 +232,33 @@ TEST_CASE("meshes and settings without sense are refused", "[network]") {
   CHECK(sewing_network(bad, material).error().find("joins vertex -4 off the mesh") !=
         std::string::npos);
 }
+
+TEST_CASE("the warp runs along the y axis of the pattern, wherever the panel lies", "[network]") {
+  Material<double> material;
+  material.stretch_weft = 400.0;
+  material.bending_warp = 6e-5;
+  const auto garment = make_garment(handkerchief_pattern(), 0.03);
+  REQUIRE(garment);
+  // The pattern's y axis is the z axis of space here, the default warp of a sheet.
+  const auto sheet = sheet_network(garment->mesh.positions, garment->mesh.triangles, material);
+  PatternMesh turned = garment->mesh;
+  const Eigen::Matrix3d turn =
+      Eigen::AngleAxisd(1.0, Eigen::Vector3d(1, 2, 3).normalized()).toRotationMatrix();
+  turned.positions = turn * garment->mesh.positions;
+  const auto network = pattern_network(turned, material);
+  REQUIRE(sheet);
+  REQUIRE(network);
+  REQUIRE(network->springs.size() == sheet->springs.size());
+  double least = 1e9, most = 0;  // of k l²/ΣA up to the border: the modulus depends on direction
+  for (std::size_t e = 0; e < sheet->springs.size(); ++e) {
+    CHECK(network->springs[e].stiffness == Approx(sheet->springs[e].stiffness).epsilon(1e-9));
+    least = std::min(least, network->springs[e].stiffness);
+    most = std::max(most, network->springs[e].stiffness);
+  }
+  CHECK(most > 2 * least);
+  for (std::size_t e = 0; e < sheet->bends.size(); ++e)
+    CHECK(network->bends[e].stiffness == Approx(sheet->bends[e].stiffness).epsilon(1e-9));
+  material.stretch_weft = 1.0;
+  CHECK(pattern_network(turned, material).error().find("stretch_weft 1 differ") !=
+        std::string::npos);
+}

@@ -207,6 +207,12 @@ def check_simulate_runs(programs, folder):
           and windy["setup"]["wind_m_s"] == [0, 2, 0], f"simulate --wind: {windy}")
     one = figures_of("one pin", "--mesh", "grid:7x7", "--pin", "45", "--seconds", 0.5)
     check(one["setup"]["pinned"] == 1, f"simulate --pin 45: {one}")
+    square = folder / "square.obj"
+    square.write_text("v 0 0 0\nv 1 0 0\nv 1 0 -1\nv 0 0 -1\nf 1 2 3 4\n")
+    for size, extent in (((), 1), (("--size", 0.25), 0.25)):
+        figures = figures_of("OBJ", "--mesh", square, *size, "--seconds", 0.5)
+        check(figures["vertices"] == 4 and figures["setup"]["pinned"] == 2
+              and figures["setup"]["size_m"] == extent, f"simulate --mesh FILE.obj: {figures}")
     code, text, _ = run(simulate, "--mesh", "grid:5x5", "--seconds", 0.1)
     check(code == 0 and "finished: 6 steps of 25 vertices" in text, f"simulate as text: {text!r}")
 
@@ -239,6 +245,9 @@ def check_bad_simulate(programs, bad, file):
         file("mine.json", '{"stretch_weft": -1}'), program=simulate)
     bad("simulate, out in a file", ["mine.json"], "--out", file("mine.json", "{}") / "x",
         program=simulate)
+    bad("OBJ file that is missing", ["none.obj"], "--mesh", "none.obj", program=simulate)
+    bad("OBJ file with a bad index", ["bad.obj", "4", "9"], "--mesh",
+        file("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 9\n"), program=simulate)
     bad("simulate, unknown option", ["--colour"], "--colour", "red", program=simulate)
 
 

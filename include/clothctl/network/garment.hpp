@@ -4,10 +4,14 @@
 // the garment in space: a shirt that is wrapped around a body, crumpled, or half sewn has the same
 // springs. With areas A and cotangents of the triangles in the pattern (sheet.hpp has the rules):
 //
-//   edge      l0 = the mean of its lengths in its triangles,  k = stretch · Σ A / l0²
-//   hinge     the stencil of sheet.hpp with the cotangents and areas of the pattern
+//   edge      l0 = the mean of its lengths in its triangles,  k = Y · Σ A / l0²
+//   hinge     the stencil of sheet.hpp with the cotangents and areas of the pattern, and B
 //   mass      a third of density · A of each triangle to each of its vertices
 //   seam      a spring between the two vertices of each pair, l0 = the thickness of a seam
+//
+// Y and B are stretch and bending; where they differ along warp and weft, those of the edge's
+// directions in its triangles (detail/thread_profile.hpp), by area. The warp runs along the y axis
+// of the pattern, as the grain line of a panel does.
 //
 // Along a closed seam the two triangles of an edge may have different edge lengths l, l' (ease).
 // The edge then rests at the mean, and the stencil has the rest error (l - l') along the pattern,
@@ -65,7 +69,9 @@ namespace detail {
 template <RealScalar Scalar>
 void add_pattern_springs(const PatternMesh& mesh, const Points<Scalar>& flat,
                          const Topology& topology, const TriangleMeasures<Scalar>& measures,
-                         const Material<Scalar>& material, SpringNetwork<Scalar>& network) {
+                         const Material<Scalar>& material, const EdgeCosines<Scalar>& cosines,
+                         SpringNetwork<Scalar>& network) {
+  const ThreadProfile<Scalar> modulus = stretch_profile(material);
   network.springs.reserve(topology.edges.size());
   for (const MeshEdge& edge : topology.edges) {
     Scalar area(0.0), sum(0.0);
@@ -83,7 +89,9 @@ void add_pattern_springs(const PatternMesh& mesh, const Points<Scalar>& flat,
     spring.a = edge.a;
     spring.b = edge.b;
     spring.rest_length = sides == 2 ? Scalar(0.5) * sum : sum;
-    spring.stiffness = material.stretch * area / (spring.rest_length * spring.rest_length);
+    spring.stiffness =
+        edge_stiffness(modulus, edge, mesh.triangles, measures.area, cosines, Scalar(1)) * area /
+        (spring.rest_length * spring.rest_length);
     spring.damping = material.damping_time * spring.stiffness;
     network.springs.push_back(spring);
   }
@@ -93,9 +101,10 @@ void add_pattern_springs(const PatternMesh& mesh, const Points<Scalar>& flat,
 
 /// Makes the spring network of a mesh with a pattern, e.g. a sewn garment or one that was read from
 /// a file. Springs have the order of the edges of `make_topology`, stencils that of its hinges.
-/// Allocates. Complexity: O(n log n). Fails when: a value of the material is out of range, the mesh
-/// has no pattern (use `sheet_network`), `mesh.validate()` finds a fault, the mesh is no manifold,
-/// a triangle has no area in the pattern or is clockwise there, or a vertex belongs to no triangle.
+/// Allocates. Complexity: O(n log n). Fails when: a value of the material is out of range, stretch
+/// or bending of warp and weft differ by more than a factor of 5, the mesh has no pattern (use
+/// `sheet_network`), `mesh.validate()` finds a fault, the mesh is no manifold, a triangle has no
+/// area in the pattern or is clockwise there, or a vertex belongs to no triangle.
 template <RealScalar Scalar>
 Result<SpringNetwork<Scalar>> pattern_network(const PatternMesh& mesh,
                                               const Material<Scalar>& material) {
@@ -124,8 +133,11 @@ Result<SpringNetwork<Scalar>> pattern_network(const PatternMesh& mesh,
   if (std::string problem = detail::lump_mass(measured->area, material.area_density, network);
       !problem.empty())
     return Error{problem};
-  detail::add_pattern_springs(mesh, flat, *topology, *measured, material, network);
-  detail::add_bending(*topology, *measured, material, network);
+  const Vector3<Scalar> warp(Scalar(0), Scalar(1), Scalar(0));
+  const auto cosines = detail::edge_cosines<Scalar>(flat, mesh.pattern_triangles, material, warp);
+  if (!cosines) return Error{cosines.error()};
+  detail::add_pattern_springs(mesh, flat, *topology, *measured, material, *cosines, network);
+  detail::add_bending(*topology, *measured, material, *cosines, network);
   if (std::string problem = network.validate(); !problem.empty()) return Error{problem};
   return network;
 }

@@ -302,8 +302,6 @@ Result<SpringNetwork<Scalar>> sheet_network(
     const std::vector<std::array<int, 3>>& triangles, const Material<Scalar>& material,
     const std::type_identity_t<Vector3<Scalar>>& warp = {Scalar(0), Scalar(0), Scalar(1)}) {
   if (std::string problem = material.validate(); !problem.empty()) return Error{problem};
-  if (std::string problem = detail::validate_contrast(material); !problem.empty())
-    return Error{problem};
   const Result<Topology> made = make_topology(static_cast<int>(positions.cols()), triangles);
   if (!made) return Error{made.error()};
   const Topology& topology = made.value();

@@ -100,8 +100,8 @@ Scalar cosine_of_double_angle(const Vector3<Scalar>& along, const Vector3<Scalar
 
 /// Returns cos 2θ at the edges of triangles whose warp is the direction `warp` of space, projected
 /// onto their planes. Empty when `material` is the same along warp and weft. Allocates. Fails when:
-/// `warp` is zero or not finite, or perpendicular to a triangle (to 0.06 degrees) and has an
-/// effect.
+/// `validate_contrast` finds a fault, `warp` is zero or not finite, or perpendicular to a triangle
+/// (to 0.06 degrees) and has an effect.
 template <RealScalar Scalar>
 Result<EdgeCosines<Scalar>> edge_cosines(const Points<Scalar>& positions,
                                          const std::vector<std::array<int, 3>>& triangles,
@@ -113,6 +113,7 @@ Result<EdgeCosines<Scalar>> edge_cosines(const Points<Scalar>& positions,
   if (!all_finite(warp) || !(Scalar(0) < largest))
     return Error{"warp direction must be finite and not zero, got " + shown};
   EdgeCosines<Scalar> out;
+  if (std::string problem = validate_contrast(material); !problem.empty()) return Error{problem};
   if (stretch_profile(material).uniform() && bending_profile(material).uniform()) return out;
   Vector3<Scalar> unit = warp / largest;
   unit /= unit.norm();
