@@ -19,11 +19,10 @@
 //
 // Triangles of area A, edges of rest length l:
 //
-//   edge      k  = Σ Y A / l², summed over the one or two triangles at the edge. Where warp and
-//   weft
-//             are the same, Y = stretch; if the edges then point evenly in all directions, the
-//             sheet has Young's modulus `stretch`, Poisson's ratio 1/3 and shear modulus 3/8
-//             stretch. Material::shear is not used
+//   edge      k  = Σ Y A / l², summed over the one or two triangles at the edge. Where warp
+//             and weft are the same, Y = stretch; if the edges then point evenly in all
+//             directions, the sheet has Young's modulus `stretch`, Poisson's ratio 1/3 and
+//             shear modulus 3/8 stretch. Material::shear is not used
 //   hinge     U  = ½ B/(A0+A1) |K x|², with K the cotangent weights of the two triangles at an
 //             interior edge and B = bending where warp and weft are the same
 //   mass      each triangle gives a third of its mass to each of its vertices
