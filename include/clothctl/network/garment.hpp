@@ -41,10 +41,10 @@ namespace clothctl::inline CLOTHCTL_ABI {
 template <RealScalar Scalar>
 struct SeamSettings {
   /// Stiffness of the spring between the two vertices of a pair, N/m.
-  Scalar stiffness = Scalar(200.0);
+  Scalar stiffness = Scalar(1000.0);
   /// Distance at which two sewn vertices come to rest, m. It must be positive: a spring without a
   /// length has no direction.
-  Scalar thickness = Scalar(5e-4);
+  Scalar thickness = Scalar(1e-4);
   /// Axial damping time β, s: every spring has a damper d = β k.
   Scalar damping_time = Scalar(0.01);
 
