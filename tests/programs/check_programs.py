@@ -756,6 +756,34 @@ def check_bad_hands(programs, bad, file):
     bad("model without a name", ["--model", "empty"], "--model", "", program=track)
 
 
+def check_sewing(programs, folder):
+    sew = programs / "sew_tshirt"
+    keys = ["status", "vertices", "sew_frames", "seam_gap_mm", "vertices_sewn", "boundary_loops",
+            "mass_kg", "stretch_max", "stretch_mean", "speed_max", "frame_ms", "real_time_factor"]
+    for garment in ("tshirt", "tank-top"):
+        name, out = f"sew_tshirt --garment {garment}", folder / garment
+        arguments = ["--garment", garment, "--edge-length", 0.03, "--hang", 0.4, "--json"]
+        code, text, errors = run(sew, *arguments, "--out", out)
+        check(code == 0 and not errors, f"{name}: exit {code}, stderr {errors!r}")
+        if code != 0:
+            continue
+        figures = json.loads(text)
+        check(list(figures) == keys, f"{name}: keys {list(figures)}")
+        check(figures["status"] == "sewn" and figures["seam_gap_mm"] < 1
+              and figures["boundary_loops"] == 4
+              and figures["vertices_sewn"] < figures["vertices"], f"{name}: {figures}")
+        check(is_page(out / "player.html"), f"{name}: player.html is not self-contained")
+        lines = (out / "shirt.obj").read_text().split("\n")
+        check(sum(line.startswith("v ") for line in lines) == figures["vertices_sewn"]
+              and sum(line.startswith("vt ") for line in lines) == figures["vertices"],
+              f"{name}: shirt.obj has other counts")
+        again = json.loads(run(sew, *arguments)[1])
+        for key in ("frame_ms", "real_time_factor"):
+            again.pop(key)
+            figures.pop(key)
+        check(again == figures, f"{name}: two runs differ")
+
+
 def check_bad_input(programs, folder):
     hand = programs / "handkerchief"
 
@@ -826,6 +854,11 @@ def check_bad_input(programs, folder):
         file("dt.csv", targets(0.4)), "--out",
         folder / "dt.csv" / "x")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
+    sew = programs / "sew_tshirt"
+    bad("edges of no length", ["--edge-length", "0"], "--edge-length", 0, program=sew)
+    bad("cloth that is unknown", ["nope", "cotton"], "--material", "nope", program=sew)
+    bad("garment that is unknown", ["--garment", "hat"], "--garment", "hat", program=sew)
+    bad("shirt without a folder", ["--out", "empty"], "--out", "", program=sew)
     check_bad_qp(programs, bad, file)
     check_bad_simulate(programs, bad, file)
     if has_hands(programs):
@@ -839,7 +872,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own",
-             "qp_solve", "qp_in_your_loop", "simulate")
+             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
@@ -849,6 +882,7 @@ def main():
         check_qp_runs(programs, pathlib.Path(folder))
         check_simulate_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
+        check_sewing(programs, pathlib.Path(folder))
         if has_hands(programs):
             check_hand_runs(programs, pathlib.Path(folder))
         else:
