@@ -1,9 +1,11 @@
 #include "clothctl/mesh/panel.hpp"
 
 #include <limits>
+#include <random>
 
 #include "mesh/flat_laws.hpp"
 #include "support/catch.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using clothctl_test::euler;
@@ -261,4 +263,38 @@ TEST_CASE("bad panels are refused with what, where and the value", "[mesh]") {
   CHECK_FALSE(outline_of(mesh));
   mesh.positions(1, 5) = nan;
   CHECK(outline_of(mesh).error() == "position of vertex 5 is not finite");
+}
+
+TEST_CASE("random outlines are meshed by the laws or refused", "[mesh]") {
+  std::mt19937_64 engine(11);
+  const auto draw = [&](int n) { return static_cast<double>(engine() % static_cast<unsigned>(n)); };
+  int meshed = 0, refused = 0;
+  for (int i = 0; i < clothctl_test::trials(400, 20000); ++i) {
+    // Points of a small lattice meet, line up and cross; stars do not.
+    const int corners = 3 + static_cast<int>(draw(10));
+    std::vector<FlatPoint> points;
+    for (int k = 0; k < corners; ++k) {
+      const double angle = 6.28318530718 * k / corners, r = 0.05 + draw(100) / 100;
+      points.push_back(i % 2 == 0 ? FlatPoint(draw(5) / 4, draw(5) / 4)
+                                  : FlatPoint(r * std::cos(angle), r * std::sin(angle)));
+    }
+    PanelOutline outline(points[0]);
+    for (std::size_t k = 1; k < points.size(); ++k) outline.line_to(points[k]);
+    const double h = 0.03 + draw(100) / 300;
+    const auto mesh = make_panel(outline, h);
+    (mesh ? meshed : refused) += 1;
+    if (!mesh) {
+      CHECK_FALSE(mesh.error().empty());
+      CHECK(i % 2 == 0);  // a star is always meshed
+      continue;
+    }
+    REQUIRE(mesh->validate().empty());
+    CHECK(mesh->area() == Approx(outline.area()).epsilon(1e-9));
+    CHECK(euler(mesh->positions.cols(), mesh->triangles) == 1);
+    const auto again = remesh_panel(*mesh, 0.6 * h);
+    REQUIRE(again);
+    CHECK(again->area() == Approx(outline.area()).epsilon(1e-9));
+  }
+  CHECK(meshed > 100);
+  CHECK(refused > 100);
 }

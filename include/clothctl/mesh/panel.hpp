@@ -102,9 +102,13 @@ inline void sample_smooth(const OutlineSide& side, int edges, std::vector<FlatPo
 inline std::vector<int> edges_of_parts(const OutlineSide& side, int edges) {
   std::vector<int> count(side.points.size() - 1, 1);
   std::vector<double> length(count.size());
-  for (std::size_t i = 0; i < count.size(); ++i)
+  int left = edges - static_cast<int>(count.size());
+  const double per_length = left / side.length();
+  for (std::size_t i = 0; i < count.size(); ++i) {
     length[i] = (side.points[i + 1] - side.points[i]).norm();
-  for (int left = edges - static_cast<int>(count.size()); left > 0; --left) {
+    count[i] += static_cast<int>(length[i] * per_length);
+  }
+  for (left = edges - std::accumulate(count.begin(), count.end(), 0); left > 0; --left) {
     std::size_t longest = 0;
     for (std::size_t i = 1; i < count.size(); ++i) {
       if (length[i] / count[i] > length[longest] / count[longest]) longest = i;
@@ -167,7 +171,7 @@ inline std::string check_extent(const std::vector<FlatPoint>& points, double edg
   const FlatPoint size = high - low;
   if (!is_finite(size[0] * size[1]))
     return "panel of " + number_text(size[0]) + " m by " + number_text(size[1]) + " m is too large";
-  if (!((size[0] / edge_length + 2) * (size[1] / edge_length + 2) < 1e7))
+  if (!((size[0] / edge_length + 2) * (size[1] / edge_length + 2) < 2e6))
     return "panel of " + number_text(size[0]) + " m by " + number_text(size[1]) +
            " m is too large for edges of " + number_text(edge_length) + " m";
   return {};
@@ -196,9 +200,9 @@ inline Result<PanelMesh> fill_panel(const RegionBoundary& boundary, double edge_
 /// Makes the mesh of an outline with edges of about `edge_length` (m). `edges` may give the number
 /// of edges of each side in the order of `all_sides`; 0 means by length, and an empty list means so
 /// for all. The same outline at another edge length is the panel remeshed. Allocates. Complexity:
-/// O(n log n) as a rule. Fails when: the edge length is not positive, more than 10^7 vertices would
-/// be needed, a point is not finite, a side has no length or too few edges for its corners, or the
-/// outline is drawn clockwise, crosses or touches itself, or has a hole outside.
+/// O(n log n) as a rule. Fails when: the edge length is not positive, more than some 2·10^6
+/// vertices would be needed, a point is not finite, a side has no length or too few edges for its
+/// corners, or the outline is drawn clockwise, crosses or touches itself, or has a hole outside.
 inline Result<PanelMesh> make_panel(const PanelOutline& outline, double edge_length,
                                     const std::vector<int>& edges = {}) {
   if (!is_finite(edge_length) || !(edge_length > 0))

@@ -146,7 +146,8 @@ class ConstrainedTriangulation {
   int classify() {
     std::vector<int> depth(faces_.size(), -1), waiting{0};
     for (std::size_t f = 0; f < faces_.size(); ++f) {
-      if (faces_[f].vertex[0] < 3) waiting[0] = static_cast<int>(f);
+      const auto& v = faces_[f].vertex;
+      if (v[0] < 3 || v[1] < 3 || v[2] < 3) waiting[0] = static_cast<int>(f);
     }
     depth[static_cast<std::size_t>(waiting[0])] = 0;
     int pieces = 0;

@@ -53,11 +53,11 @@ class BoundaryCells {
     rows_ = static_cast<std::size_t>((high[1] - low[1]) / cell) + 1;
     edges_.resize(cols_ * rows_);
     for (std::size_t i = 0; i < boundary.points.size(); ++i) {
+      // An edge is listed piece by piece, so that a long one does not fill its whole box.
       const FlatPoint &p = boundary.points[i], &q = end(i);
-      for (std::size_t r = row(std::min(p[1], q[1])); r <= row(std::max(p[1], q[1])); ++r) {
-        for (std::size_t c = col(std::min(p[0], q[0])); c <= col(std::max(p[0], q[0])); ++c)
-          edges_[r * cols_ + c].push_back(static_cast<int>(i));
-      }
+      const int pieces = static_cast<int>((q - p).norm() / cell) + 1;
+      for (int k = 0; k < pieces; ++k)
+        list(p + (q - p) * k / pieces, p + (q - p) * (k + 1) / pieces, static_cast<int>(i));
     }
   }
 
@@ -75,6 +75,14 @@ class BoundaryCells {
   }
 
  private:
+  /// Lists an edge in the cells of the box of two points.
+  void list(const FlatPoint& p, const FlatPoint& q, int edge) {
+    for (std::size_t r = row(std::min(p[1], q[1])); r <= row(std::max(p[1], q[1])); ++r) {
+      for (std::size_t c = col(std::min(p[0], q[0])); c <= col(std::max(p[0], q[0])); ++c)
+        edges_[r * cols_ + c].push_back(edge);
+    }
+  }
+
   const FlatPoint& end(std::size_t i) const {
     return boundary_.points[static_cast<std::size_t>(boundary_.next[i])];
   }
