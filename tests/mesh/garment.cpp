@@ -204,6 +204,15 @@ TEST_CASE("bad patterns are refused with the panel, the seam and the value", "[m
         "seam 0 joins side 1 of the 0 sides of panel \"front\"");
 }
 
+TEST_CASE("a side without a place or a length is named with its panel", "[mesh]") {
+  GarmentPattern pattern = tube();
+  PanelOutline bad(FlatPoint(0, 0));
+  bad.line_to({1, 0}).line_to({1, std::numeric_limits<double>::quiet_NaN()}).line_to({0, 1});
+  pattern.panels[1].outline = bad;
+  CHECK(make_garment(pattern, 0.05).error() ==
+        "panel \"back\": side 1 has a point that is not finite: (1, nan)");
+}
+
 TEST_CASE("garments that cannot be sewn are refused", "[mesh]") {
   auto garment = make_garment(tube(), 0.1);
   REQUIRE(garment);

@@ -211,6 +211,9 @@ inline Result<PatternSides> pattern_sides(const GarmentPattern& pattern) {
       return Error{name + wrong};
     out.first.push_back(static_cast<int>(out.sides.size()));
     for (OutlineSide& side : pattern.panels[p].outline.all_sides()) {
+      const std::size_t index = out.sides.size() - static_cast<std::size_t>(out.first.back());
+      if (std::string wrong = check_side(side, "side " + std::to_string(index)); !wrong.empty())
+        return Error{name + wrong};
       out.length.push_back(side.length());
       out.sides.push_back(std::move(side));
     }
@@ -246,7 +249,7 @@ inline Result<std::vector<int>> seam_edges(const GarmentPattern& pattern, const 
     const double la = all.length[static_cast<std::size_t>(a)],
                  lb = all.length[static_cast<std::size_t>(b)];
     if (a == b) return Error{seam_name(pattern, i) + " joins a side to itself"};
-    if (!(std::abs(la - lb) <= s.ease * (std::max)(la, lb)))
+    if (!is_finite(s.ease) || !(std::abs(la - lb) <= s.ease * (std::max)(la, lb)))
       return Error{seam_name(pattern, i) + ": lengths " + number_text(la) + " m and " +
                    number_text(lb) + " m differ by more than its ease of " + number_text(s.ease)};
     joined.unite(a, b);

@@ -237,7 +237,7 @@ inline Result<PanelMesh> make_panel(const PanelOutline& outline, double edge_len
     for (int v = first; v < end; ++v) boundary.next.push_back(v + 1 < end ? v + 1 : first);
     sides.back().back() = first;
   }
-  if (!(outline.area() > 0))
+  if (!is_finite(outline.area()) || !(outline.area() > 0))
     return Error{"outline must be drawn counter-clockwise, its area is " +
                  number_text(outline.area()) + " m^2"};
   Result<PanelMesh> mesh = detail::fill_panel(boundary, edge_length);
