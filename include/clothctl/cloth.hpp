@@ -9,3 +9,4 @@
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/cloth/settle.hpp"
+#include "clothctl/cloth/tearable_sheet.hpp"

@@ -4,7 +4,10 @@
 
 #include "clothctl/network/garment.hpp"
 #include "clothctl/network/materials.hpp"
+#include "clothctl/network/network_change.hpp"
+#include "clothctl/network/plastic_creep.hpp"
 #include "clothctl/network/rope.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "clothctl/network/solid.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/network/tearing.hpp"

@@ -16,6 +16,7 @@
 #include "clothctl/contact/contact_models.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/types.hpp"
+#include "clothctl/mesh/remap.hpp"
 
 #include <Eigen/Geometry>
 
@@ -179,6 +180,18 @@ std::string validate_grips(const std::vector<Grip<Scalar, Contact>>& grips, Inde
     }
   }
   return {};
+}
+
+/// Returns the grips on a sheet after a change of its mesh: a finger holds all copies of the
+/// vertices that it held, so a hand that holds both sides of a tear keeps both. Allocates.
+template <RealScalar Scalar, class Contact>
+std::vector<Grip<Scalar, Contact>> remap_grips(std::vector<Grip<Scalar, Contact>> grips,
+                                               const Remap<Scalar>& remap) {
+  for (Grip<Scalar, Contact>& grip : grips) {
+    for (Finger<Scalar, Contact>& finger : grip.fingers)
+      finger.vertices = remap.all_copies(finger.vertices);
+  }
+  return grips;
 }
 
 /// Returns the unit normal at a vertex of positions `x` (3×n): the mean of the triangles around it,

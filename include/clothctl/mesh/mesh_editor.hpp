@@ -80,9 +80,9 @@ class MeshEditor {
 
   /// Marks the edge a-b. Returns false when there is no such edge.
   bool mark(int a, int b);
-  /// Marks the edges at a vertex at which the fan passes through the plane through the vertex with
-  /// this normal; a triangle is on the side of its centroid. Returns the number of inner edges that
-  /// were marked: 0 when all triangles are on one side.
+  /// Marks the inner edges at a vertex at which the fan passes through the plane through the vertex
+  /// with this normal; a triangle is on the side of its centroid. Returns the number of these
+  /// edges: 0 when all triangles are on one side.
   int mark_across(int vertex, const Vector3<Scalar>& normal);
   /// Returns the number of marked inner edges.
   int marked_count() const;
@@ -295,16 +295,16 @@ int MeshEditor<Scalar>::mark_across(int vertex, const Vector3<Scalar>& normal) {
     for (const int v : triangles_[index(triangle)]) sum += position(v) - position(vertex);
     return Scalar(0) < normal.dot(sum);
   };
-  int count = 0;
+  std::set<std::array<int, 2>> crossed;
   for (const int t : around_[index(vertex)]) {
     for (const int v : triangles_[index(t)]) {
       if (v == vertex) continue;
       const std::array<int, 2> at = triangles_at(vertex, v);
-      if (at[1] < 0 || in_front(at[0]) == in_front(at[1])) continue;
-      if (marks_.insert(key(vertex, v)).second) ++count;
+      if (at[1] >= 0 && in_front(at[0]) != in_front(at[1])) crossed.insert(key(vertex, v));
     }
   }
-  return count;
+  marks_.insert(crossed.begin(), crossed.end());
+  return static_cast<int>(crossed.size());
 }
 
 template <RealScalar Scalar>

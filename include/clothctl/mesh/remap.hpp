@@ -278,7 +278,8 @@ ClothState<Scalar> remap_state(const ClothState<Scalar>& state, const Remap<Scal
 
 /// Returns the input for the changed sheet. All copies of a driven vertex are driven to its
 /// position (where a seam joins two driven vertices: to the position of the first). A force acts on
-/// the first copy of its vertex, so the total force stays the same. Allocates.
+/// the first copy of its vertex, so the total force stays the same. Its vertices must be on the old
+/// mesh. Allocates.
 template <RealScalar Scalar>
 ClothInput<Scalar> remap_input(const ClothInput<Scalar>& input, const Remap<Scalar>& remap) {
   ClothInput<Scalar> out;

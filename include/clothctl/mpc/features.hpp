@@ -3,6 +3,7 @@
 // Features are points that are fixed weighted sums of vertices, y_i = Σ_j w_ij x_j: corners,
 // centroids, any linear function.
 
+#include <cassert>
 #include <string>
 #include <utility>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
+#include "clothctl/mesh/remap.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -103,6 +105,22 @@ void evaluate_features(const Map& map, const PointsView<Scalar>& x, Points<Scala
         map, i, [&](int vertex, const Scalar& weight) { sum += weight * x.col(vertex); });
     out.col(i) = sum;
   }
+}
+
+/// Returns the features of a sheet after a change of its mesh: every vertex continues as its first
+/// copy. Allocates. Fails when: a feature is off the old mesh (assert).
+template <RealScalar Scalar, FeatureMap<Scalar> Map>
+PointFeatures<Scalar> remap_features(const Map& map, const Remap<Scalar>& remap) {
+  PointFeatures<Scalar> out;
+  for (Index i = 0; i < feature_traits<Map>::count(map); ++i) {
+    std::vector<typename PointFeatures<Scalar>::Term> terms;
+    feature_traits<Map>::for_each_term(map, i, [&](int vertex, const Scalar& weight) {
+      assert(vertex >= 0 && vertex < remap.old_vertex_count());
+      terms.push_back({remap.first_copy(vertex), weight});
+    });
+    out.add_sum(std::move(terms));
+  }
+  return out;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,0 +1,158 @@
+#pragma once
+
+// A plant whose sheet can tear, be cut and be sewn: a model, its state and workspace, and what is
+// needed to build the next model from the changed network.
+//
+//   auto sheet = TearableSheet<MassSpring<double>>::create(model, limits).value();
+//   sheet.advance(dt);                                        // finds broken springs
+//   if (sheet.torn_count() > 0) {
+//     const auto remap = sheet.apply_topology_changes();      // a new model; state and input
+//     follow features = remap_features(features, *remap);            // and what else refers to
+//     vertices
+//   }
+
+#include <array>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "clothctl/concepts/cloth.hpp"
+#include "clothctl/core/step_input.hpp"
+#include "clothctl/network/plastic_creep.hpp"
+#include "clothctl/network/tearing.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// A ClothPlant of a model that can be made again from a network and its settings
+/// (`Model::create(network, settings)`, `network()`, `settings().pinned`): MassSpring,
+/// PositionBased. All copies of a pinned vertex stay pinned.
+template <class Model, RealScalar S = typename Model::Scalar>
+requires ClothModel<Model, S>
+class TearableSheet {
+ public:
+  /// The scalar type.
+  using Scalar = S;
+
+  /// Starts at the rest state of the model. A step finds at most `splits` broken springs, the most
+  /// overloaded ones. Allocates. Fails when: `settings.validate()` finds a fault.
+  static Result<TearableSheet> create(Model model, const TearSettings<Scalar>& settings,
+                                      Index splits = 64) {
+    if (std::string problem = settings.validate(); !problem.empty()) return Error{problem};
+    TearableSheet sheet(std::move(model), settings);
+    sheet.torn_.reserve_splits(splits);
+    return sheet;
+  }
+
+  /// Returns the model.
+  const Model& model() const { return model_; }
+  /// Returns the network of the model.
+  const SpringNetwork<Scalar>& network() const { return model_.network(); }
+  /// Returns the state.
+  const ClothState<Scalar>& state() const { return state_; }
+  /// Replaces the state. `advance` reports InvalidState when its size is wrong.
+  void set_state(const ClothState<Scalar>& state) { state_ = state; }
+
+  /// Returns the number of vertices.
+  Index vertex_count() const { return cloth_traits<Model>::vertex_count(model_); }
+  /// Returns the vertex positions, 3×n, m.
+  const Points<Scalar>& positions() const { return state_.positions; }
+  /// Returns the vertex velocities, 3×n, m/s.
+  const Points<Scalar>& velocities() const { return state_.velocities; }
+  /// Sets what acts on the sheet from now on. Allocates when the input has more entries than
+  /// before.
+  void apply(const ClothInput<Scalar>& input) { input_ = input; }
+  /// Returns the upward force that holds the sheet at rest, N.
+  Vector3<Scalar> gravity_load() const requires requires(const Model& m) {
+    cloth_traits<Model>::gravity_load(m);
+  }
+  { return cloth_traits<Model>::gravity_load(model_); }
+
+  /// Advances by `dt` (s) under the input that was applied last, and looks for broken springs.
+  /// Never allocates. Fails when the step of the model fails; the state is then unchanged.
+  [[nodiscard]] StepReport<Scalar> advance(Scalar dt) {
+    const StepReport<Scalar> report =
+        cloth_traits<Model>::step(model_, state_, input_, dt, workspace_);
+    if (report.advanced) find_torn(network(), state_.positions, settings_, torn_);
+    return report;
+  }
+
+  /// Returns the number of springs that were found broken in the last step.
+  Index torn_count() const { return torn_.count(); }
+  /// Returns the springs that were found broken in the last step.
+  const TornSprings<Scalar>& torn() const { return torn_; }
+
+  /// Tears the sheet at the broken springs. Returns the remap from the old vertices; it is the
+  /// identity when nothing could be split. Allocates. Fails when: state or input could not be
+  /// stepped; the sheet is then unchanged.
+  Result<Remap<Scalar>> apply_topology_changes() {
+    Result<Tear<Scalar>> tear = clothctl::apply_topology_changes(network(), torn_);
+    if (!tear) return Error{tear.error()};
+    return take(std::move(tear.value().change));
+  }
+  /// Cuts the sheet along a polyline (3×k, m) drawn on it as it is now. Allocates. Fails when
+  /// `cut_network` fails; the sheet is then unchanged.
+  Result<Remap<Scalar>> cut(const std::type_identity_t<PointsView<Scalar>>& polyline,
+                            const CutSettings<Scalar>& settings = {}) {
+    return take_result(cut_network<Scalar>(network(), state_.positions, polyline, settings));
+  }
+  /// Joins pairs of border vertices, for example when a seam has pulled them together. Allocates.
+  /// Fails when `stitch_network` fails; the sheet is then unchanged.
+  Result<Remap<Scalar>> stitch(const std::vector<std::array<int, 2>>& pairs) {
+    return take_result(stitch_network(network(), pairs));
+  }
+  /// Lets the rest lengths creep for `dt` (s) and makes a new model if any changed. Returns the
+  /// largest relative change. Allocates. Fails when: a setting or dt is out of range, or the state
+  /// is not finite.
+  Result<Scalar> creep(const CreepSettings<Scalar>& settings, Scalar dt) {
+    SpringNetwork<Scalar> next = network();
+    if (std::string problem = settings.validate(); !problem.empty()) return Error{problem};
+    const Scalar change = creep_rest_lengths(next, state_.positions, settings, dt);
+    if (change < Scalar(0))
+      return Error{"creep needs a finite state and a step, got dt = " + number_text(dt)};
+    if (!(Scalar(0) < change)) return change;
+    auto made = Model::create(std::move(next), model_.settings());
+    if (!made) return Error{made.error()};
+    model_ = std::move(made).value();
+    workspace_ = cloth_traits<Model>::make_workspace(model_);
+    return change;
+  }
+
+ private:
+  TearableSheet(Model model, const TearSettings<Scalar>& settings)
+      : model_(std::move(model)),
+        state_(cloth_traits<Model>::rest_state(model_)),
+        workspace_(cloth_traits<Model>::make_workspace(model_)),
+        settings_(settings) {}
+
+  Result<Remap<Scalar>> take_result(Result<NetworkChange<Scalar>> change) {
+    if (!change) return Error{change.error()};
+    return take(std::move(change).value());
+  }
+
+  /// Makes the model of a changed network and carries state and input over.
+  Result<Remap<Scalar>> take(NetworkChange<Scalar> change) {
+    if (std::string problem = check_step_input(state_, input_, Scalar(1), vertex_count());
+        !problem.empty())
+      return Error{std::move(problem)};
+    auto settings = model_.settings();
+    settings.pinned = change.remap.all_copies(settings.pinned);
+    auto made = Model::create(std::move(change.network), std::move(settings));
+    if (!made) return Error{made.error()};
+    model_ = std::move(made).value();
+    workspace_ = cloth_traits<Model>::make_workspace(model_);
+    state_ = remap_state(state_, change.remap);
+    input_ = remap_input(input_, change.remap);
+    torn_.clear();
+    return Result<Remap<Scalar>>(std::move(change.remap));
+  }
+
+  Model model_;
+  ClothState<Scalar> state_;
+  decltype(cloth_traits<Model>::make_workspace(std::declval<const Model&>())) workspace_;
+  ClothInput<Scalar> input_;
+  TearSettings<Scalar> settings_;
+  TornSprings<Scalar> torn_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI
