@@ -5,6 +5,7 @@
 #include <random>
 #include <string>
 
+#include "clothctl/mesh/mesh_editor.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 
@@ -182,4 +183,19 @@ TEST_CASE(
     if (clothctl_test::allocation_counting_works()) CHECK(during == 0);
     CHECK((vertex_normal<double>(moved, triangles, around, fallback) - turn * n).norm() <= 1e-9);
   }
+}
+
+TEST_CASE("fingers hold all copies of their vertices after a tear", "[contact]") {
+  const Points<double> x = Points<double>::Random(3, 4);
+  auto editor = MeshEditor<double>::create(x, {{0, 1, 2}, {1, 3, 2}}).value();
+  editor.mark(1, 2);
+  REQUIRE(editor.open_marked() == 2);
+  const Remap<double> remap = editor.change().remap;
+  const std::vector<Grip<double>> grips{make_pinch<double>({2, 3}, 0.5, 10.0),
+                                        make_pinch<double>({0}, 0.5, 10.0)};
+  const std::vector<Grip<double>> next = remap_grips(grips, remap);
+  CHECK(validate_grips(next, 6) == "");
+  CHECK(next[0].fingers[1].vertices == std::vector<int>{2, remap.copies(2)[1], 3});
+  CHECK(next[1].vertices() == std::vector<int>{0});
+  CHECK(next[0].fingers[0].side == grips[0].fingers[0].side);
 }

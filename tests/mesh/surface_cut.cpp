@@ -116,6 +116,7 @@ TEST_CASE("cuts inside, to the border, through vertices and along edges", "[mesh
     const Cut cut = checked_cut(mesh, line(c.points));
     CHECK(euler(cut.change.triangles) == c.chi);
     CHECK(pieces(cut.change.remap.vertex_count(), cut.change.triangles) == c.pieces);
+    CHECK(cut.broken_segments == 0);
     for (int v = 0; v < static_cast<int>(cut.change.remap.vertex_count()); ++v)
       CHECK(fans(v, cut.change.triangles) == 1);
   }
@@ -229,6 +230,7 @@ TEST_CASE("straight cuts through irregular flat sheets sever them", "[mesh]") {
     polyline.col(0) << -0.4, 0, uniform(random, 0.2, 0.8);
     polyline.col(1) << 1.4, 0, uniform(random, 0.2, 0.8);
     const Cut cut = checked_cut(mesh, polyline);
+    CHECK(cut.broken_segments == 0);
     if (pieces(cut.change.remap.vertex_count(), cut.change.triangles) >= 2) ++severed;
   }
   CHECK(severed == count);

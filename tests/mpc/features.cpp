@@ -4,6 +4,8 @@
 
 #include <limits>
 
+#include "clothctl/mesh/mesh_editor.hpp"
+#include "clothctl/mesh/stitch.hpp"
 #include "laws/feature_laws.hpp"
 #include "support/catch.hpp"
 
@@ -57,4 +59,24 @@ TEST_CASE("features off the mesh, without terms or without weight are refused wi
     CHECK(validate_features<double>(weightless, 5).find("non-finite weight at vertex 2") !=
           std::string::npos);
   }
+}
+
+TEST_CASE("features follow the first copies of their vertices", "[mpc]") {
+  const Points<double> x = Points<double>::Random(3, 4);
+  auto editor = MeshEditor<double>::create(x, {{0, 1, 2}, {1, 3, 2}}).value();
+  editor.mark(1, 2);
+  REQUIRE(editor.open_marked() == 2);
+  const Remap<double> remap = editor.change().remap;
+  PointFeatures<double> map;
+  map.add_point(2);
+  map.add_sum({{1, 0.25}, {3, 0.75}});
+  const PointFeatures<double> next = remap_features(map, remap);
+  CHECK(next.count() == 2);
+  Points<double> before(3, 2), after(3, 2);
+  evaluate_features<double>(map, x, before);
+  evaluate_features<double>(next, remap.interpolate(x), after);
+  CHECK(before == after);
+  const Remap<double> other =
+      stitch_vertices<double>(6, editor.triangles(), {{1, 4}, {2, 5}})->remap;
+  CHECK(validate_features<double>(remap_features(next, other), 4) == "");
 }

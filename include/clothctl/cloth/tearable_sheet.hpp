@@ -96,6 +96,12 @@ class TearableSheet {
                             const CutSettings<Scalar>& settings = {}) {
     return take_result(cut_network<Scalar>(network(), state_.positions, polyline, settings));
   }
+  /// The same with a polyline that is drawn on the rest positions of the network.
+  Result<Remap<Scalar>> cut_at_rest(const std::type_identity_t<PointsView<Scalar>>& polyline,
+                                    const CutSettings<Scalar>& settings = {}) {
+    return take_result(
+        cut_network<Scalar>(network(), network().rest_positions, polyline, settings));
+  }
   /// Joins pairs of border vertices, for example when a seam has pulled them together. Allocates.
   /// Fails when `stitch_network` fails; the sheet is then unchanged.
   Result<Remap<Scalar>> stitch(const std::vector<std::array<int, 2>>& pairs) {

@@ -56,26 +56,30 @@ struct SurfaceCut {
   int inserted_vertices = 0;
   /// Number of copies of vertices.
   int copied_vertices = 0;
+  /// Number of segments of the polyline that could not be followed to their end, because the
+  /// surface is crumpled or folded between its points: draw more points, or draw on the rest
+  /// positions.
+  int broken_segments = 0;
 };
 
 /// Cuts the mesh that `editor` holds along a polyline (3×k, m), in the positions of the editor:
 /// inserts the vertices and marks the edges; `open_marked` opens them. Call it again for more
-/// lines. Allocates. Complexity: O(k · triangles). Returns an empty string, or what is wrong with
-/// settings or polyline; the mesh is then unchanged.
+/// lines. Returns the number of segments that could not be followed to their end (`SurfaceCut`).
+/// Allocates. Complexity: O(k · triangles). Fails as `cut_surface` does; the mesh is then
+/// unchanged.
 template <RealScalar Scalar>
-[[nodiscard]] std::string mark_cut(MeshEditor<Scalar>& editor, const PointsView<Scalar>& polyline,
-                                   const CutSettings<Scalar>& settings = {}) {
-  if (std::string problem = settings.validate(); !problem.empty()) return problem;
+Result<int> mark_cut(MeshEditor<Scalar>& editor, const PointsView<Scalar>& polyline,
+                     const CutSettings<Scalar>& settings = {}) {
+  if (std::string problem = settings.validate(); !problem.empty()) return Error{problem};
   if (polyline.cols() < 2)
-    return "a cut needs at least 2 points, got " + std::to_string(polyline.cols());
+    return Error{"a cut needs at least 2 points, got " + std::to_string(polyline.cols())};
   detail::SurfaceWalk<Scalar> walk(editor, settings.snap, settings.reach);
   for (Index i = 0; i < polyline.cols(); ++i) {
     const std::string name = "point " + std::to_string(i) + " of the cut";
-    if (!all_finite(polyline.col(i))) return name + " is not finite";
-    if (walk.too_far(polyline.col(i))) return name + " is too far from the mesh";
+    if (!all_finite(polyline.col(i))) return Error{name + " is not finite"};
+    if (walk.too_far(polyline.col(i))) return Error{name + " is too far from the mesh"};
   }
-  walk.follow(polyline);
-  return {};
+  return walk.follow(polyline);
 }
 
 /// Cuts a mesh along a polyline. `positions` (3×n, m) are those that the polyline (3×k, m) was
@@ -92,9 +96,10 @@ Result<SurfaceCut<Scalar>> cut_surface(const std::type_identity_t<PointsView<Sca
   Result<MeshEditor<Scalar>> made = MeshEditor<Scalar>::create(positions, triangles);
   if (!made) return Error{made.error()};
   MeshEditor<Scalar>& editor = made.value();
-  if (std::string problem = mark_cut<Scalar>(editor, polyline, settings); !problem.empty())
-    return Error{std::move(problem)};
+  const Result<int> broken = mark_cut<Scalar>(editor, polyline, settings);
+  if (!broken) return Error{broken.error()};
   SurfaceCut<Scalar> cut;
+  cut.broken_segments = broken.value();
   cut.inserted_vertices = editor.vertex_count() - static_cast<int>(positions.cols());
   cut.copied_vertices = editor.open_marked();
   cut.opened_edges = editor.opened_count();

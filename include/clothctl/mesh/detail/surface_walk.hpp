@@ -103,13 +103,17 @@ class SurfaceWalk {
   }
 
   /// Marks the edges along a polyline; inserts vertices where it crosses edges and has corners.
-  void follow(const PointsView<Scalar>& polyline) {
-    if (mesh_.triangles().empty()) return;
+  /// Returns the number of segments that were not followed to their end.
+  int follow(const PointsView<Scalar>& polyline) {
+    if (mesh_.triangles().empty()) return 0;
     std::vector<int> corner;
+    int broken = 0;
     for (Index i = 0; i < polyline.cols(); ++i) corner.push_back(vertex_at(polyline.col(i)));
-    for (std::size_t i = 1; i < corner.size(); ++i)
-      segment(polyline.col(static_cast<Index>(i) - 1), polyline.col(static_cast<Index>(i)),
-              corner[i - 1], corner[i]);
+    for (std::size_t i = 1; i < corner.size(); ++i) {
+      const Index end = static_cast<Index>(i);
+      if (!segment(polyline.col(end - 1), polyline.col(end), corner[i - 1], corner[i])) ++broken;
+    }
+    return broken;
   }
 
  private:
@@ -210,19 +214,21 @@ class SurfaceWalk {
   }
 
   /// Follows the segment p-q from vertex `at` (-1: not on the mesh) to vertex `to` (-1: likewise).
-  void segment(const Vector3<Scalar>& p, const Vector3<Scalar>& q, int at, int to) {
+  /// Returns false when it cannot be followed to its end.
+  bool segment(const Vector3<Scalar>& p, const Vector3<Scalar>& q, int at, int to) {
     const Vector3<Scalar> d = q - p;
     const Scalar squared = d.squaredNorm();
-    if (!(Scalar(0) < squared)) return;
+    if (!(Scalar(0) < squared)) return true;
     Scalar last_entry = Scalar(-1), done = Scalar(0);
     while (true) {
       if (at < 0) {
         const Entry entry = find_entry(p, d, done, last_entry);
-        if (entry.a < 0) return;
+        if (entry.a < 0) return to < 0;
         last_entry = entry.s;
         at = on_edge(entry.a, entry.b, entry.t);
       }
-      if (walk(at, q, to) != End::LeftMesh) return;
+      const End end = walk(at, q, to);
+      if (end != End::LeftMesh) return end == End::Reached;
       // The cut may have snapped to a vertex a little farther on.
       done = d.dot(mesh_.position(at) - p) / squared - snap_ / d.norm();
       at = -1;
