@@ -28,13 +28,18 @@ void start_jolt() {
   JPH::RegisterTypes();
 }
 
+/// The compliance (m/N) with which Jolt comes closest on 32 × 32 vertices, of 0 and powers of ten.
+/// It is that of the implicit reference. Without compliance, sheets gain energy from 40 substeps
+/// on.
+constexpr float kCompliance = 1e-4f;
+
 /// One soft body in a world of its own, on one thread. Each of Jolt's iterations is a substep with
-/// one sweep. Compliances, linear damping and the vertex radius are zero, and the body never
-/// sleeps. With tethers, each vertex has a long range attachment to each pinned one; on a flat
-/// convex sheet the geodesic distance is the straight one.
+/// one sweep. Linear damping and the vertex radius are zero, and the body never sleeps. With
+/// tethers, each vertex has a long range attachment to each pinned one; on a flat convex sheet the
+/// geodesic distance is the straight one.
 class Jolt final : public Engine {
  public:
-  explicit Jolt(bool tethers) : tethers_(tethers) {}
+  Jolt(float compliance, bool tethers) : compliance_(compliance), tethers_(tethers) {}
 
   std::string load(const Sheet& sheet, const Setting& setting) override {
     if (setting.sweeps != 1) return "Jolt makes one sweep in a substep";
@@ -104,7 +109,8 @@ class Jolt final : public Engine {
     for (const std::array<int, 3>& t : sheet.triangles)
       out->AddFace(JPH::SoftBodySharedSettings::Face(u(t[0]), u(t[1]), u(t[2])));
     for (const Edge& e : sheet.edges)
-      out->mEdgeConstraints.push_back(JPH::SoftBodySharedSettings::Edge(u(e.a), u(e.b), 0.0f));
+      out->mEdgeConstraints.push_back(
+          JPH::SoftBodySharedSettings::Edge(u(e.a), u(e.b), compliance_));
     out->CalculateEdgeLengths();
     if (tethers_) {
       for (const int pin : sheet.pinned) {
@@ -119,6 +125,7 @@ class Jolt final : public Engine {
     return out;
   }
 
+  float compliance_;
   bool tethers_;
   BroadPhase broad_phase_;
   JPH::ObjectVsBroadPhaseLayerFilter layer_against_broad_phase_;
@@ -134,8 +141,14 @@ std::string version() {
          std::to_string(JPH_VERSION_PATCH);
 }
 
+template <bool kCompliant, bool kTethers>
+std::unique_ptr<Engine> make() {
+  return std::make_unique<Jolt>(kCompliant ? kCompliance : 0.0f, kTethers);
+}
+
 }  // namespace
 
 VERSUS_MODULE("jolt", version(),
-              {{"substeps", true, 1, 5, {64, 1}, [] { return std::make_unique<Jolt>(false); }},
-               {"tethers", true, 1, 5, {0, 0}, [] { return std::make_unique<Jolt>(true); }}})
+              {{"rigid", true, 1, 5, {64, 1}, make<false, false>},
+               {"compliant", true, 1, 5, {0, 0}, make<true, false>},
+               {"tethers", true, 1, 5, {0, 0}, make<true, true>}})

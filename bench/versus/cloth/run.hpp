@@ -76,12 +76,13 @@ std::vector<RunResult> run_together(const std::vector<Lane>& lanes, const std::v
                                     const Sheet& sheet, const RunSettings& settings);
 
 /// Runs each lane with growing numbers: doubled until the smallest target is reached or the limit
-/// of time is, then between the last miss and the first hit of each target. Returns the runs of
-/// each lane in the order of their numbers.
+/// of time is, then between the last miss and the first hit of each target. Then times the cheapest
+/// runs that reach the targets once more, in turns. Returns the runs of each lane in the order of
+/// their numbers.
 std::vector<std::vector<RunResult>> run_curves(const std::vector<Lane>& lanes, const Sheet& sheet,
                                                const RunSettings& settings);
 
-/// The cheapest run with a worst stretch of at most `target`, or null.
+/// The run of least number with a worst stretch of at most `target`, or null.
 const RunResult* cheapest(const std::vector<RunResult>& runs, double target);
 
 /// Times the projections of the variants that have a setting for it: equal sweeps over equal edges,
