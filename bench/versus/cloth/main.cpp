@@ -5,6 +5,7 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <string>
@@ -89,6 +90,10 @@ Options parse(int argc, char** argv) {
     refuse(std::string(e.what()) + " (see --help)");
   }
   o.run.limit = 1e-3 * limit;
+  if (!std::isfinite(limit)) refuse("--limit: not a number");
+  for (const double target : o.run.targets) {
+    if (!std::isfinite(target)) refuse("--targets: not a number");
+  }
   std::sort(o.run.targets.rbegin(), o.run.targets.rend());
   return o;
 }
