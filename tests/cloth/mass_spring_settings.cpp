@@ -34,6 +34,9 @@ TEMPLATE_TEST_CASE("mass-spring settings: the defaults are valid and as document
   CHECK(settings.velocity_tolerance == Scalar(0));
   CHECK(settings.max_iterations >= 1);
   CHECK(settings.pinned.empty());
+  CHECK(settings.limit_energy);
+  CHECK(settings.linear_solver == LinearSolver::Factor);
+  CHECK(settings.max_linear_iterations >= 1);
 }
 
 TEMPLATE_TEST_CASE("mass-spring settings: extreme but valid values are accepted",
@@ -77,6 +80,8 @@ TEMPLATE_TEST_CASE("mass-spring settings: a bad value is named", "[mass_spring_s
         "max_iterations is 0, must be at least 1");
   CHECK(said<Scalar>([](Settings& s) { s.max_iterations = -1; }) ==
         "max_iterations is -1, must be at least 1");
+  CHECK(said<Scalar>([](Settings& s) { s.max_linear_iterations = 0; }) ==
+        "max_linear_iterations is 0, must be at least 1");
 }
 
 TEST_CASE("mass-spring settings: the first of several bad values is named",

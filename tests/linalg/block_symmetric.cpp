@@ -103,3 +103,18 @@ TEST_CASE("Bad indices and vectors of another size stop at an assert") {
   BlockSymmetric<double> sum = matrix;
   CHECK(is_stopped([&] { sum.add_scaled(BlockSymmetric<double>(3, {{0, 1}}), 1.0); }));
 }
+
+TEST_CASE("A matrix in another scalar has the same pattern and rounded values") {
+  std::mt19937 random(9);
+  const BlockSymmetric<double> matrix = random_spd<double>(sheet_graph(4, 3, true), random);
+  BlockSymmetric<float> single = matrix.cast<float>();
+  CHECK(single.rows() == matrix.rows());
+  CHECK(single.lower_count() == matrix.lower_count());
+  CHECK((dense(single) - dense(matrix)).norm() <= 1e-6 * dense(matrix).norm());
+  const long before = allocations();
+  single.set_zero();
+  single.assign(matrix);
+  const long made = allocations() - before;
+  if (allocation_counting_works()) CHECK(made == 0);
+  CHECK((dense(single) - dense(matrix)).norm() <= 1e-6 * dense(matrix).norm());
+}

@@ -35,8 +35,8 @@
 
 #include "clothctl/cloth/detail/mass_spring_workspace.hpp"
 #include "clothctl/cloth/detail/spring_forces.hpp"
-#include "clothctl/cloth/detail/step_energy.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
+#include "clothctl/cloth/detail/step_solver.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
@@ -123,8 +123,6 @@ class MassSpring {
                                              Scalar step_tolerance = Scalar(0)) const;
 
  private:
-  static constexpr int kMaxHalvings = 30;
-
   /// Returns true when this model, or one of the same structure, made the workspace.
   bool fits(const Workspace& ws) const;
 
@@ -144,23 +142,9 @@ class MassSpring {
   /// and ws.frozen. Sets ws.velocity = v, with held vertices at their prescribed velocity.
   void prepare(const State& state, const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const;
 
-  /// Factorises A at `x`: the frozen part plus h² K, with the factor `compression` on the
-  /// indefinite part of K. Returns false when A is not positive definite.
-  bool factorize(const Points<Scalar>& x, Scalar dt, Scalar compression, Workspace& ws) const;
-
-  /// The single linear solve: A (v⁺ - v̂) = M v0 + h f - A v̂ on the free rows, with f all forces
-  /// at x0. v̂ is v0 with the prescribed velocities on the held rows.
-  StepReport<Scalar> solve_linear(const State& state, Scalar dt, Workspace& ws) const;
-
-  /// Runs Newton's method from ws.velocity and leaves the best velocities there. `solves` counts
-  /// the linear solves so far. `compression` is the initial γ; with 0, all steps use the
-  /// projection. The first step shorter than `step_tolerance` is the last.
-  StepReport<Scalar> iterate(const State& state, Scalar dt, int max_iterations, int solves,
-                             Scalar compression, Scalar step_tolerance, Workspace& ws) const;
-
-  detail::StepEnergy<Scalar> energy_at(const State& state, const Points<Scalar>& v, Scalar dt,
-                                       Workspace& ws) const {
-    return detail::step_energy(network_, settings_.drag, total_stiffness_, state, v, dt, ws);
+  /// Returns the solver of a step that `prepare` has prepared.
+  detail::StepSolver<Scalar> solver(const State& state, Scalar dt, Workspace& ws) const {
+    return {network_, settings_, pattern_, total_stiffness_, state, dt, ws};
   }
 
   Scalar velocity_tolerance() const {
@@ -223,11 +207,14 @@ auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar d
   const StepStatus refused = refuse(state, input, dt, ws);
   if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
   prepare(state, input, dt, ws);
-  StepReport<Scalar> report = solve_linear(state, dt, ws);
-  if (report.status == StepStatus::Converged && settings_.integration == Integration::Newton) {
-    report =
-        iterate(state, dt, settings_.max_iterations, report.iterations, Scalar(1), Scalar(0), ws);
-  }
+  detail::StepSolver<Scalar> steps = solver(state, dt, ws);
+  const detail::NewtonLimits<Scalar> limits{velocity_tolerance(), settings_.max_iterations,
+                                            Scalar(1), Scalar(0)};
+  const bool newton = settings_.integration == Integration::Newton;
+  StepReport<Scalar> report = newton ? steps.newton(limits) : steps.solve_linear(limits.tolerance);
+  const bool advances = report.status != StepStatus::NumericalFailure;
+  if (!newton && settings_.limit_energy && advances && steps.creates_energy(limits.tolerance))
+    report = steps.bound_energy(limits, report.iterations);
   return finish(state, input, dt, report, ws);
 }
 
@@ -270,8 +257,9 @@ auto MassSpring<S>::step_from(const PointsView<Scalar>& guess, int newton_steps,
   for (Index i = 0; i < vertex_count(); ++i) {
     if (!ws.is_held(i)) detail::set_column(ws.velocity, i, detail::column(guess, i));
   }
-  return finish(state, input, dt,
-                iterate(state, dt, newton_steps, 0, Scalar(0), step_tolerance, ws), ws);
+  const detail::NewtonLimits<Scalar> limits{velocity_tolerance(), newton_steps, Scalar(0),
+                                            step_tolerance};
+  return finish(state, input, dt, solver(state, dt, ws).newton_from_guess(limits), ws);
 }
 
 template <RealScalar S>
@@ -312,7 +300,9 @@ MassSpring<S>::MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scal
     : network_(std::move(network)),
       settings_(std::move(settings)),
       pattern_(network_, true, settings_.air.enabled()),
-      tree_(nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)) {
+      tree_(settings_.linear_solver == LinearSolver::Factor
+                ? nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)
+                : EliminationTree()) {
   for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
   structure_ = detail::hash_structure(pattern_.matrix(), tree_);
 }
@@ -347,96 +337,6 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
         detail::column(input.driven_positions, static_cast<Index>(i));
     detail::set_column(ws.velocity, v, (end - detail::column(x, v)) / dt);
   }
-}
-
-template <RealScalar S>
-bool MassSpring<S>::factorize(const Points<Scalar>& x, Scalar dt, Scalar compression,
-                              Workspace& ws) const {
-  StiffnessScale<Scalar> scale;
-  scale.compression = compression;
-  ws.matrix = ws.frozen;
-  pattern_.add_springs(network_, x, scale, dt * dt, ws.matrix);
-  return ws.factor.factorize(ws.matrix, ws.held);
-}
-
-template <RealScalar S>
-auto MassSpring<S>::solve_linear(const State& state, Scalar dt, Workspace& ws) const
-    -> StepReport<Scalar> {
-  if (!factorize(state.positions, dt, Scalar(0), ws))
-    return {StepStatus::NumericalFailure, false, Scalar(0), 1};
-  ws.gradient = ws.outer;
-  detail::add_spring_forces<Scalar>(network_, state.positions, ws.gradient);
-  detail::as_points(ws.rhs) = ws.velocity;
-  ws.matrix.multiply(ws.rhs, ws.product);
-  for (Index i = 0; i < vertex_count(); ++i) {
-    if (ws.is_held(i)) {
-      detail::set_point(ws.rhs, i, {Scalar(0), Scalar(0), Scalar(0)});
-    } else {
-      detail::set_point(ws.rhs, i,
-                        detail::column(state.velocities, i) * network_.mass[i] +
-                            detail::column(ws.gradient, i) * dt - detail::point(ws.product, i));
-    }
-  }
-  ws.factor.template solve<1>(ws.rhs);
-  detail::move_along(ws.velocity, Scalar(1), ws.rhs, ws.velocity);
-  ws.trial = state.velocities;  // for holding_forces
-  ws.linear = true;
-  return {StepStatus::Converged, false, Scalar(0), 1};
-}
-
-template <RealScalar S>
-auto MassSpring<S>::iterate(const State& state, Scalar dt, int max_iterations, int solves,
-                            Scalar compression, Scalar step_tolerance, Workspace& ws) const
-    -> StepReport<Scalar> {
-  const Scalar epsilon = scalar_traits<Scalar>::epsilon();
-  StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
-  ws.linear = false;
-  const Scalar tolerance = velocity_tolerance();
-  detail::StepEnergy<Scalar> energy = energy_at(state, ws.velocity, dt, ws);
-  const bool projected = !(Scalar(0) < compression);
-  bool small_step = false;  // the last step was full and shorter than the tolerance
-  bool enough = false;      // the last step was shorter than step_tolerance
-  for (int iteration = 0; iteration <= max_iterations; ++iteration) {
-    const Scalar last = report.residual;
-    const bool converged = detail::load_residual(network_, tolerance, report.residual, ws) ||
-                           (small_step && !(report.residual < Scalar(0.5) * last));
-    if (!is_finite(report.residual) || !is_finite(energy.value)) {
-      return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
-    }
-    if (converged) report.status = StepStatus::Converged;
-    if (converged || enough || iteration == max_iterations) break;
-    while (!factorize(ws.position, dt, compression, ws)) {
-      if (!(Scalar(0) < compression))
-        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
-      compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);
-    }
-    ws.factor.template solve<1>(ws.rhs);
-    ++report.iterations;
-    if (!projected && iteration % 3 == 2)
-      compression = (std::min)(Scalar(1), (std::max)(Scalar(0.25), Scalar(2) * compression));
-    const Scalar slope =
-        detail::as_points(ws.rhs).cwiseProduct(ws.gradient).sum();  // negative: A is SPD
-    const Scalar noise = Scalar(4) * epsilon * energy.size;
-    const auto descends = [&](Scalar length) {
-      detail::move_along(ws.velocity, length, ws.rhs, ws.trial);
-      const detail::StepEnergy<Scalar> next = energy_at(state, ws.trial, dt, ws);
-      if (!(next.value < energy.value + Scalar(1e-4) * length * slope + noise)) return false;
-      energy = next;
-      return true;
-    };
-    Scalar length = Scalar(1);
-    int halvings = 0;
-    while (halvings < kMaxHalvings && !descends(length)) {
-      length *= Scalar(0.5);
-      ++halvings;
-    }
-    if (halvings == kMaxHalvings) break;  // rounding hides any descent
-    const Scalar change = detail::largest_magnitude(ws.rhs);
-    small_step = halvings == 0 && change < tolerance;
-    enough = length * change < step_tolerance;
-    ws.velocity.swap(ws.trial);
-  }
-  return report;
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

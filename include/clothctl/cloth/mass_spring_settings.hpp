@@ -20,6 +20,15 @@ enum class Integration {
   Newton
 };
 
+/// How a step solves its linear systems.
+enum class LinearSolver {
+  /// Sparse Cholesky factors. Memory of O(n log n) and time of O(n^1.5) on a sheet of n vertices.
+  Factor,
+  /// Conjugate gradients, preconditioned by an incomplete factor without fill. Memory of O(n); for
+  /// sheets whose complete factor is too large.
+  ConjugateGradient
+};
+
 /// Factors on the parts of the stiffness matrix, for predictors. With n the unit vector along a
 /// spring of stiffness k, length l and rest length l0, the default factors give the projection of
 /// the true stiffness onto the positive semidefinite matrices.
@@ -55,6 +64,15 @@ struct MassSpringSettings {
   /// Largest number of Newton steps in a time step. When it is reached, the time step ends with the
   /// status IterationLimit.
   int max_iterations = 100;
+  /// With true, a single linear solve that would create energy (see docs/mass_spring.md) is
+  /// followed by Newton steps until the step no longer does. No effect with Newton.
+  bool limit_energy = true;
+  /// How the linear systems of a step are solved.
+  LinearSolver linear_solver = LinearSolver::Factor;
+  /// Largest number of iterations of conjugate gradients in the single linear solve. They end when
+  /// the residual of every vertex, divided by its mass, is below `velocity_tolerance`. When the
+  /// limit is reached, the step ends with the status IterationLimit.
+  int max_linear_iterations = 2000;
   /// Vertices that never move unless the input drives them.
   std::vector<int> pinned = {};
 
@@ -75,6 +93,10 @@ struct MassSpringSettings {
       return "velocity_tolerance is negative or not finite";
     if (max_iterations < 1)
       return "max_iterations is " + std::to_string(max_iterations) + ", must be at least 1";
+    if (max_linear_iterations < 1) {
+      return "max_linear_iterations is " + std::to_string(max_linear_iterations) +
+             ", must be at least 1";
+    }
     return air.validate();
   }
 };

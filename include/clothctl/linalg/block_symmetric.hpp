@@ -89,6 +89,33 @@ class BlockSymmetric {
     for (std::size_t i = 0; i < lower_.size(); ++i) lower_[i] += factor * other.lower_[i];
   }
 
+  /// Returns a matrix of the same pattern in another scalar, with values converted. Allocates.
+  template <RealScalar Other>
+  BlockSymmetric<Other> cast() const {
+    BlockSymmetric<Other> out;
+    out.row_begin_ = row_begin_;
+    out.column_ = column_;
+    out.diagonal_.assign(diagonal_.size(), Matrix3<Other>::Zero().eval());
+    out.lower_.assign(lower_.size(), Matrix3<Other>::Zero().eval());
+    out.assign(*this);
+    return out;
+  }
+
+  /// Converts the values of `other`, a matrix of the same pattern in another scalar, to those of
+  /// this one. Never allocates. Fails when: the sizes differ (assert).
+  template <RealScalar Other>
+  void assign(const BlockSymmetric<Other>& other) {
+    assert(other.lower_.size() == lower_.size() && other.diagonal_.size() == diagonal_.size());
+    const auto convert = [](const std::vector<Matrix3<Other>>& from,
+                            std::vector<Matrix3<Scalar>>& to) {
+      for (std::size_t i = 0; i < to.size(); ++i) {
+        for (Index k = 0; k < 9; ++k) to[i].data()[k] = static_cast<Scalar>(from[i].data()[k]);
+      }
+    };
+    convert(other.diagonal_, diagonal_);
+    convert(other.lower_, lower_);
+  }
+
   /// y = A x for kLanes vectors at once: x and y are kLanes×3n, column 3i+c is coordinate c of
   /// vertex i. No allocation. Fails when: x or y is of another size, or both are the same object
   /// (assert).
@@ -112,6 +139,9 @@ class BlockSymmetric {
   }
 
  private:
+  template <RealScalar Other>
+  friend class BlockSymmetric;
+
   std::vector<int> row_begin_{0};
   std::vector<int> column_;
   std::vector<Matrix3<Scalar>> diagonal_;

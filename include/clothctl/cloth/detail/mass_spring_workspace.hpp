@@ -7,7 +7,9 @@
 #include <cstdint>
 #include <vector>
 
+#include "clothctl/cloth/detail/conjugate_gradient.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
+#include "clothctl/cloth/detail/step_preconditioner.hpp"
 #include "clothctl/linalg/block_cholesky.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -21,8 +23,11 @@ struct MassSpringWorkspace {
   /// The step matrix, and the part of it that is constant over a step: inertia, drag, dampers, air
   /// and bending.
   BlockSymmetric<Scalar> matrix, frozen;
-  /// The factor of `matrix`.
+  /// The factor of `matrix`; without memory when the model solves by conjugate gradients.
   BlockCholesky<Scalar> factor;
+  /// The preconditioner of conjugate gradients, and their vectors.
+  StepPreconditioner<Scalar> preconditioner;
+  ConjugateGradientMemory<Scalar> cg;
   /// 1 for driven and pinned vertices, else 0.
   std::vector<unsigned char> held;
   /// Unit vectors of the springs at the start of the step.
@@ -41,13 +46,20 @@ struct MassSpringWorkspace {
   bool linear = false;
 
   /// Makes room for a network whose step matrix has the sparsity pattern of `pattern`. `air_count`:
-  /// number of air matrices. Allocates.
+  /// number of air matrices. A `tree` without vertices means that no complete factor is made.
+  /// Allocates.
   void reserve(const SpringNetwork<Scalar>& network, const BlockSymmetric<Scalar>& pattern,
                const EliminationTree& tree, std::size_t air_count) {
     const Index n = network.vertex_count();
     matrix = pattern;
     frozen = pattern;
-    factor = BlockCholesky<Scalar>(pattern, tree);
+    if (tree.permutation.empty()) {
+      preconditioner = StepPreconditioner<Scalar>(pattern);
+    } else {
+      factor = BlockCholesky<Scalar>(pattern, tree);
+      preconditioner = StepPreconditioner<Scalar>(pattern, tree);
+    }
+    cg.reserve(n);
     held.assign(static_cast<std::size_t>(n), 0);
     direction.setZero(3, static_cast<Index>(network.springs.size()));
     for (Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient}) p->setZero(3, n);
@@ -66,6 +78,7 @@ struct MassSpringWorkspace {
       good = good && m->rows() == n && m->lower_count() == pattern.lower_count();
     for (const Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient})
       good = good && p->cols() == n;
+    good = good && cg.solution.cols() == 3 * n;
     return good && direction.cols() == static_cast<Index>(network.springs.size()) &&
            air.size() == air_count && rhs.cols() == 3 * n && product.cols() == 3 * n;
   }

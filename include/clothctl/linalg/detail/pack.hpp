@@ -171,6 +171,25 @@ struct Pack {
     }
   }
 
+  /// True if sums_of_four works on registers.
+  static constexpr bool kTransposes = kChunk == 4 && native_lanes<Scalar>() >= 4;
+
+  /// Returns the sums of the lanes of four packs in one register, each added as `sum` adds it.
+  static CLOTHCTL_KERNEL Chunk sums_of_four(const Pack (&packs)[4]) requires kTransposes {
+    Chunk total[4];
+    for (int p = 0; p < 4; ++p) {
+      total[p] = packs[p].chunk[0];
+      unroll<kChunks - 1>(
+          [&](auto i) CLOTHCTL_KERNEL_LAMBDA { total[p] = total[p] + packs[p].chunk[i + 1]; });
+    }
+    // Lanes 0 and 1, and 2 and 3, of each pack; then the two sums.
+    const Chunk a = __builtin_shufflevector(total[0], total[1], 0, 4, 2, 6) +
+                    __builtin_shufflevector(total[0], total[1], 1, 5, 3, 7);
+    const Chunk b = __builtin_shufflevector(total[2], total[3], 0, 4, 2, 6) +
+                    __builtin_shufflevector(total[2], total[3], 1, 5, 3, 7);
+    return __builtin_shufflevector(a, b, 0, 1, 4, 5) + __builtin_shufflevector(a, b, 2, 3, 6, 7);
+  }
+
  private:
   template <int kFirst, int kCount>
   static CLOTHCTL_KERNEL Scalar sum_of(const Chunk& values) {

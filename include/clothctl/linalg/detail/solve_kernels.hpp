@@ -52,7 +52,27 @@ struct RowBlock {
   /// this += block · x; column k of the block starts kRows·k after `block`, row k of x kLanes·k
   /// after `x`.
   CLOTHCTL_KERNEL void add_product(const Scalar* block, Index columns, const Scalar* x) {
-    for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
+    Index k = 0;
+    if constexpr (kSingle) {
+      // Three sums, so that no addition waits for the one before it; columns come in threes.
+      Row second, third;
+      second.set_zero();
+      third.set_zero();
+      for (; k + 3 <= columns; k += 3, block += 3 * kRows, x += 3) {
+        prefetch(block, kAhead);
+        prefetch(block + 2 * kRows, kAhead);
+        Row other;
+        other.load(block);
+        row[0].add_product(other, x[0]);
+        other.load(block + kRows);
+        second.add_product(other, x[1]);
+        other.load(block + 2 * kRows);
+        third.add_product(other, x[2]);
+      }
+      second.add(third);
+      row[0].add(second);
+    }
+    for (; k < columns; ++k, block += kRows, x += kLanes) {
       prefetch(block, kAhead);
       Row other;
       if constexpr (kSingle) {
@@ -67,7 +87,22 @@ struct RowBlock {
   /// x -= blockᵀ · this.
   CLOTHCTL_KERNEL void subtract_transposed(const Scalar* block, Index columns, Scalar* x) const {
     const Index before = -columns * kRows;  // the panel above comes next
-    for (Index k = 0; k < columns; ++k, block += kRows, x += kLanes) {
+    Index k = 0;
+    if constexpr (kSingle && Row::kTransposes) {
+      for (; k + 4 <= columns; k += 4, block += 4 * kRows, x += 4) {
+        Row product[4];
+        for (int c = 0; c < 4; ++c) {
+          prefetch(block + c * kRows, before);
+          Row other;
+          other.load(block + c * kRows);
+          product[c].set_zero();
+          product[c].add_product(other, row[0]);
+        }
+        const typename Row::Chunk sums = Row::sums_of_four(product);
+        for (int c = 0; c < 4; ++c) x[c] = x[c] - sums[c];
+      }
+    }
+    for (; k < columns; ++k, block += kRows, x += kLanes) {
       prefetch(block, before);
       Row other;
       if constexpr (kSingle) {

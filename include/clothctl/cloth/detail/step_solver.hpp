@@ -1,0 +1,396 @@
+#pragma once
+
+// The solvers of a mass-spring step (equations and symbols: mass_spring.hpp).
+//
+// Newton's method has two forms. The direct one factorises the step matrix in every iteration. The
+// truncated one keeps a factor P of an earlier matrix, in lower precision, and solves with the
+// present matrix A by conjugate gradients preconditioned by P (conjugate_gradient.hpp). A solve
+// with P takes a tenth of the time of a factorisation. The tolerance of the solves follows the
+// progress of the residual: η = (residual / last residual)², between 10⁻³ and 0.3. P is replaced
+// after a solve that took many iterations or met negative curvature. Where the truncated form
+// cannot go on (P is not definite in its precision, a search finds no descent), the direct form
+// continues from the best velocities. Reference: Nocedal and Wright, Numerical Optimization (2006),
+// chapter 7.
+//
+// A single linear solve may end with more energy than it was given, where the forces change much
+// within the step. The energy that a step creates is
+//
+//   ΔE = ½ vᵀM v - ½ v0ᵀM v0 + U(x0 + h v) - U(x0) - h outerᵀ v - Σ_held pᵀ v
+//
+// where p are the impulses that hold or drive vertices. When it is positive, Newton steps on the
+// energy of the step follow until it no longer is.
+
+#include <algorithm>
+#include <cmath>
+
+#include "clothctl/cloth/detail/mass_spring_workspace.hpp"
+#include "clothctl/cloth/detail/spring_forces.hpp"
+#include "clothctl/cloth/detail/step_energy.hpp"
+#include "clothctl/cloth/mass_spring_settings.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/report.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// What Newton's method is allowed to do.
+template <RealScalar Scalar>
+struct NewtonLimits {
+  /// Newton stops when the residual of every vertex, divided by its mass, is below this, m/s.
+  Scalar tolerance = Scalar(0);
+  /// Largest number of Newton steps.
+  int max_iterations = 0;
+  /// The first γ of the direct form; with 0, all steps use the projected matrix.
+  Scalar compression = Scalar(1);
+  /// The first Newton step shorter than this is the last, m/s.
+  Scalar step_tolerance = Scalar(0);
+  /// Newton also stops when the step creates no energy.
+  bool until_bounded = false;
+};
+
+/// Solves one step. Refers to the model's data, to the state at the start of the step and to the
+/// workspace, which `prepare` of the model has filled. Never allocates.
+template <RealScalar S>
+class StepSolver {
+ public:
+  /// The scalar type.
+  using Scalar = S;
+
+  /// The data of the model and of the step; `total_stiffness`: sum of k over the springs, N/m.
+  StepSolver(const SpringNetwork<Scalar>& network, const MassSpringSettings<Scalar>& settings,
+             const SpringPattern<Scalar>& pattern, Scalar total_stiffness,
+             const ClothState<Scalar>& state, Scalar dt, MassSpringWorkspace<Scalar>& ws)
+      : network_(network),
+        settings_(settings),
+        pattern_(pattern),
+        total_stiffness_(total_stiffness),
+        state_(state),
+        dt_(dt),
+        ws_(ws) {}
+
+  /// The single linear solve: A (v⁺ - v̂) = M v0 + h f - A v̂ on the free rows, with f all forces
+  /// at x0. v̂ is v0 with the prescribed velocities on the held rows. Adds the result to
+  /// ws.velocity. `tolerance` (m/s) bounds the residual of a solve by conjugate gradients.
+  StepReport<Scalar> solve_linear(Scalar tolerance);
+
+  /// Returns true when the step from the state with velocities ws.velocity at its end creates
+  /// energy, beyond rounding and a momentum error of `tolerance` (m/s) at every vertex. Reads what
+  /// the last solve left in the workspace.
+  bool creates_energy(Scalar tolerance);
+
+  /// Newton steps from ws.velocity until the step creates no energy or Newton's method converges.
+  /// `solves` counts the linear solves so far.
+  StepReport<Scalar> bound_energy(NewtonLimits<Scalar> limits, int solves) {
+    limits.until_bounded = true;
+    return newton_truncated(limits, solves, true);
+  }
+
+  /// Newton's method from the end of a rough linear solve. Leaves the best velocities in
+  /// ws.velocity.
+  StepReport<Scalar> newton(const NewtonLimits<Scalar>& limits);
+
+  /// Newton's method from ws.velocity, truncated where the preconditioner is incomplete, else
+  /// direct.
+  StepReport<Scalar> newton_from_guess(const NewtonLimits<Scalar>& limits) {
+    if (!ws_.preconditioner.is_incomplete()) return newton_direct(limits, 0);
+    return newton_truncated(limits, 0, true);
+  }
+
+ private:
+  static constexpr int kMaxHalvings = 30;
+  static constexpr int kManyIterations = 6;  // of conjugate gradients: then P is replaced
+  static constexpr int kMostIterations = 12;
+  static constexpr int kMostIncomplete = 300;
+
+  /// The truncated form, from ws.velocity. `solves` counts the linear solves so far; `renew` is set
+  /// when there is no factor yet.
+  StepReport<Scalar> newton_truncated(const NewtonLimits<Scalar>& limits, int solves, bool renew);
+
+  /// The direct form, from ws.velocity.
+  StepReport<Scalar> newton_direct(const NewtonLimits<Scalar>& limits, int solves);
+
+  StepEnergy<Scalar> energy_at(const Points<Scalar>& v) {
+    return step_energy(network_, settings_.drag, total_stiffness_, state_, v, dt_, ws_);
+  }
+
+  /// Assembles A at `x`: the frozen part plus h² K, with the factor `compression` on the indefinite
+  /// part of K.
+  void assemble(const Points<Scalar>& x, Scalar compression) {
+    StiffnessScale<Scalar> scale;
+    scale.compression = compression;
+    ws_.matrix = ws_.frozen;
+    pattern_.add_springs(network_, x, scale, dt_ * dt_, ws_.matrix);
+  }
+  bool factorize(const Points<Scalar>& x, Scalar compression) {
+    assemble(x, compression);
+    return ws_.factor.factorize(ws_.matrix, ws_.held);
+  }
+
+  /// Sets ws.rhs to the right-hand side of the single linear solve; ws.matrix must hold A.
+  void load_linear();
+
+  /// Replaces P by a factor of A at the present positions, or of its projection where A is not
+  /// definite. Leaves the exact A in ws.matrix.
+  bool refresh();
+
+  /// Solves A d = -∇E by conjugate gradients.
+  ConjugateGradientReport solve_truncated(Scalar forcing, Scalar tolerance, int max_iterations) {
+    const ConjugateGradientLimits<Scalar> limits{forcing, tolerance, max_iterations};
+    return conjugate_gradient<Scalar>(
+        ws_.matrix, ws_.rhs, network_.mass, ws_.held, limits,
+        [&](const Lanes<Scalar, 1>& r, Lanes<Scalar, 1>& z) { ws_.preconditioner.apply(r, z); },
+        ws_.cg);
+  }
+
+  /// Armijo's backtracking search from ws.velocity along `d`. Doubles a full step while the energy
+  /// falls if `expand` is set. Leaves the new velocities in ws.trial and their energy in `energy`.
+  /// Returns the step length, or 0 when there is no descent.
+  Scalar search(const Lanes<Scalar, 1>& d, bool expand, StepEnergy<Scalar>& energy);
+
+  const SpringNetwork<Scalar>& network_;
+  const MassSpringSettings<Scalar>& settings_;
+  const SpringPattern<Scalar>& pattern_;
+  Scalar total_stiffness_;
+  const ClothState<Scalar>& state_;
+  Scalar dt_;
+  MassSpringWorkspace<Scalar>& ws_;
+};
+
+template <RealScalar S>
+void StepSolver<S>::load_linear() {
+  ws_.gradient = ws_.outer;
+  add_spring_forces<Scalar>(network_, state_.positions, ws_.gradient);
+  as_points(ws_.rhs) = ws_.velocity;
+  ws_.matrix.multiply(ws_.rhs, ws_.product);
+  for (Index i = 0; i < network_.vertex_count(); ++i) {
+    if (ws_.is_held(i)) {
+      set_point(ws_.rhs, i, {Scalar(0), Scalar(0), Scalar(0)});
+    } else {
+      set_point(ws_.rhs, i,
+                column(state_.velocities, i) * network_.mass[i] + column(ws_.gradient, i) * dt_ -
+                    point(ws_.product, i));
+    }
+  }
+}
+
+template <RealScalar S>
+auto StepSolver<S>::solve_linear(Scalar tolerance) -> StepReport<Scalar> {
+  const StepReport<Scalar> failure{StepStatus::NumericalFailure, false, Scalar(0), 1};
+  StepReport<Scalar> report{StepStatus::Converged, false, Scalar(0), 1};
+  const bool iterative = ws_.preconditioner.is_incomplete();
+  assemble(state_.positions, Scalar(0));
+  if (iterative) {
+    if (!ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return failure;
+  } else if (!ws_.factor.factorize(ws_.matrix, ws_.held)) {
+    return failure;
+  }
+  load_linear();
+  if (iterative) {
+    const ConjugateGradientReport cg =
+        solve_truncated(Scalar(0), tolerance, settings_.max_linear_iterations);
+    if (!cg.finite || cg.indefinite) return failure;
+    if (!cg.converged) report.status = StepStatus::IterationLimit;
+    report.iterations = cg.iterations;
+    report.residual = largest_magnitude(ws_.cg.residual);
+    move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
+  } else {
+    ws_.factor.template solve<1>(ws_.rhs);
+    move_along(ws_.velocity, Scalar(1), ws_.rhs, ws_.velocity);
+  }
+  ws_.trial = state_.velocities;  // for holding_forces
+  ws_.linear = true;
+  return report;
+}
+
+template <RealScalar S>
+bool StepSolver<S>::creates_energy(Scalar tolerance) {
+  using std::sqrt;
+  if (ws_.linear) {
+    as_points(ws_.rhs) = ws_.velocity;
+    ws_.matrix.multiply(ws_.rhs, ws_.product);
+  }
+  move_along(state_.positions, dt_, ws_.velocity, ws_.position);
+  const Scalar before = spring_energy<Scalar>(network_, state_.positions);
+  const Scalar after = spring_energy<Scalar>(network_, ws_.position);
+  Scalar created = after - before, error = Scalar(0);
+  Scalar size =
+      before + after +
+      sqrt(Scalar(2) * (before + after) * total_stiffness_) * largest_magnitude(ws_.position);
+  for (Index i = 0; i < network_.vertex_count(); ++i) {
+    const Scalar m = network_.mass[i];
+    const Triple<Scalar> v = column(ws_.velocity, i), v0 = column(state_.velocities, i);
+    const Scalar kinetic = Scalar(0.5) * m * squared_norm(v), start = squared_norm(v0);
+    Scalar work = dt_ * dot(column(ws_.outer, i), v);
+    if (ws_.is_held(i)) {
+      const Triple<Scalar> g = column(ws_.gradient, i);
+      const Triple<Scalar> impulse = ws_.linear ? point(ws_.product, i) - v0 * m - g * dt_ : g;
+      work += dot(impulse, v);
+    }
+    created += kinetic - Scalar(0.5) * m * start - work;
+    size += kinetic + Scalar(0.5) * m * start + (work < Scalar(0) ? -work : work);
+    error += m * tolerance * sqrt(squared_norm(v));
+  }
+  return !(created <= Scalar(64) * scalar_traits<Scalar>::epsilon() * size + error);
+}
+
+template <RealScalar S>
+bool StepSolver<S>::refresh() {
+  assemble(ws_.position, Scalar(1));
+  if (ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return true;
+  assemble(ws_.position, Scalar(0));
+  const bool definite = ws_.preconditioner.factorize(ws_.matrix, ws_.held);
+  assemble(ws_.position, Scalar(1));
+  return definite;
+}
+
+template <RealScalar S>
+S StepSolver<S>::search(const Lanes<Scalar, 1>& d, bool expand, StepEnergy<Scalar>& energy) {
+  Scalar slope = Scalar(0);  // negative: A is positive definite, or d a direction of descent
+  for (Index k = 0; k < d.cols(); ++k) slope += d[k] * ws_.gradient.data()[k];
+  const StepEnergy<Scalar> start = energy;
+  const Scalar noise = Scalar(4) * scalar_traits<Scalar>::epsilon() * start.size;
+  const auto move_to = [&](Scalar length) {
+    move_along(ws_.velocity, length, d, ws_.trial);
+    energy = energy_at(ws_.trial);
+  };
+  const auto descends = [&](Scalar length) {
+    move_to(length);
+    return energy.value < start.value + Scalar(1e-4) * length * slope + noise;
+  };
+  Scalar length = Scalar(1);
+  int halvings = 0;
+  while (halvings < kMaxHalvings && !descends(length)) {
+    length *= Scalar(0.5);
+    ++halvings;
+  }
+  if (halvings == kMaxHalvings) {
+    energy = start;
+    return Scalar(0);  // rounding hides any descent
+  }
+  while (expand && halvings == 0 && length < Scalar(64)) {
+    const Scalar last = energy.value;
+    move_to(Scalar(2) * length);
+    if (!(energy.value < last)) {
+      move_to(length);
+      break;
+    }
+    length *= Scalar(2);
+  }
+  return length;
+}
+
+template <RealScalar S>
+auto StepSolver<S>::newton(const NewtonLimits<Scalar>& limits) -> StepReport<Scalar> {
+  ws_.linear = false;
+  assemble(state_.positions, Scalar(0));
+  if (!ws_.preconditioner.factorize(ws_.matrix, ws_.held)) {
+    const StepReport<Scalar> linear = solve_linear(limits.tolerance);
+    if (linear.status == StepStatus::NumericalFailure) return linear;
+    return newton_direct(limits, 1);
+  }
+  load_linear();
+  if (ws_.preconditioner.is_incomplete()) {
+    const ConjugateGradientReport cg =
+        solve_truncated(Scalar(0.1), limits.tolerance, kMostIncomplete);
+    if (!cg.finite) return {StepStatus::NumericalFailure, false, Scalar(0), 1};
+  } else {
+    ws_.preconditioner.apply(ws_.rhs, ws_.cg.solution);
+  }
+  move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
+  return newton_truncated(limits, 1, false);
+}
+
+template <RealScalar S>
+auto StepSolver<S>::newton_truncated(const NewtonLimits<Scalar>& limits, int solves, bool renew)
+    -> StepReport<Scalar> {
+  StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
+  const bool incomplete = ws_.preconditioner.is_incomplete();
+  const Scalar tight = Scalar(1e-3), loose = Scalar(0.3);
+  ws_.linear = false;
+  StepEnergy<Scalar> energy = energy_at(ws_.velocity);
+  bool short_step = false;  // the last step was full and shorter than the tolerance
+  bool exact = false;       // and its solve was tight
+  bool enough = false;      // the last step was shorter than step_tolerance
+  for (int iteration = 0; iteration <= limits.max_iterations; ++iteration) {
+    const Scalar last = report.residual;
+    const bool small = load_residual(network_, limits.tolerance, report.residual, ws_);
+    const bool falls = report.residual < Scalar(0.5) * last;
+    if (!is_finite(report.residual) || !is_finite(energy.value))
+      return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+    const bool bounded = limits.until_bounded && !creates_energy(limits.tolerance);
+    const bool converged = small || bounded || (exact && !falls);
+    if (converged) report.status = StepStatus::Converged;
+    if (converged || enough || iteration == limits.max_iterations) return report;
+    NewtonLimits<Scalar> rest = limits;
+    rest.max_iterations -= iteration;
+    if (renew || incomplete) {
+      if (!refresh()) {
+        if (!incomplete) return newton_direct(rest, report.iterations);
+        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      }
+    } else {
+      assemble(ws_.position, Scalar(1));
+    }
+    Scalar forcing = loose;
+    if (0 < iteration && report.residual < last) {
+      const Scalar ratio = report.residual / last;
+      forcing = (std::min)(loose, (std::max)(tight, ratio * ratio));
+    }
+    if (short_step) forcing = tight;
+    const ConjugateGradientReport cg = solve_truncated(
+        forcing, Scalar(0.5) * limits.tolerance, incomplete ? kMostIncomplete : kMostIterations);
+    renew = cg.indefinite || kManyIterations <= cg.iterations;
+    const Scalar length = cg.finite ? search(ws_.cg.solution, cg.indefinite, energy) : Scalar(0);
+    if (!(Scalar(0) < length)) {
+      if (!incomplete) return newton_direct(rest, report.iterations);
+      return report;
+    }
+    ++report.iterations;
+    const Scalar change = largest_magnitude(ws_.cg.solution);
+    const bool full = !(length < Scalar(1));
+    short_step = full && change < limits.tolerance;
+    exact = short_step && cg.converged && !(tight < forcing);
+    enough = length * change < limits.step_tolerance;
+    ws_.velocity.swap(ws_.trial);
+  }
+  return report;
+}
+
+template <RealScalar S>
+auto StepSolver<S>::newton_direct(const NewtonLimits<Scalar>& limits, int solves)
+    -> StepReport<Scalar> {
+  StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), solves};
+  Scalar compression = limits.compression;
+  const bool projected = !(Scalar(0) < compression);
+  ws_.linear = false;
+  StepEnergy<Scalar> energy = energy_at(ws_.velocity);
+  bool small_step = false;  // the last step was full and shorter than the tolerance
+  bool enough = false;      // the last step was shorter than step_tolerance
+  for (int iteration = 0; iteration <= limits.max_iterations; ++iteration) {
+    const Scalar last = report.residual;
+    const bool converged = load_residual(network_, limits.tolerance, report.residual, ws_) ||
+                           (small_step && !(report.residual < Scalar(0.5) * last)) ||
+                           (limits.until_bounded && !creates_energy(limits.tolerance));
+    if (!is_finite(report.residual) || !is_finite(energy.value))
+      return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+    if (converged) report.status = StepStatus::Converged;
+    if (converged || enough || iteration == limits.max_iterations) break;
+    while (!factorize(ws_.position, compression)) {
+      if (!(Scalar(0) < compression))
+        return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+      compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);
+    }
+    ws_.factor.template solve<1>(ws_.rhs);
+    ++report.iterations;
+    if (!projected && iteration % 3 == 2)
+      compression = (std::min)(Scalar(1), (std::max)(Scalar(0.25), Scalar(2) * compression));
+    const Scalar length = search(ws_.rhs, false, energy);
+    if (!(Scalar(0) < length)) break;
+    const Scalar change = largest_magnitude(ws_.rhs);
+    small_step = !(length < Scalar(1)) && change < limits.tolerance;
+    enough = length * change < limits.step_tolerance;
+    ws_.velocity.swap(ws_.trial);
+  }
+  return report;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail
