@@ -213,8 +213,14 @@ auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar d
   const bool newton = settings_.integration == Integration::Newton;
   StepReport<Scalar> report = newton ? steps.newton(limits) : steps.solve_linear(limits.tolerance);
   const bool advances = report.status != StepStatus::NumericalFailure;
-  if (!newton && settings_.limit_energy && advances && steps.creates_energy(limits.tolerance))
-    report = steps.bound_energy(limits, report.iterations);
+  if (settings_.limit_energy && advances) {
+    Scalar created = steps.created_energy(limits.tolerance);
+    if (!newton && Scalar(0) < created) {
+      report = steps.bound_energy(limits, report.iterations);
+      created = steps.created_energy(limits.tolerance);
+    }
+    if (Scalar(0) < created) steps.remove_energy(created);
+  }
   return finish(state, input, dt, report, ws);
 }
 
@@ -291,6 +297,11 @@ auto MassSpring<S>::finish(State& state, const ClothInput<Scalar>& input, Scalar
   }
   state.velocities = ws.velocity;
   state.positions = ws.position;
+  for (Index i = 0; ws.kept < Scalar(1) && i < vertex_count(); ++i) {
+    if (ws.is_held(i)) continue;
+    const detail::Triple<Scalar> v = detail::column(ws.velocity, i) - ws.drift;
+    detail::set_column(state.velocities, i, ws.drift + v * ws.kept);
+  }
   report.advanced = true;
   return report;
 }
@@ -321,6 +332,7 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
   detail::freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air,
                              ws.outer);
   ws.dt = dt;
+  ws.kept = Scalar(1);
   ws.frozen.set_zero();
   pattern_.add_bending(network_, dt * dt, ws.frozen);
   pattern_.add_frozen(network_, ws.direction, ws.air, dt, ws.frozen);

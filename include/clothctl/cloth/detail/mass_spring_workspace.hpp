@@ -42,6 +42,10 @@ struct MassSpringWorkspace {
   Lanes<Scalar, 1> rhs, product;
   /// Length of the last step, s; 0 before the first.
   Scalar dt = Scalar(0);
+  /// After a step, free vertices have the velocity drift + kept (velocity - drift).
+  Scalar kept = Scalar(1);
+  /// See `kept`, m/s.
+  Triple<Scalar> drift{Scalar(0), Scalar(0), Scalar(0)};
   /// True when the last step was a single linear solve.
   bool linear = false;
 

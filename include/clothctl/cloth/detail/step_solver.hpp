@@ -18,7 +18,10 @@
 //   ΔE = ½ vᵀM v - ½ v0ᵀM v0 + U(x0 + h v) - U(x0) - h outerᵀ v - Σ_held pᵀ v
 //
 // where p are the impulses that hold or drive vertices. When it is positive, Newton steps on the
-// energy of the step follow until it no longer is.
+// energy of the step follow until it no longer is. Where Newton's method ends with ΔE > 0, which
+// springs under compression allow, the velocities after the step are scaled down by the factor that
+// takes ΔE out of the kinetic energy of the free vertices. If no vertex is held, their mean
+// velocity, and so the linear momentum, is kept.
 
 #include <algorithm>
 #include <cmath>
@@ -72,10 +75,15 @@ class StepSolver {
   /// ws.velocity. `tolerance` (m/s) bounds the residual of a solve by conjugate gradients.
   StepReport<Scalar> solve_linear(Scalar tolerance);
 
-  /// Returns true when the step from the state with velocities ws.velocity at its end creates
-  /// energy, beyond rounding and a momentum error of `tolerance` (m/s) at every vertex. Reads what
-  /// the last solve left in the workspace.
-  bool creates_energy(Scalar tolerance);
+  /// Returns the energy ΔE that the step from the state with velocities ws.velocity at its end
+  /// creates, J; 0 when it is within rounding and a momentum error of `tolerance` (m/s) at every
+  /// vertex. Reads what the last solve left in the workspace.
+  Scalar created_energy(Scalar tolerance);
+  /// Returns true when the step creates energy.
+  bool creates_energy(Scalar tolerance) { return Scalar(0) < created_energy(tolerance); }
+
+  /// Sets ws.kept and ws.drift to take `created` (J) out of the kinetic energy after the step.
+  void remove_energy(Scalar created);
 
   /// Newton steps from ws.velocity until the step creates no energy or Newton's method converges.
   /// `solves` counts the linear solves so far.
@@ -202,7 +210,7 @@ auto StepSolver<S>::solve_linear(Scalar tolerance) -> StepReport<Scalar> {
 }
 
 template <RealScalar S>
-bool StepSolver<S>::creates_energy(Scalar tolerance) {
+S StepSolver<S>::created_energy(Scalar tolerance) {
   using std::sqrt;
   if (ws_.linear) {
     as_points(ws_.rhs) = ws_.velocity;
@@ -229,7 +237,28 @@ bool StepSolver<S>::creates_energy(Scalar tolerance) {
     size += kinetic + Scalar(0.5) * m * start + (work < Scalar(0) ? -work : work);
     error += m * tolerance * sqrt(squared_norm(v));
   }
-  return !(created <= Scalar(64) * scalar_traits<Scalar>::epsilon() * size + error);
+  const Scalar allowed = Scalar(64) * scalar_traits<Scalar>::epsilon() * size + error;
+  return created <= allowed || !is_finite(created) ? Scalar(0) : created;
+}
+
+template <RealScalar S>
+void StepSolver<S>::remove_energy(Scalar created) {
+  using std::sqrt;
+  Triple<Scalar> momentum{Scalar(0), Scalar(0), Scalar(0)};
+  Scalar mass = Scalar(0), kinetic = Scalar(0);
+  bool free = true;
+  for (Index i = 0; i < network_.vertex_count(); ++i) {
+    free = free && !ws_.is_held(i);
+    momentum = momentum + column(ws_.velocity, i) * network_.mass[i];
+    mass += network_.mass[i];
+  }
+  ws_.drift = momentum * (free ? Scalar(1) / mass : Scalar(0));
+  for (Index i = 0; i < network_.vertex_count(); ++i) {
+    if (ws_.is_held(i)) continue;
+    const Triple<Scalar> v = column(ws_.velocity, i) - ws_.drift;
+    kinetic += Scalar(0.5) * network_.mass[i] * squared_norm(v);
+  }
+  ws_.kept = created < kinetic ? Scalar(sqrt(Scalar(1) - created / kinetic)) : Scalar(0);
 }
 
 template <RealScalar S>

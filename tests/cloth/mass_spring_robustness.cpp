@@ -1,0 +1,224 @@
+// Random bodies, materials, steps and motions of the pins: no step of MassSpring gives a number
+// that is not finite, explodes, or creates energy.
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <random>
+
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/network/rope.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/network/solid.hpp"
+#include "support/catch.hpp"
+#include "support/tier.hpp"
+
+using namespace clothctl;
+
+namespace {
+
+/// Random numbers that are the same on every platform.
+class Draw {
+ public:
+  explicit Draw(std::uint64_t seed) : engine_(seed) {}
+  double uniform(double low, double high) {
+    return low + (high - low) * (static_cast<double>(engine_() >> 11) / 9007199254740992.0);
+  }
+  double decades(double low, double high) { return std::pow(10.0, uniform(low, high)); }
+  bool chance(double share) { return uniform(0, 1) < share; }
+  int whole(int low, int high) {
+    return std::min(high, low + static_cast<int>(uniform(0, high - low + 1)));
+  }
+  Vector3<double> vector(double size) {
+    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
+    return {x, y, z};
+  }
+
+ private:
+  std::mt19937_64 engine_;
+};
+
+SpringNetwork<double> random_sheet(Draw& draw, double size) {
+  Material<double> material;
+  material.area_density = draw.decades(-2, 1);
+  material.stretch = draw.decades(0, 5);
+  material.shear = material.stretch * draw.decades(-3, 0);
+  material.bending = draw.chance(0.2) ? 0.0 : draw.decades(-8, -2);
+  material.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
+  const int rows = draw.whole(2, 8), cols = draw.whole(2, 8);
+  const double height = size * draw.decades(-1, 0);
+  return sheet_network(make_grid<double>(rows, cols, size, height).value(), material).value();
+}
+
+SpringNetwork<double> random_rope(Draw& draw, double size) {
+  RopeSettings<double> settings;
+  settings.segments = draw.whole(1, 20);
+  settings.length = size;
+  settings.mass_per_length = draw.decades(-3, 0);
+  settings.stretch = draw.decades(0, 5);
+  settings.bending = draw.decades(-8, -2);
+  settings.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
+  return rope_network(settings).value();
+}
+
+SpringNetwork<double> random_ball(Draw& draw, double size) {
+  SolidSettings<double> settings;
+  settings.density = draw.decades(0, 3);
+  settings.youngs_modulus = draw.decades(2, 7);
+  settings.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
+  const auto mesh = make_ball<double>(size / 2, draw.whole(1, 2), Vector3<double>::Zero());
+  return solid_network<double>(mesh.value(), settings).value();
+}
+
+/// A body with its start and the motion of its hands.
+struct Trial {
+  SpringNetwork<double> network;
+  MassSpringSettings<double> settings;
+  ClothState<double> start;
+  std::vector<int> driven;
+  Vector3<double> stroke = Vector3<double>::Zero();
+  double rate = 0, dt = 0;
+
+  explicit Trial(std::uint64_t seed) {
+    Draw draw(seed);
+    const double size = draw.decades(-1, 0.5);
+    const int kind = draw.whole(0, 9);
+    network = kind < 6   ? random_sheet(draw, size)
+              : kind < 9 ? random_rope(draw, size)
+                         : random_ball(draw, size);
+    if (draw.chance(0.2)) settings.gravity.setZero();
+    if (draw.chance(0.5)) settings.drag = draw.decades(-2, 1);
+    const int n = static_cast<int>(network.vertex_count());
+    const int hold = draw.whole(0, 2);  // free, pinned, driven
+    std::vector<int> held{0, n - 1};
+    if (hold == 1) settings.pinned = held;
+    if (hold == 2) driven = held;
+    stroke = draw.vector(0.4 * size);
+    rate = draw.decades(-0.5, 1.2);
+    dt = draw.decades(-3.5, -1.2);
+    double edge = size;
+    for (const Spring<double>& s : network.springs) edge = std::min(edge, s.rest_length);
+    const double crumple = edge * draw.decades(-4, -0.3), speed = draw.decades(-2, 1);
+    start = {network.rest_positions, Points<double>::Zero(3, n)};
+    for (Index i = 0; i < n; ++i) {
+      start.positions.col(i) += draw.vector(crumple);
+      start.velocities.col(i) = draw.vector(speed);
+    }
+  }
+
+  /// Adds the prescribed positions at the end of step `k` to an input.
+  void drive(int k, ClothInput<double>& input) const {
+    input.driven_vertices = driven;
+    input.driven_positions.resize(3, static_cast<Index>(driven.size()));
+    for (std::size_t j = 0; j < driven.size(); ++j) {
+      const double phase = rate * dt * (k + 1) + (j == 0 ? 0.0 : 1.0);
+      const double sway = std::sin(phase) - std::sin(j == 0 ? 0.0 : 1.0);
+      input.driven_positions.col(static_cast<Index>(j)) =
+          start.positions.col(driven[j]) + sway * stroke;
+    }
+  }
+};
+
+struct Outcome {
+  bool finite = true, bounded = true;
+  int refused = 0;
+  double gain = 0;  // largest share of the energy put in by which the energy exceeds it
+};
+
+template <class S>
+double elastic(const SpringNetwork<double>& network, const ClothState<S>& state) {
+  const Points<double> x = state.positions.template cast<double>();
+  return detail::spring_energy<double>(network, x);
+}
+
+/// Runs a trial. Energies are those of the state in double, work is force times displacement.
+template <class S>
+Outcome run(const Trial& trial, Integration integration, int steps) {
+  MassSpringSettings<S> settings;
+  settings.integration = integration;
+  settings.gravity = trial.settings.gravity.cast<S>();
+  settings.drag = S(trial.settings.drag);
+  settings.pinned = trial.settings.pinned;
+  const auto model = MassSpring<S>::create(trial.network.template cast<S>(), settings).value();
+  auto ws = model.make_workspace();
+  ClothState<S> state{trial.start.positions.cast<S>(), trial.start.velocities.cast<S>()};
+  const VectorX<double>& mass = trial.network.mass;
+  const auto kinetic = [&](const ClothState<S>& s) {
+    return 0.5 * mass.dot(s.velocities.template cast<double>().colwise().squaredNorm());
+  };
+  Outcome out;
+  std::vector<int> held = trial.driven;
+  held.insert(held.end(), settings.pinned.begin(), settings.pinned.end());
+  Points<S> forces(3, static_cast<Index>(held.size()));
+  const double start = kinetic(state) + elastic(trial.network, state);
+  double work = 0, moved = 0;
+  for (int k = 0; k < steps; ++k) {
+    ClothInput<double> wanted;
+    trial.drive(k, wanted);
+    ClothInput<S> input;
+    input.driven_vertices = wanted.driven_vertices;
+    input.driven_positions = wanted.driven_positions.cast<S>();
+    const ClothState<S> before = state;
+    if (!model.step(state, input, S(trial.dt), ws).advanced) {
+      ++out.refused;
+      break;
+    }
+    if (!all_finite(state.positions) || !all_finite(state.velocities)) out.finite = false;
+    if (!out.finite || !model.holding_forces(held, ws, forces)) break;
+    const Points<double> step =
+        state.positions.template cast<double>() - before.positions.template cast<double>();
+    double done = trial.settings.gravity.dot(step * mass);
+    for (std::size_t j = 0; j < held.size(); ++j)
+      done += forces.col(static_cast<Index>(j)).template cast<double>().dot(step.col(held[j]));
+    work += done;
+    moved += std::abs(done);
+    const double energy = kinetic(state) + elastic(trial.network, state);
+    out.gain = std::max(out.gain, (energy - start - work) / (start + moved));
+    const double reach = step.cwiseAbs().maxCoeff();
+    const double fastest = std::sqrt(2.0 * (start + moved) / mass.minCoeff());
+    if (!(reach <= 1.1 * fastest * trial.dt + 1e-6)) out.bounded = false;
+  }
+  return out;
+}
+
+/// h² k / m of the lightest vertex: float factors step matrices up to about 1e5.
+double stiffness_ratio(const Trial& trial) {
+  double stiffest = 0;
+  for (const Spring<double>& s : trial.network.springs) stiffest = std::max(stiffest, s.stiffness);
+  for (const BendStencil<double>& b : trial.network.bends) {
+    double square = 0;
+    for (const double w : b.weight) square += w * w;
+    stiffest = std::max(stiffest, b.stiffness * square);
+  }
+  return trial.dt * trial.dt * stiffest / trial.network.mass.minCoeff();
+}
+
+template <class S>
+void run_all(int trials, int steps, double allowed, double stiffest) {
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
+    int failed = 0;
+    double worst = 0;
+    for (int seed = 0; seed < trials; ++seed) {
+      const Trial trial(static_cast<std::uint64_t>(seed));
+      if (stiffest < stiffness_ratio(trial)) continue;
+      const Outcome out = run<S>(trial, integration, steps);
+      worst = std::max(worst, out.gain);
+      const bool good = out.finite && out.bounded && out.refused == 0 && out.gain <= allowed;
+      if (good) continue;
+      CAPTURE(seed, integration, out.finite, out.bounded, out.refused, out.gain);
+      if (++failed < 10) CHECK(good);
+    }
+    CAPTURE(integration, worst, trials);
+    CHECK(failed == 0);
+  }
+}
+
+}  // namespace
+
+TEST_CASE("random bodies never explode and never create energy, in double", "[cloth]") {
+  run_all<double>(clothctl_test::trials(1500, 1000000), 40, 0.01, 1e300);
+}
+
+TEST_CASE("random bodies never explode and never create energy, in float", "[cloth]") {
+  run_all<float>(clothctl_test::trials(500, 200000), 40, 0.02, 1e5);
+}
