@@ -1,4 +1,5 @@
-// A step of a position-based sheet: XPBD 20 × 2 with and without air, and Verlet with 15 sweeps.
+// A step of a position-based sheet: XPBD 20 × 2 with and without air and with a limit of stretch,
+// and Verlet with 15 sweeps.
 
 #include "clothctl/cloth/position_based.hpp"
 
@@ -38,6 +39,14 @@ void xpbd(benchmark::State& bench) {
   step<Scalar>(bench, {});
 }
 
+template <class Scalar>
+void limited(benchmark::State& bench) {
+  PositionBasedSettings<Scalar> settings;
+  settings.substeps = 10;
+  settings.stretch_limit = Scalar(0.02);
+  step<Scalar>(bench, settings);
+}
+
 void xpbd_air(benchmark::State& bench) {
   PositionBasedSettings<double> settings;
   settings.air.normal_coefficient = 1.0;
@@ -51,6 +60,8 @@ void verlet(benchmark::State& bench) {
 
 BENCHMARK_TEMPLATE(xpbd, double)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(xpbd, float)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(limited, double)->Arg(33)->Arg(65)->Arg(129)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(limited, float)->Arg(33)->Arg(65)->Arg(129)->Unit(benchmark::kMillisecond);
 BENCHMARK(xpbd_air)->Arg(17)->Arg(65)->Unit(benchmark::kMillisecond);
 BENCHMARK(verlet)->Arg(17)->Arg(65)->Unit(benchmark::kMillisecond);
 

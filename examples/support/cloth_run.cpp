@@ -15,17 +15,6 @@ namespace {
 
 constexpr double kGravity = 9.81;
 
-/// Switches the stretch cap on where the settings have one.
-template <class Settings>
-void set_cap(double cap, Settings& settings) {
-  if constexpr (requires { settings.stretch_limit; }) {
-    settings.stretch_limit = cap;
-  } else {
-    if (cap > 0)
-      refuse("--cap: " + clothctl::number_text(cap) + " is not available in this version");
-  }
-}
-
 /// Collects what the figures need of each frame.
 class ClothMeter {
  public:
@@ -76,8 +65,9 @@ class ClothMeter {
 
 AnyPlant make_cloth_plant(const ClothRunOptions& run, const ClothScene& scene) {
   const bool windy = !scene.wind.isZero(0);
+  if (run.cap > 0 && run.model != "xpbd")
+    refuse("--cap: " + run.model + " has no limit of stretch; take xpbd");
   if (run.model == "mass-spring") {
-    if (run.cap > 0) refuse("--cap: mass-spring has no stretch cap; take xpbd or pbd");
     auto settings = clothctl::MassSpringSettings<double>::of(scene.material, windy);
     settings.integration = clothctl::Integration::Newton;
     settings.pinned = scene.pinned;
@@ -88,7 +78,7 @@ AnyPlant make_cloth_plant(const ClothRunOptions& run, const ClothScene& scene) {
   settings.drag = of.drag;
   settings.air = of.air;
   settings.pinned = scene.pinned;
-  set_cap(run.cap, settings);
+  settings.stretch_limit = run.cap;
   return AnyPlant(must(clothctl::PositionBased<double>::create(scene.network, settings)));
 }
 
@@ -98,7 +88,7 @@ double cloth_energy(const ClothRunOptions& run, const ClothScene& scene, const P
   double energy = 0;
   for (Index i = 0; i < x.cols(); ++i)
     energy += network.mass[i] * (0.5 * v.col(i).squaredNorm() + kGravity * x(2, i));
-  if (run.model == "pbd") return energy;
+  if (run.model == "pbd" || run.cap > 0) return energy;  // the springs are constraints
   for (const clothctl::Spring<double>& s : network.springs) {
     const double longer = (x.col(s.b) - x.col(s.a)).norm() - s.rest_length;
     energy += 0.5 * s.stiffness * longer * longer;

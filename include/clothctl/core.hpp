@@ -8,6 +8,7 @@
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/scalar.hpp"
+#include "clothctl/core/simd.hpp"
 #include "clothctl/core/snapshot.hpp"
 #include "clothctl/core/status.hpp"
 #include "clothctl/core/step_input.hpp"

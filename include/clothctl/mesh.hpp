@@ -2,7 +2,6 @@
 
 // Grids, tetrahedral meshes, flat panels, garments, and the connectivity of triangle meshes.
 
-#include "clothctl/mesh/boundary_loops.hpp"
 #include "clothctl/mesh/garment.hpp"
 #include "clothctl/mesh/garment_patterns.hpp"
 #include "clothctl/mesh/grid.hpp"

@@ -3,8 +3,8 @@
 #include <filesystem>
 #include <random>
 
-#include "clothctl/mesh/boundary_loops.hpp"
 #include "clothctl/mesh/garment_patterns.hpp"
+#include "clothctl/mesh/topology.hpp"
 #include "support/catch.hpp"
 #include "support/shared_data.hpp"
 #include "support/tier.hpp"

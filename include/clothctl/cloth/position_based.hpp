@@ -5,23 +5,31 @@
 // each substep has four parts:
 //
 //   air      acts on v (detail/air_forces.hpp)
-//   predict  v <- (θ v + h a)/(1 + h α),  p = x + h v.  Driven vertices (w = 0) move on a straight
-//            line to their prescribed position; pinned ones stay
-//   correct  `iterations` sweeps over the constraints of detail/position_based_constraints.hpp:
-//            springs first, then bending stencils
-//   update   v = (p - x)/h,  x = p
+//   predict  p = x + h v⁺,  v⁺ = (θ v + h a)/(1 + h α),  v = (x - x_start)/h with x_start the
+//            position at the start of the substep before. Driven vertices (w = 0) move on a
+//            straight line to their prescribed position; pinned ones stay
+//   correct  sweeps over the springs (detail/edge_rules.hpp) and bending stencils
+//            (detail/bend_batches.hpp)
+//   update   x = p
 //
 // x positions, p corrected positions, v velocities, g gravity, f input forces, m masses, α drag.
 // Two schemes:
 //
 // Verlet ([Toh 2011], eq. 1-4): θ = 1 - d with the damping d; without drag
-// p = x + (1 - d)(x - x_old) + a h² with x_old = x - h v. The distances are rigid. XPBD: θ = 1; a
-// spring has the compliance 1/k and its damper, a stencil the compliance 1/kb. Drag also slows the
-// motion that constraints cause, so the compliant constraints use the inverse mass w/(1 + h α).
-// With many sweeps a substep converges to one of implicit Euler,
-// (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With few, the sheet is softer than its network. References:
-// [Toh 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD", 2016; Macklin et al., "Small steps",
-// 2019.
+// p = x + (1 - d)(x - x_old) + a h². The distances are rigid; constraints are corrected in the
+// order of the network. XPBD: θ = 1; a spring has the compliance 1/k and its damper, a stencil the
+// compliance 1/kb. Drag also slows the motion that constraints cause, so the compliant constraints
+// use the inverse mass w/(1 + h α). With many sweeps a substep converges to one of implicit Euler,
+// (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With few, the sheet is softer than its network.
+//
+// XPBD with a limit of stretch: before the sweeps of a substep, one-sided edges on coarse levels
+// (detail/lane_levels.hpp) carry the limit across the sheet; a sweep corrects stretch beyond the
+// limit rigidly; the last substep repeats such sweeps until the largest stretch is well below the
+// limit. Compression is resisted only partly: a sheet gives way by folding.
+//
+// A network that is a grid is laid out in vector lanes (detail/lane_grid.hpp), any other in batches
+// (detail/edge_batches.hpp). References: [Toh 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD",
+// 2016; Macklin et al., "Small steps", 2019.
 
 #include <algorithm>
 #include <cstddef>
@@ -30,7 +38,8 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/air_forces.hpp"
-#include "clothctl/cloth/detail/position_based_constraints.hpp"
+#include "clothctl/cloth/detail/batch_sheet.hpp"
+#include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/core/cloth_state.hpp"
@@ -46,27 +55,17 @@ namespace clothctl::inline CLOTHCTL_ABI {
 template <RealScalar Scalar>
 struct PositionBasedWorkspace {
   /// 1 for driven vertices.
-  std::vector<unsigned char> held;
+  std::vector<unsigned char> driven;
+  /// Driven and pinned vertices.
+  std::vector<int> held;
   /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
-  /// Inverse masses divided by 1 + h α, for the compliant constraints, n, 1/kg.
-  VectorX<Scalar> slowed_inverse_mass;
-  /// Acceleration g + f/m, 3×n, m/s².
-  Points<Scalar> acceleration;
-  /// Positions being corrected, 3×n, m.
-  Points<Scalar> positions;
-  /// Positions at the start of the substep, 3×n, m.
-  Points<Scalar> start;
-  /// Velocities, 3×n, m/s.
-  Points<Scalar> velocities;
-  /// Data of the rigid springs.
-  typename detail::RigidDistances<Scalar>::Scratch rigid;
-  /// Data of the compliant springs.
-  typename detail::CompliantDistances<Scalar>::Scratch compliant;
-  /// Data of the stencils of up to three vertices.
-  typename detail::BendConstraints<Scalar, 3>::Scratch bends3;
-  /// Data of the stencils of four vertices.
-  typename detail::BendConstraints<Scalar, 4>::Scratch bends4;
+  /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
+  Points<Scalar> positions, velocities;
+  /// Data of a grid; unused otherwise.
+  typename detail::LaneSheet<Scalar>::Scratch lanes;
+  /// Data of a network that is no grid; unused otherwise.
+  typename detail::BatchSheet<Scalar>::Scratch batches;
 };
 
 /// A spring network moved by position-based dynamics. Satisfies the concept ClothModel. A step does
@@ -112,8 +111,10 @@ class PositionBased {
   std::string check_input(const State& state, const ClothInput<Scalar>& input, Scalar dt,
                           const Workspace& ws) const;
 
-  /// Advances `state` by `dt` (s) under `input`. The iterations of the report are sweeps. Its
-  /// residual is 0, since no equation is solved to a tolerance. Never allocates. Fails when: see
+  /// Advances `state` by `dt` (s) under `input`. The iterations of the report are sweeps. Without a
+  /// limit of stretch the residual is 0, since no equation is solved to a tolerance. With one, it
+  /// is the largest stretch (length over rest length, minus 1) that the last sweep met, and the
+  /// status is IterationLimit when that is above the limit. Never allocates. Fails when: see
   /// StepStatus; the state is then bitwise unchanged, and `check_input` says why. Complexity:
   /// O(substeps × iterations × constraints).
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
@@ -128,22 +129,51 @@ class PositionBased {
 
   PositionBased(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings);
 
+  /// A step on one of the two layouts.
+  template <class Sheet>
+  StepReport<Scalar> advance(const Sheet& sheet, typename Sheet::Scratch& memory, State& state,
+                             const ClothInput<Scalar>& input, const Scalar& dt,
+                             Workspace& ws) const;
+
   /// Copies the state and computes what is constant over the step.
-  void load(const State& state, const ClothInput<Scalar>& input, const Scalar& h,
-            Workspace& ws) const;
+  template <class Sheet>
+  void load(const Sheet& sheet, typename Sheet::Scratch& memory, const State& state,
+            const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const;
 
-  void predict(const State& state, const ClothInput<Scalar>& input, int part, const Scalar& h,
-               Workspace& ws) const;
+  /// Lets the air act on the velocities, i.e. on the positions at the start of the substep before.
+  template <class Sheet>
+  void blow(const Sheet& sheet, typename Sheet::Scratch& memory, const ClothInput<Scalar>& input,
+            const Scalar& h, Workspace& ws) const;
 
-  void correct(Workspace& ws) const;
+  template <class Sheet>
+  void predict(const Sheet& sheet, typename Sheet::Scratch& memory, const State& state,
+               const ClothInput<Scalar>& input, int part, const Scalar& h, Workspace& ws) const;
+
+  /// Sweeps of a substep. `part` counts them from 1.
+  template <class Sheet>
+  void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
+               StepReport<Scalar>& report) const;
+  template <class Sheet>
+  void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory) const;
+  template <bool kDamped, class Sheet>
+  void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory) const;
+  template <class Sheet>
+  void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
+                       StepReport<Scalar>& report) const;
+
+  /// Copies positions and velocities out of the layout.
+  template <class Sheet>
+  void unload(const Sheet& sheet, const typename Sheet::Scratch& memory, const Scalar& h,
+              Workspace& ws) const;
+
+  bool limited() const { return Scalar(0) < settings_.stretch_limit; }
 
   SpringNetwork<Scalar> network_;
   PositionBasedSettings<Scalar> settings_;
   VectorX<Scalar> inverse_mass_;
-  detail::RigidDistances<Scalar> rigid_;
-  detail::CompliantDistances<Scalar> compliant_;
-  detail::BendConstraints<Scalar, 3> bends3_;
-  detail::BendConstraints<Scalar, 4> bends4_;
+  bool in_lanes_ = false;
+  detail::LaneSheet<Scalar> lanes_;
+  detail::BatchSheet<Scalar> batches_;
 };
 
 template <RealScalar S>
@@ -164,17 +194,17 @@ template <RealScalar S>
 auto PositionBased<S>::make_workspace() const -> Workspace {
   const Index n = vertex_count();
   Workspace ws;
-  ws.held.assign(static_cast<std::size_t>(n), 0);
+  ws.driven.assign(static_cast<std::size_t>(n), 0);
+  ws.held.reserve(static_cast<std::size_t>(n));
   ws.inverse_mass = inverse_mass_;
-  ws.slowed_inverse_mass = inverse_mass_;
-  ws.acceleration.setZero(3, n);
   ws.positions.setZero(3, n);
-  ws.start.setZero(3, n);
   ws.velocities.setZero(3, n);
-  ws.rigid = rigid_.make_scratch();
-  ws.compliant = compliant_.make_scratch();
-  ws.bends3 = bends3_.make_scratch();
-  ws.bends4 = bends4_.make_scratch();
+  if (in_lanes_) {
+    ws.lanes = lanes_.make_scratch();
+    ws.lanes.held.reserve(static_cast<std::size_t>(n));
+  } else {
+    ws.batches = batches_.make_scratch();
+  }
   return ws;
 }
 
@@ -189,26 +219,68 @@ template <RealScalar S>
 auto PositionBased<S>::step(State& state, const ClothInput<Scalar>& input, Scalar dt,
                             Workspace& ws) const -> StepReport<Scalar> {
   StepReport<Scalar> report;
-  report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.held)
+  report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.driven)
                            : StepStatus::InvalidWorkspace;
   if (report.status != StepStatus::Converged) return report;
+  return in_lanes_ ? advance(lanes_, ws.lanes, state, input, dt, ws)
+                   : advance(batches_, ws.batches, state, input, dt, ws);
+}
 
-  const Scalar h = dt / Scalar(static_cast<double>(settings_.substeps));
-  load(state, input, h, ws);
-  for (int part = 1; part <= settings_.substeps; ++part) {
-    detail::apply_air_impulses(network_.triangles, ws.positions, ws.inverse_mass, input.wind, h,
-                               settings_.air, ws.velocities);
-    predict(state, input, part, h, ws);
-    correct(ws);
-    for (Index k = 0; k < ws.velocities.size(); ++k)
-      ws.velocities.data()[k] = (ws.positions.data()[k] - ws.start.data()[k]) / h;
+template <RealScalar S>
+bool PositionBased<S>::fits(const Workspace& ws) const {
+  const Index n = vertex_count();
+  return ws.inverse_mass.size() == n && ws.positions.cols() == n && ws.velocities.cols() == n &&
+         ws.driven.size() == static_cast<std::size_t>(n) &&
+         ws.held.capacity() >= static_cast<std::size_t>(n) &&
+         (in_lanes_ ? lanes_.fits(ws.lanes) : batches_.fits(ws.batches));
+}
+
+template <RealScalar S>
+PositionBased<S>::PositionBased(SpringNetwork<Scalar> network,
+                                PositionBasedSettings<Scalar> settings)
+    : network_(std::move(network)), settings_(std::move(settings)), inverse_mass_(network_.mass) {
+  for (Index i = 0; i < inverse_mass_.size(); ++i) inverse_mass_[i] = Scalar(1) / inverse_mass_[i];
+  const bool verlet = settings_.scheme == PositionScheme::Verlet;
+  if (!verlet) {
+    const auto grid = detail::find_grid(network_);
+    if (grid && (!limited() || detail::is_regular(network_, *grid))) {
+      in_lanes_ = true;
+      lanes_ = detail::LaneSheet<Scalar>(network_, *grid, limited());
+      return;
+    }
   }
+  detail::BatchSheetSetup<Scalar> setup;
+  setup.rigid = verlet;
+  setup.relaxation = settings_.spring_relaxation;
+  setup.bend_relaxation = settings_.bend_relaxation;
+  setup.listed_order = verlet;
+  setup.limited = limited();
+  setup.tethered = settings_.pinned;
+  batches_ = detail::BatchSheet<Scalar>(network_, setup);
+}
+
+template <RealScalar S>
+template <class Sheet>
+auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memory, State& state,
+                               const ClothInput<Scalar>& input, const Scalar& dt,
+                               Workspace& ws) const -> StepReport<Scalar> {
+  StepReport<Scalar> report;
+  report.status = StepStatus::Converged;
+  const Scalar h = dt / Scalar(static_cast<double>(settings_.substeps));
+  load(sheet, memory, state, input, h, ws);
+  for (int part = 1; part <= settings_.substeps; ++part) {
+    if (settings_.air.enabled()) blow(sheet, memory, input, h, ws);
+    predict(sheet, memory, state, input, part, h, ws);
+    correct(sheet, memory, part, report);
+  }
+  unload(sheet, memory, h, ws);
+  const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
+  for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
   for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
     const Index vertex = input.driven_vertices[i];
     const Triple end = detail::column(input.driven_positions, static_cast<Index>(i));
     detail::set_column(ws.velocities, vertex, (end - detail::column(state.positions, vertex)) / dt);
   }
-  report.iterations = settings_.substeps * settings_.iterations;
   if (!all_finite(ws.positions) || !all_finite(ws.velocities)) {
     report.status = StepStatus::NumericalFailure;
     return report;
@@ -220,105 +292,163 @@ auto PositionBased<S>::step(State& state, const ClothInput<Scalar>& input, Scala
 }
 
 template <RealScalar S>
-bool PositionBased<S>::fits(const Workspace& ws) const {
-  const Index n = vertex_count();
-  bool good = ws.inverse_mass.size() == n && ws.slowed_inverse_mass.size() == n;
-  for (const Points<Scalar>* p : {&ws.acceleration, &ws.positions, &ws.start, &ws.velocities})
-    good = good && p->cols() == n;
-  return good && rigid_.fits(ws.rigid) && compliant_.fits(ws.compliant) &&
-         bends3_.fits(ws.bends3) && bends4_.fits(ws.bends4);
-}
-
-template <RealScalar S>
-PositionBased<S>::PositionBased(SpringNetwork<Scalar> network,
-                                PositionBasedSettings<Scalar> settings)
-    : network_(std::move(network)), settings_(std::move(settings)), inverse_mass_(network_.mass) {
-  for (Index i = 0; i < inverse_mass_.size(); ++i) inverse_mass_[i] = Scalar(1) / inverse_mass_[i];
-  if (settings_.scheme == PositionScheme::Verlet) {
-    rigid_ = detail::RigidDistances<Scalar>(network_, settings_.spring_relaxation);
-  } else {
-    compliant_ = detail::CompliantDistances<Scalar>(network_);
-  }
-  bends3_ = detail::BendConstraints<Scalar, 3>(network_, 2);
-  bends4_ = detail::BendConstraints<Scalar, 4>(network_, 4);
-}
-
-template <RealScalar S>
-void PositionBased<S>::load(const State& state, const ClothInput<Scalar>& input, const Scalar& h,
-                            Workspace& ws) const {
-  ws.positions = state.positions;
-  ws.velocities = state.velocities;
+template <class Sheet>
+void PositionBased<S>::load(const Sheet& sheet, typename Sheet::Scratch& memory, const State& state,
+                            const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const {
   ws.inverse_mass = inverse_mass_;
-  for (int vertex : settings_.pinned) {
+  ws.held.clear();
+  const auto hold = [&](int vertex) {
+    if (!(Scalar(0) < ws.inverse_mass[vertex])) return;  // pinned and driven, or pinned twice
     ws.inverse_mass[vertex] = Scalar(0);
-    detail::set_column(ws.velocities, vertex, Triple{Scalar(0), Scalar(0), Scalar(0)});
+    ws.held.push_back(vertex);
+  };
+  for (int vertex : settings_.pinned) hold(vertex);
+  for (int vertex : input.driven_vertices) hold(vertex);
+  // Drag slows the motion that compliant constraints cause.
+  const bool verlet = settings_.scheme == PositionScheme::Verlet;
+  const Scalar slowing = verlet ? Scalar(1) : Scalar(1) + h * settings_.drag;
+  for (Index v = 0; v < vertex_count(); ++v) {
+    Scalar* x = memory.points.data() + sheet.offset(static_cast<int>(v));
+    Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
+    for (Index c = 0; c < 3; ++c) {
+      x[static_cast<std::size_t>(c) * Sheet::kStride] = state.positions(c, v);
+      start[static_cast<std::size_t>(c) * Sheet::kStride] =
+          state.positions(c, v) - h * state.velocities(c, v);
+    }
+    x[3 * Sheet::kStride] = ws.inverse_mass[v] / slowing;
+    start[3 * Sheet::kStride] = x[3 * Sheet::kStride];
   }
-  for (int vertex : input.driven_vertices) ws.inverse_mass[vertex] = Scalar(0);
-  const Triple gravity = detail::triple(settings_.gravity);
-  for (Index i = 0; i < vertex_count(); ++i) detail::set_column(ws.acceleration, i, gravity);
-  for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
-    const Index vertex = input.force_vertices[i];
-    const Triple force = detail::column(input.forces, static_cast<Index>(i));
-    detail::add_to_column(ws.acceleration, vertex, force * ws.inverse_mass[vertex]);
-  }
-  if (settings_.scheme == PositionScheme::Verlet) {
-    rigid_.prepare(ws.inverse_mass, ws.rigid);
-    bends3_.prepare_rigid(ws.inverse_mass, settings_.bend_relaxation, ws.bends3);
-    bends4_.prepare_rigid(ws.inverse_mass, settings_.bend_relaxation, ws.bends4);
-  } else {
-    const Scalar slowing = Scalar(1) + h * settings_.drag;
-    for (Index i = 0; i < vertex_count(); ++i)
-      ws.slowed_inverse_mass[i] = ws.inverse_mass[i] / slowing;
-    compliant_.prepare(ws.slowed_inverse_mass, h, ws.compliant);
-    bends3_.prepare_compliant(ws.slowed_inverse_mass, h, ws.bends3);
-    bends4_.prepare_compliant(ws.slowed_inverse_mass, h, ws.bends4);
+  sheet.prepare(h, limited(), ws.held, memory);
+}
+
+template <RealScalar S>
+template <class Sheet>
+void PositionBased<S>::unload(const Sheet& sheet, const typename Sheet::Scratch& memory,
+                              const Scalar& h, Workspace& ws) const {
+  for (Index v = 0; v < vertex_count(); ++v) {
+    const std::size_t at = sheet.offset(static_cast<int>(v));
+    for (Index c = 0; c < 3; ++c) {
+      const std::size_t k = at + static_cast<std::size_t>(c) * Sheet::kStride;
+      ws.positions(c, v) = memory.points[static_cast<Index>(k)];
+      ws.velocities(c, v) =
+          (memory.points[static_cast<Index>(k)] - memory.start[static_cast<Index>(k)]) / h;
+    }
   }
 }
 
 template <RealScalar S>
-void PositionBased<S>::predict(const State& state, const ClothInput<Scalar>& input, int part,
+template <class Sheet>
+void PositionBased<S>::blow(const Sheet& sheet, typename Sheet::Scratch& memory,
+                            const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const {
+  unload(sheet, memory, h, ws);
+  detail::apply_air_impulses(network_.triangles, ws.positions, ws.inverse_mass, input.wind, h,
+                             settings_.air, ws.velocities);
+  for (Index v = 0; v < vertex_count(); ++v) {
+    Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
+    for (Index c = 0; c < 3; ++c)
+      start[static_cast<std::size_t>(c) * Sheet::kStride] =
+          ws.positions(c, v) - h * ws.velocities(c, v);
+  }
+}
+
+template <RealScalar S>
+template <class Sheet>
+void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memory,
+                               const State& state, const ClothInput<Scalar>& input, int part,
                                const Scalar& h, Workspace& ws) const {
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
-  const Scalar keep = verlet ? Scalar(1) - settings_.verlet_damping : Scalar(1);
   const Scalar scale = Scalar(1) / (Scalar(1) + h * settings_.drag);
-  ws.start = ws.positions;
-  Scalar* v = ws.velocities.data();
-  for (Index k = 0; k < ws.velocities.size(); ++k) {
-    v[k] = scale * (keep * v[k] + h * ws.acceleration.data()[k]);
-    ws.positions.data()[k] = ws.positions.data()[k] + h * v[k];
+  const Scalar keep = verlet ? scale * (Scalar(1) - settings_.verlet_damping) : scale;
+  const Scalar share = scale * h * h;
+  sheet.predict(keep, Vector3<Scalar>(settings_.gravity * share), memory);
+  for (std::size_t i = 0; i < input.force_vertices.size(); ++i) {
+    const int vertex = input.force_vertices[i];
+    Scalar* x = memory.points.data() + sheet.offset(vertex);
+    const Scalar push = share * ws.inverse_mass[vertex];
+    for (Index c = 0; c < 3; ++c) {
+      Scalar& coordinate = x[static_cast<std::size_t>(c) * Sheet::kStride];
+      coordinate = coordinate + push * input.forces(c, static_cast<Index>(i));
+    }
   }
-  for (int vertex : settings_.pinned)
-    detail::set_column(ws.positions, vertex, detail::column(ws.start, vertex));
   const Scalar done =
       Scalar(static_cast<double>(part)) / Scalar(static_cast<double>(settings_.substeps));
   for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
-    const Index vertex = input.driven_vertices[i];
-    const Index column = static_cast<Index>(i);
-    const Triple end = detail::column(input.driven_positions, column);
-    const Triple begin = detail::column(state.positions, vertex);
-    const bool last = part == settings_.substeps;
-    detail::set_column(ws.positions, vertex, last ? end : begin + (end - begin) * done);
+    const int vertex = input.driven_vertices[i];
+    Scalar* x = memory.points.data() + sheet.offset(vertex);
+    for (Index c = 0; c < 3; ++c) {
+      const Scalar begin = state.positions(c, vertex);
+      const Scalar end = input.driven_positions(c, static_cast<Index>(i));
+      x[static_cast<std::size_t>(c) * Sheet::kStride] =
+          part == settings_.substeps ? end : begin + (end - begin) * done;
+    }
   }
 }
 
 template <RealScalar S>
-void PositionBased<S>::correct(Workspace& ws) const {
-  if (settings_.scheme == PositionScheme::Verlet) {
-    for (int sweep = 0; sweep < settings_.iterations; ++sweep) {
-      rigid_.sweep(ws.positions, ws.rigid);
-      bends3_.template sweep<true>(ws.positions, ws.bends3);
-      bends4_.template sweep<true>(ws.positions, ws.bends4);
-    }
-    return;
-  }
-  compliant_.begin_substep(ws.compliant);
-  bends3_.begin_substep(ws.bends3);
-  bends4_.begin_substep(ws.bends4);
+template <class Sheet>
+void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
+                               StepReport<Scalar>& report) const {
+  if (limited()) return correct_limited(sheet, memory, part, report);
+  report.iterations += settings_.iterations;
+  if (settings_.scheme == PositionScheme::Verlet) return correct_rigid(sheet, memory);
+  if (sheet.damped()) return correct_compliant<true>(sheet, memory);
+  correct_compliant<false>(sheet, memory);
+}
+
+template <RealScalar S>
+template <class Sheet>
+void PositionBased<S>::correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory) const {
   for (int sweep = 0; sweep < settings_.iterations; ++sweep) {
-    compliant_.sweep(ws.positions, ws.start, ws.compliant);
-    bends3_.template sweep<false>(ws.positions, ws.bends3);
-    bends4_.template sweep<false>(ws.positions, ws.bends4);
+    sheet.sweep(detail::RigidRule<Scalar, Sheet::kLanes>{}, memory);
+    sheet.template bend<false, false>(memory);
   }
+}
+
+template <RealScalar S>
+template <bool kDamped, class Sheet>
+void PositionBased<S>::correct_compliant(const Sheet& sheet,
+                                         typename Sheet::Scratch& memory) const {
+  const auto sweep = [&]<bool kRead, bool kWrite>() {
+    sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, memory);
+    sheet.template bend<kRead, kWrite>(memory);
+  };
+  if (settings_.iterations == 1) return sweep.template operator()<false, false>();
+  sweep.template operator()<false, true>();
+  for (int i = 2; i < settings_.iterations; ++i) sweep.template operator()<true, true>();
+  sweep.template operator()<true, false>();
+}
+
+template <RealScalar S>
+template <class Sheet>
+void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory,
+                                       int part, StepReport<Scalar>& report) const {
+  using Pack = typename Sheet::Pack;
+  constexpr int kLevelSweeps = 3;
+  const Scalar zero = Scalar(0), one = Scalar(1), limit = settings_.stretch_limit;
+  // The rules measure stretch by the current length: e = s/(1 + s). Sweeps leave a few percent, so
+  // they pull edges back to a stretch that is 2 % below the limit, or to their rest length.
+  const auto relative = [&](const Scalar& stretch) { return stretch / (one + stretch); };
+  const Scalar target = limit - Scalar(0.02);
+  const Scalar slack = zero < target ? relative(target) : zero;
+  sheet.correct_levels(part, kLevelSweeps, slack, memory);
+  sheet.sweep_unlimited(memory);
+  sheet.template bend<false, false>(memory);
+  Scalar worst = zero;
+  for (int i = 0; i < settings_.iterations; ++i) {
+    detail::LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack),
+                                                  Pack::all(settings_.compression)};
+    worst = sheet.sweep(rule, memory).worst.largest();
+    ++report.iterations;
+  }
+  if (part < settings_.substeps) return;
+  const Scalar goal = relative(target < zero ? limit * Scalar(0.75) : limit - Scalar(0.005));
+  for (int i = 0; i < settings_.extra_sweeps && goal < worst; ++i) {
+    detail::TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
+    worst = sheet.sweep(rule, memory).worst.largest();
+    ++report.iterations;
+  }
+  report.residual = zero < worst ? worst / (one - worst) : zero;
+  if (relative(limit) < worst) report.status = StepStatus::IterationLimit;
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

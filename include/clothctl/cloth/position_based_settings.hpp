@@ -35,6 +35,16 @@ struct PositionBasedSettings {
   Vector3<Scalar> gravity = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));
   /// Mass-proportional drag α, 1/s: a substep h divides the velocity by 1 + h α.
   Scalar drag = Scalar(0);
+  /// XPBD only: largest stretch of a structural or shear spring, its length over its rest length
+  /// minus 1; 0 means no limit. At the end of a step hardly an edge exceeds it: the report says by
+  /// how much. Without a limit the sheet is as soft as the sweeps leave it. With one, a substep
+  /// does `iterations` sweeps in which dampers do not act.
+  Scalar stretch_limit = Scalar(0);
+  /// With a limit: the share of a compression that a sweep removes, 0 to 1. Fabric cannot be
+  /// pushed; large shares fight with the limit.
+  Scalar compression = Scalar(0.1);
+  /// With a limit: the most sweeps that the last substep adds until the limit is kept, at least 0.
+  int extra_sweeps = 60;
   /// Verlet only: the fraction d of the velocity that a substep removes, 0 to 1.
   Scalar verlet_damping = Scalar(0.01);
   /// Verlet only: the fraction r of a spring's length error that one projection removes, 0 to 1,
@@ -78,6 +88,12 @@ struct PositionBasedSettings {
       return "iterations is " + std::to_string(iterations) + ", must be at least 1";
     if (!all_finite(gravity)) return "gravity is not finite";
     if (negative(drag)) return "drag is negative or not finite";
+    if (negative(stretch_limit)) return "stretch limit is negative or not finite";
+    if (scheme == PositionScheme::Verlet && Scalar(0) < stretch_limit)
+      return "stretch limit needs the scheme Xpbd";
+    if (no_part(compression)) return "compression is outside 0 to 1";
+    if (extra_sweeps < 0)
+      return "extra_sweeps is " + std::to_string(extra_sweeps) + ", must be at least 0";
     if (no_part(verlet_damping)) return "verlet damping is outside 0 to 1";
     if (no_part(bend_relaxation)) return "bend relaxation is outside 0 to 1";
     if (!spring_relaxation.empty() && spring_relaxation.size() != spring_count) {

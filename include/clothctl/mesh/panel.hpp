@@ -18,9 +18,9 @@
 
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
-#include "clothctl/mesh/boundary_loops.hpp"
 #include "clothctl/mesh/detail/panel_mesher.hpp"
 #include "clothctl/mesh/panel_outline.hpp"
+#include "clothctl/mesh/topology.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

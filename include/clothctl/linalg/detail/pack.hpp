@@ -1,30 +1,14 @@
 #pragma once
 
-// A pack: a few numbers in as many vector registers as they need. The code uses the vector types of
-// g++ and clang, so that the same source compiles to SSE, AVX, AVX-512, NEON or WebAssembly code.
-// Other scalars and compilers use plain arrays. A chunk is one register of a pack, the widest one
-// whose length divides the length of the pack.
+// A pack: a few numbers in as many vector registers as they need (core/simd.hpp), with the
+// operations of dense kernels. A chunk is one register of a pack, the widest one whose length
+// divides the length of the pack.
 
 #include <cstring>
 #include <type_traits>
-#include <utility>
 
-#include "clothctl/config.hpp"
+#include "clothctl/core/simd.hpp"
 #include "clothctl/core/types.hpp"
-
-// CLOTHCTL_KERNEL       stands before a function: the compiler must inline it.
-// CLOTHCTL_KERNEL_LAMBDA  stands after the parameters of a lambda, for the same purpose.
-//
-// Kernels consist of many small functions, which are fast only when they are inlined. The
-// undefined-behaviour sanitizer is off in them, because its checks would multiply their code, and
-// no index depends on data.
-#if defined(__GNUC__)
-#define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE __attribute__((no_sanitize("undefined")))
-#define CLOTHCTL_KERNEL_LAMBDA __attribute__((always_inline, no_sanitize("undefined")))
-#else
-#define CLOTHCTL_KERNEL CLOTHCTL_FORCE_INLINE
-#define CLOTHCTL_KERNEL_LAMBDA
-#endif
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -37,62 +21,12 @@ constexpr int padded_lanes() {
                                                                          : 1;
 }
 
-/// Bytes of the widest vector register of the target machine.
-#if defined(__AVX512F__)
-inline constexpr int kVectorBytes = 64;
-#elif defined(__AVX__)
-inline constexpr int kVectorBytes = 32;
-#else
-inline constexpr int kVectorBytes = 16;
-#endif
-
 /// True if the machine has 32 vector registers. Otherwise 16 are assumed.
 #if defined(__AVX512F__) || defined(__aarch64__)
 inline constexpr bool kManyRegisters = true;
 #else
 inline constexpr bool kManyRegisters = false;
 #endif
-
-/// Number of scalars in one vector register; 1 for scalar types and compilers without vector types.
-template <class Scalar>
-constexpr int native_lanes() {
-#if defined(__GNUC__)
-  if constexpr (std::is_same_v<Scalar, float> || std::is_same_v<Scalar, double>)
-    return kVectorBytes / int(sizeof(Scalar));
-#endif
-  return 1;
-}
-
-/// Largest power of two that divides `lanes` and fits a register.
-template <class Scalar>
-constexpr int chunk_lanes(int lanes) {
-  int chunk = 1;
-  while (2 * chunk <= native_lanes<Scalar>() && lanes % (2 * chunk) == 0) chunk *= 2;
-  return chunk;
-}
-
-/// The type of one register of `kCount` numbers.
-template <class Scalar, int kCount>
-struct Register {
-#if defined(__GNUC__)
-  typedef Scalar type __attribute__((vector_size(kCount * sizeof(Scalar))));
-#else
-  typedef Scalar type;
-#endif
-};
-template <class Scalar>
-struct Register<Scalar, 1> {
-  typedef Scalar type;
-};
-
-/// Calls `function(integral_constant<int, i>)` for i = 0 … kCount-1, unrolled at compile time.
-template <int kCount, class Function>
-CLOTHCTL_KERNEL void unroll(Function&& function) {
-  [&]<int... i>(std::integer_sequence<int, i...>) CLOTHCTL_KERNEL_LAMBDA {
-    (function(std::integral_constant<int, i>{}), ...);
-  }
-  (std::make_integer_sequence<int, kCount>{});
-}
 
 /// kLanes numbers side by side.
 template <class Scalar, int kLanes>

@@ -1,0 +1,403 @@
+#pragma once
+
+// Coarse levels of any mesh, which carry a limit of stretch across the sheet. lane_levels.hpp says
+// what the levels do; here they are found on a mesh without structure.
+//
+// Level l keeps vertices that are at least 0.84 · 2^l mean edges apart along the surface (dart
+// throwing): pinned vertices first, then corners of the boundary, the boundary, the rest. Its edges
+// join each vertex to its nearest six; they are as long as the distance along the surface. A vertex
+// of the finer level takes the displacement of its nearest vertices of this level, with weights
+// that sum to one and reproduce its rest position among theirs:
+//
+//   minimise Σ W_p² d_p²  subject to  Σ W_p = 1,  Σ W_p (X_p - X_a) = 0      (d_p distance from a)
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <utility>
+#include <vector>
+
+#include <Eigen/LU>
+
+#include "clothctl/cloth/detail/edge_batches.hpp"
+#include "clothctl/cloth/detail/rigid_motion.hpp"
+#include "clothctl/cloth/detail/surface_distance.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// What levels are made of. Vertices of the sheet have the order of the model.
+struct LevelInput {
+  /// Rest positions, 3×n, m: only differences between near vertices matter.
+  Points<double> rest;
+  /// Masses, kg.
+  std::vector<double> mass;
+  std::vector<SurfaceEdge> edges;
+  std::vector<std::array<int, 3>> triangles;
+  /// Vertices in the order in which they are offered a place on the levels.
+  std::vector<int> order;
+  /// Vertices with tethers.
+  std::vector<int> tethered;
+};
+
+/// One coarse level: constants.
+template <RealScalar Scalar>
+struct BatchLevel {
+  static constexpr std::size_t kParents = 4;
+  /// The vertex of the sheet of each vertex of the level.
+  std::vector<int> fine;
+  /// For each vertex of the sheet, the nearest vertex of the level.
+  std::vector<int> nearest;
+  /// The points buffer as it is before a step: inverse masses are in it.
+  VectorX<Scalar> initial;
+  EdgeBatches<Scalar> edges;
+  /// For each vertex of the next finer level, where its parents are in the buffer, and their
+  /// weights.
+  std::vector<std::array<int, kParents>> parents;
+  std::vector<std::array<Scalar, kParents>> weights;
+  /// For each tethered vertex, its distance from each vertex of the level, m; absent_length where
+  /// it cannot be reached.
+  std::vector<VectorX<Scalar>> tether;
+};
+
+/// The levels of a mesh.
+template <RealScalar Scalar>
+class BatchLevels {
+ public:
+  /// Memory of a step.
+  struct Scratch {
+    std::vector<VectorX<Scalar>> points;
+    std::vector<EdgeBatchScratch<Scalar>> edges;
+    std::vector<unsigned char> tether_holds;
+    bool anything_held = false;
+    /// W D_1.
+    VectorX<Scalar> displacement;
+  };
+
+  BatchLevels() = default;
+
+  /// Makes levels until one has less than 300 vertices. Allocates. Complexity: O(n log n) for a
+  /// mesh whose vertices have few neighbours.
+  explicit BatchLevels(const LevelInput& input);
+
+  int count() const { return static_cast<int>(levels_.size()); }
+  Scratch make_scratch() const;
+  bool fits(const Scratch& scratch) const;
+
+  /// Takes the held vertices of a step, as flags and as a list.
+  void prepare(const std::vector<unsigned char>& held, const std::vector<int>& list,
+               Scratch& scratch) const;
+
+  /// Moves the vertices in `points`. `sweeps` a level; `slack`: part of its length by which an edge
+  /// may stay too long.
+  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch) const;
+
+ private:
+  /// For each vertex of the sheet, the vertices of a level near it with their distances, nearest
+  /// first.
+  using NearVertices = std::vector<std::vector<std::pair<double, int>>>;
+  using Parents = std::array<int, BatchLevel<Scalar>::kParents>;
+  using Weights = std::array<Scalar, BatchLevel<Scalar>::kParents>;
+
+  void add_level(const LevelInput& input, double radius, SurfaceDistance& surface,
+                 std::vector<int>& finer, std::vector<double>& finer_mass);
+  /// Fills parents and weights of the finer level's vertices; returns the masses that these give.
+  static std::vector<double> set_parents(const NearVertices& near, double radius,
+                                         const Points<double>& rest, const std::vector<int>& finer,
+                                         const std::vector<double>& finer_mass,
+                                         BatchLevel<Scalar>& level);
+  /// Joins each vertex to its nearest six.
+  static void set_edges(const NearVertices& near, BatchLevel<Scalar>& level);
+  /// Adds the displacement `coarse` of level l to the next finer vertices of positive inverse mass.
+  void interpolate(const Scalar* coarse, std::size_t l, Scalar* fine) const;
+  void add_without_rigid_motion(Scalar* points, Scratch& scratch) const;
+
+  std::vector<BatchLevel<Scalar>> levels_;
+  std::vector<int> tethered_;
+  std::size_t vertex_count_ = 0;
+};
+
+/// Weights of parents (offsets from the vertex, 3×k) that sum to one and reproduce the vertex as
+/// well as they can: least Σ W² d². Directions in which the parents hardly spread are not
+/// reproduced.
+inline VectorX<double> parent_weights(const Points<double>& offsets) {
+  const Index k = offsets.cols();
+  const double scale = offsets.colwise().norm().maxCoeff();
+  VectorX<double> spread(k);
+  for (Index p = 0; p < k; ++p) {
+    const double d = offsets.col(p).norm() / scale;
+    spread[p] = 1.0 / (d * d + 1e-6);
+  }
+  MatrixX<double> rows(4, k);
+  rows.row(0).setOnes();
+  rows.bottomRows(3) = offsets / scale;
+  const MatrixX<double> weighted = spread.asDiagonal() * rows.transpose();
+  DenseMatrix<double, 4, 4> normal = rows * weighted;
+  const double least = 1e-6 * normal.trace();
+  for (Index c = 1; c < 4; ++c) normal(c, c) += least;
+  DenseMatrix<double, 4, 1> one = DenseMatrix<double, 4, 1>::Zero();
+  one[0] = 1.0;
+  VectorX<double> w = weighted * normal.inverse() * one;
+  if (!(w.cwiseAbs().maxCoeff() < 2.0)) w = spread;
+  return w / w.sum();
+}
+
+template <RealScalar Scalar>
+BatchLevels<Scalar>::BatchLevels(const LevelInput& input)
+    : tethered_(input.tethered), vertex_count_(input.mass.size()) {
+  SurfaceDistance surface(static_cast<int>(vertex_count_), input.edges, input.triangles);
+  double mean = 0.0;
+  for (const SurfaceEdge& edge : input.edges) mean += edge.length;
+  mean /= static_cast<double>(std::max<std::size_t>(1, input.edges.size()));
+  std::vector<int> finer(vertex_count_);
+  for (std::size_t v = 0; v < vertex_count_; ++v) finer[v] = static_cast<int>(v);
+  std::vector<double> mass = input.mass;
+  for (int l = 1; l < 12 && finer.size() >= 600; ++l) {
+    const std::size_t before = finer.size();
+    add_level(input, 0.84 * mean * static_cast<double>(1 << l), surface, finer, mass);
+    if (finer.size() * 10 > before * 7) {  // nothing gained, as with many pieces
+      levels_.pop_back();
+      break;
+    }
+  }
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::add_level(const LevelInput& input, double radius,
+                                    SurfaceDistance& surface, std::vector<int>& finer,
+                                    std::vector<double>& finer_mass) {
+  const std::size_t n = vertex_count_;
+  BatchLevel<Scalar>& level = levels_.emplace_back();
+  std::vector<int> number(n, -1);
+  std::vector<unsigned char> covered(n, 0);
+  for (int v : input.order) {
+    if (covered[static_cast<std::size_t>(v)]) continue;
+    number[static_cast<std::size_t>(v)] = static_cast<int>(level.fine.size());
+    level.fine.push_back(v);
+    surface.spread(v, radius, [&](int u, double) { covered[static_cast<std::size_t>(u)] = 1; });
+  }
+  const std::size_t count = level.fine.size();
+  NearVertices near(n);
+  for (std::size_t i = 0; i < count; ++i) {
+    surface.spread(level.fine[i], 2.6 * radius, [&](int u, double distance) {
+      near[static_cast<std::size_t>(u)].push_back({distance, static_cast<int>(i)});
+    });
+  }
+  level.nearest.assign(n, 0);
+  for (std::size_t v = 0; v < n; ++v) {
+    std::sort(near[v].begin(), near[v].end());
+    if (!near[v].empty()) level.nearest[v] = near[v].front().second;
+  }
+  const std::vector<double> mass = set_parents(near, radius, input.rest, finer, finer_mass, level);
+  set_edges(near, level);
+  level.initial.setZero(static_cast<Index>(4 * (count + 2)));
+  for (std::size_t i = 0; i < count; ++i)
+    level.initial[static_cast<Index>(4 * i) + 3] = Scalar(1.0 / std::max(mass[i], 1e-30));
+  level.initial[static_cast<Index>(4 * count) + 4] = Scalar(1);
+  for (int v : tethered_) {
+    VectorX<Scalar>& lengths = level.tether.emplace_back();
+    lengths.setConstant(static_cast<Index>(count), Scalar(1e15));
+    surface.spread(v, 1e30, [&](int u, double distance) {
+      const int i = number[static_cast<std::size_t>(u)];
+      if (i >= 0) lengths[i] = Scalar(distance);
+    });
+  }
+  finer = level.fine;
+  finer_mass = mass;
+}
+
+template <RealScalar Scalar>
+std::vector<double> BatchLevels<Scalar>::set_parents(const NearVertices& near, double radius,
+                                                     const Points<double>& rest,
+                                                     const std::vector<int>& finer,
+                                                     const std::vector<double>& finer_mass,
+                                                     BatchLevel<Scalar>& level) {
+  std::vector<double> mass(level.fine.size(), 0.0);
+  for (std::size_t i = 0; i < finer.size(); ++i) {
+    const auto& around = near[static_cast<std::size_t>(finer[i])];
+    const bool same = !around.empty() && around.front().first < 1e-9 * radius;
+    const std::size_t k =
+        same ? 1 : std::min(around.size(), std::size_t{BatchLevel<Scalar>::kParents});
+    Parents parents{};
+    Weights weights{};
+    Points<double> offsets(3, static_cast<Index>(k));
+    for (std::size_t p = 0; p < k; ++p) {
+      parents[p] = 4 * around[p].second;
+      offsets.col(static_cast<Index>(p)) =
+          rest.col(level.fine[static_cast<std::size_t>(around[p].second)]) - rest.col(finer[i]);
+    }
+    VectorX<double> w = VectorX<double>::Ones(static_cast<Index>(k));
+    if (k > 1) w = parent_weights(offsets);
+    for (std::size_t p = 0; p < k; ++p) {
+      const double share = w[static_cast<Index>(p)];
+      weights[p] = Scalar(share);
+      mass[static_cast<std::size_t>(around[p].second)] += std::max(0.0, share) * finer_mass[i];
+    }
+    level.parents.push_back(parents);
+    level.weights.push_back(weights);
+  }
+  return mass;
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::set_edges(const NearVertices& near, BatchLevel<Scalar>& level) {
+  constexpr std::size_t kNeighbours = 6;
+  const std::size_t count = level.fine.size();
+  std::vector<std::pair<std::array<int, 2>, double>> pairs;
+  for (std::size_t i = 0; i < count; ++i) {
+    const int self = static_cast<int>(i);
+    std::size_t taken = 0;
+    for (const auto& [distance, other] : near[static_cast<std::size_t>(level.fine[i])]) {
+      if (other == self) continue;
+      pairs.push_back({{std::min(self, other), std::max(self, other)}, distance});
+      if (++taken == kNeighbours) break;
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  std::vector<ListedEdge<Scalar>> edges;
+  for (std::size_t e = 0; e < pairs.size(); ++e) {
+    // Both ends may have found an edge: the shorter distance comes first.
+    if (e > 0 && pairs[e].first == pairs[e - 1].first) continue;
+    edges.push_back({pairs[e].first[0], pairs[e].first[1], Scalar(pairs[e].second), Scalar(1),
+                     Scalar(0), Scalar(0)});
+  }
+  level.edges = pack_edges(edges, PackOrder{3, 256}, static_cast<int>(count));
+}
+
+template <RealScalar Scalar>
+auto BatchLevels<Scalar>::make_scratch() const -> Scratch {
+  Scratch scratch;
+  for (const BatchLevel<Scalar>& level : levels_) {
+    scratch.points.push_back(level.initial);
+    scratch.edges.emplace_back().resize(static_cast<Index>(level.edges.size()));
+  }
+  scratch.tether_holds.assign(tethered_.size(), 0);
+  scratch.displacement.setZero(static_cast<Index>(4 * vertex_count_));
+  return scratch;
+}
+
+template <RealScalar Scalar>
+bool BatchLevels<Scalar>::fits(const Scratch& scratch) const {
+  bool good = scratch.points.size() == levels_.size() &&
+              scratch.tether_holds.size() == tethered_.size() &&
+              scratch.displacement.size() == static_cast<Index>(4 * vertex_count_);
+  for (std::size_t l = 0; good && l < levels_.size(); ++l)
+    good = scratch.points[l].size() == levels_[l].initial.size();
+  return good;
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::prepare(const std::vector<unsigned char>& held,
+                                  const std::vector<int>& list, Scratch& scratch) const {
+  scratch.anything_held = !list.empty();
+  for (std::size_t i = 0; i < tethered_.size(); ++i)
+    scratch.tether_holds[i] = held[static_cast<std::size_t>(tethered_[i])];
+  for (std::size_t l = 0; l < levels_.size(); ++l) {
+    const BatchLevel<Scalar>& level = levels_[l];
+    scratch.points[l] = level.initial;
+    for (int v : list) {
+      const int i = level.nearest[static_cast<std::size_t>(v)];
+      scratch.points[l][4 * i + 3] = Scalar(0);
+    }
+    prepare_edges(level.edges, Scalar(1), true, scratch.points[l].data(), scratch.edges[l]);
+  }
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::interpolate(const Scalar* coarse, std::size_t l, Scalar* fine) const {
+  using Vertex = Simd<Scalar, 4>;
+  const BatchLevel<Scalar>& level = levels_[l];
+  for (std::size_t i = 0; i < level.parents.size(); ++i, fine += 4) {
+    const Scalar w = fine[3];
+    if (!(Scalar(0) < w)) continue;
+    const Parents& parents = level.parents[i];
+    const Weights& weights = level.weights[i];
+    Vertex sum = Vertex::load(fine);
+    for (std::size_t p = 0; p < parents.size(); ++p)
+      sum = sum + Vertex::all(weights[p]) * Vertex::load(coarse + parents[p]);
+    sum.store(fine);
+    fine[3] = w;
+  }
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points,
+                                  Scratch& scratch) const {
+  using std::sqrt;
+  if (levels_.empty()) return;
+  using Pack = typename PointBatch<Scalar>::Pack;
+  for (std::size_t l = levels_.size(); l-- > 0;) {
+    const BatchLevel<Scalar>& level = levels_[l];
+    Scalar* y = scratch.points[l].data();
+    const std::size_t count = level.fine.size();
+    for (std::size_t i = 0; i < count; ++i) {
+      const Scalar* x = points + 4 * static_cast<std::size_t>(level.fine[i]);
+      for (std::size_t c = 0; c < 3; ++c) y[4 * i + c] = x[c];
+    }
+    if (l + 1 < levels_.size()) interpolate(scratch.points[l + 1].data(), l + 1, y);
+    for (std::size_t t = 0; t < tethered_.size(); ++t) {
+      if (!scratch.tether_holds[t]) continue;
+      const Scalar* q = points + 4 * static_cast<std::size_t>(tethered_[t]);
+      for (std::size_t i = 0; i < count; ++i) {
+        Scalar* p = y + 4 * i;
+        const Scalar dx = q[0] - p[0], dy = q[1] - p[1], dz = q[2] - p[2];
+        const Scalar squared = dx * dx + dy * dy + dz * dz;
+        const Scalar length = level.tether[t][static_cast<Index>(i)] * (Scalar(1) + slack);
+        if (!(length * length < squared) || !(Scalar(0) < p[3])) continue;
+        const Scalar s = Scalar(1) - length / sqrt(squared);
+        p[0] = p[0] + s * dx;
+        p[1] = p[1] + s * dy;
+        p[2] = p[2] + s * dz;
+      }
+    }
+    TensionRule<Scalar, batch_lanes<Scalar>()> rule{Pack::all(slack), Pack::all(Scalar(1.7))};
+    for (int sweep = 0; sweep < sweeps; ++sweep)
+      rule = sweep_edges(level.edges, scratch.edges[l], y, y, rule);
+    for (std::size_t i = 0; i < count; ++i) {
+      const Scalar* x = points + 4 * static_cast<std::size_t>(level.fine[i]);
+      for (std::size_t c = 0; c < 3; ++c) y[4 * i + c] = y[4 * i + c] - x[c];
+    }
+  }
+  if (scratch.anything_held) {
+    interpolate(scratch.points[0].data(), 0, points);
+  } else {
+    add_without_rigid_motion(points, scratch);
+  }
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scratch) const {
+  struct Point {
+    Scalar x, y, z;
+  };
+  const auto read = [](const Scalar* from) { return Point{from[0], from[1], from[2]}; };
+  const Scalar zero = Scalar(0);
+  Scalar* moved = scratch.displacement.data();
+  const std::size_t size = 4 * vertex_count_;
+  for (std::size_t at = 0; at < size; at += 4) {
+    for (std::size_t c = 0; c < 3; ++c) moved[at + c] = zero;
+    moved[at + 3] = points[at + 3];
+  }
+  interpolate(scratch.points[0].data(), 0, moved);
+  FirstMoments<Scalar> first(zero);
+  for (std::size_t at = 0; at < size; at += 4)
+    first.add(Scalar(1) / points[at + 3], read(points + at), read(moved + at));
+  const Scalar per_mass = Scalar(1) / first.mass;
+  const Point c{first.x * per_mass, first.y * per_mass, first.z * per_mass};
+  const Point u{first.px * per_mass, first.py * per_mass, first.pz * per_mass};
+  SecondMoments<Scalar> second(zero);
+  for (std::size_t at = 0; at < size; at += 4) {
+    const Point x = read(points + at);
+    second.add(Scalar(1) / points[at + 3], x.x - c.x, x.y - c.y, x.z - c.z, read(moved + at));
+  }
+  const Vector3<Scalar> turn = angular_displacement<Scalar>(second);
+  for (std::size_t at = 0; at < size; at += 4) {
+    Scalar* x = points + at;
+    const Scalar rx = x[0] - c.x, ry = x[1] - c.y, rz = x[2] - c.z;
+    x[0] = x[0] + moved[at] - (u.x + turn[1] * rz - turn[2] * ry);
+    x[1] = x[1] + moved[at + 1] - (u.y + turn[2] * rx - turn[0] * rz);
+    x[2] = x[2] + moved[at + 2] - (u.z + turn[0] * ry - turn[1] * rx);
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

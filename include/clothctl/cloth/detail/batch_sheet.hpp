@@ -1,0 +1,239 @@
+#pragma once
+
+// A position-based sheet of any network: vertices x, y, z, w side by side, constraints in batches
+// (edge_batches.hpp), and what a substep does to it. lane_sheet.hpp does the same for grids.
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <vector>
+
+#include "clothctl/cloth/detail/batch_levels.hpp"
+#include "clothctl/cloth/detail/bend_batches.hpp"
+#include "clothctl/cloth/detail/edge_batches.hpp"
+#include "clothctl/mesh/topology.hpp"
+#include "clothctl/network/spring_network.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// How a sheet in batches is made.
+template <RealScalar Scalar>
+struct BatchSheetSetup {
+  /// True for rigid springs with these relaxations (empty: 1).
+  bool rigid = false;
+  std::vector<Scalar> relaxation;
+  Scalar bend_relaxation = Scalar(1);
+  /// True to correct constraints that share a vertex in the order of the network.
+  bool listed_order = false;
+  /// With coarse levels for a limit of stretch.
+  bool limited = false;
+  /// Vertices that have tethers on the levels.
+  std::vector<int> tethered;
+};
+
+/// A network in batches.
+template <RealScalar Scalar>
+class BatchSheet {
+ public:
+  static constexpr int kLanes = batch_lanes<Scalar>();
+  /// Distance of the coordinates of a vertex in the buffers.
+  static constexpr std::size_t kStride = 1;
+  using Pack = Simd<Scalar, kLanes>;
+
+  /// Memory of a step.
+  struct Scratch {
+    /// Points and inverse masses; points at the start of the substep. Two spare vertices at the
+    /// end.
+    VectorX<Scalar> points, start;
+    EdgeBatchScratch<Scalar> edges, unlimited;
+    BendScratch<Scalar> bends;
+    std::array<typename BatchLevels<Scalar>::Scratch, 2> levels;
+    std::vector<unsigned char> held;
+  };
+
+  BatchSheet() = default;
+
+  /// Packs a valid network. Allocates.
+  BatchSheet(const SpringNetwork<Scalar>& network, const BatchSheetSetup<Scalar>& setup);
+
+  Scratch make_scratch() const;
+  bool fits(const Scratch& scratch) const;
+
+  /// Where x of a vertex is in the buffers; y, z and w follow.
+  std::size_t offset(int vertex) const { return 4 * static_cast<std::size_t>(vertex); }
+  bool damped() const { return damped_; }
+
+  /// As LaneSheet::prepare.
+  void prepare(const Scalar& h, bool limited, const std::vector<int>& held, Scratch& scratch) const;
+  /// As LaneSheet::predict.
+  void predict(const Scalar& keep, const Vector3<Scalar>& push, Scratch& scratch) const;
+
+  /// Sweeps the springs once.
+  template <class Rule>
+  Rule sweep(const Rule& rule, Scratch& scratch) const {
+    return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule);
+  }
+
+  /// Sweeps the springs that no limit of stretch applies to.
+  void sweep_unlimited(Scratch& scratch) const {
+    sweep_edges(unlimited_, scratch.unlimited, scratch.points.data(), scratch.start.data(),
+                CompliantRule<Scalar, kLanes, false, false, false>{});
+  }
+
+  /// Sweeps the stencils once.
+  template <bool kRead, bool kWrite>
+  void bend(Scratch& scratch) const {
+    sweep_bends<kRead, kWrite>(bends_, scratch.bends, scratch.points.data());
+  }
+
+  /// As LaneSheet::correct_levels.
+  void correct_levels(int turn, int sweeps, const Scalar& slack, Scratch& scratch) const {
+    const std::size_t set = static_cast<std::size_t>(turn % 2);
+    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set]);
+  }
+
+ private:
+  void make_levels(const SpringNetwork<Scalar>& network, const std::vector<int>& tethered);
+
+  VectorX<Scalar> initial_;
+  /// With a limit, springs of the kind Bend are in the second.
+  EdgeBatches<Scalar> edges_, unlimited_;
+  BendBatches<Scalar> bends_;
+  std::array<BatchLevels<Scalar>, 2> levels_;
+  Scalar bend_relaxation_ = Scalar(1);
+  bool rigid_ = false;
+  bool damped_ = false;
+};
+
+template <RealScalar Scalar>
+BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
+                               const BatchSheetSetup<Scalar>& setup)
+    : bend_relaxation_(setup.bend_relaxation), rigid_(setup.rigid) {
+  const int n = static_cast<int>(network.vertex_count());
+  initial_.setZero(static_cast<Index>(4) * (n + 2));
+  for (Index v = 0; v < n; ++v) {
+    for (Index c = 0; c < 3; ++c) initial_[4 * v + c] = network.rest_positions(c, v);
+    initial_[4 * v + 3] = Scalar(1) / network.mass[v];
+  }
+  initial_[static_cast<Index>(4) * n + 4] = Scalar(1);  // the spare vertices are 1 m apart
+  std::vector<ListedEdge<Scalar>> edges, unlimited;
+  for (std::size_t e = 0; e < network.springs.size(); ++e) {
+    const Spring<Scalar>& s = network.springs[e];
+    const bool stiff = Scalar(0) < s.stiffness, damped = Scalar(0) < s.damping;
+    if (!stiff && (rigid_ || !damped)) continue;
+    if (damped) damped_ = true;
+    const Scalar relaxation = setup.relaxation.empty() ? Scalar(1) : setup.relaxation[e];
+    const bool bends = setup.limited && s.kind == SpringKind::Bend;
+    (bends ? unlimited : edges)
+        .push_back({s.a, s.b, s.rest_length, relaxation, s.stiffness, s.damping});
+  }
+  const PackOrder order = setup.listed_order ? PackOrder{1, 0} : PackOrder{3, 256};
+  edges_ = pack_edges(edges, order, n);
+  unlimited_ = pack_edges(unlimited, order, n);
+  bends_ = pack_bends(network.bends, order, n);
+  if (setup.limited) make_levels(network, setup.tethered);
+}
+
+template <RealScalar Scalar>
+void BatchSheet<Scalar>::make_levels(const SpringNetwork<Scalar>& network,
+                                     const std::vector<int>& tethered) {
+  const std::size_t n = static_cast<std::size_t>(network.vertex_count());
+  LevelInput input;
+  input.rest = network.rest_positions.template cast<double>();
+  for (std::size_t v = 0; v < n; ++v)
+    input.mass.push_back(static_cast<double>(network.mass[static_cast<Index>(v)]));
+  std::vector<double> length(n, 0.0);
+  for (const Spring<Scalar>& s : network.springs) {
+    if (s.kind == SpringKind::Bend || !(Scalar(0) < s.stiffness)) continue;
+    input.edges.push_back({s.a, s.b, static_cast<double>(s.rest_length)});
+  }
+  input.triangles = network.triangles;
+  // A vertex at a corner of the boundary has the fewest edges, one on the boundary fewer than
+  // inside.
+  std::vector<int> rank(n, 0);
+  for (const std::array<int, 3>& t : network.triangles) {
+    for (int v : t) ++rank[static_cast<std::size_t>(v)];
+  }
+  const Result<Topology> topology = make_topology(static_cast<int>(n), network.triangles);
+  if (topology) {
+    std::vector<unsigned char> boundary(n, 0);
+    for (const MeshEdge& edge : topology.value().edges) {
+      if (edge.is_boundary())
+        boundary[static_cast<std::size_t>(edge.a)] = boundary[static_cast<std::size_t>(edge.b)] = 1;
+    }
+    for (std::size_t v = 0; v < n; ++v) rank[v] = !boundary[v] ? 3 : (rank[v] <= 2 ? 1 : 2);
+  }
+  input.tethered = tethered;
+  if (input.tethered.size() > 4) input.tethered.clear();
+  for (int v : tethered) rank[static_cast<std::size_t>(v)] = 0;
+  // In each rank a scattered order: multiplication by an odd number permutes the 32-bit numbers.
+  for (std::size_t set = 0; set < 2; ++set) {
+    std::vector<std::array<std::uint32_t, 3>> order;
+    for (std::size_t v = 0; v < n; ++v) {
+      const std::uint32_t number = static_cast<std::uint32_t>(v);
+      const std::uint32_t scattered = (number + 1u) * (set == 0 ? 2654435761u : 2246822519u);
+      order.push_back({static_cast<std::uint32_t>(rank[v]), scattered ^ (scattered >> 15), number});
+    }
+    std::sort(order.begin(), order.end());
+    input.order.clear();
+    for (const auto& item : order) input.order.push_back(static_cast<int>(item[2]));
+    levels_[set] = BatchLevels<Scalar>(input);
+  }
+}
+
+template <RealScalar Scalar>
+auto BatchSheet<Scalar>::make_scratch() const -> Scratch {
+  Scratch scratch;
+  scratch.points = initial_;
+  scratch.start = initial_;
+  scratch.edges.resize(static_cast<Index>(edges_.size()));
+  scratch.unlimited.resize(static_cast<Index>(unlimited_.size()));
+  scratch.bends.resize(bends_.size());
+  for (std::size_t set = 0; set < 2; ++set) scratch.levels[set] = levels_[set].make_scratch();
+  scratch.held.assign(static_cast<std::size_t>(initial_.size() / 4), 0);
+  return scratch;
+}
+
+template <RealScalar Scalar>
+bool BatchSheet<Scalar>::fits(const Scratch& scratch) const {
+  return scratch.points.size() == initial_.size() && scratch.start.size() == initial_.size() &&
+         scratch.edges.weight.size() == static_cast<Index>(edges_.size()) &&
+         scratch.edges.multiplier.size() == static_cast<Index>(edges_.size()) &&
+         scratch.unlimited.inverse.size() == static_cast<Index>(unlimited_.size()) &&
+         scratch.bends.error_factor.size() == bends_.size() &&
+         scratch.held.size() == static_cast<std::size_t>(initial_.size() / 4) &&
+         levels_[0].fits(scratch.levels[0]) && levels_[1].fits(scratch.levels[1]);
+}
+
+template <RealScalar Scalar>
+void BatchSheet<Scalar>::prepare(const Scalar& h, bool limited, const std::vector<int>& held,
+                                 Scratch& scratch) const {
+  prepare_edges(edges_, h, limited, scratch.points.data(), scratch.edges);
+  prepare_edges(unlimited_, h, false, scratch.points.data(), scratch.unlimited);
+  if (rigid_) {
+    prepare_rigid_bends(bends_, bend_relaxation_, scratch.points.data(), scratch.bends);
+  } else {
+    prepare_bends(bends_, h, scratch.points.data(), scratch.bends);
+  }
+  std::fill(scratch.held.begin(), scratch.held.end(), static_cast<unsigned char>(0));
+  for (int v : held) scratch.held[static_cast<std::size_t>(v)] = 1;
+  for (std::size_t set = 0; set < 2; ++set)
+    levels_[set].prepare(scratch.held, held, scratch.levels[set]);
+}
+
+template <RealScalar Scalar>
+void BatchSheet<Scalar>::predict(const Scalar& keep, const Vector3<Scalar>& push,
+                                 Scratch& scratch) const {
+  using Vertex = Simd<Scalar, 4>;
+  const std::array<Scalar, 4> pushed{push[0], push[1], push[2], Scalar(0)};
+  const Vertex gift = Vertex::load(pushed.data()), kept = Vertex::all(keep);
+  Scalar* x = scratch.points.data();
+  Scalar* start = scratch.start.data();
+  for (Index at = 0; at < initial_.size() - 8; at += 4) {
+    const Vertex now = Vertex::load(x + at), before = Vertex::load(start + at);
+    now.store(start + at);
+    if (Scalar(0) < x[at + 3]) (now + (kept * (now - before) + gift)).store(x + at);
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail
