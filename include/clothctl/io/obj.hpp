@@ -213,7 +213,8 @@ class ObjReader {
   }
 
   /// Parses one index of `what` from the front of `text`, up to a slash or the end.
-  std::string read_index(std::string_view& text, std::size_t count, const char* what, int& index) {
+  static std::string read_index(std::string_view& text, std::size_t count, const char* what,
+                                int& index) {
     const std::string_view digits = text.substr(0, text.find('/'));
     long long value = 0;
     const auto end = std::from_chars(digits.data(), digits.data() + digits.size(), value);

@@ -114,8 +114,8 @@ class ConstrainedTriangulation {
     std::vector<std::array<int, 2>> crossed;
     const InsertOutcome found = find_crossed(a, b, crossed);
     if (found != InsertOutcome::Inserted) return found;
-    std::size_t postponed = 0;
-    while (!crossed.empty() && postponed <= crossed.size()) {
+    std::size_t postponed = 0, left = 4 * crossed.size() * crossed.size() + 16;
+    while (!crossed.empty() && postponed <= crossed.size() && left-- > 0) {
       const std::array<int, 2> edge = crossed.front();
       crossed.erase(crossed.begin());
       const auto [f, i] = find_edge(edge[0], edge[1]);

@@ -7,9 +7,8 @@
 //   in_circle(a, b, c, d)  = sign of Σ_cyclic |a-d|² det(b - d, c - d), positive when d lies inside
 //                            the circle through a, b, c (counter-clockwise)
 //
-// With |coordinate| ≤ 2^29, differences are below 2^31 and the determinant below 2^63. The circle
-// test multiplies and adds numbers of this size in 128 bits: with |coordinate| ≤ 2^28 a sum of
-// three products stays below 2^124.
+// With |coordinate| ≤ 2^28, differences are at most 2^29 and determinants at most 2^59, so 64 bits
+// hold them. The circle test multiplies such numbers and adds three products in 128 bits.
 
 #include <cstdint>
 
