@@ -131,6 +131,17 @@ def check_runs(programs, folder):
             code, text, _ = run(programs / "rope_ball", "--plant", plant, "--grip", grip, "--json")
             check(code == 0 and json.loads(text)["mean_error_m"] < 0.01,
                   f"rope_ball {plant} {grip}: exit {code}: {text}")
+    for model in ("mass-spring", "pbd"):
+        tear = ("--cloth", 13, "--seconds", 2, "--limit", 0.15, "--model", model, "--json")
+        out = folder / f"tear-{model}"
+        code, text, _ = run(programs / "tear", *tear, "--out", out)
+        figures = json.loads(text) if code == 0 else {}
+        check(code == 0 and figures["tears"] > 0 and figures["area_error"] < 1e-9
+              and figures["nonfinite"] == 0
+              and figures["vertices"] == 169 + figures["tears"] + figures["cut_vertices"],
+              f"tear {model}: exit {code}: {text}")
+        check(code == 0 and is_page(out / "player.html"),
+              f"tear {model}: player.html is not self-contained")
     for name, material in (("light", '{"area_density": 1e-12}'), ("stiff", '{"bending": 1e6}')):
         path = folder / f"{name}.json"
         path.write_text(material)
@@ -853,6 +864,9 @@ def check_bad_input(programs, folder):
     bad("out in a file", ["dt.csv"], "--cloth", 5, "--horizon", 5, "--targets",
         file("dt.csv", targets(0.4)), "--out",
         folder / "dt.csv" / "x")
+    bad("cut of one point", ["--cut", "got 2"], "--cut", "0.5,0.5", program=programs / "tear")
+    bad("cut NaN", ["point 1 of the cut"], "--cut", "0.5,0.5,nan,0.5", program=programs / "tear")
+    bad("limit below zero", ["--limit", "-1"], "--limit", -1, program=programs / "tear")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     sew = programs / "sew_tshirt"
     bad("edges of no length", ["--edge-length", "0"], "--edge-length", 0, program=sew)
@@ -872,7 +886,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own",
-             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt")
+             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
