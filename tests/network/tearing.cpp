@@ -231,3 +231,36 @@ TEST_CASE("a network is cut where the line was drawn in the world", "[network]")
   line(0, 1) = std::numeric_limits<double>::quiet_NaN();
   CHECK(cut_network(network, x, line, settings).error() == "point 1 of the cut is not finite");
 }
+
+TEST_CASE("garments are cut and torn without orphans", "[network]") {
+  std::mt19937 random(31);
+  int found_meshes = 0;
+  for (const char* name : {"dc_tshirt1426.obj", "dc_skirt681.obj", "dc_sock482.obj"}) {
+    const PlainMesh mesh = clothctl_test::shared_mesh(name);
+    if (mesh.triangles.empty()) continue;
+    ++found_meshes;
+    INFO(name);
+    const Network network =
+        sheet_network(mesh.positions, mesh.triangles, Material<double>()).value();
+    const double mass = network.mass.sum(), area = total_area(mesh.positions, mesh.triangles);
+    TearSettings<double> settings;
+    settings.structural = 0.3;
+    for (int trial = 0; trial < clothctl_test::trials(3, 40); ++trial) {
+      const Index n = network.vertex_count();
+      Points<double> line(3, 2);
+      line.col(0) = mesh.positions.col(static_cast<Index>(random()) % n);
+      line.col(1) = 0.8 * line.col(0) + 0.2 * mesh.positions.col(static_cast<Index>(random()) % n);
+      const auto cut = cut_network(network, mesh.positions, line, CutSettings<double>()).value();
+      Points<double> x = cut.network.rest_positions;
+      for (Index i = 0; i < x.size(); ++i) x(i) += uniform(random, -0.01, 0.01);
+      const auto tear =
+          apply_topology_changes(cut.network, found(cut.network, x, settings, 30)).value();
+      for (const Network* after : {&cut.network, &tear.change.network}) {
+        CHECK(orphan(*after) == "");
+        CHECK(after->mass.sum() == Approx(mass).epsilon(1e-9));
+        CHECK(total_area(after->rest_positions, after->triangles) == Approx(area).epsilon(1e-9));
+      }
+    }
+  }
+  if (found_meshes == 0) WARN("../shared/data/meshes is missing: not tested");
+}

@@ -271,7 +271,9 @@ class SurfaceWalk {
   /// Leaves the last vertex in `at`.
   End walk(int& at, const Vector3<Scalar>& q, int to) {
     std::vector<int> visited{at};
+    const std::size_t most = 4 * mesh_.triangles().size() + 64;
     while (at != to) {
+      if (visited.size() > most) return End::Stuck;
       if (to >= 0 && mesh_.has_edge(at, to)) {
         mesh_.mark(at, to);
         at = to;
