@@ -12,7 +12,9 @@
 #include <Jolt/RegisterTypes.h>
 
 #include <algorithm>
-#include <cmath>
+#include <numeric>
+#include <random>
+#include <utility>
 
 #include "engine.hpp"
 
@@ -33,24 +35,65 @@ void start_jolt() {
 /// on.
 constexpr float kCompliance = 1e-4f;
 
+/// How a sheet is given to Jolt.
+struct Use {
+  float compliance = 0;
+  /// A long range attachment of each vertex to each pinned one; on a flat convex sheet the geodesic
+  /// distance is the straight one.
+  bool tethers = false;
+  /// Random vertex numbers. Jolt takes edges in the order of these. With numbers in rows its sheets
+  /// gain more energy, and each edge waits for the vertex just written: 104 instead of 140 M solves
+  /// a second.
+  bool shuffled = false;
+};
+
+/// Returns the number of each vertex in Jolt.
+std::vector<std::size_t> numbers_of(int count, bool shuffled) {
+  std::vector<std::size_t> numbers(static_cast<std::size_t>(count));
+  std::iota(numbers.begin(), numbers.end(), std::size_t(0));
+  std::mt19937 engine(1);
+  for (std::size_t i = numbers.size(); shuffled && i > 1; --i)
+    std::swap(numbers[i - 1], numbers[engine() % i]);
+  return numbers;
+}
+
+/// The sheet with other vertex numbers.
+Sheet renumbered(const Sheet& sheet, const std::vector<std::size_t>& numbers) {
+  Sheet out = sheet;
+  const auto to = [&](int i) { return static_cast<int>(numbers[static_cast<std::size_t>(i)]); };
+  for (std::size_t i = 0; i < numbers.size(); ++i) {
+    out.mass[numbers[i]] = sheet.mass[i];
+    for (std::size_t c = 0; c < 3; ++c)
+      out.positions[3 * numbers[i] + c] = sheet.positions[3 * i + c];
+  }
+  for (int& pin : out.pinned) pin = to(pin);
+  for (Edge& e : out.edges) {
+    e.a = to(e.a);
+    e.b = to(e.b);
+  }
+  for (std::array<int, 3>& t : out.triangles) {
+    for (int& corner : t) corner = to(corner);
+  }
+  return out;
+}
+
 /// One soft body in a world of its own, on one thread. Each of Jolt's iterations is a substep with
-/// one sweep. Linear damping and the vertex radius are zero, and the body never sleeps. With
-/// tethers, each vertex has a long range attachment to each pinned one; on a flat convex sheet the
-/// geodesic distance is the straight one.
+/// one sweep. Linear damping and the vertex radius are zero, and the body never sleeps.
 class Jolt final : public Engine {
  public:
-  Jolt(float compliance, bool tethers) : compliance_(compliance), tethers_(tethers) {}
+  explicit Jolt(const Use& use) : use_(use) {}
 
   std::string load(const Sheet& sheet, const Setting& setting) override {
     if (setting.sweeps != 1) return "Jolt makes one sweep in a substep";
     start_jolt();
+    numbers_ = numbers_of(sheet.n(), use_.shuffled);
     allocator_ = std::make_unique<JPH::TempAllocatorImpl>(16 * 1024 * 1024);
     jobs_ = std::make_unique<JPH::JobSystemSingleThreaded>(JPH::cMaxPhysicsJobs);
     world_ = std::make_unique<JPH::PhysicsSystem>();
     world_->Init(1, 0, 1, 1, broad_phase_, layer_against_broad_phase_, layers_);
     world_->SetGravity(JPH::Vec3(0, 0, static_cast<float>(-kGravity)));
-    JPH::SoftBodyCreationSettings body(shared(sheet), JPH::RVec3::sZero(), JPH::Quat::sIdentity(),
-                                       0);
+    JPH::SoftBodyCreationSettings body(shared(renumbered(sheet, numbers_)), JPH::RVec3::sZero(),
+                                       JPH::Quat::sIdentity(), 0);
     body.mNumIterations = static_cast<JPH::uint32>(setting.substeps);
     body.mLinearDamping = 0;
     body.mMaxLinearVelocity = 1e6f;
@@ -69,7 +112,8 @@ class Jolt final : public Engine {
   }
 
   void read(double* positions, double* velocities) override {
-    for (const JPH::SoftBodyVertex& v : motion_->GetVertices()) {
+    for (const std::size_t number : numbers_) {
+      const JPH::SoftBodyVertex& v = motion_->GetVertices()[number];
       for (JPH::uint c = 0; c < 3; ++c) {
         *positions++ = static_cast<double>(v.mPosition[c]);
         *velocities++ = static_cast<double>(v.mVelocity[c]);
@@ -110,9 +154,9 @@ class Jolt final : public Engine {
       out->AddFace(JPH::SoftBodySharedSettings::Face(u(t[0]), u(t[1]), u(t[2])));
     for (const Edge& e : sheet.edges)
       out->mEdgeConstraints.push_back(
-          JPH::SoftBodySharedSettings::Edge(u(e.a), u(e.b), compliance_));
+          JPH::SoftBodySharedSettings::Edge(u(e.a), u(e.b), use_.compliance));
     out->CalculateEdgeLengths();
-    if (tethers_) {
+    if (use_.tethers) {
       for (const int pin : sheet.pinned) {
         for (int i = 0; i < sheet.n(); ++i) {
           if (out->mVertices[u(i)].mInvMass > 0.0f)
@@ -125,8 +169,8 @@ class Jolt final : public Engine {
     return out;
   }
 
-  float compliance_;
-  bool tethers_;
+  Use use_;
+  std::vector<std::size_t> numbers_;
   BroadPhase broad_phase_;
   JPH::ObjectVsBroadPhaseLayerFilter layer_against_broad_phase_;
   JPH::ObjectLayerPairFilter layers_;
@@ -141,14 +185,17 @@ std::string version() {
          std::to_string(JPH_VERSION_PATCH);
 }
 
-template <bool kCompliant, bool kTethers>
-std::unique_ptr<Engine> make() {
-  return std::make_unique<Jolt>(kCompliant ? kCompliance : 0.0f, kTethers);
+std::unique_ptr<Engine> rows() { return std::make_unique<Jolt>(Use{}); }
+std::unique_ptr<Engine> rigid() { return std::make_unique<Jolt>(Use{0, false, true}); }
+std::unique_ptr<Engine> compliant() {
+  return std::make_unique<Jolt>(Use{kCompliance, false, true});
 }
+std::unique_ptr<Engine> tethers() { return std::make_unique<Jolt>(Use{kCompliance, true, true}); }
 
 }  // namespace
 
 VERSUS_MODULE("jolt", version(),
-              {{"rigid", true, 1, 5, {64, 1}, make<false, false>},
-               {"compliant", true, 1, 5, {0, 0}, make<true, false>},
-               {"tethers", true, 1, 5, {0, 0}, make<true, true>}})
+              {{"rows", true, 1, 5, {64, 1}, rows},
+               {"rigid", true, 1, 5, {64, 1}, rigid},
+               {"compliant", true, 1, 5, {0, 0}, compliant},
+               {"tethers", true, 1, 5, {0, 0}, tethers}})

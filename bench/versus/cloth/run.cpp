@@ -38,7 +38,9 @@ std::vector<std::size_t> turns(std::size_t count, int round) {
 
 /// The figures of one state.
 struct Reading {
-  double structural = 0, diagonal = 0, stretch = 0, squeeze = 0, energy = 0, speed = 0;
+  double structural = 0, diagonal = 0, stretch = 0, squeeze = 0, speed = 0;
+  /// Weight times height, and the same with the kinetic energy (J).
+  double potential = 0, energy = 0;
   bool finite = true;
 };
 
@@ -84,7 +86,7 @@ class Track {
     }
   }
 
-  /// The first frames of a turn without any reading, for the throughput.
+  /// Frames without any reading, for the throughput. The first one is not timed.
   void turn_timed_only(int frames) {
     for (int k = 0; k < frames; ++k) {
       const double start = thread_seconds();
@@ -128,10 +130,12 @@ class Track {
     for (std::size_t i = 0; i < sheet_.mass.size(); ++i) {
       const double* v = velocities_.data() + 3 * i;
       const double square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-      r.energy += sheet_.mass[i] * (0.5 * square + kGravity * positions_[3 * i + 2]);
+      r.potential += sheet_.mass[i] * kGravity * positions_[3 * i + 2];
+      r.energy += 0.5 * sheet_.mass[i] * square;
       r.speed += square;
       sum += positions_[3 * i] + positions_[3 * i + 1];
     }
+    r.energy += r.potential;
     r.speed = std::sqrt(r.speed / static_cast<double>(sheet_.mass.size()));
     r.finite = std::isfinite(sum) && std::isfinite(r.energy);
     for (const Edge& e : sheet_.edges) {
@@ -165,7 +169,7 @@ class Track {
     result_.apart = !now.finite;
     const int left = settings_.frames + settings_.rest_frames - frame_;
     if (left > settings_.rest_frames / 6) return;
-    rest_energy_ += now.energy;
+    rest_energy_ += now.potential;
     rest_square_speed_ += now.speed * now.speed;
     result_.rest_stretch = std::max(result_.rest_stretch, std::max(now.structural, now.diagonal));
   }
@@ -251,6 +255,7 @@ void time_again(const std::vector<Lane>& lanes, const Sheet& sheet, const RunSet
       runs.push_back(run);
     }
   }
+  if (runs.empty()) return;
   RunSettings timed = settings;
   timed.rest_frames = 0;
   note(some, numbers, sheet);

@@ -49,7 +49,8 @@ struct RunResult {
   /// Mean over all frames and edges of the positive and the negative part of l / l0 - 1.
   double mean_stretch = 0, mean_squeeze = 0;
   /// (E - E_rest) / (E_0 - E_rest) after `kEnergyFrames`, and its maximum over all frames; E is
-  /// kinetic energy plus weight times height, E_rest that at the end of the damped frames.
+  /// kinetic energy plus weight times height, E_rest weight times height at the end of the damped
+  /// frames.
   double energy[3] = {0, 0, 0}, most_energy = 0;
   /// At the end of the damped frames: root mean square speed (m/s), and largest stretch.
   double rest_speed = 0, rest_stretch = 0;
