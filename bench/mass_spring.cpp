@@ -1,6 +1,6 @@
 // A step of a mass-spring sheet that swings from two pinned corners, with one solve and with
-// Newton, in double and single precision; and the linearisation of the response that predictors
-// use.
+// Newton, by factors and by conjugate gradients, in double and single precision; and the
+// linearisation of the response that predictors use.
 
 #include "clothctl/cloth/mass_spring.hpp"
 
@@ -16,7 +16,8 @@ namespace {
 using namespace clothctl;
 
 template <class Scalar>
-Result<MassSpring<Scalar>> sheet(int n, Integration integration) {
+Result<MassSpring<Scalar>> sheet(int n, Integration integration,
+                                 LinearSolver solver = LinearSolver::Factor) {
   const Result<GridMesh<Scalar>> grid = make_grid<Scalar>(n, n, Scalar(0.5), Scalar(0.5));
   if (!grid) return Error{grid.error()};
   const Material<Scalar> material;
@@ -24,6 +25,7 @@ Result<MassSpring<Scalar>> sheet(int n, Integration integration) {
   if (!network) return Error{network.error()};
   MassSpringSettings<Scalar> settings;
   settings.integration = integration;
+  settings.linear_solver = solver;
   settings.drag = material.drag;
   settings.pinned = {n * n - n, n * n - 1};
   return MassSpring<Scalar>::create(network.value(), settings);
@@ -31,9 +33,10 @@ Result<MassSpring<Scalar>> sheet(int n, Integration integration) {
 
 // The hands move back and forth, so that no step is trivial.
 template <class Scalar>
-void step(benchmark::State& bench, Integration integration) {
+void step(benchmark::State& bench, Integration integration,
+          LinearSolver solver = LinearSolver::Factor) {
   const int n = static_cast<int>(bench.range(0));
-  const Result<MassSpring<Scalar>> model = sheet<Scalar>(n, integration);
+  const Result<MassSpring<Scalar>> model = sheet<Scalar>(n, integration, solver);
   if (!model) return bench.SkipWithError(model.error().c_str());
   auto workspace = model.value().make_workspace();
   ClothState<Scalar> state = model.value().rest_state();
@@ -67,6 +70,16 @@ void newton(benchmark::State& bench) {
 }
 
 template <class Scalar>
+void one_solve_cg(benchmark::State& bench) {
+  step<Scalar>(bench, Integration::LinearlyImplicit, LinearSolver::ConjugateGradient);
+}
+
+template <class Scalar>
+void newton_cg(benchmark::State& bench) {
+  step<Scalar>(bench, Integration::Newton, LinearSolver::ConjugateGradient);
+}
+
+template <class Scalar>
 void linearise(benchmark::State& bench) {
   const Result<MassSpring<Scalar>> model =
       sheet<Scalar>(static_cast<int>(bench.range(0)), Integration::LinearlyImplicit);
@@ -84,7 +97,10 @@ void linearise(benchmark::State& bench) {
 BENCHMARK_TEMPLATE(one_solve, double)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(one_solve, float)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(newton, double)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
-BENCHMARK_TEMPLATE(newton, float)->Arg(17)->Arg(33)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(newton, float)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(one_solve_cg, double)->Arg(65)->Arg(129)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(one_solve, double)->Arg(129)->Unit(benchmark::kMillisecond);
+BENCHMARK_TEMPLATE(newton_cg, double)->Arg(65)->Unit(benchmark::kMillisecond);
 BENCHMARK_TEMPLATE(linearise, float)->Arg(17)->Arg(33)->Arg(65)->Unit(benchmark::kMillisecond);
 
 }  // namespace

@@ -1,4 +1,6 @@
-// Step matrices of sheets: BlockCholesky compared with Eigen's SimplicialLLT for the same matrix.
+// Step matrices of sheets: BlockCholesky compared with Eigen's SimplicialLLT and, where CMake finds
+// it, with CHOLMOD's supernodal factor for the same matrix. CHOLMOD is as fast as the BLAS that it
+// finds: try OpenBLAS too.
 
 #include <benchmark/benchmark.h>
 
@@ -9,6 +11,10 @@
 
 #include "clothctl/linalg/block_cholesky.hpp"
 #include "clothctl/linalg/nested_dissection.hpp"
+
+#if defined(CLOTHCTL_CHOLMOD)
+#include <suitesparse/cholmod.h>
+#endif
 
 namespace {
 
@@ -122,6 +128,64 @@ void solve_eigen(benchmark::State& state) {
   }
 }
 
+#if defined(CLOTHCTL_CHOLMOD)
+/// The matrix of a sheet, its supernodal factor and one right-hand side, in CHOLMOD.
+struct Cholmod {
+  cholmod_common common;
+  cholmod_sparse* matrix = nullptr;
+  cholmod_factor* factor = nullptr;
+  cholmod_dense *right = nullptr, *solution = nullptr, *first = nullptr, *second = nullptr;
+
+  explicit Cholmod(const Sheet<double>& sheet) {
+    cholmod_start(&common);
+    common.supernodal = CHOLMOD_SUPERNODAL;
+    const Eigen::SparseMatrix<double> full = sheet.sparse();
+    const std::size_t n = static_cast<std::size_t>(full.rows());
+    cholmod_triplet* entries = cholmod_allocate_triplet(
+        n, n, static_cast<std::size_t>(full.nonZeros()), -1, CHOLMOD_REAL, &common);
+    for (int column = 0; column < full.cols(); ++column) {
+      for (Eigen::SparseMatrix<double>::InnerIterator it(full, column); it; ++it) {
+        if (it.row() < it.col()) continue;
+        static_cast<int*>(entries->i)[entries->nnz] = static_cast<int>(it.row());
+        static_cast<int*>(entries->j)[entries->nnz] = column;
+        static_cast<double*>(entries->x)[entries->nnz++] = it.value();
+      }
+    }
+    matrix = cholmod_triplet_to_sparse(entries, 0, &common);
+    cholmod_free_triplet(&entries, &common);
+    factor = cholmod_analyze(matrix, &common);
+    right = cholmod_ones(n, 1, CHOLMOD_REAL, &common);
+  }
+  Cholmod(const Cholmod&) = delete;
+  Cholmod& operator=(const Cholmod&) = delete;
+  ~Cholmod() {
+    for (cholmod_dense** dense : {&right, &solution, &first, &second})
+      cholmod_free_dense(dense, &common);
+    cholmod_free_factor(&factor, &common);
+    cholmod_free_sparse(&matrix, &common);
+    cholmod_finish(&common);
+  }
+  bool factorize() { return cholmod_factorize(matrix, factor, &common) != 0; }
+  void solve() {
+    cholmod_solve2(CHOLMOD_A, factor, right, nullptr, &solution, nullptr, &first, &second, &common);
+  }
+};
+
+void factorize_cholmod(benchmark::State& state) {
+  const Sheet<double> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
+  Cholmod cholmod(sheet);
+  for (auto _ : state) benchmark::DoNotOptimize(cholmod.factorize());
+  state.counters["entries"] = cholmod.common.lnz;
+}
+
+void solve_cholmod(benchmark::State& state) {
+  const Sheet<double> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
+  Cholmod cholmod(sheet);
+  if (!cholmod.factorize()) state.SkipWithError("not positive definite");
+  for (auto _ : state) cholmod.solve();
+}
+#endif
+
 template <class Scalar>
 void multiply_own(benchmark::State& state) {
   const Sheet<Scalar> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
@@ -165,5 +229,9 @@ BENCHMARK(solve_eigen<double, 1>)->Apply(grids);
 BENCHMARK(solve_eigen<double, 16>)->Apply(grids);
 BENCHMARK(multiply_own<float>)->Apply(grids);
 BENCHMARK(order_and_analyse<float>)->Apply(grids);
+#if defined(CLOTHCTL_CHOLMOD)
+BENCHMARK(factorize_cholmod)->Apply(grids);
+BENCHMARK(solve_cholmod)->Apply(grids);
+#endif
 
 }  // namespace

@@ -5,10 +5,11 @@
 //   P = L D Lᵀ ≈ A,       L unit lower triangular with the blocks of A below the diagonal
 //   U_ij = A_ij - Σ_{k<j} U_ik L_jkᵀ,   L_ij = U_ij D_j⁻¹,   D_i = A_ii - Σ_{k<i} U_ik L_ikᵀ
 //
-// Sums over k are over the blocks that A has. A pivot D_i that is not clearly positive definite
-// is replaced by A_ii, so P is positive definite whenever all diagonal blocks of A are. A
-// factorisation and a solve cost O(blocks), which makes P a preconditioner for sheets whose
-// complete factor is too large. Reference: Meijerink and van der Vorst, Math. Comp. 31 (1977).
+// Sums over k are over the blocks that A has. When a pivot D_i is not clearly positive definite,
+// all U_ij = A_ij and D_i = A_ii instead (symmetric Gauss-Seidel). So P is positive definite
+// whenever all diagonal blocks of A are. A factorisation and a solve cost O(blocks), which makes P
+// a preconditioner for sheets whose complete factor is too large. Reference: Meijerink and van der
+// Vorst, Math. Comp. 31 (1977).
 
 #include <cstddef>
 #include <span>
@@ -35,30 +36,7 @@ class IncompleteCholesky {
   /// allocates. Complexity: O(blocks · blocks in a row).
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
                                std::span<const unsigned char> held) {
-    const auto is_held = [&](Index i) { return held[static_cast<std::size_t>(i)] != 0; };
-    for (Index i = 0; i < matrix.rows(); ++i) {
-      const int begin = matrix.row_begin(i), end = matrix.row_begin(i + 1);
-      if (is_held(i)) {
-        for (int s = begin; s < end; ++s) lower_.lower(s).setZero();
-        inverse(i).setIdentity();
-        continue;
-      }
-      for (int s = begin; s < end; ++s) {
-        const bool coupled = !is_held(matrix.column(s));
-        lower_.lower(s) = coupled ? matrix.lower(s) : Zero();
-      }
-      Matrix3<Scalar> pivot = matrix.diagonal(i);
-      for (int s = begin; s < end; ++s) subtract_earlier(i, s);
-      for (int s = begin; s < end; ++s) {
-        const Matrix3<Scalar> u = lower_.lower(s);
-        lower_.lower(s).noalias() = u * inverse(matrix.column(s));
-        pivot.noalias() -= u * lower_.lower(s).transpose();
-      }
-      if (!invert(pivot, matrix.diagonal(i), inverse(i)) &&
-          !invert(matrix.diagonal(i), matrix.diagonal(i), inverse(i)))
-        return false;
-    }
-    return true;
+    return eliminate(matrix, held, true) || eliminate(matrix, held, false);
   }
 
   /// Replaces x (1×3n) by P⁻¹ x. Entries of held vertices do not change. Never allocates.
@@ -98,6 +76,35 @@ class IncompleteCholesky {
             e[6] * a.x + e[7] * a.y + e[8] * a.z};
   }
 
+  /// Computes L and D. Without `update`, U_ij = A_ij and D_i = A_ii.
+  bool eliminate(const BlockSymmetric<Scalar>& matrix, std::span<const unsigned char> held,
+                 bool update) {
+    const auto is_held = [&](Index i) { return held[static_cast<std::size_t>(i)] != 0; };
+    for (Index i = 0; i < matrix.rows(); ++i) {
+      const int begin = matrix.row_begin(i), end = matrix.row_begin(i + 1);
+      if (is_held(i)) {
+        for (int s = begin; s < end; ++s) lower_.lower(s).setZero();
+        inverse(i).setIdentity();
+        continue;
+      }
+      for (int s = begin; s < end; ++s) {
+        const bool coupled = !is_held(matrix.column(s));
+        lower_.lower(s) = coupled ? matrix.lower(s) : Zero();
+      }
+      Matrix3<Scalar> pivot = matrix.diagonal(i);
+      for (int s = begin; update && s < end; ++s) subtract_earlier(i, s);
+      for (int s = begin; s < end; ++s) {
+        const Matrix3<Scalar> u = lower_.lower(s);
+        lower_.lower(s).noalias() = u * inverse(matrix.column(s));
+        if (update) pivot.noalias() -= u * lower_.lower(s).transpose();
+      }
+      const Matrix3<Scalar>& own = matrix.diagonal(i);
+      const Scalar least = update ? Scalar(1e-6) : scalar_traits<Scalar>::epsilon();
+      if (!invert(pivot, own, least, inverse(i))) return false;
+    }
+    return true;
+  }
+
   /// Subtracts Σ_{k<j} U_ik L_jkᵀ from the block of slot s, row i and column j. Row i holds U,
   /// earlier rows hold L.
   void subtract_earlier(Index i, int s) {
@@ -113,9 +120,9 @@ class IncompleteCholesky {
   }
 
   /// Writes the inverse of a symmetric block to `out`. Returns false, and writes nothing, when a
-  /// pivot of the block is not above a millionth of the same entry of `size`.
-  static bool invert(const Matrix3<Scalar>& m, const Matrix3<Scalar>& size, Matrix3<Scalar>& out) {
-    const Scalar least = Scalar(1e-6);
+  /// pivot of the block is not above `least` times the same entry of `size`.
+  static bool invert(const Matrix3<Scalar>& m, const Matrix3<Scalar>& size, const Scalar& least,
+                     Matrix3<Scalar>& out) {
     const Scalar a = m(0, 0);
     if (!is_finite(a) || !(least * size(0, 0) < a)) return false;
     const Scalar b = m(1, 0) / a, c = m(2, 0) / a;
