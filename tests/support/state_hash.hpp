@@ -1,8 +1,7 @@
 #pragma once
 
 // Hashes of simulated states, and their expected values on platforms where the library promises
-// equal bits: x86-64, without -march or -m options that allow AVX or fused multiply-add, and
-// without -ffast-math.
+// equal bits (support/bits.hpp).
 
 #include <array>
 #include <cstdint>
@@ -10,25 +9,17 @@
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/network/sheet.hpp"
+#include "support/bits.hpp"
 
 namespace clothctl_test {
-
-/// True if this translation unit is compiled with flags for which the bits are fixed.
-#if defined(__x86_64__) && !defined(__AVX__) && !defined(__FMA__) && !defined(__FAST_MATH__)
-inline constexpr bool kBaselineFlags = true;
-#else
-inline constexpr bool kBaselineFlags = false;
-#endif
 
 /// Returns the FNV-1a hash of the bits of positions and velocities.
 template <class Scalar>
 std::uint64_t state_hash(const clothctl::ClothState<Scalar>& state) {
-  std::uint64_t hash = 14695981039346656037u;
-  for (const clothctl::Points<Scalar>* points : {&state.positions, &state.velocities}) {
-    const auto* byte = reinterpret_cast<const unsigned char*>(points->data());
-    const auto count = static_cast<std::size_t>(points->size()) * sizeof(Scalar);
-    for (std::size_t i = 0; i < count; ++i) hash = (hash ^ byte[i]) * 1099511628211u;
-  }
+  std::uint64_t hash = kEmptyHash;
+  for (const clothctl::Points<Scalar>* points : {&state.positions, &state.velocities})
+    hash =
+        hash_bytes(points->data(), static_cast<std::size_t>(points->size()) * sizeof(Scalar), hash);
   return hash;
 }
 

@@ -229,7 +229,7 @@ CLOTHCTL_KERNEL Chunk reciprocal_sqrt_by_bits(const Chunk& x) {
 
 }  // namespace detail
 
-/// Returns 1/√x of each lane: relative error below 7·10⁻⁷ in float and 10⁻¹⁵ in double for normal
+/// Returns 1/√x of each lane: relative error below 8·10⁻⁷ in float and 10⁻¹⁵ in double for normal
 /// x; a finite number of at least 10¹⁸ for x = 0; an arbitrary number for x < 0, infinity and NaN
 /// in float and double.
 template <class Scalar, int kLanes>
