@@ -52,7 +52,7 @@ struct LaneLevelScratch {
   LaneEdgeScratch<Scalar> edges;
   /// Y, then D.
   VectorX<Scalar> points;
-  /// Squared lengths of the tethers: an array of blocks / 4 for each held vertex in use.
+  /// Lengths of the tethers, m: an array of blocks / 4 for each held vertex in use.
   std::vector<VectorX<Scalar>> tether;
 };
 
@@ -122,13 +122,15 @@ class LaneLevels {
   void for_each_injected(std::size_t l, Visit&& visit) const;
 
   LaneLayout<Scalar> layout_;
+  /// Blocks of the grid at rest.
+  VectorX<Scalar> rest_;
   std::vector<LaneLevel<Scalar>> levels_;
 };
 
 template <RealScalar Scalar>
 LaneLevels<Scalar>::LaneLevels(const LaneLayout<Scalar>& layout, const VectorX<Scalar>& rest,
                                int count, bool shifted)
-    : layout_(layout) {
+    : layout_(layout), rest_(rest) {
   LevelLines rows(layout_.rows, 1), cols(layout_.cols, 1);
   std::vector<double> mass(static_cast<std::size_t>(layout_.rows) *
                            static_cast<std::size_t>(layout_.cols));
@@ -293,10 +295,9 @@ void LaneLevels<Scalar>::prepare(const std::vector<GridPlace>& held, Scratch& sc
     for (std::size_t i = 0; i < scratch.tether_count; ++i) {
       // The distance at rest from the held vertex itself, which need not be on this level.
       const GridPlace& place = scratch.tethered[i];
-      const int row = level.rows.nearest(place.row), col = level.cols.nearest(place.col);
-      const Index at = static_cast<Index>(layout.offset(row, col));
-      const Pack qx = Pack::all(level.rest[at]), qy = Pack::all(level.rest[at + kLanes]),
-                 qz = Pack::all(level.rest[at + 2 * kLanes]);
+      const Index at = static_cast<Index>(layout_.offset(place.row, place.col));
+      const Pack qx = Pack::all(rest_[at]), qy = Pack::all(rest_[at + kLanes]),
+                 qz = Pack::all(rest_[at + 2 * kLanes]);
       Scalar* length = memory.tether[i].data();
       for (std::size_t block = 0; block * kBlock < layout.size(); ++block) {
         const Block p = Block::load(level.rest.data() + block * kBlock);
