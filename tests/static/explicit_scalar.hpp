@@ -11,7 +11,6 @@
 #include <limits>
 
 #include "clothctl/core/scalar.hpp"
-#include "clothctl/core/snapshot.hpp"
 
 namespace clothctl_test {
 
@@ -109,21 +108,6 @@ struct scalar_traits<clothctl_test::ExplicitDouble> {
     return scalar_traits<double>::is_unbounded(value.unboxed());
   }
   static bool is_nan(Scalar value) { return scalar_traits<double>::is_nan(value.unboxed()); }
-};
-
-/// Stores the class in snapshots like a double.
-template <>
-struct snapshot_scalar_traits<clothctl_test::ExplicitDouble> {
-  static constexpr std::uint32_t kCode = snapshot_scalar_traits<double>::kCode;
-  static constexpr std::size_t kBytes = snapshot_scalar_traits<double>::kBytes;
-  static void store(const clothctl_test::ExplicitDouble& value, std::byte* out) {
-    snapshot_scalar_traits<double>::store(value.unboxed(), out);
-  }
-  static void load(const std::byte* in, clothctl_test::ExplicitDouble& value) {
-    double number = 0.0;
-    snapshot_scalar_traits<double>::load(in, number);
-    value = clothctl_test::ExplicitDouble(number);
-  }
 };
 
 }  // namespace clothctl

@@ -243,7 +243,10 @@ PositionBased<S>::PositionBased(SpringNetwork<Scalar> network,
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   if (!verlet) {
     const auto grid = detail::find_grid(network_);
-    if (grid && (!limited() || detail::is_regular(network_, *grid))) {
+    bool regular = true;
+    if constexpr (detail::HasLevels<Scalar>)
+      regular = grid && (!limited() || detail::is_regular(network_, *grid));
+    if (grid && regular) {
       in_lanes_ = true;
       lanes_ = detail::LaneSheet<Scalar>(network_, *grid, limited());
       return;

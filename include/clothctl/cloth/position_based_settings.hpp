@@ -36,9 +36,9 @@ struct PositionBasedSettings {
   /// Mass-proportional drag α, 1/s: a substep h divides the velocity by 1 + h α.
   Scalar drag = Scalar(0);
   /// XPBD only: largest stretch of a structural or shear spring, its length over its rest length
-  /// minus 1; 0 means no limit. At the end of a step hardly an edge exceeds it: the report says by
-  /// how much. Without a limit the sheet is as soft as the sweeps leave it. With one, a substep
-  /// does `iterations` sweeps in which dampers do not act.
+  /// minus 1; 0 means no limit. The scalar must convert to double. At the end of a step hardly an
+  /// edge exceeds it: the report says by how much. Without a limit the sheet is as soft as the
+  /// sweeps leave it. With one, a substep does `iterations` sweeps in which dampers do not act.
   Scalar stretch_limit = Scalar(0);
   /// With a limit: the share of a compression that a sweep removes, 0 to 1. Fabric cannot be
   /// pushed; large shares fight with the limit.
@@ -91,6 +91,8 @@ struct PositionBasedSettings {
     if (negative(stretch_limit)) return "stretch limit is negative or not finite";
     if (scheme == PositionScheme::Verlet && Scalar(0) < stretch_limit)
       return "stretch limit needs the scheme Xpbd";
+    if (!requires(const Scalar& s) { static_cast<double>(s); } && Scalar(0) < stretch_limit)
+      return "stretch limit needs a scalar that converts to double";
     if (no_part(compression)) return "compression is outside 0 to 1";
     if (extra_sweeps < 0)
       return "extra_sweeps is " + std::to_string(extra_sweeps) + ", must be at least 0";

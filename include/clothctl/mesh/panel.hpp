@@ -122,8 +122,13 @@ inline std::vector<int> edges_of_parts(const OutlineSide& side, int edges) {
 inline void sample_side(const OutlineSide& side, int edges, std::vector<FlatPoint>& out) {
   if (side.smooth || side.points.size() == 2) return sample_smooth(side, edges, out);
   const std::vector<int> count = edges_of_parts(side, edges);
-  for (std::size_t i = 0; i < count.size(); ++i)
-    sample_smooth(OutlineSide{{side.points[i], side.points[i + 1]}, true}, count[i], out);
+  OutlineSide part;
+  part.smooth = true;
+  for (std::size_t i = 0; i < count.size(); ++i) {
+    const auto first = side.points.begin() + static_cast<std::ptrdiff_t>(i);
+    part.points.assign(first, first + 2);
+    sample_smooth(part, count[i], out);
+  }
 }
 
 /// Returns what is wrong with a side, or "".

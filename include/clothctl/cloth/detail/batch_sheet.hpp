@@ -11,6 +11,7 @@
 #include "clothctl/cloth/detail/batch_levels.hpp"
 #include "clothctl/cloth/detail/bend_batches.hpp"
 #include "clothctl/cloth/detail/edge_batches.hpp"
+#include "clothctl/cloth/detail/find_grid.hpp"
 #include "clothctl/mesh/topology.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -131,7 +132,9 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
   edges_ = pack_edges(edges, order, n);
   unlimited_ = pack_edges(unlimited, order, n);
   bends_ = pack_bends(network.bends, order, n);
-  if (setup.limited) make_levels(network, setup.tethered);
+  if constexpr (HasLevels<Scalar>) {
+    if (setup.limited) make_levels(network, setup.tethered);
+  }
 }
 
 template <RealScalar Scalar>

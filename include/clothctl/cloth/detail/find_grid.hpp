@@ -115,9 +115,16 @@ std::optional<GridShape> find_grid(const SpringNetwork<Scalar>& network) {
   return std::nullopt;
 }
 
+/// True if levels can be made for the scalar: their lengths and weights are computed in double.
+template <class Scalar>
+concept HasLevels = requires(const Scalar& value) {
+  static_cast<double>(value);
+};
+
 /// Returns true when the grid is whole and is at rest in a plane with equal cells, so that
 /// distances at rest bound the distances in any motion that stretches no spring.
 template <RealScalar Scalar>
+requires HasLevels<Scalar>
 bool is_regular(const SpringNetwork<Scalar>& network, const GridShape& grid) {
   const std::size_t rows = static_cast<std::size_t>(grid.rows),
                     cols = static_cast<std::size_t>(grid.cols);

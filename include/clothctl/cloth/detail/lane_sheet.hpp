@@ -133,9 +133,10 @@ LaneSheet<Scalar>::LaneSheet(const SpringNetwork<Scalar>& network, const GridSha
   }
   lay_out_edges(network, grid);
   lay_out_bends(network, grid);
-  if (levels == 0) return;
-  for (std::size_t set = 0; set < 2; ++set)
-    levels_[set] = LaneLevels<Scalar>(edges_.layout, rest_, levels, set == 1);
+  if constexpr (HasLevels<Scalar>) {
+    for (std::size_t set = 0; levels > 0 && set < 2; ++set)
+      levels_[set] = LaneLevels<Scalar>(edges_.layout, rest_, levels, set == 1);
+  }
 }
 
 template <RealScalar Scalar>

@@ -126,7 +126,7 @@ struct PointBatch {
 
  private:
 #if defined(__GNUC__)
-  typedef Scalar Vertex __attribute__((vector_size(4 * sizeof(Scalar))));
+  using Vertex = typename Register<Scalar, kBlock == 0 ? 1 : 4>::type;
 
   /// Reads lane 0 of `offset`, or lanes 0 and 4 side by side.
   template <class Chunk = typename Pack::Chunk>
