@@ -99,36 +99,6 @@ Matrix3<double> some_rotation(unsigned seed) {
 
 }  // namespace
 
-TEST_CASE("lane levels: lines of a level and their parents", "[lane_levels]") {
-  for (int count = 2; count < 70; ++count) {
-    for (const int spacing : {1, 2, 4, 8}) {
-      for (const int shift : {0, spacing / 2}) {
-        const LevelLines lines(count, spacing, shift);
-        CHECK(lines.fine.front() == 0);
-        CHECK(lines.fine.back() == count - 1);
-        CHECK(std::is_sorted(lines.fine.begin(), lines.fine.end()));
-        CHECK(std::adjacent_find(lines.fine.begin(), lines.fine.end()) == lines.fine.end());
-        const LevelLines all(count, 1);
-        REQUIRE(all.count() == count);
-        for (int line = 0; line < count; ++line) {
-          const LineParents<double> parents(all, lines, line);
-          const auto at = [&](int i) {
-            return i < lines.count() ? lines.fine[static_cast<std::size_t>(i)] : count - 1;
-          };
-          // The weights reproduce the line.
-          const double sum =
-              (1 - parents.second) * at(parents.first) + parents.second * at(parents.first + 1);
-          CHECK(sum == Approx(line).margin(1e-12));
-          CHECK((parents.second >= 0 && parents.second < 1));
-          const int nearest = lines.nearest(line);
-          for (int other : lines.fine)
-            CHECK(std::abs(at(nearest) - line) <= std::abs(other - line));
-        }
-      }
-    }
-  }
-}
-
 TEMPLATE_TEST_CASE("lane levels: tethers pull a sheet that is scaled about its corner back to rest",
                    "[lane_levels]", float, double, long double) {
   // The displacements of the levels are then linear in the rest position, and interpolation must

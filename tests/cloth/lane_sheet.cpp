@@ -193,11 +193,12 @@ TEMPLATE_TEST_CASE("lane sheet: nothing moves at rest, with levels and without",
   }
 }
 
-TEST_CASE("lane sheet: the number of levels follows the shorter side", "[lane_sheet]") {
-  CHECK(level_count(31, 100) == 0);
-  CHECK(level_count(32, 100) == 1);
-  CHECK(level_count(100, 33) == 1);
-  CHECK(level_count(63, 63) == 2);
+TEST_CASE("lane sheet: the number of levels follows the longer side", "[lane_sheet]") {
+  CHECK(level_count(9, 9) == 0);
+  CHECK(level_count(12, 9) == 1);
+  CHECK(level_count(17, 17) == 1);
+  CHECK(level_count(33, 33) == 1);
+  CHECK(level_count(9, 40) == 2);
   CHECK(level_count(65, 65) == 2);
   CHECK(level_count(129, 129) == 3);
 }

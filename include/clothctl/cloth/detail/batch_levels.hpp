@@ -76,8 +76,8 @@ class BatchLevels {
 
   BatchLevels() = default;
 
-  /// Makes levels until one has less than 300 vertices. Allocates. Complexity: O(n log n) for a
-  /// mesh whose vertices have few neighbours.
+  /// Makes levels until one has less than 600 vertices; none for less than 50. Allocates.
+  /// Complexity: O(n log n) for a mesh whose vertices have few neighbours.
   explicit BatchLevels(const LevelInput& input);
 
   int count() const { return static_cast<int>(levels_.size()); }
@@ -152,7 +152,7 @@ BatchLevels<Scalar>::BatchLevels(const LevelInput& input)
   std::vector<int> finer(vertex_count_);
   for (std::size_t v = 0; v < vertex_count_; ++v) finer[v] = static_cast<int>(v);
   std::vector<double> mass = input.mass;
-  for (int l = 1; l < 12 && finer.size() >= 600; ++l) {
+  for (int l = 1; l < 12 && finer.size() >= (l == 1 ? 50 : 600); ++l) {
     const std::size_t before = finer.size();
     add_level(input, 0.84 * mean * static_cast<double>(1 << l), surface, finer, mass);
     if (finer.size() * 10 > before * 7) {  // nothing gained, as with many pieces

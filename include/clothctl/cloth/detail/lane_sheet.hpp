@@ -103,10 +103,12 @@ class LaneSheet {
   bool damped_ = false;
 };
 
-/// Returns how many coarse levels a grid gets: halved until the shorter side is below 32.
+/// Returns how many coarse levels a grid gets: halved until the longer side is below 18; at least
+/// one from a side of 10 on. Sweeps alone cannot carry a limit across more vertices.
 inline int level_count(int rows, int cols) {
   int count = 0;
-  for (int side = std::min(rows, cols); side >= 32; side = (side + 1) / 2) ++count;
+  for (int side = std::max(rows, cols); side >= (count == 0 ? 10 : 18); side = (side + 1) / 2)
+    ++count;
   return count;
 }
 
