@@ -41,9 +41,9 @@ class Draw {
 SpringNetwork<double> random_sheet(Draw& draw, double size) {
   Material<double> material;
   material.area_density = draw.decades(-2, 1);
-  material.stretch = draw.decades(0, 5);
-  material.shear = material.stretch * draw.decades(-3, 0);
-  material.bending = draw.chance(0.2) ? 0.0 : draw.decades(-8, -2);
+  material.set_stretch(draw.decades(0, 5));
+  material.shear = material.stretch_warp * draw.decades(-3, 0);
+  material.set_bending(draw.chance(0.2) ? 0.0 : draw.decades(-8, -2));
   material.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
   const int rows = draw.whole(2, 8), cols = draw.whole(2, 8);
   const double height = size * draw.decades(-1, 0);

@@ -112,7 +112,7 @@ TEST_CASE("the network of a torn triangle mesh is that of the builder", "[networ
     const PlainMesh mesh = irregular_mesh(4 + static_cast<int>(random() % 4), 6, random,
                                           trial % 2 == 0 ? 0.0 : 0.2, trial % 5 == 4);
     Material<double> material;
-    material.bending = 1e-3;
+    material.set_bending(1e-3);
     Network network = sheet_network(mesh.positions, mesh.triangles, material).value();
     for (int round = 0; round < 2; ++round) {
       const auto change = change_network(network, random_change(network, random)).value();
