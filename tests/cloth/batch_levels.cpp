@@ -59,7 +59,7 @@ struct Sheet {
     levels = BatchLevels<Scalar>(input);
     scratch = levels.make_scratch();
     points.setZero(4 * (n + 2));
-    place([](const Vector3<double>& x) { return x; });
+    place([](const Vector3<double>& x) -> Vector3<double> { return x; });
     for (Index v = 0; v < n; ++v)
       points[4 * v + 3] = Scalar(1.0 / input.mass[static_cast<std::size_t>(v)]);
   }
@@ -259,7 +259,9 @@ TEMPLATE_TEST_CASE("batch levels: corrections shorten a stretched sheet", "[batc
   for (const int tethered : {0, 2}) {  // the levels alone, and with tethers
     Sheet<Scalar> sheet(47, 35, 0.2, 7, tethered);
     sheet.hold({sheet.corner(0), sheet.corner(1)});
-    sheet.place([](const Vector3<double>& x) { return Vector3<double>(x[0], 1.2 * x[1], 0.0); });
+    sheet.place([](const Vector3<double>& x) -> Vector3<double> {
+      return Vector3<double>(x[0], 1.2 * x[1], 0.0);
+    });
     const auto height = [&]() {
       return (sheet.get(sheet.corner(2)) - sheet.get(sheet.corner(0))).norm();
     };

@@ -112,9 +112,11 @@ TEMPLATE_TEST_CASE("lane levels: tethers pull a sheet that is scaled about its c
         const Vector3<double> q = sheet.get(sheet.rest, sheet.offset(held.row, held.col));
         const Matrix3<double> turn = some_rotation(3);
         sheet.hold({held});
-        sheet.place([&](const Vector3<double>& x) { return q + turn * (x - q); });
+        sheet.place(
+            [&](const Vector3<double>& x) -> Vector3<double> { return q + turn * (x - q); });
         const VectorX<Scalar> expected = sheet.points;
-        sheet.place([&](const Vector3<double>& x) { return q + 1.2 * turn * (x - q); });
+        sheet.place(
+            [&](const Vector3<double>& x) -> Vector3<double> { return q + 1.2 * turn * (x - q); });
         sheet.correct(0, 0.0);
         INFO(size.rows << " × " << size.cols << ", corner " << corner << ", shifted " << shifted);
         CHECK(sheet.distance(expected) < kSmall<Scalar>);
@@ -137,8 +139,9 @@ TEMPLATE_TEST_CASE("lane levels: nothing happens where nothing is stretched", "[
       const Matrix3<double> turn = some_rotation(5);
       // Flat, moved rigidly; and shrunk, as in folds.
       for (const double scale : {1.0, 0.9}) {
-        sheet.place(
-            [&](const Vector3<double>& x) { return Vector3<double>(1, 2, -1) + scale * turn * x; });
+        sheet.place([&](const Vector3<double>& x) -> Vector3<double> {
+          return Vector3<double>(1, 2, -1) + scale * turn * x;
+        });
         const VectorX<Scalar> before = sheet.points;
         sheet.correct(3, 0.0);
         CHECK(sheet.distance(before) < 5 * kSmall<Scalar>);
@@ -222,7 +225,7 @@ TEMPLATE_TEST_CASE("lane levels: corrections shorten a stretched sheet", "[lane_
   for (const Size& size : kSizes) {
     Sheet<Scalar> sheet(size.rows, size.cols, size.levels, false);
     sheet.hold({{0, 0}, {0, size.cols - 1}});
-    sheet.place([&](const Vector3<double>& x) {
+    sheet.place([&](const Vector3<double>& x) -> Vector3<double> {
       return Vector3<double>(x[0], 0.4 + 1.2 * (x[1] - 0.4), x[2]);
     });
     const auto height = [&]() {

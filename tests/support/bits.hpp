@@ -15,6 +15,13 @@ inline constexpr bool kBaselineFlags = true;
 inline constexpr bool kBaselineFlags = false;
 #endif
 
+/// True if the compiler may assume that NaN does not exist and may reorder sums.
+#if defined(__FAST_MATH__)
+inline constexpr bool kFastMath = true;
+#else
+inline constexpr bool kFastMath = false;
+#endif
+
 /// The FNV-1a hash of nothing.
 inline constexpr std::uint64_t kEmptyHash = 14695981039346656037u;
 
