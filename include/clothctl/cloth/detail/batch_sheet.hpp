@@ -126,7 +126,8 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
     const Scalar relaxation = setup.relaxation.empty() ? Scalar(1) : setup.relaxation[e];
     const bool bends = setup.limited && s.kind == SpringKind::Bend;
     (bends ? unlimited : edges)
-        .push_back({s.a, s.b, s.rest_length, relaxation, s.stiffness, s.damping});
+        .push_back({s.a, s.b, s.rest_length, relaxation, s.stiffness,
+                    setup.limited ? Scalar(0) : s.damping});
   }
   const PackOrder order = setup.listed_order ? PackOrder{1, 0} : PackOrder{3, 256};
   edges_ = pack_edges(edges, order, n);

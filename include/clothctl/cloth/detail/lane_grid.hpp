@@ -16,12 +16,12 @@
 // of that first row, the ghost row: lane k of the ghost row is the vertex below lane k. A vertex is
 // written back before it is read again, so the sweep is sequential as far as edges share vertices.
 //
-// Within a row pass the four kinds of edges follow each other at a distance of some columns, so
-// that an edge need not wait for the one before it. The order of the edges is: by rows; in a row,
-// by columns of A below, with
+// Within a row pass the four kinds of edges follow each other at a distance of two columns, so that
+// an edge need not wait for the one before it. The order of the edges is: by rows; in a row, kind
+// by kind as far as edges share vertices, each kind by columns. With A the row, C the row below:
 //
-//     along   A(c) - A(c+1)                        of the upper row A
-//     down    A(c) - C(c),                         C the row below
+//     along   A(c) - A(c+1)
+//     down    A(c) - C(c)
 //     falling A(c) - C(c+1)
 //     rising  A(c+1) - C(c)
 
