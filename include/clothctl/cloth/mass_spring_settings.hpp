@@ -66,7 +66,7 @@ struct MassSpringSettings {
   int max_iterations = 100;
   /// With true, a single linear solve that would create energy (see docs/mass_spring.md) is
   /// followed by Newton steps until the step no longer does. No effect with Newton.
-  bool limit_energy = true;
+  bool limit_energy = false;
   /// How the linear systems of a step are solved.
   LinearSolver linear_solver = LinearSolver::Factor;
   /// Largest number of iterations of conjugate gradients in the single linear solve. They end when
