@@ -5,12 +5,13 @@
 //   hand_reach --model hand.urdf --targets 1000 --out out    then open out/player.html
 
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "clothctl/bridge/urdf.hpp"
+#include "support/command_line.hpp"
 #include "support/hand_figures.hpp"
 #include "support/hand_oracle.hpp"
 #include "support/hand_targets.hpp"
-#include "support/options.hpp"
 
 namespace {
 

@@ -6,9 +6,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "clothctl/bridge/urdf.hpp"
 #include "clothctl/robot/hand34.hpp"
+#include "support/command_line.hpp"
 #include "support/hand_run.hpp"
 
 using namespace program;

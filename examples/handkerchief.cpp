@@ -5,8 +5,10 @@
 
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 
 #include "clothctl/network/sheet.hpp"
+#include "support/command_line.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 
@@ -94,8 +96,8 @@ clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Tas
   clothctl::ClothState<double> state{grid.positions, Points::Zero(3, grid.positions.cols())};
   for (Index i = 0; i < grid.positions.cols(); ++i) {
     const Vec flat = grid.positions.col(i);
-    const double bow = 0.25 * std::sqrt(1 - o.spread) * o.size *
-                       std::cos(3.14159265358979323846 * flat[0] / o.size);
+    const double turn = std::numbers::pi * flat[0] / o.size;
+    const double bow = 0.25 * std::sqrt(1 - o.spread) * o.size * std::cos(turn);
     state.positions.col(i) = hands + o.spread * flat[0] * along + flat[2] * up + bow * normal;
   }
   return state;
@@ -108,18 +110,16 @@ void fit_task(const Options& o, const Grid& grid, const std::vector<int>& corner
     scene.task = make_handkerchief_task(o.task, o.seed, o.size, x.col(corners.front()),
                                         x.col(corners.back()));
     scene.title = "Handkerchief: " + o.task;
-    if (corners.size() != 2)
-      refuse("--features: the built-in tasks move 2 features, not " +
-             std::to_string(corners.size()));
+    const std::string count = std::to_string(corners.size());
+    if (corners.size() != 2) refuse("--features: the built-in tasks move 2 features, not " + count);
     return;
   }
   for (std::size_t i = 0; i < corners.size(); ++i)
     scene.task.curves[i].translate(x.col(corners[i]) - scene.task.curves[i].position(0));
   scene.title = "Handkerchief: " + std::filesystem::path(o.targets).stem().string();
   for (std::size_t i = 0; i + 1 < corners.size(); ++i) {
-    const double cloth =
-        (grid.positions.col(corners[i]) - grid.positions.col(corners[i + 1])).norm();
-    check_reach(o, scene.task, i, i + 1, cloth);
+    const Vec side = grid.positions.col(corners[i]) - grid.positions.col(corners[i + 1]);
+    check_reach(o, scene.task, i, i + 1, side.norm());
   }
 }
 

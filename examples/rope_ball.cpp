@@ -5,6 +5,7 @@
 
 #include "clothctl/network/rope.hpp"
 #include "clothctl/network/solid.hpp"
+#include "support/command_line.hpp"
 #include "support/loop.hpp"
 
 namespace {

@@ -9,8 +9,8 @@
 
 #include "clothctl/mesh/garment_patterns.hpp"
 #include "clothctl/network/garment.hpp"
+#include "support/command_line.hpp"
 #include "support/inputs.hpp"
-#include "support/options.hpp"
 #include "support/workshop.hpp"
 
 namespace {

@@ -10,6 +10,7 @@
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/io/file.hpp"
 #include "support/cloth_run.hpp"
+#include "support/command_line.hpp"
 
 namespace {
 

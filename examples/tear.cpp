@@ -4,6 +4,7 @@
 //   tear --cut 0.2,0.5,0.8,0.5 --limit 0.1      a slit across the middle
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"

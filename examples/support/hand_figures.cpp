@@ -1,5 +1,7 @@
 #include "support/hand_figures.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include <cstdio>
 #include <filesystem>
 

@@ -3,7 +3,7 @@
 // Shared by the programs for hands: the ends of a robot's fingers, a motion from pose to pose
 // and printing.
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 

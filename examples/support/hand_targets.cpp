@@ -1,5 +1,7 @@
 #include "support/hand_targets.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <cstdio>

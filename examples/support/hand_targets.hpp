@@ -4,7 +4,7 @@
 // and from random starts; and a page that shows the hand.
 
 #include <cstdint>
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 

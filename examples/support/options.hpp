@@ -1,12 +1,8 @@
 #pragma once
 
-// The command line that the programs share, with its checks. Bad input prints one line on stderr
-// and exits with 2.
+// The options that the programs share. Bad input prints one line on stderr and exits with 2.
 
-#include <CLI/CLI.hpp>
 #include <cstdint>
-#include <cstdio>
-#include <cstdlib>
 #include <string>
 #include <utility>
 #include <vector>
@@ -51,19 +47,5 @@ struct Options {
   bool dt_given = false;
   bool friction_given = false;
 };
-
-/// Accepts numbers from `least` to `most`; --help shows the range.
-CLI::Validator between(double least, double most);
-
-/// Adds the options of every program. `tasks`: the built-in motions for --task, an alternative to
-/// --targets.
-void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
-                const std::string& task_help);
-
-/// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
-/// 2.
-void parse(CLI::App& app, int argc, char** argv);
-/// The same for a program with `add_common`.
-void parse(CLI::App& app, Options& o, int argc, char** argv);
 
 }  // namespace program

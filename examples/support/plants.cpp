@@ -16,6 +16,7 @@ clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integr
   settings.integration = integration;
   settings.drag = body.drag;
   settings.air = body.air;
+  settings.limit_energy = false;  // the published step, which the planner predicts
   return must(clothctl::MassSpring<double>::create(body.network, settings));
 }
 

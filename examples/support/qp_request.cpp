@@ -8,7 +8,7 @@
 #include "clothctl/io/file.hpp"
 #include "clothctl/io/qps.hpp"
 #include "clothctl/io/qpt.hpp"
-#include "support/options.hpp"
+#include "support/command_line.hpp"
 
 namespace program {
 

@@ -1,5 +1,7 @@
 #include "support/tear_history.hpp"
 
+#include <nlohmann/json.hpp>
+
 #include "clothctl/io/html_player.hpp"
 #include "support/options.hpp"
 

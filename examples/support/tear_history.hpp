@@ -2,7 +2,7 @@
 
 // The frames of a run whose mesh changes, for the player's page.
 
-#include <nlohmann/json.hpp>
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 

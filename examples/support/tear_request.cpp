@@ -1,6 +1,6 @@
 #include "support/tear_request.hpp"
 
-#include "support/options.hpp"
+#include "support/command_line.hpp"
 
 namespace program {
 

@@ -53,6 +53,7 @@ struct HangingSheet {
     clothctl::MassSpringSettings<double> settings;
     settings.integration = integration;
     settings.drag = material.drag;
+    settings.limit_energy = false;  // the published step, which planners predict
     if (air) {
       settings.air.normal_coefficient = material.air_normal;
       settings.air.tangent_coefficient = material.air_tangent;

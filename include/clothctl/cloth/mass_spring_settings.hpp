@@ -64,9 +64,10 @@ struct MassSpringSettings {
   /// Largest number of Newton steps in a time step. When it is reached, the time step ends with the
   /// status IterationLimit.
   int max_iterations = 100;
-  /// With true, a single linear solve that would create energy (see docs/mass_spring.md) is
-  /// followed by Newton steps until the step no longer does. No effect with Newton.
-  bool limit_energy = false;
+  /// With true, no step creates energy (see docs/mass_spring.md): a single linear solve that would
+  /// is followed by Newton steps. With false, a step with LinearlyImplicit is one linear solve,
+  /// which is what MassSpringResponse predicts.
+  bool limit_energy = true;
   /// How the linear systems of a step are solved.
   LinearSolver linear_solver = LinearSolver::Factor;
   /// Largest number of iterations of conjugate gradients in the single linear solve. They end when

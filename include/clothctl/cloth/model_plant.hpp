@@ -28,10 +28,16 @@ class ModelPlant {
   /// Returns the model.
   const Model& model() const { return model_; }
   /// Returns the model, to change its settings between steps. If you replace it by a model that the
-  /// workspace does not fit, `advance` reports InvalidWorkspace.
+  /// workspace does not fit, `advance` reports InvalidWorkspace; `set_model` makes one that does.
   Model& model() { return model_; }
   /// Returns the state.
   const ClothState<Scalar>& state() const { return state_; }
+  /// Replaces the model and makes a workspace for it. State and input stay: the caller sets those
+  /// that belong to the new model. Allocates.
+  void set_model(Model model) {
+    model_ = std::move(model);
+    workspace_ = cloth_traits<Model>::make_workspace(model_);
+  }
   /// Replaces the state. `advance` reports InvalidState when its size is wrong.
   void set_state(const ClothState<Scalar>& state) { state_ = state; }
 
@@ -44,6 +50,8 @@ class ModelPlant {
   /// Sets what acts on the sheet from now on. Allocates when the input has more entries than
   /// before.
   void apply(const ClothInput<Scalar>& input) { input_ = input; }
+  /// Returns the input that was applied last.
+  const ClothInput<Scalar>& input() const { return input_; }
   /// Returns the upward force (3-vector, N) that holds the sheet at rest: minus its weight, by the
   /// masses and the gravity of the model. A controller takes it as its gravity load, for example
   /// PlannerSettings::gravity_load. Exists for models whose `cloth_traits` have that hook

@@ -1,14 +1,15 @@
 #pragma once
 
-// A plant whose sheet can tear, be cut and be sewn: a model, its state and workspace, and what is
-// needed to build the next model from the changed network.
+// A plant whose sheet can tear, be cut and be sewn: it builds the next model from the changed
+// network.
 //
 //   auto sheet = TearableSheet<MassSpring<double>>::create(model, limits).value();
-//   sheet.advance(dt);                                        // finds broken springs
+//   sheet.advance(dt);  // finds broken springs
 //   if (sheet.torn_count() > 0) {
-//     const auto remap = sheet.apply_topology_changes();      // a new model; state and input
-//     follow features = remap_features(features, *remap);            // and what else refers to
-//     vertices
+//     // A new model. State and input follow it.
+//     const auto remap = sheet.apply_topology_changes();
+//     // So must all else that refers to vertices.
+//     features = remap_features(features, remap.value());
 //   }
 
 #include <array>
@@ -17,6 +18,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/core/step_input.hpp"
 #include "clothctl/network/plastic_creep.hpp"
@@ -29,7 +31,9 @@ namespace clothctl::inline CLOTHCTL_ABI {
 /// PositionBased. All copies of a pinned vertex stay pinned.
 template <class Model, RealScalar S = typename Model::Scalar>
 requires ClothModel<Model, S>
-class TearableSheet {
+class TearableSheet : private ModelPlant<Model, S> {
+  using Plant = ModelPlant<Model, S>;
+
  public:
   /// The scalar type.
   using Scalar = S;
@@ -44,36 +48,25 @@ class TearableSheet {
     return sheet;
   }
 
+  using Plant::apply;
+  using Plant::check_input;
+  using Plant::gravity_load;
+  using Plant::input;
+  using Plant::positions;
+  using Plant::set_state;
+  using Plant::state;
+  using Plant::velocities;
+  using Plant::vertex_count;
   /// Returns the model.
-  const Model& model() const { return model_; }
+  const Model& model() const { return Plant::model(); }
   /// Returns the network of the model.
-  const SpringNetwork<Scalar>& network() const { return model_.network(); }
-  /// Returns the state.
-  const ClothState<Scalar>& state() const { return state_; }
-  /// Replaces the state. `advance` reports InvalidState when its size is wrong.
-  void set_state(const ClothState<Scalar>& state) { state_ = state; }
-
-  /// Returns the number of vertices.
-  Index vertex_count() const { return cloth_traits<Model>::vertex_count(model_); }
-  /// Returns the vertex positions, 3×n, m.
-  const Points<Scalar>& positions() const { return state_.positions; }
-  /// Returns the vertex velocities, 3×n, m/s.
-  const Points<Scalar>& velocities() const { return state_.velocities; }
-  /// Sets what acts on the sheet from now on. Allocates when the input has more entries than
-  /// before.
-  void apply(const ClothInput<Scalar>& input) { input_ = input; }
-  /// Returns the upward force that holds the sheet at rest, N.
-  Vector3<Scalar> gravity_load() const requires requires(const Model& m) {
-    cloth_traits<Model>::gravity_load(m);
-  }
-  { return cloth_traits<Model>::gravity_load(model_); }
+  const SpringNetwork<Scalar>& network() const { return model().network(); }
 
   /// Advances by `dt` (s) under the input that was applied last, and looks for broken springs.
   /// Never allocates. Fails when the step of the model fails; the state is then unchanged.
   [[nodiscard]] StepReport<Scalar> advance(Scalar dt) {
-    const StepReport<Scalar> report =
-        cloth_traits<Model>::step(model_, state_, input_, dt, workspace_);
-    if (report.advanced) find_torn(network(), state_.positions, settings_, torn_);
+    const StepReport<Scalar> report = Plant::advance(dt);
+    if (report.advanced) find_torn(network(), positions(), settings_, torn_);
     return report;
   }
 
@@ -94,7 +87,7 @@ class TearableSheet {
   /// `cut_network` fails; the sheet is then unchanged.
   Result<Remap<Scalar>> cut(const std::type_identity_t<PointsView<Scalar>>& polyline,
                             const CutSettings<Scalar>& settings = {}) {
-    return take_result(cut_network<Scalar>(network(), state_.positions, polyline, settings));
+    return take_result(cut_network<Scalar>(network(), positions(), polyline, settings));
   }
   /// The same with a polyline that is drawn on the rest positions of the network.
   Result<Remap<Scalar>> cut_at_rest(const std::type_identity_t<PointsView<Scalar>>& polyline,
@@ -113,23 +106,19 @@ class TearableSheet {
   Result<Scalar> creep(const CreepSettings<Scalar>& settings, Scalar dt) {
     SpringNetwork<Scalar> next = network();
     if (std::string problem = settings.validate(); !problem.empty()) return Error{problem};
-    const Scalar change = creep_rest_lengths(next, state_.positions, settings, dt);
+    const Scalar change = creep_rest_lengths(next, positions(), settings, dt);
     if (change < Scalar(0))
       return Error{"creep needs a finite state and a step, got dt = " + number_text(dt)};
     if (!(Scalar(0) < change)) return change;
-    auto made = Model::create(std::move(next), model_.settings());
+    auto made = Model::create(std::move(next), model().settings());
     if (!made) return Error{made.error()};
-    model_ = std::move(made).value();
-    workspace_ = cloth_traits<Model>::make_workspace(model_);
+    Plant::set_model(std::move(made).value());
     return change;
   }
 
  private:
   TearableSheet(Model model, const TearSettings<Scalar>& settings)
-      : model_(std::move(model)),
-        state_(cloth_traits<Model>::rest_state(model_)),
-        workspace_(cloth_traits<Model>::make_workspace(model_)),
-        settings_(settings) {}
+      : Plant(std::move(model)), settings_(settings) {}
 
   Result<Remap<Scalar>> take_result(Result<NetworkChange<Scalar>> change) {
     if (!change) return Error{change.error()};
@@ -138,25 +127,20 @@ class TearableSheet {
 
   /// Makes the model of a changed network and carries state and input over.
   Result<Remap<Scalar>> take(NetworkChange<Scalar> change) {
-    if (std::string problem = check_step_input(state_, input_, Scalar(1), vertex_count());
+    if (std::string problem = check_step_input(state(), input(), Scalar(1), vertex_count());
         !problem.empty())
       return Error{std::move(problem)};
-    auto settings = model_.settings();
+    auto settings = model().settings();
     settings.pinned = change.remap.all_copies(settings.pinned);
     auto made = Model::create(std::move(change.network), std::move(settings));
     if (!made) return Error{made.error()};
-    model_ = std::move(made).value();
-    workspace_ = cloth_traits<Model>::make_workspace(model_);
-    state_ = remap_state(state_, change.remap);
-    input_ = remap_input(input_, change.remap);
+    Plant::set_model(std::move(made).value());
+    set_state(remap_state(state(), change.remap));
+    apply(remap_input(input(), change.remap));
     torn_.clear();
     return Result<Remap<Scalar>>(std::move(change.remap));
   }
 
-  Model model_;
-  ClothState<Scalar> state_;
-  decltype(cloth_traits<Model>::make_workspace(std::declval<const Model&>())) workspace_;
-  ClothInput<Scalar> input_;
   TearSettings<Scalar> settings_;
   TornSprings<Scalar> torn_;
 };

@@ -148,7 +148,7 @@ class SnapshotWriter {
     std::memcpy(bytes_.data(), detail::kSnapshotMagic.data(), detail::kSnapshotMagic.size());
     detail::store_bytes(detail::kSnapshotVersion, 4, bytes_.data() + 8);
     detail::store_bytes(Format::kCode, 4, bytes_.data() + 12);
-    std::memcpy(bytes_.data() + 16, name.data(), std::min(name.size(), detail::kSnapshotName));
+    std::memcpy(bytes_.data() + 16, name.data(), (std::min)(name.size(), detail::kSnapshotName));
   }
 
   /// Adds a field of scalars. Allocates when `bytes` is too short for them.
@@ -208,7 +208,7 @@ class SnapshotReader {
     error_ = bad_frame();
     if (error_.empty()) error_ = bad_content(name);
     at_ = detail::kSnapshotHead;
-    end_ = bytes.size() - std::min(bytes.size(), detail::kSnapshotChecksum);
+    end_ = bytes.size() - (std::min)(bytes.size(), detail::kSnapshotChecksum);
   }
 
   /// Reads a field of scalars. Returns false, and keeps an error, when the next field is another.

@@ -161,7 +161,7 @@ class ObjReader {
       const bool more = line.ends_with('\\');
       if (more) line.remove_suffix(1);
       while (!(line = trimmed(line)).empty()) {
-        const std::size_t word = std::min(line.find_first_of(kSpaces), line.size());
+        const std::size_t word = (std::min)(line.find_first_of(kSpaces), line.size());
         words_.push_back(line.substr(0, word));
         line.remove_prefix(word);
       }
@@ -303,13 +303,15 @@ class ObjReader {
 /// when: a keyword is unknown, a number or index is wrong, a face has fewer than 3 or more than
 /// `kObjLargestFace` corners or a vertex twice or refers to a vertex that comes later, or there is
 /// no face.
-inline Result<PatternMesh> parse_obj(std::string_view text, const std::string& name) {
+template <class = void>
+Result<PatternMesh> parse_obj(std::string_view text, const std::string& name) {
   return detail::ObjReader(text, name).read();
 }
 
 /// Reads a mesh from a file with `parse_obj`. Allocates. Fails when: the file cannot be read, or
 /// `parse_obj` fails.
-inline Result<PatternMesh> read_obj(const std::string& path) {
+template <class = void>
+Result<PatternMesh> read_obj(const std::string& path) {
   const Result<std::string> text = read_file(path);
   if (!text) return Error{text.error()};
   return parse_obj(*text, path);
@@ -317,7 +319,8 @@ inline Result<PatternMesh> read_obj(const std::string& path) {
 
 /// Returns a mesh as OBJ text. `parse_obj` reads the same mesh back to the last bit. Allocates.
 /// Fails when: `mesh.validate()` finds a fault, or a triangle has a vertex twice.
-inline Result<std::string> obj_text(const PatternMesh& mesh) {
+template <class = void>
+Result<std::string> obj_text(const PatternMesh& mesh) {
   if (std::string wrong = mesh.validate(); !wrong.empty()) return Error{std::move(wrong)};
   std::string text;
   const auto add = [&text](char before, auto value) {

@@ -301,7 +301,8 @@ class QptParser : public TokenReader {
 /// number is NaN or (except in bounds) infinite, the program is larger than `kLargestQpSide` or
 /// `kLargestQpEntries`, or anything follows `end`. A lower bound above its upper one is not
 /// refused.
-inline Result<QpProblem> parse_qpt(std::string_view text, const std::string& name) {
+template <class = void>
+Result<QpProblem> parse_qpt(std::string_view text, const std::string& name) {
   detail::QptParser parser(text, name, detail::QptContent::Problem);
   if (!parser.parse()) return Error{parser.error()};
   return std::move(parser.problem);
@@ -309,7 +310,8 @@ inline Result<QpProblem> parse_qpt(std::string_view text, const std::string& nam
 
 /// Reads a program or a sequence from a QPT file; see `parse_qpt`. Allocates. Fails when: the file
 /// cannot be read, or as `parse_qpt` does.
-inline Result<QpProblem> read_qpt(const std::string& path) {
+template <class = void>
+Result<QpProblem> read_qpt(const std::string& path) {
   const Result<std::string> text = read_file(path);
   if (!text) return Error{text.error()};
   return parse_qpt(*text, path);
@@ -317,7 +319,8 @@ inline Result<QpProblem> read_qpt(const std::string& path) {
 
 /// Parses a solution from QPT text that holds no data. Allocates. Fails when: as `parse_qpt` does,
 /// or it holds data.
-inline Result<QpSolution> parse_qpt_solution(std::string_view text, const std::string& name) {
+template <class = void>
+Result<QpSolution> parse_qpt_solution(std::string_view text, const std::string& name) {
   detail::QptParser parser(text, name, detail::QptContent::Solution);
   if (!parser.parse()) return Error{parser.error()};
   return std::move(parser.solution);

@@ -32,8 +32,9 @@ struct TargetCurves {
 namespace detail {
 
 /// Reads the names of the features from a header. Returns what is wrong with the header, or "".
-inline std::string parse_target_header(const std::vector<std::string>& header,
-                                       std::vector<std::string>& names) {
+template <class = void>
+std::string parse_target_header(const std::vector<std::string>& header,
+                                std::vector<std::string>& names) {
   const std::string expected = ", expected t,Lx,Ly,Lz,Rx,Ry,Rz or the like";
   if (header.empty()) return "no header" + expected;
   if (header[0] != "t") return "header starts with " + in_quotes(header[0]) + expected;
@@ -61,7 +62,8 @@ inline std::string parse_target_header(const std::vector<std::string>& header,
 
 /// Returns why the parts of a table contradict each other, or "". The parts of a table that was
 /// read from a file never do.
-inline std::string check_parts(const CsvTable& table) {
+template <class = void>
+std::string check_parts(const CsvTable& table) {
   const std::string at_header = at_line(table.name, 1);
   if (table.values.rows() == 0) return at_header + "no row after the header";
   if (static_cast<Index>(table.header.size()) != table.values.cols()) {
@@ -80,7 +82,8 @@ inline std::string check_parts(const CsvTable& table) {
 /// Makes target curves from a table with a header. Allocates. Fails when: the header is missing or
 /// does not have the form above, the numbers of rows, header cells and line numbers contradict each
 /// other, a time is not after the previous one, or there are fewer than two rows.
-inline Result<TargetCurves> targets_from_table(const CsvTable& table) {
+template <class = void>
+Result<TargetCurves> targets_from_table(const CsvTable& table) {
   TargetCurves curves;
   if (const std::string wrong = detail::parse_target_header(table.header, curves.names);
       !wrong.empty()) {
@@ -108,7 +111,8 @@ inline Result<TargetCurves> targets_from_table(const CsvTable& table) {
 
 /// Reads target curves of any number of features from one file with a header. Allocates. Fails
 /// when: the file cannot be read, a row is malformed, or `targets_from_table` fails.
-inline Result<TargetCurves> read_targets(const std::string& path) {
+template <class = void>
+Result<TargetCurves> read_targets(const std::string& path) {
   const Result<CsvTable> table = read_csv(path, CsvHeader::Names);
   if (!table) return Error{table.error()};
   return targets_from_table(*table);
@@ -117,8 +121,9 @@ inline Result<TargetCurves> read_targets(const std::string& path) {
 /// Reads the target curves "L" and "R" from two files without header; row i belongs to time i·dt
 /// (s). Allocates. Fails when: dt is not positive, a file cannot be read, a row is malformed, or
 /// the files differ in their number of rows.
-inline Result<TargetCurves> read_target_pair(const std::string& left, const std::string& right,
-                                             double dt) {
+template <class = void>
+Result<TargetCurves> read_target_pair(const std::string& left, const std::string& right,
+                                      double dt) {
   if (!is_finite(dt) || !(dt > 0))
     return Error{"dt is " + number_text(dt) + ", expected a positive number of seconds"};
   TargetCurves curves;

@@ -190,7 +190,8 @@ struct PatternSides {
   int number(int panel, int side) const { return first[static_cast<std::size_t>(panel)] + side; }
 };
 
-inline std::string seam_name(const GarmentPattern& pattern, std::size_t index) {
+template <class = void>
+std::string seam_name(const GarmentPattern& pattern, std::size_t index) {
   const PatternSeam& s = pattern.seams[index];
   const auto place = [&](int panel, int side) {
     return quoted_text(pattern.panels[static_cast<std::size_t>(panel)].name) + " side " +
@@ -202,7 +203,8 @@ inline std::string seam_name(const GarmentPattern& pattern, std::size_t index) {
 
 /// Lists the sides of a pattern. Fails when: a panel or a side of a seam does not exist, or a
 /// placement is wrong.
-inline Result<PatternSides> pattern_sides(const GarmentPattern& pattern) {
+template <class = void>
+Result<PatternSides> pattern_sides(const GarmentPattern& pattern) {
   if (pattern.panels.empty()) return Error{"garment has no panels"};
   PatternSides out;
   for (std::size_t p = 0; p < pattern.panels.size(); ++p) {
@@ -240,8 +242,9 @@ inline Result<PatternSides> pattern_sides(const GarmentPattern& pattern) {
 /// Returns the number of edges of each side: equal along seams, 0 (by length) elsewhere. Fails
 /// when: the lengths of a seam's sides differ by more than its ease, or a seam joins a side to
 /// itself.
-inline Result<std::vector<int>> seam_edges(const GarmentPattern& pattern, const PatternSides& all,
-                                           double edge_length) {
+template <class = void>
+Result<std::vector<int>> seam_edges(const GarmentPattern& pattern, const PatternSides& all,
+                                    double edge_length) {
   DisjointSets joined(all.sides.size());
   for (std::size_t i = 0; i < pattern.seams.size(); ++i) {
     const PatternSeam& s = pattern.seams[i];
@@ -277,7 +280,8 @@ inline Result<std::vector<int>> seam_edges(const GarmentPattern& pattern, const 
 }
 
 /// Adds the mesh of one panel to a garment.
-inline void add_panel_mesh(const PatternPanel& panel, const PanelMesh& flat, Garment& garment) {
+template <class = void>
+void add_panel_mesh(const PatternPanel& panel, const PanelMesh& flat, Garment& garment) {
   PatternMesh& mesh = garment.mesh;
   GarmentPanel out;
   out.name = panel.name;
@@ -307,7 +311,8 @@ inline void add_panel_mesh(const PatternPanel& panel, const PanelMesh& flat, Gar
 /// n) as a rule. Fails when: there is no panel, a placement is not orthonormal, a seam joins a
 /// panel or a side that does not exist or sides whose lengths differ by more than its ease, or
 /// `make_panel` fails; the message names the panel or the seam.
-inline Result<Garment> make_garment(const GarmentPattern& pattern, double edge_length) {
+template <class = void>
+Result<Garment> make_garment(const GarmentPattern& pattern, double edge_length) {
   if (!is_finite(edge_length) || !(edge_length > 0))
     return Error{"edge length must be positive, got " + number_text(edge_length)};
   const Result<detail::PatternSides> all = detail::pattern_sides(pattern);
@@ -359,7 +364,8 @@ Points<Scalar> merge_points(const std::vector<int>& vertex_of, const Points<Scal
 /// places; the indices above close up. Triangles, and the pattern with its shapes, stay. Allocates.
 /// Complexity: O(n log n). Fails when: a seam holds a vertex off the mesh, or the sewn mesh is no
 /// oriented manifold, e.g. where a seam joins two edges of one triangle.
-inline Result<SewnGarment> weld_seams(const Garment& garment) {
+template <class = void>
+Result<SewnGarment> weld_seams(const Garment& garment) {
   if (std::string wrong = garment.mesh.validate(); !wrong.empty()) return Error{std::move(wrong)};
   const std::size_t n = static_cast<std::size_t>(garment.mesh.positions.cols());
   detail::DisjointSets groups(n);

@@ -96,7 +96,8 @@ struct ShirtSizes {
 namespace detail {
 
 /// The front (or back, by the depth of its neck) of a shirt.
-inline PanelOutline shirt_body(const ShirtSizes& s, double neck_depth) {
+template <class = void>
+PanelOutline shirt_body(const ShirtSizes& s, double neck_depth) {
   const double chest = s.chest / 2, hem = s.hem / 2, tip = s.shoulders / 2, neck = s.neck / 2;
   const double top = s.length, outer = top - s.slope, under = outer - s.armhole;
   const double in = tip - 0.045 * s.shoulders;  // the armhole curves in below the shoulder
@@ -113,7 +114,8 @@ inline PanelOutline shirt_body(const ShirtSizes& s, double neck_depth) {
   return body;
 }
 
-inline PanelOutline shirt_sleeve(const ShirtSizes& s) {
+template <class = void>
+PanelOutline shirt_sleeve(const ShirtSizes& s) {
   const double width = s.sleeve / 2, cuff = s.cuff / 2, under = s.sleeve_length;
   PanelOutline sleeve(FlatPoint(-cuff, 0));
   sleeve.line_to({cuff, 0}).line_to({width, under});
@@ -126,7 +128,8 @@ inline PanelOutline shirt_sleeve(const ShirtSizes& s) {
 }
 
 /// Adds front and back with their side and shoulder seams. They are the panels 0 and 1.
-inline void add_shirt_body(const ShirtSizes& s, GarmentPattern& pattern) {
+template <class = void>
+void add_shirt_body(const ShirtSizes& s, GarmentPattern& pattern) {
   PanelPlacement front, back;
   front.origin = {0, -s.body_radius, 0};
   back.origin = {0, s.body_radius, 0};
@@ -140,7 +143,8 @@ inline void add_shirt_body(const ShirtSizes& s, GarmentPattern& pattern) {
 }
 
 /// Adds the sleeve at x > 0 (`right` = 1) or x < 0 (-1).
-inline void add_sleeve(const ShirtSizes& s, int right, GarmentPattern& pattern) {
+template <class = void>
+void add_sleeve(const ShirtSizes& s, int right, GarmentPattern& pattern) {
   const double angle = 0.6, sign = right;  // the arm hangs 0.6 rad below the horizontal
   PanelPlacement place;
   place.up = {-sign * std::cos(angle), 0, std::sin(angle)};  // from the cuff to the shoulder
@@ -158,7 +162,8 @@ inline void add_sleeve(const ShirtSizes& s, int right, GarmentPattern& pattern) 
   pattern.sew(panel, 3, right > 0 ? front : back, 2);
 }
 
-inline GarmentPattern rectangle_pattern(const char* name, double width, double height) {
+template <class = void>
+GarmentPattern rectangle_pattern(const char* name, double width, double height) {
   GarmentPattern pattern;
   PanelPlacement place;
   place.origin = {-width / 2, 0, -height};
@@ -170,17 +175,20 @@ inline GarmentPattern rectangle_pattern(const char* name, double width, double h
 
 /// Returns a square handkerchief of 0.4 m in the x-z plane, its top edge at z = 0 centred at x = 0.
 /// Allocates.
-inline GarmentPattern handkerchief_pattern(double size = 0.4) {
+template <class = void>
+GarmentPattern handkerchief_pattern(double size = 0.4) {
   return detail::rectangle_pattern("handkerchief", size, size);
 }
 
 /// Returns a hand towel, by default 0.5 m × 1 m, placed like the handkerchief. Allocates.
-inline GarmentPattern towel_pattern(double width = 0.5, double height = 1.0) {
+template <class = void>
+GarmentPattern towel_pattern(double width = 0.5, double height = 1.0) {
   return detail::rectangle_pattern("towel", width, height);
 }
 
 /// Returns a scarf, by default 0.3 m × 1.8 m, placed like the handkerchief. Allocates.
-inline GarmentPattern scarf_pattern(double width = 0.3, double height = 1.8) {
+template <class = void>
+GarmentPattern scarf_pattern(double width = 0.3, double height = 1.8) {
   return detail::rectangle_pattern("scarf", width, height);
 }
 
@@ -191,7 +199,8 @@ inline constexpr double kTshirtEdgeLength = 0.0086;
 /// Hem at z = 0. Seams: sides, shoulders, then underarm and cap of each sleeve. Allocates. Fails
 /// when: `sizes.validate()` finds a fault. `make_garment` fails when the sleeve does not fit the
 /// armhole within 10 %.
-inline Result<GarmentPattern> tshirt_pattern(const ShirtSizes& sizes = {}) {
+template <class = void>
+Result<GarmentPattern> tshirt_pattern(const ShirtSizes& sizes = {}) {
   if (std::string wrong = sizes.validate(); !wrong.empty()) return Error{std::move(wrong)};
   GarmentPattern pattern;
   detail::add_shirt_body(sizes, pattern);
@@ -201,7 +210,8 @@ inline Result<GarmentPattern> tshirt_pattern(const ShirtSizes& sizes = {}) {
 }
 
 /// Returns the default sizes of a tank top: narrow shoulders, deep neck and armholes.
-inline ShirtSizes tank_top_sizes() {
+template <class = void>
+ShirtSizes tank_top_sizes() {
   ShirtSizes s;
   s.chest = s.hem = 0.48;
   s.length = 0.70;
@@ -217,7 +227,8 @@ inline ShirtSizes tank_top_sizes() {
 
 /// Returns a tank top, a shirt without sleeves: 0 front, 1 back. Sizes of the sleeve are not used.
 /// Allocates. Fails when: `sizes.validate()` finds a fault.
-inline Result<GarmentPattern> tank_top_pattern(const ShirtSizes& sizes = tank_top_sizes()) {
+template <class = void>
+Result<GarmentPattern> tank_top_pattern(const ShirtSizes& sizes = tank_top_sizes()) {
   if (std::string wrong = sizes.validate(); !wrong.empty()) return Error{std::move(wrong)};
   GarmentPattern pattern;
   detail::add_shirt_body(sizes, pattern);

@@ -363,6 +363,7 @@ int MeshEditor<Scalar>::open_marked() {
   const std::set<std::array<int, 2>> marks = std::move(marks_);
   marks_.clear();
   std::vector<std::array<int, 2>> sides;
+  sides.reserve(marks.size());
   for (const std::array<int, 2>& edge : marks) sides.push_back(triangles_at(edge[0], edge[1]));
   for (const Move& move : moves) {
     const std::size_t corner = corner_of(move.triangle, move.from);

@@ -78,7 +78,8 @@ struct PanelMesh {
 namespace detail {
 
 /// Appends the points that divide a side into edges, without its last point.
-inline void sample_smooth(const OutlineSide& side, int edges, std::vector<FlatPoint>& out) {
+template <class = void>
+void sample_smooth(const OutlineSide& side, int edges, std::vector<FlatPoint>& out) {
   const double length = side.length();
   std::size_t i = 1;
   double before = 0;
@@ -99,7 +100,8 @@ inline void sample_smooth(const OutlineSide& side, int edges, std::vector<FlatPo
 
 /// Divides `edges` among the straight parts of a side: at least one each, the others where the
 /// edges are longest.
-inline std::vector<int> edges_of_parts(const OutlineSide& side, int edges) {
+template <class = void>
+std::vector<int> edges_of_parts(const OutlineSide& side, int edges) {
   std::vector<int> count(side.points.size() - 1, 1);
   std::vector<double> length(count.size());
   int left = edges - static_cast<int>(count.size());
@@ -119,7 +121,8 @@ inline std::vector<int> edges_of_parts(const OutlineSide& side, int edges) {
 }
 
 /// Appends the points of a side without its last one.
-inline void sample_side(const OutlineSide& side, int edges, std::vector<FlatPoint>& out) {
+template <class = void>
+void sample_side(const OutlineSide& side, int edges, std::vector<FlatPoint>& out) {
   if (side.smooth || side.points.size() == 2) return sample_smooth(side, edges, out);
   const std::vector<int> count = edges_of_parts(side, edges);
   OutlineSide part;
@@ -132,7 +135,8 @@ inline void sample_side(const OutlineSide& side, int edges, std::vector<FlatPoin
 }
 
 /// Returns what is wrong with a side, or "".
-inline std::string check_side(const OutlineSide& side, const std::string& name) {
+template <class = void>
+std::string check_side(const OutlineSide& side, const std::string& name) {
   for (std::size_t i = 0; i < side.points.size(); ++i) {
     if (!all_finite(side.points[i]))
       return name + " has a point that is not finite: (" + number_text(side.points[i][0]) + ", " +
@@ -147,8 +151,9 @@ inline std::string check_side(const OutlineSide& side, const std::string& name) 
 }
 
 /// Returns the number of edges of a side, or why it cannot have the requested number.
-inline Result<int> edges_of_side(const OutlineSide& side, double edge_length, int requested,
-                                 const std::string& name) {
+template <class = void>
+Result<int> edges_of_side(const OutlineSide& side, double edge_length, int requested,
+                          const std::string& name) {
   constexpr int most = 1000000;
   const int parts = side.smooth ? 1 : static_cast<int>(side.points.size()) - 1;
   if (requested < 0 || requested > most)
@@ -161,11 +166,12 @@ inline Result<int> edges_of_side(const OutlineSide& side, double edge_length, in
   if (!(edges < most))
     return Error{name + " of " + number_text(side.length()) + " m is too long for edges of " +
                  number_text(edge_length) + " m"};
-  return std::max(parts, static_cast<int>(std::lround(edges)));
+  return (std::max)(parts, static_cast<int>(std::lround(edges)));
 }
 
 /// Returns why a region is too large for an edge length, or "".
-inline std::string check_extent(const std::vector<FlatPoint>& points, double edge_length) {
+template <class = void>
+std::string check_extent(const std::vector<FlatPoint>& points, double edge_length) {
   if (!is_finite(edge_length) || !(edge_length > 0))
     return "edge length must be positive, got " + number_text(edge_length);
   FlatPoint low = points[0], high = points[0];
@@ -183,7 +189,8 @@ inline std::string check_extent(const std::vector<FlatPoint>& points, double edg
 }
 
 /// Fills a boundary and checks the areas.
-inline Result<PanelMesh> fill_panel(const RegionBoundary& boundary, double edge_length) {
+template <class = void>
+Result<PanelMesh> fill_panel(const RegionBoundary& boundary, double edge_length) {
   if (std::string wrong = check_extent(boundary.points, edge_length); !wrong.empty())
     return Error{std::move(wrong)};
   Result<FilledRegion> filled = fill_region(boundary, edge_length);
@@ -208,8 +215,9 @@ inline Result<PanelMesh> fill_panel(const RegionBoundary& boundary, double edge_
 /// O(n log n) as a rule. Fails when: the edge length is not positive, more than some 2·10^6
 /// vertices would be needed, a point is not finite, a side has no length or too few edges for its
 /// corners, or the outline is drawn clockwise, crosses or touches itself, or has a hole outside.
-inline Result<PanelMesh> make_panel(const PanelOutline& outline, double edge_length,
-                                    const std::vector<int>& edges = {}) {
+template <class = void>
+Result<PanelMesh> make_panel(const PanelOutline& outline, double edge_length,
+                             const std::vector<int>& edges = {}) {
   if (!is_finite(edge_length) || !(edge_length > 0))
     return Error{"edge length must be positive, got " + number_text(edge_length)};
   std::vector<std::vector<OutlineSide>> rings{outline.closed_sides()};
@@ -256,7 +264,8 @@ inline Result<PanelMesh> make_panel(const PanelOutline& outline, double edge_len
 /// edges are shorter than `edge_length`, the triangles grow from the boundary inwards. To change
 /// the boundary edges too, call `make_panel(outline_of(mesh), edge_length)`. Allocates. Fails when:
 /// `mesh.validate()` finds a fault, the panel has several pieces, or as for `make_panel`.
-inline Result<PanelMesh> remesh_panel(const PanelMesh& mesh, double edge_length) {
+template <class = void>
+Result<PanelMesh> remesh_panel(const PanelMesh& mesh, double edge_length) {
   if (std::string wrong = mesh.validate(); !wrong.empty()) return Error{std::move(wrong)};
   const auto loops = boundary_loops(mesh.positions.cols(), mesh.triangles);
   detail::RegionBoundary boundary;
@@ -295,7 +304,8 @@ inline Result<PanelMesh> remesh_panel(const PanelMesh& mesh, double edge_length)
 /// `corner_angle` (rad) is a corner; the sides between corners are smooth. Sides start at the first
 /// corner of each loop. Allocates. Fails when: `mesh.validate()` finds a fault, or there is more
 /// than one outer loop.
-inline Result<PanelOutline> outline_of(const PanelMesh& mesh, double corner_angle = 0.5) {
+template <class = void>
+Result<PanelOutline> outline_of(const PanelMesh& mesh, double corner_angle = 0.5) {
   if (std::string wrong = mesh.validate(); !wrong.empty()) return Error{std::move(wrong)};
   const auto loops = boundary_loops(mesh.positions.cols(), mesh.triangles);
   std::vector<PanelOutline> outer, holes;

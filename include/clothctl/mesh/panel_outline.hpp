@@ -150,7 +150,8 @@ class PanelOutline {
 
 /// Returns a rectangle with one corner at the origin, of width × height (m). Its sides are bottom,
 /// right, top, left. Allocates.
-inline PanelOutline rectangle_outline(double width, double height) {
+template <class = void>
+PanelOutline rectangle_outline(double width, double height) {
   PanelOutline outline(FlatPoint(0, 0));
   outline.line_to(FlatPoint(width, 0)).line_to(FlatPoint(width, height));
   outline.line_to(FlatPoint(0, height)).line_to(FlatPoint(0, 0));

@@ -42,7 +42,7 @@ struct PatternMesh {
   /// pattern, if there is one, has as many triangles as the mesh; else a line that names the first
   /// bad item. Allocates.
   std::string validate() const {
-    const auto check = [](const auto& points, const auto& cells, const std::string& what) {
+    const auto fault_of = [](const auto& points, const auto& cells, const std::string& what) {
       for (Index v = 0; v < points.cols(); ++v) {
         if (!all_finite(points.col(v))) return what + " " + std::to_string(v) + " is not finite";
       }
@@ -56,12 +56,12 @@ struct PatternMesh {
       return std::string();
     };
     if (positions.cols() == 0 || triangles.empty()) return "mesh is empty";
-    if (std::string wrong = check(positions, triangles, "vertex"); !wrong.empty()) return wrong;
+    if (std::string wrong = fault_of(positions, triangles, "vertex"); !wrong.empty()) return wrong;
     if (!has_pattern()) return {};
     if (pattern_triangles.size() != triangles.size())
       return "pattern has " + std::to_string(pattern_triangles.size()) + " triangles, the mesh " +
              std::to_string(triangles.size());
-    return check(pattern, pattern_triangles, "pattern point");
+    return fault_of(pattern, pattern_triangles, "pattern point");
   }
 };
 

@@ -1,7 +1,7 @@
 #pragma once
 
 // Coarse levels of any mesh, which carry a limit of stretch across the sheet. lane_levels.hpp says
-// what the levels do; here they are found on a mesh without structure.
+// what the levels do. Here they are found on a mesh without structure.
 //
 // Level l keeps vertices that are at least 0.84 · 2^l mean edges apart along the surface (dart
 // throwing): pinned vertices first, then corners of the boundary, the boundary, the rest. Its edges
@@ -21,24 +21,11 @@
 #include <Eigen/LU>
 
 #include "clothctl/cloth/detail/edge_batches.hpp"
+#include "clothctl/cloth/detail/level_input.hpp"
 #include "clothctl/cloth/detail/rigid_motion.hpp"
 #include "clothctl/cloth/detail/surface_distance.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
-
-/// What levels are made of. Vertices of the sheet have the order of the model.
-struct LevelInput {
-  /// Rest positions, 3×n, m: only differences between near vertices matter.
-  Points<double> rest;
-  /// Masses, kg.
-  std::vector<double> mass;
-  std::vector<SurfaceEdge> edges;
-  std::vector<std::array<int, 3>> triangles;
-  /// Vertices in the order in which they are offered a place on the levels.
-  std::vector<int> order;
-  /// Vertices with tethers.
-  std::vector<int> tethered;
-};
 
 /// One coarse level: constants.
 template <RealScalar Scalar>
@@ -102,12 +89,12 @@ class BatchLevels {
   void add_level(const LevelInput& input, double radius, SurfaceDistance& surface,
                  std::vector<int>& finer, std::vector<double>& finer_mass);
   /// Fills parents and weights of the finer level's vertices; returns the masses that these give.
-  static std::vector<double> set_parents(const NearVertices& near, double radius,
+  static std::vector<double> set_parents(const NearVertices& nearby, double radius,
                                          const Points<double>& rest, const std::vector<int>& finer,
                                          const std::vector<double>& finer_mass,
                                          BatchLevel<Scalar>& level);
   /// Joins each vertex to its nearest six.
-  static void set_edges(const NearVertices& near, BatchLevel<Scalar>& level);
+  static void set_edges(const NearVertices& nearby, BatchLevel<Scalar>& level);
   /// Adds the displacement `coarse` of level l to the next finer vertices of positive inverse mass.
   void interpolate(const Scalar* coarse, std::size_t l, Scalar* fine) const;
   void add_without_rigid_motion(Scalar* points, Scratch& scratch) const;
@@ -120,7 +107,8 @@ class BatchLevels {
 /// Weights of parents (offsets from the vertex, 3×k) that sum to one and reproduce the vertex as
 /// well as they can: least Σ W² d². Directions in which the parents hardly spread are not
 /// reproduced.
-inline VectorX<double> parent_weights(const Points<double>& offsets) {
+template <class = void>
+VectorX<double> parent_weights(const Points<double>& offsets) {
   const Index k = offsets.cols();
   const double scale = offsets.colwise().norm().maxCoeff();
   VectorX<double> spread(k);
@@ -171,28 +159,29 @@ void BatchLevels<Scalar>::add_level(const LevelInput& input, double radius,
   std::vector<int> number(n, -1);
   std::vector<unsigned char> covered(n, 0);
   for (int v : input.order) {
-    if (covered[static_cast<std::size_t>(v)]) continue;
+    if (covered[static_cast<std::size_t>(v)] != 0) continue;
     number[static_cast<std::size_t>(v)] = static_cast<int>(level.fine.size());
     level.fine.push_back(v);
     surface.spread(v, radius, [&](int u, double) { covered[static_cast<std::size_t>(u)] = 1; });
   }
   const std::size_t count = level.fine.size();
-  NearVertices near(n);
+  NearVertices nearby(n);
   for (std::size_t i = 0; i < count; ++i) {
     surface.spread(level.fine[i], 2.6 * radius, [&](int u, double distance) {
-      near[static_cast<std::size_t>(u)].push_back({distance, static_cast<int>(i)});
+      nearby[static_cast<std::size_t>(u)].push_back({distance, static_cast<int>(i)});
     });
   }
   level.nearest.assign(n, 0);
   for (std::size_t v = 0; v < n; ++v) {
-    std::sort(near[v].begin(), near[v].end());
-    if (!near[v].empty()) level.nearest[v] = near[v].front().second;
+    std::sort(nearby[v].begin(), nearby[v].end());
+    if (!nearby[v].empty()) level.nearest[v] = nearby[v].front().second;
   }
-  const std::vector<double> mass = set_parents(near, radius, input.rest, finer, finer_mass, level);
-  set_edges(near, level);
+  const std::vector<double> mass =
+      set_parents(nearby, radius, input.rest, finer, finer_mass, level);
+  set_edges(nearby, level);
   level.initial.setZero(static_cast<Index>(4 * (count + 2)));
   for (std::size_t i = 0; i < count; ++i)
-    level.initial[static_cast<Index>(4 * i) + 3] = Scalar(1.0 / std::max(mass[i], 1e-30));
+    level.initial[static_cast<Index>(4 * i) + 3] = Scalar(1.0 / (std::max)(mass[i], 1e-30));
   level.initial[static_cast<Index>(4 * count) + 4] = Scalar(1);
   for (int v : tethered_) {
     VectorX<Scalar>& lengths = level.tether.emplace_back();
@@ -207,17 +196,17 @@ void BatchLevels<Scalar>::add_level(const LevelInput& input, double radius,
 }
 
 template <RealScalar Scalar>
-std::vector<double> BatchLevels<Scalar>::set_parents(const NearVertices& near, double radius,
+std::vector<double> BatchLevels<Scalar>::set_parents(const NearVertices& nearby, double radius,
                                                      const Points<double>& rest,
                                                      const std::vector<int>& finer,
                                                      const std::vector<double>& finer_mass,
                                                      BatchLevel<Scalar>& level) {
   std::vector<double> mass(level.fine.size(), 0.0);
   for (std::size_t i = 0; i < finer.size(); ++i) {
-    const auto& around = near[static_cast<std::size_t>(finer[i])];
+    const auto& around = nearby[static_cast<std::size_t>(finer[i])];
     const bool same = !around.empty() && around.front().first < 1e-9 * radius;
     const std::size_t k =
-        same ? 1 : std::min(around.size(), std::size_t{BatchLevel<Scalar>::kParents});
+        same ? 1 : (std::min)(around.size(), std::size_t{BatchLevel<Scalar>::kParents});
     Parents parents{};
     Weights weights{};
     Points<double> offsets(3, static_cast<Index>(k));
@@ -231,7 +220,7 @@ std::vector<double> BatchLevels<Scalar>::set_parents(const NearVertices& near, d
     for (std::size_t p = 0; p < k; ++p) {
       const double share = w[static_cast<Index>(p)];
       weights[p] = Scalar(share);
-      mass[static_cast<std::size_t>(around[p].second)] += std::max(0.0, share) * finer_mass[i];
+      mass[static_cast<std::size_t>(around[p].second)] += (std::max)(0.0, share) * finer_mass[i];
     }
     level.parents.push_back(parents);
     level.weights.push_back(weights);
@@ -240,16 +229,16 @@ std::vector<double> BatchLevels<Scalar>::set_parents(const NearVertices& near, d
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::set_edges(const NearVertices& near, BatchLevel<Scalar>& level) {
+void BatchLevels<Scalar>::set_edges(const NearVertices& nearby, BatchLevel<Scalar>& level) {
   constexpr std::size_t kNeighbours = 6;
   const std::size_t count = level.fine.size();
   std::vector<std::pair<std::array<int, 2>, double>> pairs;
   for (std::size_t i = 0; i < count; ++i) {
     const int self = static_cast<int>(i);
     std::size_t taken = 0;
-    for (const auto& [distance, other] : near[static_cast<std::size_t>(level.fine[i])]) {
+    for (const auto& [distance, other] : nearby[static_cast<std::size_t>(level.fine[i])]) {
       if (other == self) continue;
-      pairs.push_back({{std::min(self, other), std::max(self, other)}, distance});
+      pairs.push_back({{(std::min)(self, other), (std::max)(self, other)}, distance});
       if (++taken == kNeighbours) break;
     }
   }
@@ -325,7 +314,6 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* point
                                   Scratch& scratch) const {
   using std::sqrt;
   if (levels_.empty()) return;
-  using Pack = typename PointBatch<Scalar>::Pack;
   for (std::size_t l = levels_.size(); l-- > 0;) {
     const BatchLevel<Scalar>& level = levels_[l];
     Scalar* y = scratch.points[l].data();
@@ -350,7 +338,7 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* point
         p[2] = p[2] + s * dz;
       }
     }
-    TensionRule<Scalar, batch_lanes<Scalar>()> rule{Pack::all(slack), Pack::all(Scalar(1.7))};
+    auto rule = TensionRule<Scalar, batch_lanes<Scalar>()>::of_level(slack);
     for (int sweep = 0; sweep < sweeps; ++sweep)
       rule = sweep_edges(level.edges, scratch.edges[l], y, y, rule);
     for (std::size_t i = 0; i < count; ++i) {
@@ -379,24 +367,16 @@ void BatchLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scra
     moved[at + 3] = points[at + 3];
   }
   interpolate(scratch.points[0].data(), 0, moved);
-  FirstMoments<Scalar> first(zero);
-  for (std::size_t at = 0; at < size; at += 4)
-    first.add(Scalar(1) / points[at + 3], read(points + at), read(moved + at));
-  const Scalar per_mass = Scalar(1) / first.mass;
-  const Point c{first.x * per_mass, first.y * per_mass, first.z * per_mass};
-  const Point u{first.px * per_mass, first.py * per_mass, first.pz * per_mass};
-  SecondMoments<Scalar> second(zero);
-  for (std::size_t at = 0; at < size; at += 4) {
-    const Point x = read(points + at);
-    second.add(Scalar(1) / points[at + 3], x.x - c.x, x.y - c.y, x.z - c.z, read(moved + at));
-  }
-  const Vector3<Scalar> turn = angular_displacement<Scalar>(second);
+  const auto rigid = closest_rigid_displacement<Scalar, Scalar>([&](auto&& visit) {
+    for (std::size_t at = 0; at < size; at += 4)
+      visit(Scalar(Scalar(1) / points[at + 3]), read(points + at), read(moved + at));
+  });
   for (std::size_t at = 0; at < size; at += 4) {
     Scalar* x = points + at;
-    const Scalar rx = x[0] - c.x, ry = x[1] - c.y, rz = x[2] - c.z;
-    x[0] = x[0] + moved[at] - (u.x + turn[1] * rz - turn[2] * ry);
-    x[1] = x[1] + moved[at + 1] - (u.y + turn[2] * rx - turn[0] * rz);
-    x[2] = x[2] + moved[at + 2] - (u.z + turn[0] * ry - turn[1] * rx);
+    const Point d = rigid.removed_from(read(moved + at), read(x));
+    x[0] = x[0] + d.x;
+    x[1] = x[1] + d.y;
+    x[2] = x[2] + d.z;
   }
 }
 

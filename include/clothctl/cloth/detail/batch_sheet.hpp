@@ -94,8 +94,6 @@ class BatchSheet {
   }
 
  private:
-  void make_levels(const SpringNetwork<Scalar>& network, const std::vector<int>& tethered);
-
   VectorX<Scalar> initial_;
   /// With a limit, springs of the kind Bend are in the second.
   EdgeBatches<Scalar> edges_, unlimited_;
@@ -134,54 +132,12 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
   unlimited_ = pack_edges(unlimited, order, n);
   bends_ = pack_bends(network.bends, order, n);
   if constexpr (HasLevels<Scalar>) {
-    if (setup.limited) make_levels(network, setup.tethered);
-  }
-}
-
-template <RealScalar Scalar>
-void BatchSheet<Scalar>::make_levels(const SpringNetwork<Scalar>& network,
-                                     const std::vector<int>& tethered) {
-  const std::size_t n = static_cast<std::size_t>(network.vertex_count());
-  LevelInput input;
-  input.rest = network.rest_positions.template cast<double>();
-  for (std::size_t v = 0; v < n; ++v)
-    input.mass.push_back(static_cast<double>(network.mass[static_cast<Index>(v)]));
-  std::vector<double> length(n, 0.0);
-  for (const Spring<Scalar>& s : network.springs) {
-    if (s.kind == SpringKind::Bend || !(Scalar(0) < s.stiffness)) continue;
-    input.edges.push_back({s.a, s.b, static_cast<double>(s.rest_length)});
-  }
-  input.triangles = network.triangles;
-  // A vertex at a corner of the boundary has the fewest edges, one on the boundary fewer than
-  // inside.
-  std::vector<int> rank(n, 0);
-  for (const std::array<int, 3>& t : network.triangles) {
-    for (int v : t) ++rank[static_cast<std::size_t>(v)];
-  }
-  const Result<Topology> topology = make_topology(static_cast<int>(n), network.triangles);
-  if (topology) {
-    std::vector<unsigned char> boundary(n, 0);
-    for (const MeshEdge& edge : topology.value().edges) {
-      if (edge.is_boundary())
-        boundary[static_cast<std::size_t>(edge.a)] = boundary[static_cast<std::size_t>(edge.b)] = 1;
+    if (setup.limited) {
+      LevelInput input = level_input(network, setup.tethered);
+      levels_[0] = BatchLevels<Scalar>(input);
+      input.order = level_order(level_ranks(n, network.triangles, setup.tethered), 1);
+      levels_[1] = BatchLevels<Scalar>(input);
     }
-    for (std::size_t v = 0; v < n; ++v) rank[v] = !boundary[v] ? 3 : (rank[v] <= 2 ? 1 : 2);
-  }
-  input.tethered = tethered;
-  if (input.tethered.size() > 4) input.tethered.clear();
-  for (int v : tethered) rank[static_cast<std::size_t>(v)] = 0;
-  // In each rank a scattered order: multiplication by an odd number permutes the 32-bit numbers.
-  for (std::size_t set = 0; set < 2; ++set) {
-    std::vector<std::array<std::uint32_t, 3>> order;
-    for (std::size_t v = 0; v < n; ++v) {
-      const std::uint32_t number = static_cast<std::uint32_t>(v);
-      const std::uint32_t scattered = (number + 1u) * (set == 0 ? 2654435761u : 2246822519u);
-      order.push_back({static_cast<std::uint32_t>(rank[v]), scattered ^ (scattered >> 15), number});
-    }
-    std::sort(order.begin(), order.end());
-    input.order.clear();
-    for (const auto& item : order) input.order.push_back(static_cast<int>(item[2]));
-    levels_[set] = BatchLevels<Scalar>(input);
   }
 }
 

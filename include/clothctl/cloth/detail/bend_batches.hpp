@@ -60,18 +60,18 @@ BendBatches<Scalar> pack_bends(const std::vector<BendStencil<Scalar>>& bends,
     for (std::size_t c = static_cast<std::size_t>(s.count); c < 4; ++c) v[c] = v[0];
     return v;
   };
-  const std::vector<int> slots = pack_items(items.size(), static_cast<std::size_t>(spare),
-                                            batch_lanes<Scalar>(), order, vertices);
+  const std::vector<int> places = pack_items(items.size(), static_cast<std::size_t>(spare),
+                                             batch_lanes<Scalar>(), order, vertices);
   BendBatches<Scalar> out;
-  const Index size = static_cast<Index>(slots.size());
+  const Index size = static_cast<Index>(places.size());
   out.stiffness.setZero(size);
   for (std::size_t c = 0; c < 4; ++c) {
-    out.vertex[c].assign(slots.size(), 4 * spare);
+    out.vertex[c].assign(places.size(), 4 * spare);
     out.weight[c].setZero(size);
   }
-  for (std::size_t i = 0; i < slots.size(); ++i) {
-    if (slots[i] < 0) continue;
-    const BendStencil<Scalar>& s = bends[items[static_cast<std::size_t>(slots[i])]];
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (places[i] < 0) continue;
+    const BendStencil<Scalar>& s = bends[items[static_cast<std::size_t>(places[i])]];
     out.stiffness[static_cast<Index>(i)] = s.stiffness;
     for (std::size_t c = 0; c < static_cast<std::size_t>(s.count); ++c) {
       out.vertex[c][i] = 4 * s.vertex[c];

@@ -35,7 +35,7 @@ template <class Corners>
 std::vector<int> pack_items(std::size_t item_count, std::size_t vertex_count, int lanes,
                             const PackOrder& order, Corners corners) {
   const std::size_t width = static_cast<std::size_t>(lanes);
-  std::vector<int> slots;
+  std::vector<int> places;
   std::vector<std::size_t> free_from(vertex_count, 0);
   std::vector<std::size_t> waiting(item_count), kept;
   for (std::size_t i = 0; i < item_count; ++i) waiting[i] = i;
@@ -45,8 +45,8 @@ std::vector<int> pack_items(std::size_t item_count, std::size_t vertex_count, in
   std::size_t head = 0;
   std::vector<std::size_t> blocked(vertex_count, 0);  // batch + 1 in which an earlier item waits
   for (std::size_t batch = 0; head < item_count; ++batch) {
-    const std::size_t begin = slots.size();
-    slots.resize(begin + width, -1);
+    const std::size_t begin = places.size();
+    places.resize(begin + width, -1);
     std::size_t found = 0, seen = 0, before = item_count;
     for (std::size_t at = head; at < item_count && found < width; at = next[at]) {
       bool ready = true;
@@ -55,7 +55,7 @@ std::vector<int> pack_items(std::size_t item_count, std::size_t vertex_count, in
         ready = ready && free_from[k] <= batch && (order.window > 0 || blocked[k] != batch + 1);
       }
       if (ready) {
-        slots[begin + found++] = static_cast<int>(at);
+        places[begin + found++] = static_cast<int>(at);
         for (int v : corners(at)) free_from[static_cast<std::size_t>(v)] = batch + order.distance;
         (before == item_count ? head : next[before]) = next[at];
         continue;
@@ -65,7 +65,7 @@ std::vector<int> pack_items(std::size_t item_count, std::size_t vertex_count, in
       if (++seen > (order.window > 0 ? order.window : 64 * width)) break;
     }
   }
-  return slots;
+  return places;
 }
 
 /// Constants of the edges of a mesh, batch by batch.
@@ -102,19 +102,19 @@ struct ListedEdge {
 template <RealScalar Scalar>
 EdgeBatches<Scalar> pack_edges(const std::vector<ListedEdge<Scalar>>& edges, const PackOrder& order,
                                int spare) {
-  const std::vector<int> slots = pack_items(edges.size(), static_cast<std::size_t>(spare),
-                                            batch_lanes<Scalar>(), order, [&](std::size_t e) {
-                                              return std::array<int, 2>{edges[e].a, edges[e].b};
-                                            });
+  const std::vector<int> places = pack_items(edges.size(), static_cast<std::size_t>(spare),
+                                             batch_lanes<Scalar>(), order, [&](std::size_t e) {
+                                               return std::array<int, 2>{edges[e].a, edges[e].b};
+                                             });
   EdgeBatches<Scalar> out;
-  const Index size = static_cast<Index>(slots.size());
-  out.first.assign(slots.size(), 4 * spare);
-  out.second.assign(slots.size(), 4 * spare + 4);
+  const Index size = static_cast<Index>(places.size());
+  out.first.assign(places.size(), 4 * spare);
+  out.second.assign(places.size(), 4 * spare + 4);
   out.rest.setConstant(size, Scalar(1));
   for (VectorX<Scalar>* list : {&out.relaxation, &out.stiffness, &out.damping}) list->setZero(size);
-  for (std::size_t i = 0; i < slots.size(); ++i) {
-    if (slots[i] < 0) continue;
-    const ListedEdge<Scalar>& edge = edges[static_cast<std::size_t>(slots[i])];
+  for (std::size_t i = 0; i < places.size(); ++i) {
+    if (places[i] < 0) continue;
+    const ListedEdge<Scalar>& edge = edges[static_cast<std::size_t>(places[i])];
     const Index at = static_cast<Index>(i);
     out.first[i] = 4 * edge.a;
     out.second[i] = 4 * edge.b;

@@ -69,7 +69,8 @@ std::optional<GridSlot> bend_slot(const GridShape& grid, const BendStencil<Scala
   const int dr = second->row - first->row, dc = second->col - first->col;
   const int step = direction == 0 ? dc : dr, aside = direction == 0 ? dr : dc;
   if (aside != 0 || (step != 1 && step != -1)) return std::nullopt;
-  return GridSlot{direction, std::min(first->row, second->row), std::min(first->col, second->col)};
+  return GridSlot{direction, (std::min)(first->row, second->row),
+                  (std::min)(first->col, second->col)};
 }
 
 /// Returns the network as a grid of `rows` × `cols`, if it is one.
@@ -77,12 +78,14 @@ template <RealScalar Scalar>
 std::optional<GridShape> as_grid(const SpringNetwork<Scalar>& network, int rows, int cols) {
   GridShape grid;
   grid.transposed = cols > rows;  // lanes divide the longer side
-  grid.rows = std::max(rows, cols);
-  grid.cols = std::min(rows, cols);
+  grid.rows = (std::max)(rows, cols);
+  grid.cols = (std::min)(rows, cols);
   const std::size_t n = static_cast<std::size_t>(network.vertex_count());
   std::vector<unsigned char> taken(n * (kGridEdges + 2), 0);
   const auto take = [&](const GridSlot& slot, std::size_t kind) {
-    const std::size_t at = static_cast<std::size_t>(slot.row * grid.cols + slot.col);
+    const std::size_t at =
+        static_cast<std::size_t>(slot.row) * static_cast<std::size_t>(grid.cols) +
+        static_cast<std::size_t>(slot.col);
     unsigned char& flag = taken[at * (kGridEdges + 2) + kind];
     return flag++ == 0;
   };
@@ -106,7 +109,8 @@ std::optional<GridShape> find_grid(const SpringNetwork<Scalar>& network) {
   const int n = static_cast<int>(network.vertex_count());
   int farthest = 0;
   for (const Spring<Scalar>& spring : network.springs)
-    farthest = std::max(farthest, spring.a < spring.b ? spring.b - spring.a : spring.a - spring.b);
+    farthest =
+        (std::max)(farthest, spring.a < spring.b ? spring.b - spring.a : spring.a - spring.b);
   // The largest difference of numbers is a row, or a row and one column.
   for (int cols : {farthest, farthest - 1}) {
     if (cols < 8 || n % cols != 0 || n / cols < 8) continue;
@@ -147,7 +151,7 @@ bool is_regular(const SpringNetwork<Scalar>& network, const GridShape& grid) {
   const Vector3<double> inner = (at(last_of_first) - origin) / last_of_first;
   const Vector3<double> outer =
       (at(n - 1 - last_of_first) - origin) / (n / (last_of_first + 1) - 1);
-  const double tolerance = 1e-3 * std::min(inner.norm(), outer.norm());
+  const double tolerance = 1e-3 * (std::min)(inner.norm(), outer.norm());
   for (int v = 0; v < n; ++v) {
     const int i = v % (last_of_first + 1), j = v / (last_of_first + 1);
     if (!((at(v) - (origin + inner * i + outer * j)).norm() < tolerance)) return false;

@@ -23,28 +23,14 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
-#include "clothctl/cloth/detail/lane_edges.hpp"
-#include "clothctl/cloth/detail/level_lines.hpp"
+#include "clothctl/cloth/detail/lane_level.hpp"
 #include "clothctl/cloth/detail/rigid_motion.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
-
-/// One coarse level: constants.
-template <RealScalar Scalar>
-struct LaneLevel {
-  LevelLines rows{1, 1}, cols{1, 1};
-  LaneEdges<Scalar> edges;
-  /// Blocks of the rest positions and of the inverse masses.
-  VectorX<Scalar> rest;
-  /// For each local row of the next finer level and each lane, the weight of the second parent row;
-  /// for each column of that level, its first parent and the weight of the second.
-  VectorX<Scalar> row_weight;
-  std::vector<LineParents<Scalar>> col_parents;
-};
 
 /// One coarse level: memory of a step.
 template <RealScalar Scalar>
@@ -103,23 +89,9 @@ class LaneLevels {
   void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch) const;
 
  private:
-  void add_level(const VectorX<Scalar>& rest, const LevelLines& rows, const LevelLines& cols,
-                 const std::vector<double>& mass, int spacing);
-  static void add_edges(LaneLevel<Scalar>& level);
-
-  void inject(std::size_t l, const Scalar* points, Scalar* level_points) const;
-  void subtract_injection(std::size_t l, const Scalar* points, Scalar* level_points) const;
-  /// Adds the interpolation of `coarse` (level l) to `fine` (level l - 1; the grid itself if l = 0)
-  /// where the inverse mass is positive.
-  void add_interpolation(std::size_t l, const LaneLayout<Scalar>& layout, Scalar* coarse,
-                         Scalar* fine) const;
   void apply_tethers(std::size_t l, const Scalar& slack, const Scalar* points,
                      Scratch& scratch) const;
   void add_without_rigid_motion(Scalar* points, Scratch& scratch) const;
-
-  /// Calls `visit(destination, source)` for each point of level l that comes from a fine point.
-  template <class Visit>
-  void for_each_injected(std::size_t l, Visit&& visit) const;
 
   LaneLayout<Scalar> layout_;
   /// Blocks of the grid at rest.
@@ -131,107 +103,22 @@ template <RealScalar Scalar>
 LaneLevels<Scalar>::LaneLevels(const LaneLayout<Scalar>& layout, const VectorX<Scalar>& rest,
                                int count, bool shifted)
     : layout_(layout), rest_(rest) {
-  LevelLines rows(layout_.rows, 1), cols(layout_.cols, 1);
-  std::vector<double> mass(static_cast<std::size_t>(layout_.rows) *
-                           static_cast<std::size_t>(layout_.cols));
-  for (int row = 0; row < layout_.rows; ++row) {
-    for (int col = 0; col < layout_.cols; ++col) {
-      const std::size_t v = static_cast<std::size_t>(row * layout_.cols + col);
-      const std::size_t at = layout_.offset(row, col) + 3 * kLanes;
-      mass[v] = 1.0 / static_cast<double>(rest[static_cast<Index>(at)]);
-    }
-  }
-  levels_.reserve(static_cast<std::size_t>(count));
-  for (int l = 1; l <= count; ++l) {
-    const LevelLines coarse_rows(layout_.rows, 1 << l),
-        coarse_cols(layout_.cols, 1 << l, shifted ? 1 << (l - 1) : 0);
-    std::vector<double> coarse_mass(
-        static_cast<std::size_t>(coarse_rows.count() * coarse_cols.count()), 0.0);
-    for (int row = 0; row < rows.count(); ++row) {
-      const LineParents<double> r(rows, coarse_rows, row);
-      for (int col = 0; col < cols.count(); ++col) {
-        const LineParents<double> c(cols, coarse_cols, col);
-        const double m = mass[static_cast<std::size_t>(row * cols.count() + col)];
-        const auto give = [&](int i, int j, double share) {
-          if (0.0 < share)
-            coarse_mass[static_cast<std::size_t>(i * coarse_cols.count() + j)] += share * m;
-        };
-        give(r.first, c.first, (1.0 - r.second) * (1.0 - c.second));
-        give(r.first, c.first + 1, (1.0 - r.second) * c.second);
-        give(r.first + 1, c.first, r.second * (1.0 - c.second));
-        give(r.first + 1, c.first + 1, r.second * c.second);
-      }
-    }
-    add_level(rest, coarse_rows, coarse_cols, coarse_mass, 1 << l);
-    LaneLevel<Scalar>& level = levels_.back();
-    // The interpolation from this level to the finer one.
-    const LaneLayout<Scalar>& fine =
-        l == 1 ? layout_ : levels_[static_cast<std::size_t>(l) - 2].edges.layout;
-    level.row_weight.setZero(static_cast<Index>(fine.local_rows) * kLanes);
-    for (int row = 0; row < rows.count(); ++row) {
-      const LineParents<double> parents(rows, coarse_rows, row);
-      const int lane = fine.lane(row), local = fine.local_row(row);
-      const int base = lane * level.edges.layout.strip + local / 2;
-      level.row_weight[static_cast<Index>(local) * kLanes + lane] =
-          Scalar(static_cast<double>(parents.first - base) + parents.second);
-    }
-    for (int col = 0; col < cols.count(); ++col)
-      level.col_parents.emplace_back(cols, coarse_cols, col);
-    rows = coarse_rows;
-    cols = coarse_cols;
-    mass = std::move(coarse_mass);
-  }
-}
-
-template <RealScalar Scalar>
-void LaneLevels<Scalar>::add_level(const VectorX<Scalar>& rest, const LevelLines& rows,
-                                   const LevelLines& cols, const std::vector<double>& mass,
-                                   int spacing) {
-  LaneLevel<Scalar>& level = levels_.emplace_back();
-  level.rows = rows;
-  level.cols = cols;
-  level.edges.resize({rows.count(), cols.count(), layout_.strip / spacing, layout_.last_lane},
-                     {true, true, true, true});
-  const LaneLayout<Scalar>& layout = level.edges.layout;
-  level.rest.setZero(static_cast<Index>(layout.buffer_size()));
-  for (int row = 0; row < rows.count(); ++row) {
-    for (int col = 0; col < cols.count(); ++col) {
-      const Index to = static_cast<Index>(layout.offset(row, col));
-      const Index from = static_cast<Index>(layout_.offset(
-          rows.fine[static_cast<std::size_t>(row)], cols.fine[static_cast<std::size_t>(col)]));
-      for (Index c = 0; c < 3; ++c) level.rest[to + c * kLanes] = rest[from + c * kLanes];
-      level.rest[to + 3 * kLanes] =
-          Scalar(1.0 / mass[static_cast<std::size_t>(row * cols.count() + col)]);
-    }
-  }
-  add_edges(level);
-}
-
-template <RealScalar Scalar>
-void LaneLevels<Scalar>::add_edges(LaneLevel<Scalar>& level) {
-  const LaneLayout<Scalar>& layout = level.edges.layout;
-  const auto add = [&](std::size_t kind, int row, int col, std::size_t a, std::size_t b) {
-    double squared = 0.0;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double d = static_cast<double>(level.rest[static_cast<Index>(b + c * kLanes)]) -
-                       static_cast<double>(level.rest[static_cast<Index>(a + c * kLanes)]);
-      squared += d * d;
-    }
-    const std::size_t at = layout.offset(row, col);
-    const Index entry = static_cast<Index>(at / kBlock * kLanes + at % kBlock);
-    level.edges.rest.of[kind][entry] = Scalar(std::sqrt(squared));
-    level.edges.relaxation.of[kind][entry] = Scalar(1);
-  };
+  LevelVertices finer{{layout.rows, 1}, {layout.cols, 1}, {}};
   for (int row = 0; row < layout.rows; ++row) {
     for (int col = 0; col < layout.cols; ++col) {
-      const bool below = row + 1 < layout.rows, right = col + 1 < layout.cols;
-      const std::size_t here = layout.offset(row, col);
-      if (right) add(kAlong, row, col, here, layout.offset(row, col + 1));
-      if (below) add(kDown, row, col, here, layout.offset(row + 1, col));
-      if (!right || !below) continue;
-      add(kFalling, row, col, here, layout.offset(row + 1, col + 1));
-      add(kRising, row, col, layout.offset(row, col + 1), layout.offset(row + 1, col));
+      const std::size_t at = layout.offset(row, col) + 3 * kLanes;
+      finer.mass.push_back(1.0 / static_cast<double>(rest[static_cast<Index>(at)]));
     }
+  }
+  LaneLayout<Scalar> finer_layout = layout;
+  levels_.reserve(static_cast<std::size_t>(count));
+  for (int l = 1; l <= count; ++l) {
+    const int spacing = 1 << l;
+    LevelVertices vertices = LevelVertices::below(
+        finer, {layout.rows, spacing}, {layout.cols, spacing, shifted ? spacing / 2 : 0});
+    levels_.emplace_back(layout, rest, spacing, vertices, finer, finer_layout);
+    finer_layout = levels_.back().edges.layout;
+    finer = std::move(vertices);
   }
 }
 
@@ -264,7 +151,7 @@ void LaneLevels<Scalar>::prepare(const std::vector<GridPlace>& held, Scratch& sc
   scratch.anything_held = !held.empty();
   scratch.tether_count = 0;
   // Farthest first: each tethered vertex is the one farthest from those before it.
-  while (scratch.tether_count < std::min(kTethers, held.size())) {
+  while (scratch.tether_count < (std::min)(kTethers, held.size())) {
     GridPlace best = held.front();
     int best_distance = -1;
     for (const GridPlace& place : held) {
@@ -272,7 +159,7 @@ void LaneLevels<Scalar>::prepare(const std::vector<GridPlace>& held, Scratch& sc
       for (std::size_t i = 0; i < scratch.tether_count; ++i) {
         const int dr = place.row - scratch.tethered[i].row,
                   dc = place.col - scratch.tethered[i].col;
-        nearest = std::min(nearest, dr * dr + dc * dc);
+        nearest = (std::min)(nearest, dr * dr + dc * dc);
       }
       if (best_distance < nearest) {
         best_distance = nearest;
@@ -310,109 +197,6 @@ void LaneLevels<Scalar>::prepare(const std::vector<GridPlace>& held, Scratch& sc
 }
 
 template <RealScalar Scalar>
-template <class Visit>
-void LaneLevels<Scalar>::for_each_injected(std::size_t l, Visit&& visit) const {
-  const LaneLevel<Scalar>& level = levels_[l];
-  const LaneLayout<Scalar>& layout = level.edges.layout;
-  const int spacing = 1 << (l + 1);
-  const std::size_t fine_row = layout_.row_size(), row = layout.row_size();
-  const std::size_t cols = static_cast<std::size_t>(layout.cols);
-  for (int j = 0; j < layout.strip; ++j) {
-    const std::size_t from = static_cast<std::size_t>(j * spacing) * fine_row;
-    const std::size_t to = static_cast<std::size_t>(j) * row;
-    for (std::size_t c = 0; c < cols; ++c)
-      visit(to + c * kBlock, from + static_cast<std::size_t>(level.cols.fine[c]) * kBlock);
-  }
-}
-
-template <RealScalar Scalar>
-void LaneLevels<Scalar>::inject(std::size_t l, const Scalar* points, Scalar* level_points) const {
-  for_each_injected(l, [&](std::size_t to, std::size_t from) CLOTHCTL_KERNEL_LAMBDA {
-    Block::load(points + from).store_points(level_points + to);
-  });
-  // The last row, which need not be a multiple of the spacing.
-  const LaneLayout<Scalar>& layout = levels_[l].edges.layout;
-  for (int col = 0; col < layout.cols; ++col) {
-    const std::size_t to = layout.offset(layout.rows - 1, col);
-    const std::size_t from =
-        layout_.offset(layout_.rows - 1, levels_[l].cols.fine[static_cast<std::size_t>(col)]);
-    for (std::size_t c = 0; c < 3; ++c) level_points[to + c * kLanes] = points[from + c * kLanes];
-  }
-}
-
-template <RealScalar Scalar>
-void LaneLevels<Scalar>::subtract_injection(std::size_t l, const Scalar* points,
-                                            Scalar* level_points) const {
-  const LaneLayout<Scalar>& layout = levels_[l].edges.layout;
-  // The last row first, with its values kept from the loop over all rows.
-  for (int col = 0; col < layout.cols; ++col) {
-    const std::size_t to = layout.offset(layout.rows - 1, col);
-    const std::size_t from =
-        layout_.offset(layout_.rows - 1, levels_[l].cols.fine[static_cast<std::size_t>(col)]);
-    const int local = layout.local_row(layout.rows - 1);
-    const bool regular = local < layout.strip;
-    const std::size_t lane = static_cast<std::size_t>(layout_.last_lane);
-    const int spacing = 1 << (l + 1);
-    for (std::size_t c = 0; c < 3; ++c) {
-      Scalar subtract = points[from + c * kLanes];
-      if (regular) {
-        const std::size_t block =
-            layout_.block(local * spacing, levels_[l].cols.fine[static_cast<std::size_t>(col)]);
-        subtract = subtract - points[block * kBlock + c * kLanes + lane];
-      }
-      level_points[to + c * kLanes] = level_points[to + c * kLanes] - subtract;
-    }
-  }
-  for_each_injected(l, [&](std::size_t to, std::size_t from) CLOTHCTL_KERNEL_LAMBDA {
-    Block y = Block::load(level_points + to);
-    const Block b = Block::load(points + from);
-    y.x = y.x - b.x;
-    y.y = y.y - b.y;
-    y.z = y.z - b.z;
-    y.store_points(level_points + to);
-  });
-}
-
-template <RealScalar Scalar>
-void LaneLevels<Scalar>::add_interpolation(std::size_t l, const LaneLayout<Scalar>& layout,
-                                           Scalar* coarse, Scalar* fine) const {
-  const LaneLevel<Scalar>& level = levels_[l];
-  const LaneLayout<Scalar>& from = level.edges.layout;
-  Scalar* ghost = coarse + from.size();
-  read_ghost_row(from, coarse, ghost);
-  const std::size_t row = from.row_size();
-  for (int local = 0; local < layout.local_rows; ++local) {
-    const int j = local / 2;
-    const Scalar* first = coarse + static_cast<std::size_t>(j) * row;
-    const Scalar* second = j + 1 < from.strip ? first + row : (j < from.strip ? ghost : first);
-    const Pack w1 = Pack::load(level.row_weight.data() + local * kLanes);
-    const Pack w0 = Pack::all(Scalar(1)) - w1;
-    const auto across = [&](std::size_t at) CLOTHCTL_KERNEL_LAMBDA {
-      const Block a = Block::load(first + at), b = Block::load(second + at);
-      return Block{w0 * a.x + w1 * b.x, w0 * a.y + w1 * b.y, w0 * a.z + w1 * b.z, a.w};
-    };
-    Scalar* target = fine + layout.block(local, 0) * kBlock;
-    int at = 0;
-    Block here = across(0), next = here;
-    if (from.cols > 1) next = across(kBlock);
-    for (std::size_t c = 0; c < static_cast<std::size_t>(layout.cols); ++c, target += kBlock) {
-      const LineParents<Scalar>& parents = level.col_parents[c];
-      while (at < parents.first) {
-        ++at;
-        here = next;
-        if (at + 1 < from.cols) next = across(static_cast<std::size_t>(at + 1) * kBlock);
-      }
-      const Pack u = Pack::all(parents.second);
-      Block p = Block::load(target);
-      p.x = p.x + where_positive(p.w, here.x + u * (next.x - here.x));
-      p.y = p.y + where_positive(p.w, here.y + u * (next.y - here.y));
-      p.z = p.z + where_positive(p.w, here.z + u * (next.z - here.z));
-      p.store_points(target);
-    }
-  }
-}
-
-template <RealScalar Scalar>
 void LaneLevels<Scalar>::apply_tethers(std::size_t l, const Scalar& slack, const Scalar* points,
                                        Scratch& scratch) const {
   LaneLevelScratch<Scalar>& memory = scratch.levels[l];
@@ -443,20 +227,20 @@ void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points
   for (std::size_t l = levels_.size(); l-- > 0;) {
     const LaneLevel<Scalar>& level = levels_[l];
     LaneLevelScratch<Scalar>& memory = scratch.levels[l];
-    inject(l, points, memory.points.data());
+    level.inject(layout_, points, memory.points.data());
     if (l + 1 < levels_.size()) {
-      add_interpolation(l + 1, level.edges.layout, scratch.levels[l + 1].points.data(),
-                        memory.points.data());
+      levels_[l + 1].add_interpolation(level.edges.layout, scratch.levels[l + 1].points.data(),
+                                       memory.points.data());
     }
     apply_tethers(l, slack, points, scratch);
-    TensionRule<Scalar, kLanes> rule{Pack::all(slack), Pack::all(Scalar(1.7))};
+    auto rule = TensionRule<Scalar, kLanes>::of_level(slack);
     for (int sweep = 0; sweep < sweeps; ++sweep)
       rule =
           sweep_edges(level.edges, memory.edges, memory.points.data(), memory.points.data(), rule);
-    subtract_injection(l, points, memory.points.data());
+    level.subtract_injection(layout_, points, memory.points.data());
   }
   if (scratch.anything_held) {
-    add_interpolation(0, layout_, scratch.levels[0].points.data(), points);
+    levels_[0].add_interpolation(layout_, scratch.levels[0].points.data(), points);
   } else {
     add_without_rigid_motion(points, scratch);
   }
@@ -472,34 +256,23 @@ void LaneLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scrat
     Block{zero, zero, zero, zero}.store_points(moved + at);
     p.w.store(moved + at + 3 * kLanes);
   }
-  add_interpolation(0, layout_, scratch.levels[0].points.data(), moved);
+  levels_[0].add_interpolation(layout_, scratch.levels[0].points.data(), moved);
 
   const auto mass_of = [&](const Pack& w) CLOTHCTL_KERNEL_LAMBDA {
     return where_positive(w, one / larger(w, Pack::all(Scalar(1e-30))));
   };
-  FirstMoments<Pack> first(zero);
-  for (std::size_t at = 0; at < size; at += kBlock) {
-    const Block x = Block::load(points + at);
-    first.add(mass_of(x.w), x, Block::load(moved + at));
-  }
-  const Scalar per_mass = Scalar(1) / first.mass.sum();
-  const auto mean = [&](const Pack& sum) { return Pack::all(sum.sum() * per_mass); };
-  const Pack cx = mean(first.x), cy = mean(first.y), cz = mean(first.z);
-  const Pack ux = mean(first.px), uy = mean(first.py), uz = mean(first.pz);
-  SecondMoments<Pack> second(zero);
-  for (std::size_t at = 0; at < size; at += kBlock) {
-    const Block x = Block::load(points + at);
-    second.add(mass_of(x.w), x.x - cx, x.y - cy, x.z - cz, Block::load(moved + at));
-  }
-  const Vector3<Scalar> turn = angular_displacement<Scalar>(second);
-  const Pack ox = Pack::all(turn[0]), oy = Pack::all(turn[1]), oz = Pack::all(turn[2]);
+  const auto rigid = closest_rigid_displacement<Scalar, Pack>([&](auto&& visit) {
+    for (std::size_t at = 0; at < size; at += kBlock) {
+      const Block x = Block::load(points + at);
+      visit(mass_of(x.w), x, Block::load(moved + at));
+    }
+  });
   for (std::size_t at = 0; at < size; at += kBlock) {
     Block x = Block::load(points + at);
-    const Block d = Block::load(moved + at);
-    const Pack rx = x.x - cx, ry = x.y - cy, rz = x.z - cz;
-    x.x = x.x + where_positive(x.w, d.x - (ux + oy * rz - oz * ry));
-    x.y = x.y + where_positive(x.w, d.y - (uy + oz * rx - ox * rz));
-    x.z = x.z + where_positive(x.w, d.z - (uz + ox * ry - oy * rx));
+    const Block d = rigid.removed_from(Block::load(moved + at), x);
+    x.x = x.x + where_positive(x.w, d.x);
+    x.y = x.y + where_positive(x.w, d.y);
+    x.z = x.z + where_positive(x.w, d.z);
     x.store_points(points + at);
   }
 }

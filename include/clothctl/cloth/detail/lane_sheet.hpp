@@ -107,7 +107,7 @@ class LaneSheet {
 /// one from a side of 10 on. Sweeps alone cannot carry a limit across more vertices.
 inline int level_count(int rows, int cols) {
   int count = 0;
-  for (int side = std::max(rows, cols); side >= (count == 0 ? 10 : 18); side = (side + 1) / 2)
+  for (int side = (std::max)(rows, cols); side >= (count == 0 ? 10 : 18); side = (side + 1) / 2)
     ++count;
   return count;
 }
@@ -120,7 +120,7 @@ LaneSheet<Scalar>::LaneSheet(const SpringNetwork<Scalar>& network, const GridSha
   int strip = unit;
   // Stencils need three rows; a row more than whole strips fits into the last one.
   while (strip < 3 || kLanes * strip + 1 < grid.rows) strip += unit;
-  const int last = std::min((grid.rows - 1) / strip, kLanes - 1);
+  const int last = (std::min)((grid.rows - 1) / strip, kLanes - 1);
   layout_ = LaneLayout<Scalar>(grid.rows, grid.cols, strip, last);
   rest_.setZero(static_cast<Index>(layout_.buffer_size()));
   const int n = static_cast<int>(network.vertex_count());

@@ -3,8 +3,8 @@
 // The rigid motion that is closest to a field of displacements d of masses m at x: it has the same
 // linear and angular momentum.
 //
-//   u = Σ m d / Σ m,   c = Σ m x / Σ m,   ω = I⁻¹ Σ m (x - c) × d,   rigid displacement u + ω × (x
-//   - c)
+//   u = Σ m d / Σ m,   c = Σ m x / Σ m,   ω = I⁻¹ Σ m (x - c) × d,
+//   rigid displacement  u + ω × (x - c)
 //
 // Sums run over numbers or over packs of them (core/simd.hpp).
 
@@ -85,6 +85,57 @@ Vector3<Scalar> angular_displacement(const SecondMoments<Number>& sums) {
   const Scalar x = total_of(sums.lx), y = total_of(sums.ly), z = total_of(sums.lz);
   return Vector3<Scalar>(scale * (aa * x + ab * y + ca * z), scale * (ab * x + bb * y + bc * z),
                          scale * (ca * x + bc * y + cc * z));
+}
+
+/// Returns a number, or a pack with this number in all lanes.
+template <class Number, class Scalar>
+Number filled_with(const Scalar& value) {
+  if constexpr (requires { Number::all(value); }) {
+    return Number::all(value);
+  } else {
+    return value;
+  }
+}
+
+/// A rigid displacement: u + ω × (x - c).
+template <class Number>
+struct RigidDisplacement {
+  Number cx, cy, cz, ux, uy, uz, ox, oy, oz;
+
+  /// Returns `d` without the rigid displacement at `x`; both have members x, y, z.
+  template <class Point>
+  Point removed_from(Point d, const Point& x) const {
+    const Number rx = x.x - cx, ry = x.y - cy, rz = x.z - cz;
+    d.x = d.x - (ux + oy * rz - oz * ry);
+    d.y = d.y - (uy + oz * rx - ox * rz);
+    d.z = d.z - (uz + ox * ry - oy * rx);
+    return d;
+  }
+};
+
+/// Returns the closest rigid displacement. `for_each(visit)` calls visit(m, x, d) for each mass m
+/// at x with the displacement d; x and d have members x, y, z.
+template <RealScalar Scalar, class Number, class ForEach>
+RigidDisplacement<Number> closest_rigid_displacement(ForEach&& for_each) {
+  const Number zero = filled_with<Number>(Scalar(0));
+  FirstMoments<Number> first(zero);
+  for_each([&](const Number& m, const auto& x, const auto& d) { first.add(m, x, d); });
+  const Scalar per_mass = Scalar(1) / total_of(first.mass);
+  const auto mean = [&](const Number& sum) {
+    return filled_with<Number>(Scalar(total_of(sum) * per_mass));
+  };
+  RigidDisplacement<Number> rigid{mean(first.x),  mean(first.y),  mean(first.z),
+                                  mean(first.px), mean(first.py), mean(first.pz),
+                                  zero,           zero,           zero};
+  SecondMoments<Number> second(zero);
+  for_each([&](const Number& m, const auto& x, const auto& d) {
+    second.add(m, x.x - rigid.cx, x.y - rigid.cy, x.z - rigid.cz, d);
+  });
+  const Vector3<Scalar> turn = angular_displacement<Scalar>(second);
+  rigid.ox = filled_with<Number>(turn[0]);
+  rigid.oy = filled_with<Number>(turn[1]);
+  rigid.oz = filled_with<Number>(turn[2]);
+  return rigid;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

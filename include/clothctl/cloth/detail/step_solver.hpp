@@ -341,12 +341,12 @@ auto StepSolver<S>::newton_truncated(const NewtonLimits<Scalar>& limits, int sol
   bool enough = false;      // the last step was shorter than step_tolerance
   for (int iteration = 0; iteration <= limits.max_iterations; ++iteration) {
     const Scalar last = report.residual;
-    const bool small = load_residual(network_, limits.tolerance, report.residual, ws_);
+    const bool balanced = load_residual(network_, limits.tolerance, report.residual, ws_);
     const bool falls = report.residual < Scalar(0.5) * last;
     if (!is_finite(report.residual) || !is_finite(energy.value))
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
     const bool bounded = limits.until_bounded && !creates_energy(limits.tolerance);
-    const bool converged = small || bounded || (exact && !falls);
+    const bool converged = balanced || bounded || (exact && !falls);
     if (converged) report.status = StepStatus::Converged;
     if (converged || enough || iteration == limits.max_iterations) return report;
     NewtonLimits<Scalar> rest = limits;

@@ -111,10 +111,10 @@ inline double SurfaceDistance::across(const Wedge& wedge, double first, double s
   // The first corner is the origin, the second (between, 0); the source lies below, c above.
   const double l = wedge.between;
   const double sx = (first * first - second * second + l * l) / (2.0 * l);
-  const double sy = std::sqrt(std::max(0.0, first * first - sx * sx));
+  const double sy = std::sqrt((std::max)(0.0, first * first - sx * sx));
   const double cx =
       (wedge.to_first * wedge.to_first - wedge.to_second * wedge.to_second + l * l) / (2.0 * l);
-  const double cy = std::sqrt(std::max(0.0, wedge.to_first * wedge.to_first - cx * cx));
+  const double cy = std::sqrt((std::max)(0.0, wedge.to_first * wedge.to_first - cx * cx));
   if (!(0.0 < sy + cy)) return -1.0;
   const double crossing = sx + (cx - sx) * sy / (sy + cy);
   if (crossing < -1e-9 * l || crossing > (1.0 + 1e-9) * l) return -1.0;

@@ -64,8 +64,8 @@ class BoundaryCells {
   /// Returns whether a boundary edge is nearer to p than `distance`, which is at most a cell.
   bool near_boundary(const FlatPoint& p, double distance) const {
     const std::size_t r = row(p[1]), c = col(p[0]);
-    for (std::size_t i = r == 0 ? 0 : r - 1; i <= std::min(r + 1, rows_ - 1); ++i) {
-      for (std::size_t j = c == 0 ? 0 : c - 1; j <= std::min(c + 1, cols_ - 1); ++j) {
+    for (std::size_t i = r == 0 ? 0 : r - 1; i <= (std::min)(r + 1, rows_ - 1); ++i) {
+      for (std::size_t j = c == 0 ? 0 : c - 1; j <= (std::min)(c + 1, cols_ - 1); ++j) {
         for (const int e : edges_[i * cols_ + j]) {
           if (squared_distance(p, static_cast<std::size_t>(e)) < distance * distance) return true;
         }
@@ -77,8 +77,8 @@ class BoundaryCells {
  private:
   /// Lists an edge in the cells of the box of two points.
   void list(const FlatPoint& p, const FlatPoint& q, int edge) {
-    for (std::size_t r = row(std::min(p[1], q[1])); r <= row(std::max(p[1], q[1])); ++r) {
-      for (std::size_t c = col(std::min(p[0], q[0])); c <= col(std::max(p[0], q[0])); ++c)
+    for (std::size_t r = row((std::min)(p[1], q[1])); r <= row((std::max)(p[1], q[1])); ++r) {
+      for (std::size_t c = col((std::min)(p[0], q[0])); c <= col((std::max)(p[0], q[0])); ++c)
         edges_[r * cols_ + c].push_back(edge);
     }
   }
@@ -88,7 +88,7 @@ class BoundaryCells {
   }
   std::size_t index(double from_low, std::size_t count) const {
     const double at = from_low / cell_;
-    return at < 0 ? 0 : std::min(static_cast<std::size_t>(at), count - 1);
+    return at < 0 ? 0 : (std::min)(static_cast<std::size_t>(at), count - 1);
   }
   std::size_t row(double y) const { return index(y - low_[1], rows_); }
   std::size_t col(double x) const { return index(x - low_[0], cols_); }
@@ -112,6 +112,7 @@ struct FilledRegion {
 };
 
 /// Fills one region. `fill_region` uses it.
+template <class = void>
 class PanelMesher {
  public:
   PanelMesher(const RegionBoundary& boundary, double spacing)
@@ -211,7 +212,7 @@ class PanelMesher {
         mesh_.flip(at, i);
         const Face &one = mesh_.faces()[f],
                    &two = mesh_.faces()[static_cast<std::size_t>(face.next[i])];
-        if (std::min(least_angle(one), least_angle(two)) < 20.0 / 57.29577951308232)
+        if ((std::min)(least_angle(one), least_angle(two)) < 20.0 / 57.29577951308232)
           mesh_.flip(at, 1);  // the edge between the two is opposite the middle corner
         break;
       }
@@ -293,7 +294,7 @@ class PanelMesher {
       const FlatPoint p = to_plane(mesh_.point(f.vertex[i])),
                       u = to_plane(mesh_.point(f.vertex[(i + 1) % 3])) - p,
                       w = to_plane(mesh_.point(f.vertex[(i + 2) % 3])) - p;
-      least = std::min(least, std::atan2(u[0] * w[1] - u[1] * w[0], u.dot(w)));
+      least = (std::min)(least, std::atan2(u[0] * w[1] - u[1] * w[0], u.dot(w)));
     }
     return least;
   }
@@ -307,7 +308,7 @@ class PanelMesher {
     const double u2 = ux * ux + uy * uy, w2 = wx * wx + wy * wy,
                  v2 = (ux - wx) * (ux - wx) + (uy - wy) * (uy - wy), twice = ux * wy - uy * wx;
     const double x = (wy * u2 - uy * w2) / (2 * twice), y = (ux * w2 - wx * u2) / (2 * twice);
-    const double shortest = std::min({u2, v2, w2}), radius2 = x * x + y * y;
+    const double shortest = (std::min)({u2, v2, w2}), radius2 = x * x + y * y;
     // sin(least angle) = shortest / (2 radius)
     if (!(shortest < 4 * radius2 * 0.17860619515673032)) return false;  // sin² 25°
     if (shortest < 16) return false;  // only a few steps of the lattice
@@ -349,8 +350,9 @@ class PanelMesher {
 /// Fills a region with triangles whose edges have about the length `spacing` (m). The caller has
 /// made sure that all points are finite and different from their successors. Allocates. Complexity:
 /// O(n log n) as a rule. Fails when: sides touch or cross, or there is more than one piece.
-inline Result<FilledRegion> fill_region(const RegionBoundary& boundary, double spacing) {
-  PanelMesher mesher(boundary, spacing);
+template <class = void>
+Result<FilledRegion> fill_region(const RegionBoundary& boundary, double spacing) {
+  PanelMesher<> mesher(boundary, spacing);
   if (std::string wrong = mesher.add_boundary(); !wrong.empty()) return Error{std::move(wrong)};
   mesher.fill();
   mesher.smooth(8);

@@ -1,0 +1,119 @@
+#include "support/command_line.hpp"
+
+#include <sstream>
+
+namespace program {
+
+CLI::Validator between(double least, double most) {
+  std::ostringstream range;
+  range << '[' << least << " to " << most << ']';
+  const std::string shown = range.str();
+  return CLI::Validator(
+      [=](std::string& text) {
+        double value = 0;
+        const bool inside =
+            CLI::detail::lexical_cast(text, value) && least <= value && value <= most;
+        return inside ? std::string() : text + " is not within " + shown;
+      },
+      shown);
+}
+
+namespace {
+
+/// Accepts an older word for a value; --help does not show it.
+CLI::Validator old_name(const std::string& old, const std::string& name) {
+  return CLI::Validator(
+      [=](std::string& text) {
+        if (text == old) text = name;
+        return std::string();
+      },
+      "");
+}
+
+/// Adds the options of planning, plant and fingers.
+void add_planner_options(CLI::App& app, Options& o) {
+  app.add_option("--horizon", o.horizon, "Frames in the planning window")
+      ->check(between(1, 200))
+      ->capture_default_str();
+  app.add_option("--plant", o.plant, "Simulated plant")
+      ->transform(old_name("one-solve", "linear-implicit"))
+      ->check(CLI::IsMember({"linear-implicit", "newton", "pbd", "xpbd"}))
+      ->capture_default_str();
+  app.add_option("--grip", o.grip,
+                 "What is planned and sent: force; position; or planned-position (forces planned, "
+                 "positions sent)")
+      ->check(CLI::IsMember({"force", "position", "planned-position"}))
+      ->capture_default_str();
+  app.add_option("--predictor", o.predictor,
+                 "linearised: once a frame; rollout: nonlinear free response; auto: rollout on "
+                 "implicit plants in still air with soft patches, else linearised")
+      ->transform(old_name("frozen", "linearised"))
+      ->check(CLI::IsMember({"auto", "linearised", "rollout"}))
+      ->capture_default_str();
+  app.add_option("--profile", o.profile,
+                 "Weights: standard, or paper (40 / 0.01 / 10, no hand anchor)")
+      ->check(CLI::IsMember({"standard", "paper"}))
+      ->capture_default_str();
+  app.add_option("--friction", o.friction,
+                 "Friction coefficient between fingers and cloth (default: the material's)")
+      ->check(between(0, 100));
+  app.add_option("--limit", o.limit, "Largest normal force of a finger, N")
+      ->check(between(1e-6, 1e6))
+      ->capture_default_str();
+  app.add_option("--generators", o.generators, "Generators of a friction cone")
+      ->check(between(4, 64))
+      ->capture_default_str();
+  app.add_option("--max-step", o.max_step_mm,
+                 "Largest motion of a commanded grip along each axis in a frame, mm")
+      ->check(between(1e-3, 1e4))
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
+                const std::string& task_help) {
+  const auto named = [](const std::string& text) {
+    return text.empty() ? std::string("is empty") : std::string();
+  };
+  CLI::Option* targets = app.add_option("--targets", o.targets,
+                                        "CSV file with a header t,Lx,Ly,Lz,... ; or "
+                                        "LEFT.csv,RIGHT.csv without headers, with --dt")
+                             ->check(named);
+  app.add_option("--task", o.task, task_help)
+      ->check(CLI::IsMember(tasks))
+      ->capture_default_str()
+      ->excludes(targets);
+  app.add_option("--dt", o.dt, "Time between rows of header-less target files, s")
+      ->check(between(1e-4, 1))
+      ->capture_default_str()
+      ->needs(targets);
+  add_planner_options(app, o);
+  app.add_option("--seed", o.seed, "Seed of the random tasks")
+      ->check([](const std::string& text) {
+        return text.find('-') == std::string::npos ? std::string() : text + " is negative";
+      })
+      ->capture_default_str();
+  app.add_flag("--json", o.json, "Print the summary as one JSON object on the last line");
+  app.add_option("--out", o.out,
+                 "Folder for player.html, trajectory.csv and summary.json (made if missing)")
+      ->check(named);
+}
+
+void parse(CLI::App& app, int argc, char** argv) {
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::CallForHelp& e) {
+    std::exit(app.exit(e));
+  } catch (const CLI::ParseError& e) {
+    refuse(std::string(e.what()) + " (see --help)");
+  }
+}
+
+void parse(CLI::App& app, Options& o, int argc, char** argv) {
+  parse(app, argc, argv);
+  o.dt_given = app.count("--dt") > 0;
+  o.friction_given = app.count("--friction") > 0;
+}
+
+}  // namespace program

@@ -1,0 +1,28 @@
+#pragma once
+
+// The command line that the programs share, with its checks. Apart from options.hpp because CLI11
+// takes long to compile.
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+#include "support/options.hpp"
+
+namespace program {
+
+/// Accepts numbers from `least` to `most`; --help shows the range.
+CLI::Validator between(double least, double most);
+
+/// Adds the options of every program. `tasks`: the built-in motions for --task, an alternative to
+/// --targets.
+void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
+                const std::string& task_help);
+
+/// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
+/// 2.
+void parse(CLI::App& app, int argc, char** argv);
+/// The same for a program with `add_common`.
+void parse(CLI::App& app, Options& o, int argc, char** argv);
+
+}  // namespace program
