@@ -136,7 +136,10 @@ Result<Material<Scalar>> material_preset(std::string_view name) {
     return material;
   }
   std::string message = "unknown material " + quoted_text(name) + "; known:";
-  for (std::string_view known : detail::kMaterialNames) message += " " + std::string(known);
+  for (std::string_view known : detail::kMaterialNames) {
+    message += ' ';
+    message += known;
+  }
   return Error{message};
 }
 
