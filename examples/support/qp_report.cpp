@@ -67,14 +67,21 @@ constexpr const char* kTableHead =
 /// Adds a row of --out; unknown objectives stay empty.
 std::string table_row(std::size_t frame, const Answer& warm, const Answer& cold,
                       const QpReference& expected, bool right) {
-  std::string row = std::to_string(frame);
+  std::vector<std::string> cells{std::to_string(frame)};
   for (const Answer* a : {&warm, &cold}) {
-    row += "," + (a->has_point ? clothctl::number_text(a->objective) : "") + "," +
-           std::string(to_string(a->status)) + "," + std::to_string(a->iterations) + "," +
-           clothctl::number_text(1000 * a->seconds);
+    cells.push_back(a->has_point ? clothctl::number_text(a->objective) : "");
+    cells.emplace_back(to_string(a->status));
+    cells.push_back(std::to_string(a->iterations));
+    cells.push_back(clothctl::number_text(1000 * a->seconds));
   }
-  return row + "," + (expected.objective ? clothctl::number_text(*expected.objective) : "") +
-         (right ? ",1\n" : ",0\n");
+  cells.push_back(expected.objective ? clothctl::number_text(*expected.objective) : "");
+  cells.emplace_back(right ? "1" : "0");
+  std::string row;
+  for (const std::string& cell : cells) {
+    row += cell;
+    row += &cell == &cells.back() ? '\n' : ',';
+  }
+  return row;
 }
 
 /// Adds the times of one way of solving a sequence, and the number of right frames.
