@@ -80,6 +80,8 @@ clothctl::PatternMesh hang(const Request& r, const clothctl::Garment& garment,
   const Network network = must(clothctl::pattern_network(mesh, material));
   Workshop::Settings settings = Workshop::Settings::of(material);
   settings.drag = 2;  // comes to rest sooner
+  settings.substeps = 10;
+  settings.stretch_limit = 0.03;
   for (const std::size_t side : {3, 5}) {
     const std::vector<int>& seam = garment.panels[0].sides[side];
     settings.pinned.push_back(sewn.vertex_of[static_cast<std::size_t>(seam[seam.size() / 2])]);

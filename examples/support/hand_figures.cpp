@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <filesystem>
 
+#include "support/figure_text.hpp"
 #include "support/options.hpp"
 
 namespace program {
@@ -17,13 +18,7 @@ void print_figures(const nlohmann::ordered_json& figures, bool json) {
   }
   for (const auto& [key, value] : figures.items()) {
     if (value.is_null()) continue;
-    std::string text = value.is_string() ? value.get<std::string>() : value.dump();
-    if (value.is_number_float()) {
-      char number[32];
-      std::snprintf(number, sizeof number, "%.4g", value.get<double>());
-      text = number;
-    }
-    std::printf("%-28s %s\n", key.c_str(), text.c_str());
+    std::printf("%-28s %s\n", key.c_str(), figure_text(value).c_str());
   }
 }
 

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "clothctl/io/html_player.hpp"
+#include "support/figure_text.hpp"
 #include "support/options.hpp"
 
 namespace program {
@@ -18,7 +19,7 @@ void TearHistory::add_frame(const clothctl::Points<double>& x) {
 void TearHistory::write(clothctl::PlayerScene scene, Index vertices, const std::string& folder,
                         const nlohmann::ordered_json& figures) const {
   for (const auto& [key, value] : figures.items())
-    scene.figures.emplace_back(key, value.is_string() ? value.get<std::string>() : value.dump());
+    scene.figures.emplace_back(key, figure_text(value));
   std::vector<clothctl::Points<double>> shown = frames_;
   auto to_end = Remap<double>::identity(vertices, static_cast<Index>(scene.triangles.size()));
   std::size_t change = changes_.size();

@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "clothctl/io/obj.hpp"
+#include "support/figure_text.hpp"
 #include "support/options.hpp"
 
 namespace program {
@@ -52,7 +53,7 @@ void Workshop::finish(const std::string& out, bool json, const clothctl::Pattern
   figures["frame_ms"] = 1000 * seconds_ / static_cast<double>(std::max(1L, frames));
   figures["real_time_factor"] = dt_ * static_cast<double>(frames) / std::max(seconds_, 1e-9);
   for (const auto& [key, value] : figures.items()) {
-    const std::string text = value.is_string() ? value.get<std::string>() : value.dump();
+    const std::string text = figure_text(value);
     page_.scene().figures.emplace_back(key, text);
     if (!json) std::printf("%-18s %s\n", key.c_str(), text.c_str());
   }

@@ -123,6 +123,9 @@ TEST_CASE("batch levels: weights of parents sum to one and reproduce the vertex"
     const VectorX<double> w = parent_weights(offsets);
     CHECK(w.sum() == Approx(1.0).epsilon(1e-12));
     CHECK(w.cwiseAbs().maxCoeff() < 2.01);
+    Points<double> curved = offsets;
+    for (Index p = 0; p < k; ++p) curved(2, p) = random(-0.01, 0.01);
+    if (k > 2) CHECK(parent_weights(curved).minCoeff() >= 0.0);
     // Parents all around the vertex.
     for (Index p = 0; p < k; ++p) {
       const double angle =

@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "clothctl/cloth/position_based.hpp"
+#include "clothctl/mesh/garment_patterns.hpp"
 #include "clothctl/mesh/grid.hpp"
+#include "clothctl/network/garment.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "support/allocations.hpp"
@@ -235,6 +237,31 @@ TEMPLATE_TEST_CASE("the limit is kept while pins move", "[stretch_limit]", float
     CHECK(result.wrong_reports == 0);
     for (int v : sheet.corners) CHECK(state.positions.col(v) == target(v, 74));
   }
+}
+
+TEST_CASE("a shirt with a limit comes to rest on its pins", "[stretch_limit]") {
+  const Garment garment = make_garment(*tshirt_pattern(), 0.03).value();
+  const SewnGarment sewn = weld_seams(garment).value();
+  const Material<double> material = material_preset<double>("cotton").value();
+  Sheet<double> shirt{"shirt", pattern_network(sewn.mesh, material).value(), {}};
+  for (const std::size_t side : {3, 5}) {  // the shoulders
+    const std::vector<int>& seam = garment.panels[0].sides[side];
+    shirt.corners.push_back(sewn.vertex_of[static_cast<std::size_t>(seam[seam.size() / 2])]);
+  }
+  PositionBasedSettings<double> settings = limited<double>(0.03, 10, shirt.corners);
+  settings.drag = 3.0;
+  const PositionBased<double> model = make(shirt, settings);
+  auto workspace = model.make_workspace();
+  ClothState<double> state = model.rest_state();
+  for (int k = 0; k < 300; ++k) REQUIRE(model.step(state, {}, kFrame, workspace).advanced);
+  CHECK(largest_stretch(shirt.network, state.positions) < 0.03);
+  const Points<double> before = state.positions;
+  for (int k = 0; k < 25; ++k) REQUIRE(model.step(state, {}, kFrame, workspace).advanced);
+  const double moved = (state.positions - before).colwise().norm().maxCoeff();
+  const double fastest = state.velocities.colwise().norm().maxCoeff();
+  CAPTURE(moved, fastest);
+  CHECK(moved < 3e-3);
+  CHECK(fastest < 0.15);  // near the pins
 }
 
 TEST_CASE("hands that pull too far apart show in the report", "[stretch_limit]") {

@@ -25,7 +25,8 @@
 // XPBD with a limit of stretch: before the sweeps of a substep, one-sided edges on coarse levels
 // (detail/lane_levels.hpp) carry the limit across the sheet; a sweep corrects stretch beyond the
 // limit rigidly; the last substep repeats such sweeps until the largest stretch is well below the
-// limit. Compression is resisted only partly: a sheet gives way by folding.
+// limit. Compression is resisted only partly: a sheet gives way by
+// folding.
 //
 // A network that is a grid is laid out in vector lanes (detail/lane_grid.hpp), any other in batches
 // (detail/edge_batches.hpp). References: [Toh 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD",
@@ -160,6 +161,10 @@ class PositionBased {
   template <class Sheet>
   void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
                        StepReport<Scalar>& report) const;
+  /// Adds `factor` times the positions to those at the start of the substep.
+  template <class Sheet>
+  void add_to_start(const Sheet& sheet, const Scalar& factor,
+                    typename Sheet::Scratch& memory) const;
 
   /// Copies positions and velocities out of the layout.
   template <class Sheet>
@@ -445,13 +450,30 @@ void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scrat
   }
   if (part < settings_.substeps) return;
   const Scalar goal = relative(target < zero ? limit * Scalar(0.75) : limit - Scalar(0.005));
+  // These sweeps correct what all substeps left, so only the share of one substep changes the
+  // velocities. The whole correction would keep a sheet near its pins in motion for ever.
+  const Scalar others = one - one / Scalar(static_cast<double>(settings_.substeps));
+  add_to_start(sheet, zero - others, memory);
   for (int i = 0; i < settings_.extra_sweeps && goal < worst; ++i) {
     detail::TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
     worst = sheet.sweep(rule, memory).worst.largest();
     ++report.iterations;
   }
+  add_to_start(sheet, others, memory);
   report.residual = zero < worst ? worst / (one - worst) : zero;
   if (relative(limit) < worst) report.status = StepStatus::IterationLimit;
+}
+
+template <RealScalar S>
+template <class Sheet>
+void PositionBased<S>::add_to_start(const Sheet& sheet, const Scalar& factor,
+                                    typename Sheet::Scratch& memory) const {
+  for (Index v = 0; v < vertex_count(); ++v) {
+    const Scalar* x = memory.points.data() + sheet.offset(static_cast<int>(v));
+    Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
+    for (std::size_t c = 0; c < 3; ++c)
+      start[c * Sheet::kStride] = start[c * Sheet::kStride] + factor * x[c * Sheet::kStride];
+  }
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

@@ -104,9 +104,10 @@ class BatchLevels {
   std::size_t vertex_count_ = 0;
 };
 
-/// Weights of parents (offsets from the vertex, 3×k) that sum to one and reproduce the vertex as
-/// well as they can: least Σ W² d². Directions in which the parents hardly spread are not
-/// reproduced.
+/// Weights of parents (offsets from the vertex, 3×k) that sum to one and reproduce a vertex among
+/// them: least Σ W² d². Directions in which the parents hardly spread are not reproduced. Where the
+/// mesh is curved, a weight that would be negative is 0: extrapolated displacements keep garments in
+/// motion for ever.
 template <class = void>
 VectorX<double> parent_weights(const Points<double>& offsets) {
   const Index k = offsets.cols();
@@ -127,6 +128,8 @@ VectorX<double> parent_weights(const Points<double>& offsets) {
   one[0] = 1.0;
   VectorX<double> w = weighted * normal.inverse() * one;
   if (!(w.cwiseAbs().maxCoeff() < 2.0)) w = spread;
+  const DenseMatrix<double, 3, 3> extent = rows.bottomRows(3) * rows.bottomRows(3).transpose();
+  if (1e-9 < extent.determinant()) w = w.cwiseMax(0.0);  // with the vertex, they are in no plane
   return w / w.sum();
 }
 
