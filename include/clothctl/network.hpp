@@ -6,6 +6,7 @@
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/network_change.hpp"
 #include "clothctl/network/plastic_creep.hpp"
+#include "clothctl/network/rest_folds.hpp"
 #include "clothctl/network/rope.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "clothctl/network/solid.hpp"

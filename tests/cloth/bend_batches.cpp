@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <type_traits>
 #include <vector>
 
@@ -247,4 +248,123 @@ TEST_CASE("bend batches: stencils without stiffness are left out", "[bend_batche
   CHECK(packed.size() == batch_lanes<double>());
   CHECK(packed.stiffness.sum() == 2);
   CHECK(packed.vertex[3][0] == 12);
+}
+
+namespace {
+
+/// Random hinges with folds on the points of a Mesh, which may be held.
+template <class Scalar>
+struct FoldedMesh : Mesh<Scalar> {
+  using Mesh<Scalar>::packed;
+  using Mesh<Scalar>::stencils;
+
+  FoldedMesh(unsigned seed, const PackOrder& order, bool held) : Mesh<Scalar>(seed, order, held) {
+    Numbers random(seed + 100);
+    for (std::size_t e = 0; e < stencils.size(); ++e) {
+      BendStencil<Scalar>& s = stencils[e];
+      if (s.count != 4 || e % 4 == 0) continue;  // some rest flat
+      for (const std::size_t c : {2, 3}) s.weight[c] = Scalar(random(-2, -0.2));
+      s.weight[0] = Scalar(random(0.2, 1.5));
+      s.weight[1] = -(s.weight[0] + s.weight[2] + s.weight[3]);
+      s.rest_fold = Scalar(std::tan(random(-1.4, 1.4)));
+    }
+    packed = pack_bends(stencils, order, kVertices);
+  }
+
+  /// One visit of every stencil after the other, in double and plain code.
+  void plain_sweep(double h, double relaxation, std::vector<Vector3<double>>& multiplier) {
+    Points<double> x(3, kVertices);
+    std::size_t at = 0;
+    for (const BendStencil<Scalar>& listed : stencils) {
+      if (!(Scalar(0) < listed.stiffness)) continue;
+      BendStencil<double> s;
+      s.vertex = listed.vertex;
+      s.count = listed.count;
+      s.rest_fold = static_cast<double>(listed.rest_fold);
+      for (std::size_t c = 0; c < 4; ++c) s.weight[c] = static_cast<double>(listed.weight[c]);
+      for (std::size_t v = 0; v < this->points.size(); ++v)
+        x.col(static_cast<Index>(v)) = this->points[v].at;
+      const FoldedHinge<double> hinge(s, x);
+      const auto w = [&](std::size_t c) {
+        return this->points[static_cast<std::size_t>(s.vertex[c])].w;
+      };
+      double bound = 0;
+      for (std::size_t c = 0; c < static_cast<std::size_t>(s.count); ++c)
+        bound += s.weight[c] * s.weight[c] * w(c);
+      if (s.is_folded()) {
+        const double sine = half_rest_angle(s)[1], skew = s.weight[2] - s.weight[3];
+        const Vector3<double> o = x.col(s.vertex[0]);
+        const Vector3<double> span =
+            s.weight[3] * (x.col(s.vertex[3]) - o) - s.weight[2] * (x.col(s.vertex[2]) - o);
+        const double squared =
+            std::max((x.col(s.vertex[1]) - o).squaredNorm(), 1e-6 * span.squaredNorm());
+        bound += sine * sine * (span.squaredNorm() / squared * (w(0) + w(1)) + skew * skew * w(0));
+      }
+      const Triple<double> e = bending_error<double>(s, x);
+      const Vector3<double> error(e.x, e.y, e.z);
+      const double k = h * h * static_cast<double>(listed.stiffness);
+      Vector3<double>& sum = multiplier[at++];
+      Vector3<double> change = -(k * error + sum) / (k * bound + 1.0);
+      if (relaxation > 0) change = bound > 0 ? Vector3<double>(-error / bound) : error * 0.0;
+      sum += change;
+      for (std::size_t c = 0; c < static_cast<std::size_t>(s.count); ++c) {
+        const Triple<double> push{change[0], change[1], change[2]};
+        const Triple<double> part =
+            s.is_folded() ? hinge.share(static_cast<int>(c), push) : push * s.weight[c];
+        PlainPoint& p = this->points[static_cast<std::size_t>(s.vertex[c])];
+        p.at += p.w * Vector3<double>(part.x, part.y, part.z);
+      }
+    }
+  }
+};
+
+}  // namespace
+
+TEMPLATE_TEST_CASE("bend batches: folded hinges are a plain sequential sweep", "[bend_batches]",
+                   float, double, long double) {
+  using Scalar = TestType;
+  const double h = static_cast<double>(Scalar(0.05));
+  for (unsigned seed = 0; seed < 6; ++seed) {
+    const bool rigid = seed % 2 == 0;
+    FoldedMesh<Scalar> mesh(seed, {1, 0}, true);
+    CHECK(mesh.packed.sine.size() == mesh.packed.size());
+    std::vector<Vector3<double>> multiplier(mesh.stencils.size(), Vector3<double>::Zero());
+    if (rigid) prepare_rigid_bends(mesh.packed, Scalar(1), mesh.buffer.data(), mesh.scratch);
+    if (!rigid) prepare_bends(mesh.packed, Scalar(h), mesh.buffer.data(), mesh.scratch);
+    for (int sweep = 0; sweep < 3; ++sweep) {
+      if (rigid || sweep == 0)
+        std::fill(multiplier.begin(), multiplier.end(), Vector3<double>::Zero());
+      if (rigid) sweep_bends<false, false>(mesh.packed, mesh.scratch, mesh.buffer.data());
+      if (!rigid && sweep == 0)
+        sweep_bends<false, true>(mesh.packed, mesh.scratch, mesh.buffer.data());
+      if (!rigid && sweep > 0)
+        sweep_bends<true, true>(mesh.packed, mesh.scratch, mesh.buffer.data());
+      mesh.plain_sweep(h, rigid ? 1.0 : 0.0, multiplier);
+    }
+    INFO("seed " << seed);
+    CHECK(mesh.distance() < 20 * kSmall<Scalar>);
+  }
+}
+
+TEMPLATE_TEST_CASE("bend batches: a visit of a folded hinge keeps both momenta", "[bend_batches]",
+                   float, double, long double) {
+  using Scalar = TestType;
+  const double tolerance = std::is_same_v<Scalar, float> ? 1e-6 : 1e-14;
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    FoldedMesh<Scalar> mesh(seed, {3, 256}, false);
+    const auto folded = std::find_if(mesh.stencils.begin(), mesh.stencils.end(), [](const auto& s) {
+      return s.is_folded() && Scalar(0) < s.stiffness;
+    });
+    REQUIRE(folded != mesh.stencils.end());
+    mesh.packed = pack_bends<Scalar>({*folded}, {3, 256}, kVertices);
+    prepare_bends(mesh.packed, Scalar(0.05), mesh.buffer.data(), mesh.scratch);
+    sweep_bends<false, false>(mesh.packed, mesh.scratch, mesh.buffer.data());
+    std::vector<Vector3<double>> moved;
+    for (std::size_t v = 0; v < mesh.points.size(); ++v)
+      moved.push_back(
+          mesh.buffer.template segment<3>(static_cast<Index>(4 * v)).template cast<double>() -
+          mesh.points[v].at);
+    CHECK(mesh.distance() > 1e-3);
+    for (const Vector3<double>& sum : momenta(mesh.points, moved)) CHECK(sum.norm() < tolerance);
+  }
 }

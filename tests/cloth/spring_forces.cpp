@@ -61,7 +61,7 @@ Eigen::MatrixXd stiffness(const Network& network, const Points<double>& x,
   const SpringPattern<double> pattern(network, true, false);
   BlockSymmetric<double> k = pattern.matrix();
   pattern.add_springs(network, x, scale, 1.0, k);
-  pattern.add_bending(network, scale.bending, k);
+  pattern.add_bending(network, x, scale.bending, k);
   return dense(k);
 }
 
@@ -248,7 +248,7 @@ TEST_CASE("bending stencils have constant stiffness and no force in their null s
   // Without bending in the pattern, nothing is added.
   const SpringPattern<double> bare(row, false, false);
   BlockSymmetric<double> none = bare.matrix();
-  bare.add_bending(row, 1.0, none);
+  bare.add_bending(row, x, 1.0, none);
   CHECK(dense(none).isZero());
 }
 
@@ -334,7 +334,7 @@ TEST_CASE("forces and assembly do not allocate", "[cloth]") {
   spring_directions<double>(network, x, direction);
   freeze_air<double>(network, x, x, Eigen::Vector3d::UnitY(), AirSettings<double>(), air, f);
   pattern.add_springs(network, x, {}, 1.0, a);
-  pattern.add_bending(network, 1.0, a);
+  pattern.add_bending(network, x, 1.0, a);
   pattern.add_frozen(network, direction, air, 1.0, a);
   const long during = clothctl_test::allocations() - before;
   if (clothctl_test::allocation_counting_works()) CHECK(during == 0);

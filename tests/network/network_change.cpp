@@ -3,6 +3,7 @@
 #include "clothctl/network/network_change.hpp"
 
 #include "clothctl/mesh/surface_cut.hpp"
+#include "clothctl/network/rest_folds.hpp"
 #include "clothctl/network/rope.hpp"
 #include "network/network_checks.hpp"
 #include "support/catch.hpp"
@@ -302,6 +303,37 @@ TEST_CASE("a network that was stretched for good stays so when it is torn", "[ne
     const double length = (cut.rest_positions.col(s.a) - cut.rest_positions.col(s.b)).norm();
     CHECK(s.rest_length == Approx(1.1 * length));
   }
+}
+
+TEST_CASE("cuts and tears keep the rest folds, however a hinge numbers its vertices", "[network]") {
+  // New vertices lie in the old triangles, so a changed mesh measures the folds that it has kept.
+  const int trials = clothctl_test::trials(20, 300);
+  std::mt19937 random(8);
+  int changed = 0, folded = 0;
+  for (int trial = 0; trial < trials; ++trial) {
+    const PlainMesh mesh = irregular_mesh(6, 6, random, 0.3);
+    const Points<double>& x = mesh.positions;
+    Network network = sheet_network<double>(x, mesh.triangles, Material<double>()).value();
+    REQUIRE(set_rest_folds<double>(network, x).empty());
+    for (BendStencil<double>& b : network.bends) {
+      for (const std::size_t i : {std::size_t(0), std::size_t(2)}) {
+        if (random() % 2 == 0) continue;
+        std::swap(b.vertex[i], b.vertex[i + 1]);
+        std::swap(b.weight[i], b.weight[i + 1]);
+        b.rest_fold = -b.rest_fold;
+      }
+    }
+    const Network after = change_network(network, random_change(network, random)).value().network;
+    changed += after.vertex_count() != network.vertex_count();
+    Network measured = after;
+    if (!set_rest_folds<double>(measured, after.rest_positions).empty()) continue;  // slivers
+    for (std::size_t b = 0; b < after.bends.size(); ++b) {
+      CHECK(after.bends[b].rest_fold == Approx(measured.bends[b].rest_fold).margin(1e-6));
+      folded += after.bends[b].is_folded();
+    }
+  }
+  CHECK(changed > trials / 2);
+  CHECK(folded > 20 * trials);
 }
 
 TEST_CASE("stitching a torn network gives back its stiffness and mass", "[network]") {

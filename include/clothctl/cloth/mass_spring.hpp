@@ -334,7 +334,7 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
   ws.dt = dt;
   ws.kept = Scalar(1);
   ws.frozen.set_zero();
-  pattern_.add_bending(network_, dt * dt, ws.frozen);
+  pattern_.add_bending(network_, x, dt * dt, ws.frozen);
   pattern_.add_frozen(network_, ws.direction, ws.air, dt, ws.frozen);
   const Scalar inertia = Scalar(1) + dt * settings_.drag;
   for (Index i = 0; i < vertex_count(); ++i) {

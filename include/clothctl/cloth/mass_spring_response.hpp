@@ -155,7 +155,7 @@ bool MassSpringResponse<S>::linearise(const PointsView<Scalar>& x, const PointsV
   detail::freeze_air<Scalar>(network_, x, v, wind, air_settings_, air_, force_);
   stiffness_.set_zero();
   pattern_.add_springs(network_, x, settings_.scale, Scalar(1), stiffness_);
-  pattern_.add_bending(network_, settings_.scale.bending, stiffness_);
+  pattern_.add_bending(network_, x, settings_.scale.bending, stiffness_);
   coupling_.set_zero();
   pattern_.add_frozen(network_, direction_, air_, dt, coupling_);
   coupling_.add_scaled(stiffness_, dt * dt);

@@ -13,7 +13,8 @@
 //             An edge inside a divided triangle gets κ A'/l'² with the mean modulus κ of the
 //             triangle.
 //   hinge     moves with its two triangles; where they changed, cotangent weights are computed
-//             anew, with the same bending modulus. It is gone where the edge has opened.
+//             anew, with the same bending modulus and rest fold. It is gone where the edge has
+//             opened. New edges and seams rest flat.
 //
 // Springs and stencils that span several edges live as long as the edges below them hold together:
 //

@@ -7,9 +7,18 @@
 //   spring a-b   U = ½ k (|x_a - x_b| - l0)²,   damper force  d n nᵀ (v_a - v_b)  with  d = β k
 //   stencil      U = ½ kb |Σ_i w_i x_i|²        w = 1,-2,1 on three vertices in a row, or the
 //                                               weights of a hinge on four
+//   folded hinge U = ½ kb |c K - s u × D|²      K = Σ w_i x_i,  c = cos θ0/2,  s = sin θ0/2,
+//                                               D = w_3 (x_3 - x_0) - w_2 (x_2 - x_0)
 //
 // Symbols: x positions, v velocities, l0 rest length, k stiffness, n unit vector along the spring,
-// β damping time.
+// β damping time, u unit vector from x_0 to x_1 (the edge of the hinge), θ0 rest angle.
+//
+// A folded hinge is a hinge whose energy is taken after each triangle was turned back by θ0/2 about
+// the edge. Let m_2, m_3 be the unit vectors in the two triangles that are perpendicular to the
+// edge and point to x_2 and x_3, and l the length of the edge. With triangles of their rest shape,
+// K = -l (m_2 + m_3) and u × D = l u × (m_2 - m_3), so a hinge of angle θ has U = kb l² (1 - cos(θ
+// - θ0)): it pulls to θ0 on the shorter way, also from beyond 180°, where a hinge passes through
+// itself. At θ0 = 0 this is the flat hinge.
 
 #include <array>
 #include <cstddef>
@@ -87,6 +96,32 @@ struct BendStencil {
   Scalar stiffness = Scalar(0);
   /// Number of vertices in use, 2 to 4.
   int count = 0;
+  /// tan(θ0/2) of the angle θ0 to which a hinge is folded at rest; 0: flat, 1: a right angle. Only
+  /// hinges of four vertices may have one. Seen with vertex 0 below, 1 above, 2 on the left and 3
+  /// on the right, a positive angle folds the triangles away from the eye:
+  ///
+  ///          1                    eye
+  ///        / | \ .
+  ///       2  |  3                0, 1           a positive angle, seen along the edge
+  ///        \ | /                /    \ .
+  ///          0                 2      3
+  ///
+  /// `set_rest_folds` (rest_folds.hpp) computes it from positions.
+  Scalar rest_fold = Scalar(0);
+
+  /// Returns true when the rest shape is not flat.
+  bool is_folded() const { return Scalar(0) < rest_fold || rest_fold < Scalar(0); }
+
+  /// Returns what is wrong with `rest_fold`, or "". Allocates.
+  std::string validate_fold() const {
+    if (!is_finite(rest_fold) || Scalar(1e6) < rest_fold || rest_fold < Scalar(-1e6))
+      return "has a rest_fold that is not finite or above 1e6";
+    if (!is_folded()) return {};
+    if (count != 4) return "has a rest_fold, but not the four vertices of a hinge";
+    if (!(weight[2] < Scalar(0)) || !(weight[3] < Scalar(0)))
+      return "has a rest_fold, but no negative weights on vertices 2 and 3 of the hinge";
+    return {};
+  }
 };
 
 /// Masses, springs, bending stencils and triangles that share one numbering of the vertices.
@@ -126,6 +161,7 @@ struct SpringNetwork {
       for (std::size_t i = 0; i < 4; ++i) c.weight[i] = static_cast<Other>(b.weight[i]);
       c.stiffness = static_cast<Other>(b.stiffness);
       c.count = b.count;
+      c.rest_fold = static_cast<Other>(b.rest_fold);
       out.bends.push_back(c);
     }
     out.triangles = triangles;
@@ -175,6 +211,7 @@ struct SpringNetwork {
       }
       if (!is_finite(s.stiffness) || s.stiffness < zero)
         return name + " has a negative or non-finite stiffness";
+      if (std::string problem = s.validate_fold(); !problem.empty()) return name + " " + problem;
       if (const int v = repeated(s.vertex, static_cast<std::size_t>(s.count)); v >= 0)
         return name + " holds vertex " + std::to_string(v) + " twice";
     }

@@ -10,7 +10,8 @@
 //   D   = Σ d n nᵀ           in the same pattern
 //   C   = Σ C_t / 9          on the nine blocks that couple the corners of a triangle, with C_t
 //                            from air_forces.hpp
-//   bending: f_i = -kb w_i Σ_j w_j x_j,   K_ij += kb w_i w_j I
+//   bending: f_i = -kb w_i Σ_j w_j x_j,   K_ij += kb w_i w_j I;  folded_hinge.hpp has the hinges
+//            that are folded at rest
 //
 // Symbols: f forces; K, D and C stiffness, damper and air matrix; x positions; l length, l0 rest
 // length, k stiffness and d damper of a spring; kb stiffness and w weights of a stencil. The
@@ -25,6 +26,7 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/air_forces.hpp"
+#include "clothctl/cloth/detail/folded_hinge.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/linalg/block_symmetric.hpp"
@@ -36,15 +38,6 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 template <RealScalar Scalar>
 Scalar shortest_squared(const Spring<Scalar>& s) {
   return Scalar(1e-12) * s.rest_length * s.rest_length;
-}
-
-/// Returns Σ w_i x_i of a stencil, m.
-template <RealScalar Scalar>
-Triple<Scalar> stencil_curvature(const BendStencil<Scalar>& b, const PointsView<Scalar>& x) {
-  Triple<Scalar> sum{Scalar(0), Scalar(0), Scalar(0)};
-  for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
-    sum = sum + column(x, b.vertex[i]) * b.weight[i];
-  return sum;
 }
 
 /// out += block, entry by entry.
@@ -137,13 +130,19 @@ class SpringPattern {
     }
   }
 
-  /// Adds `factor` times the bending stiffness to `out`, or nothing if the pattern was made without
-  /// bending. Never allocates.
-  void add_bending(const SpringNetwork<Scalar>& network, Scalar factor,
+  /// Adds `factor` times the bending stiffness at positions `x` (3×n, m) to `out`, or nothing if
+  /// the pattern was made without bending. Only hinges that are folded at rest depend on `x`. Never
+  /// allocates.
+  void add_bending(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x, Scalar factor,
                    BlockSymmetric<Scalar>& out) const {
     if (bends_.empty()) return;
     std::size_t slot = 0;
     for (const BendStencil<Scalar>& b : network.bends) {
+      if (b.is_folded()) {
+        add_folded(b, FoldedHinge<Scalar>(b, x), factor, bends_.data() + slot, out);
+        slot += 6;
+        continue;
+      }
       for (int i = 0; i < b.count; ++i) {
         add_to_diagonal(out.diagonal(vertex(b, i)),
                         Scalar(factor * b.stiffness * weight(b, i) * weight(b, i)));
@@ -179,6 +178,18 @@ class SpringPattern {
   }
 
  private:
+  /// Adds the stiffness of a folded hinge; `pairs` holds the slots of its six pairs of vertices.
+  static void add_folded(const BendStencil<Scalar>& b, const FoldedHinge<Scalar>& hinge,
+                         const Scalar& factor, const int* pairs, BlockSymmetric<Scalar>& out) {
+    const Scalar stiffness = factor * b.stiffness;
+    for (int i = 0; i < 4; ++i)
+      add_block(out.diagonal(vertex(b, i)), hinge.stiffness_block(i, i, stiffness));
+    each_pair(b, [&](int i, int j) {
+      const bool below = vertex(b, j) < vertex(b, i);
+      add_block(out.lower(*pairs++),
+                hinge.stiffness_block(below ? i : j, below ? j : i, stiffness));
+    });
+  }
   static void add_spring_block(const Spring<Scalar>& s, int slot, const Matrix3<Scalar>& block,
                                BlockSymmetric<Scalar>& out) {
     add_block(out.diagonal(s.a), block);
@@ -266,6 +277,14 @@ Scalar add_spring_forces(const SpringNetwork<Scalar>& network, const PointsView<
     add_to_column(forces, s.b, f);
   }
   for (const BendStencil<Scalar>& b : network.bends) {
+    if (b.is_folded()) {
+      const FoldedHinge<Scalar> hinge(b, x);
+      energy += Scalar(0.5) * b.stiffness * squared_norm(hinge.error());
+      const Triple<Scalar> push = hinge.error() * b.stiffness;
+      for (int i = 0; i < 4; ++i)
+        subtract_from_column(forces, b.vertex[static_cast<std::size_t>(i)], hinge.share(i, push));
+      continue;
+    }
     const Triple<Scalar> curvature = stencil_curvature<Scalar>(b, x);
     energy += Scalar(0.5) * b.stiffness * squared_norm(curvature);
     for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
@@ -284,7 +303,7 @@ Scalar spring_energy(const SpringNetwork<Scalar>& network, const PointsView<Scal
     energy += Scalar(0.5) * s.stiffness * stretch * stretch;
   }
   for (const BendStencil<Scalar>& b : network.bends) {
-    energy += Scalar(0.5) * b.stiffness * squared_norm(stencil_curvature<Scalar>(b, x));
+    energy += Scalar(0.5) * b.stiffness * squared_norm(bending_error<Scalar>(b, x));
   }
   return energy;
 }

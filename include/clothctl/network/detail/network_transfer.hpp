@@ -23,6 +23,8 @@ struct NewSide {
   int old_edge = -1;
   /// True when it is the whole old edge.
   bool undivided = false;
+  /// True when the new edge, from its end a to b, runs as the old edge does.
+  bool forward = true;
   /// Length at rest in the parent, m.
   Scalar length = Scalar(0);
 };
@@ -151,8 +153,9 @@ class NetworkTransfer {
         return !(weight[corner][p] < Scalar(1)) || !(weight[corner][q] < Scalar(1));
       };
       side.undivided = is_corner(i) && is_corner(j);
+      side.forward = (weight[j][p] < weight[i][p]) == (parent[p] < parent[q]);
       if (!side.undivided) break;
-      const bool forward = !(weight[i][p] < Scalar(1)) == (parent[p] < parent[q]);
+      const bool forward = side.forward;
       const std::array<int, 2> ends{forward ? edge.a : edge.b, forward ? edge.b : edge.a};
       std::vector<std::array<int, 2>>& pieces = pieces_[index(side.old_edge)];
       if (std::find(pieces.begin(), pieces.end(), ends) == pieces.end()) pieces.push_back(ends);
@@ -397,7 +400,29 @@ class NetworkTransfer {
       stencil.weight[2 + i] = Scalar(0) - (at_a + at_b);
     }
     stencil.stiffness = bending / (area_[index(one.triangle)] + area_[index(two.triangle)]);
+    stencil.rest_fold = new_fold(e);
     out_.bends.push_back(stencil);
+  }
+
+  /// Returns the rest fold of an inner edge whose triangles changed: that of the old hinge, which
+  /// may number its vertices in another order; 0 for other edges.
+  Scalar new_fold(std::size_t e) const {
+    const Side &one = sides_[e][0], &two = sides_[e][1];
+    Scalar sum = Scalar(0), all = Scalar(0);
+    if (one.old_edge < 0 || one.old_edge != two.old_edge) return sum;
+    const MeshEdge& old_edge = old_.topology().edges[index(one.old_edge)];
+    const int parent = change_.remap.parent(one.triangle);
+    const int opposite = old_edge.opposite[parent == old_edge.triangle[0] ? 0 : 1];
+    for (const int b : old_.edge(one.old_edge).hinges) {
+      const BendStencil<Scalar>& stencil = old_stencil(b);
+      if (!(Scalar(0) < stencil.stiffness)) continue;
+      const bool along = one.forward == (stencil.vertex[0] == old_edge.a);
+      const bool same_sign = along == (stencil.vertex[2] == opposite);
+      const Scalar part = stencil.stiffness * stencil.rest_fold;
+      sum += same_sign ? part : Scalar(0) - part;
+      all += stencil.stiffness;
+    }
+    return Scalar(0) < all ? Scalar(sum / all) : sum;
   }
 
   /// Returns the new vertex that an old vertex of a kept hinge has become.

@@ -1,0 +1,296 @@
+#include "clothctl/cloth/detail/folded_hinge.hpp"
+
+#include <cmath>
+#include <random>
+#include <utility>
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
+
+#include "clothctl/cloth/detail/spring_forces.hpp"
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/network/rest_folds.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+
+using namespace clothctl;
+using namespace clothctl::detail;
+
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+using Network = SpringNetwork<double>;
+
+/// Two triangles at the edge 0-1 with the feet and heights of their vertices 2 and 3, folded by
+/// `angle` as in the drawing of BendStencil.
+Points<double> hinge_at(double angle, double length, double left = 0.3, double right = 0.8,
+                        double wide = 0.9) {
+  Points<double> x(3, 4);
+  const double c = std::cos(angle / 2), s = std::sin(angle / 2);
+  x << 0, 0, -c, wide * c,     //
+      0, length, left, right,  //
+      0, 0, -s, -wide * s;
+  return x;
+}
+
+/// The network of those triangles with the rest angle `rest` and no springs.
+Network hinge_network(double length, double rest) {
+  Network network =
+      sheet_network<double>(hinge_at(0, length), {{0, 1, 2}, {1, 0, 3}}, Material<double>())
+          .value();
+  network.springs.clear();
+  REQUIRE(network.bends.size() == 1);
+  REQUIRE(network.bends[0].vertex == std::array<int, 4>{0, 1, 2, 3});
+  network.bends[0].rest_fold = std::tan(rest / 2);
+  network.bends[0].stiffness = 0.7;
+  REQUIRE(network.validate().empty());
+  return network;
+}
+
+Points<double> forces(const Network& network, const Points<double>& x) {
+  Points<double> f = Points<double>::Zero(3, x.cols());
+  (void)add_spring_forces<double>(network, x, f);
+  return f;
+}
+
+Points<double> noise(std::mt19937& random, Index n, double size) {
+  std::normal_distribution<double> normal(0.0, size);
+  return Points<double>::NullaryExpr(3, n, [&] { return normal(random); });
+}
+
+/// Returns the bending stiffness matrix.
+Eigen::MatrixXd stiffness(const Network& network, const Points<double>& x) {
+  const SpringPattern<double> pattern(network, true, false);
+  BlockSymmetric<double> k = pattern.matrix();
+  pattern.add_bending(network, x, 1.0, k);
+  Eigen::MatrixXd out = Eigen::MatrixXd::Zero(x.size(), x.size());
+  for (Index i = 0; i < k.rows(); ++i) {
+    out.block<3, 3>(3 * i, 3 * i) = k.diagonal(i);
+    for (int s = k.row_begin(i); s < k.row_begin(i + 1); ++s) {
+      out.block<3, 3>(3 * i, 3 * k.column(s)) = k.lower(s);
+      out.block<3, 3>(3 * k.column(s), 3 * i) = k.lower(s).transpose();
+    }
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE(
+    "folded hinge: at lengths of rest the energy is kb l² (1 - cos(θ - θ0)), round the circle",
+    "[folded_hinge]") {
+  for (const double rest : {-2.5, -0.4, 1e-9, 0.7, kPi / 2, 3.0}) {
+    const double length = 1.3;
+    const Network network = hinge_network(length, rest);
+    for (double angle = -4; angle < 7; angle += 0.37) {
+      const double expected = 0.7 * length * length * (1 - std::cos(angle - rest));
+      CHECK(spring_energy<double>(network, hinge_at(angle, length)) ==
+            Approx(expected).margin(1e-12));
+    }
+    const Points<double> at_rest = hinge_at(rest, length);
+    CHECK(forces(network, at_rest).cwiseAbs().maxCoeff() < 1e-14);
+    // One that is flat starts to fold to the side of its rest angle: vertices 2 and 3 go down.
+    const Points<double> push = forces(network, hinge_at(0, length));
+    CHECK(std::copysign(1.0, -push(2, 2)) == std::copysign(1.0, rest));
+    CHECK(std::copysign(1.0, -push(2, 3)) == std::copysign(1.0, rest));
+  }
+}
+
+TEST_CASE("folded hinge: forces are minus the gradient of the energy anywhere", "[folded_hinge]") {
+  std::mt19937 random(1);
+  for (int trial = 0; trial < 50; ++trial) {
+    const double rest = std::uniform_real_distribution<double>(-3, 3)(random);
+    const Network network = hinge_network(1.1, rest);
+    Points<double> x = hinge_at(rest + 2, 1.1) + noise(random, 4, trial % 2 == 0 ? 0.05 : 1.0);
+    const Points<double> f = forces(network, x);
+    Points<double> slope(3, 4);
+    for (Index i = 0; i < x.size(); ++i) {
+      const double here = x.data()[i], step = 1e-5;
+      x.data()[i] = here + step;
+      const double ahead = spring_energy<double>(network, x);
+      x.data()[i] = here - step;
+      slope.data()[i] = (ahead - spring_energy<double>(network, x)) / (2 * step);
+      x.data()[i] = here;
+    }
+    const double edge = (x.col(1) - x.col(0)).norm(), size = 1 + 1 / (edge * edge);
+    CHECK((f + slope).cwiseAbs().maxCoeff() <= 1e-6 * size * (1 + f.norm()));
+    Points<double> added = Points<double>::Zero(3, 4);
+    CHECK(add_spring_forces<double>(network, x, added) == spring_energy<double>(network, x));
+    // Linear and angular momentum; the mirror image.
+    CHECK(f.rowwise().sum().norm() <= 1e-12 * (1 + f.norm()));
+    Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+    for (Index i = 0; i < 4; ++i) torque += x.col(i).cross(f.col(i));
+    CHECK(torque.norm() <= 1e-11 * (1 + f.norm()));
+    Points<double> mirrored = x, mirrored_forces = f;
+    mirrored.row(2) *= -1;
+    mirrored_forces.row(2) *= -1;
+    CHECK((forces(hinge_network(1.1, -rest), mirrored) - mirrored_forces).norm() <=
+          1e-12 * (1 + f.norm()));
+  }
+}
+
+TEST_CASE(
+    "folded hinge: the stiffness is positive semidefinite, and the derivative of the forces "
+    "at rest",
+    "[folded_hinge]") {
+  std::mt19937 random(2);
+  for (const double rest : {-2.5, -0.4, 0.7, kPi / 2, 3.0}) {
+    Network network = hinge_network(1.3, rest);
+    // Any numbering of the vertices; blocks above the diagonal are transposed.
+    const std::array<int, 4> number{2, 0, 3, 1};
+    Network shuffled = network;
+    for (std::size_t i = 0; i < 4; ++i) shuffled.bends[0].vertex[i] = number[i];
+    for (const double size : {0.0, 0.3}) {
+      const Points<double> x = hinge_at(rest, 1.3) + noise(random, 4, size);
+      const Eigen::MatrixXd k = stiffness(network, x);
+      Points<double> moved(3, 4);
+      for (Index i = 0; i < 4; ++i) moved.col(number[static_cast<std::size_t>(i)]) = x.col(i);
+      const Eigen::MatrixXd other = stiffness(shuffled, moved);
+      for (Index i = 0; i < 4; ++i) {
+        for (Index j = 0; j < 4; ++j) {
+          const Eigen::Matrix3d block = other.block<3, 3>(3 * number[static_cast<std::size_t>(i)],
+                                                          3 * number[static_cast<std::size_t>(j)]);
+          CHECK((k.block<3, 3>(3 * i, 3 * j) - block).norm() <= 1e-14 * k.norm());
+        }
+      }
+      const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(k, Eigen::EigenvaluesOnly);
+      CHECK(eigen.eigenvalues().minCoeff() >= -1e-13 * k.norm());
+      if (size > 0.0) continue;
+      for (Index i = 0; i < x.size(); ++i) {
+        Points<double> y = x;
+        y.data()[i] += 1e-6;
+        const Points<double> ahead = forces(network, y);
+        y.data()[i] -= 2e-6;
+        const Points<double> change = forces(network, y) - ahead;
+        CHECK((k.col(i) - change.reshaped() / 2e-6).norm() <= 1e-7 * k.norm());
+      }
+    }
+  }
+}
+
+TEST_CASE("folded hinge: a collapsed edge or triangle gives finite forces", "[folded_hinge]") {
+  const Network network = hinge_network(1.0, 1.2);
+  for (const double size : {0.0, 1e-300, 1e-12, 1e-4}) {
+    Points<double> x = size * hinge_at(0.5, 1.0);
+    CHECK(forces(network, x).allFinite());
+    CHECK(stiffness(network, x).allFinite());
+    x = hinge_at(0.5, 1.0);
+    x.col(1) = x.col(0) + size * Eigen::Vector3d(0.3, 0.2, -0.5);
+    CHECK(forces(network, x).allFinite());
+    CHECK(forces(network, x).norm() < 1e3);
+    CHECK(stiffness(network, x).allFinite());
+    const Eigen::Vector3d sum = forces(network, x).rowwise().sum();
+    CHECK(sum.norm() < 1e-11);
+  }
+}
+
+namespace {
+
+/// A strip of two cells whose middle edge has the rest angle `rest`; its left cell is clamped.
+Network strip_network(double rest) {
+  Points<double> x(3, 6);
+  x << 0, 0, -0.1, -0.1, 0.1, 0.1,  //
+      0, 0.1, 0, 0.1, 0, 0.1,       //
+      0, 0, 0, 0, 0, 0;
+  Material<double> material;
+  material.bending_warp = material.bending_weft = 1e-3;
+  Network network =
+      sheet_network<double>(x, {{0, 1, 2}, {1, 3, 2}, {0, 4, 1}, {1, 4, 5}}, material).value();
+  for (BendStencil<double>& b : network.bends) {
+    if (b.vertex[0] == 0 && b.vertex[1] == 1) b.rest_fold = std::tan(rest / 2);
+  }
+  return network;
+}
+
+/// The strip with its right cell turned by `angle` about the middle edge.
+Points<double> strip_at(const Network& network, double angle) {
+  Points<double> x = network.rest_positions;
+  for (const Index v : {4, 5}) {
+    x(0, v) = 0.1 * std::cos(angle);
+    x(2, v) = -0.1 * std::sin(angle);
+  }
+  return x;
+}
+
+/// The angle of the strip after it has come to rest.
+template <class Model>
+double settled(const Model& model, Points<double> start) {
+  auto workspace = model.make_workspace();
+  ClothState<double> state = model.rest_state();
+  state.positions = start;
+  bool advanced = true;
+  for (int step = 0; step < 500; ++step)
+    advanced = model.step(state, ClothInput<double>(), 0.01, workspace).advanced && advanced;
+  CHECK(advanced);
+  CHECK(state.velocities.norm() < 1e-4);
+  const Eigen::Vector3d side = state.positions.col(4);
+  return std::atan2(-side[2], side[0]);
+}
+
+std::vector<double> settled_by_all(const Network& network, const Points<double>& start) {
+  std::vector<double> angles;
+  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
+    MassSpringSettings<double> settings;
+    settings.integration = integration;
+    settings.gravity.setZero();
+    settings.drag = 10;
+    settings.pinned = {0, 1, 2, 3};
+    angles.push_back(settled(MassSpring<double>::create(network, settings).value(), start));
+  }
+  for (const PositionScheme scheme : {PositionScheme::Xpbd, PositionScheme::Verlet}) {
+    PositionBasedSettings<double> settings;
+    settings.scheme = scheme;
+    settings.gravity.setZero();
+    settings.drag = 10;
+    settings.pinned = {0, 1, 2, 3};
+    angles.push_back(settled(PositionBased<double>::create(network, settings).value(), start));
+  }
+  return angles;
+}
+
+}  // namespace
+
+TEST_CASE("folded hinge: a clamped strip folds to its rest angle from both sides in all models",
+          "[folded_hinge]") {
+  for (const double rest : {-2.0, -0.6, 0.3, 1.5707963, 2.4}) {
+    const Network network = strip_network(rest);
+    // Half a turn away is the unstable equilibrium; from beyond 180° it takes the shorter way.
+    for (const double start : {0.0, rest - 0.8, rest + 0.8, rest + 2.8, rest - 2.8}) {
+      INFO("rest " << rest << " start " << start);
+      for (const double angle : settled_by_all(network, strip_at(network, start)))
+        CHECK(angle == Approx(rest).margin(1e-5));
+    }
+  }
+}
+
+TEST_CASE("folded hinge: strips under a load bend alike in all models, and mirror images",
+          "[folded_hinge]") {
+  // The weight of the free cell turns the hinge away from its rest angle. Its two vertices hang at
+  // the distance a from the edge: m g a cos θ = torque of the hinge.
+  for (const double rest : {-0.9, 0.9}) {
+    const Network network = strip_network(rest);
+    std::vector<double> angles;
+    for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
+      MassSpringSettings<double> settings;
+      settings.integration = integration;
+      settings.gravity = {0, 0, -3};
+      settings.drag = 10;
+      settings.pinned = {0, 1, 2, 3};
+      angles.push_back(
+          settled(MassSpring<double>::create(network, settings).value(), strip_at(network, rest)));
+    }
+    PositionBasedSettings<double> settings;
+    settings.gravity = {0, 0, -3};
+    settings.drag = 10;
+    settings.pinned = {0, 1, 2, 3};
+    settings.iterations = 30;
+    angles.push_back(
+        settled(PositionBased<double>::create(network, settings).value(), strip_at(network, rest)));
+    CHECK(angles[0] > rest + 0.05);
+    CHECK(angles[1] == Approx(angles[0]).margin(1e-6));
+    CHECK(angles[2] == Approx(angles[0]).margin(1e-3));
+  }
+}
