@@ -72,10 +72,40 @@ TEMPLATE_TEST_CASE("every error of a network is named with its index", "[cloth]"
   CHECK(fault([](auto& n) { n.triangles[0][2] = 9; }) == "triangle 0 holds vertex 9 off the mesh");
 }
 
+TEMPLATE_TEST_CASE("a rest fold must be a hinge's, finite and moderate", "[cloth]", float, double) {
+  using S = TestType;
+  const auto fault = [](S fold, int count, S left = S(-1), S right = S(-1)) {
+    SpringNetwork<S> network = small_network<S>();
+    network.rest_positions = Points<S>::Random(3, 4);
+    network.mass = VectorX<S>::Ones(4);
+    BendStencil<S>& hinge = network.bends[0];
+    hinge.vertex = {1, 0, 2, 3};
+    hinge.weight = {S(1), S(1), left, right};
+    hinge.count = count;
+    hinge.rest_fold = fold;
+    CHECK(hinge.is_folded() == (fold < S(0) || fold > S(0)));
+    return network.validate();
+  };
+  const S infinite = std::numeric_limits<S>::infinity();
+  CHECK(fault(S(0.5), 4).empty());
+  CHECK(fault(S(-1e6), 4).empty());
+  CHECK(fault(S(0), 3, S(1)).empty());
+  for (const S bad : {kNan<S>, infinite, -infinite, S(2e6), S(-2e6)})
+    CHECK(fault(bad, 4) == "bending stencil 0 has a rest_fold that is not finite or above 1e6");
+  CHECK(fault(S(0.5), 3) ==
+        "bending stencil 0 has a rest_fold, but not the four vertices of a hinge");
+  for (const S left : {S(0), S(1)})
+    CHECK(fault(S(0.5), 4, left) ==
+          "bending stencil 0 has a rest_fold, but no negative weights on vertices 2 and 3 of the "
+          "hinge");
+}
+
 TEST_CASE("a network converts to float and back", "[cloth]") {
-  const auto network = small_network<double>();
+  auto network = small_network<double>();
+  network.bends[0].rest_fold = 0.25;
   const auto back = network.cast<float>().cast<double>();
-  CHECK(back.validate().empty());
+  CHECK(back.bends[0].rest_fold == 0.25);
+  CHECK(back.validate() == network.validate());
   CHECK((back.rest_positions - network.rest_positions).norm() == 0.0);
   CHECK((back.mass - network.mass).norm() < 1e-8);
   REQUIRE(back.springs.size() == 2);
