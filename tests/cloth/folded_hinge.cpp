@@ -13,7 +13,6 @@
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/network/rest_folds.hpp"
 #include "clothctl/network/sheet.hpp"
-#include "support/allocations.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;

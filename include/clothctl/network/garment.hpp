@@ -19,7 +19,8 @@
 //
 // `SpringNetwork::rest_positions` are the places of the vertices in space at the start, which
 // `rest_state` of a model returns. They are not a shape at rest: the springs may be far from their
-// rest lengths there, as those of open seams are. The bending stencils rest flat.
+// rest lengths there, as those of open seams are. The bending stencils rest flat, unless
+// `set_rest_folds` (rest_folds.hpp) lets them rest folded as they are there.
 
 #include <array>
 #include <cassert>

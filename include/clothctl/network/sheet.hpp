@@ -34,12 +34,12 @@
 // With c_i, d_i the cotangents of the two triangles' angles at the ends i = 0, 1 of the edge, K has
 // the weights (c1+d1, c0+d0) on the ends and -(c0+c1), -(d0+d1) on the opposite vertices. K x = 0
 // for every affine map of a flat pair of triangles; at small angles |K x| is edge length times fold
-// angle. The energy is quadratic, so its Hessian is constant. Limits: the rest shape of a hinge is
-// flat, so a mesh that is curved at rest is pulled flat. The energy of a cylinder is exact on
-// equilateral triangles and for bending along the legs of right-angled triangles; on other meshes
-// it depends on the directions of the edges. Reference: quadratic bending of isometric sheets
-// (Bergou et al. 2006). They have 3/(A0+A1) instead of 1/(A0+A1), which would give a cylinder on
-// equilateral triangles three times its energy.
+// angle. The energy is quadratic, so its Hessian is constant. Hinges rest flat, so a mesh that is
+// curved at rest is pulled flat; `set_rest_folds` (rest_folds.hpp) keeps its angles instead.
+// Limits: the energy of a cylinder is exact on equilateral triangles and for bending along the legs
+// of right-angled triangles; on other meshes it depends on the directions of the edges. Reference:
+// quadratic bending of isometric sheets (Bergou et al. 2006). They have 3/(A0+A1) instead of
+// 1/(A0+A1), which would give a cylinder on equilateral triangles three times its energy.
 
 #include <array>
 #include <string>
