@@ -263,7 +263,7 @@ struct FoldedMesh : Mesh<Scalar> {
     for (std::size_t e = 0; e < stencils.size(); ++e) {
       BendStencil<Scalar>& s = stencils[e];
       if (s.count != 4 || e % 4 == 0) continue;  // some rest flat
-      for (const std::size_t c : {2, 3}) s.weight[c] = Scalar(random(-2, -0.2));
+      for (std::size_t c = 2; c < 4; ++c) s.weight[c] = Scalar(random(-2, -0.2));
       s.weight[0] = Scalar(random(0.2, 1.5));
       s.weight[1] = -(s.weight[0] + s.weight[2] + s.weight[3]);
       s.rest_fold = Scalar(std::tan(random(-1.4, 1.4)));
