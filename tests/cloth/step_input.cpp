@@ -22,6 +22,9 @@ struct Case {
     input.forces = Points<S>::Random(3, 3);
     input.driven_vertices = {2, 0};
     input.driven_positions = Points<S>::Random(3, 2);
+    input.attached_vertices = {3, 3};
+    input.attached_positions = Points<S>::Random(3, 2);
+    input.attachment_stiffness.setConstant(2, S(5));
   }
   StepStatus validate() { return detail::check_step(state, input, dt, Index(4), held); }
 };
@@ -59,14 +62,25 @@ TEMPLATE_TEST_CASE("bad inputs and bad states have different statuses", "[cloth]
     CHECK(verdict<S>([&](C& c) { c.input.driven_positions(0, 1) = bad; }) ==
           StepStatus::InvalidInput);
     CHECK(verdict<S>([&](C& c) { c.input.wind[1] = bad; }) == StepStatus::InvalidInput);
+    CHECK(verdict<S>([&](C& c) { c.input.attached_positions(1, 0) = bad; }) ==
+          StepStatus::InvalidInput);
+    CHECK(verdict<S>([&](C& c) { c.input.attachment_stiffness[1] = bad; }) ==
+          StepStatus::InvalidInput);
     CHECK(verdict<S>([&](C& c) { c.state.positions(2, 3) = bad; }) == StepStatus::InvalidState);
     CHECK(verdict<S>([&](C& c) { c.state.velocities(0, 0) = bad; }) == StepStatus::InvalidState);
   }
   CHECK(verdict<S>([](C& c) { c.dt = S(0); }) == StepStatus::InvalidInput);
+  CHECK(verdict<S>([](C& c) { c.input.attachment_stiffness[0] = S(0); }) ==
+        StepStatus::InvalidInput);
+  CHECK(verdict<S>([](C& c) { c.input.attachment_stiffness.resize(1); }) ==
+        StepStatus::InvalidInput);
+  CHECK(verdict<S>([](C& c) { c.input.attached_vertices.pop_back(); }) == StepStatus::InvalidInput);
   CHECK(verdict<S>([](C& c) { c.dt = S(-0.01); }) == StepStatus::InvalidInput);
   for (const int off : {-1, 4, std::numeric_limits<int>::max(), std::numeric_limits<int>::min()}) {
     CHECK(verdict<S>([&](C& c) { c.input.force_vertices[1] = off; }) == StepStatus::InvalidInput);
     CHECK(verdict<S>([&](C& c) { c.input.driven_vertices[1] = off; }) == StepStatus::InvalidInput);
+    CHECK(verdict<S>([&](C& c) { c.input.attached_vertices[0] = off; }) ==
+          StepStatus::InvalidInput);
   }
   CHECK(verdict<S>([](C& c) { c.input.driven_vertices[1] = 2; }) == StepStatus::InvalidInput);
   CHECK(verdict<S>([](C& c) { c.input.driven_vertices.push_back(1); }) == StepStatus::InvalidInput);

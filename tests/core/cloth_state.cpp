@@ -48,6 +48,9 @@ TEST_CASE("a default input has no effect", "[cloth_state]") {
   CHECK(input.forces.cols() == 0);
   CHECK(input.driven_positions.cols() == 0);
   CHECK(input.wind == Vector3<double>::Zero());
+  CHECK(input.attached_vertices.empty());
+  CHECK(input.attached_positions.cols() == 0);
+  CHECK(input.attachment_stiffness.size() == 0);
 }
 
 TEMPLATE_TEST_CASE("clear empties an input and keeps the memory of its lists", "[cloth_state]",
@@ -58,6 +61,9 @@ TEMPLATE_TEST_CASE("clear empties an input and keeps the memory of its lists", "
   input.driven_vertices = {0, 2};
   input.driven_positions = Points<TestType>::Ones(3, 2);
   input.wind = Vector3<TestType>::Ones();
+  input.attached_vertices = {1, 2};
+  input.attached_positions = Points<TestType>::Ones(3, 2);
+  input.attachment_stiffness = VectorX<TestType>::Ones(2);
   const std::size_t capacity = input.force_vertices.capacity();
   input.clear();
   CHECK(input.force_vertices.empty());

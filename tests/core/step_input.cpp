@@ -19,6 +19,9 @@ struct Step {
     input.forces = Points<double>::Ones(3, 2);
     input.driven_vertices = {0, 3};
     input.driven_positions = Points<double>::Ones(3, 2);
+    input.attached_vertices = {2, 2};
+    input.attached_positions = Points<double>::Ones(3, 2);
+    input.attachment_stiffness = VectorX<double>::Ones(2);
   }
   std::string line() const { return check_step_input(state, input, dt, 4); }
 };
@@ -71,4 +74,14 @@ TEST_CASE("the message about a bad step names item, index and value", "[step_inp
   CHECK(spoilt([](Step& s) { s.input.driven_positions(2, 1) = kNan; }) ==
         "driven position 1: z is nan");
   CHECK(spoilt([](Step& s) { s.input.wind[1] = kNan; }) == "wind: y is nan");
+  CHECK(spoilt([](Step& s) { s.input.attached_vertices[1] = 4; }) ==
+        "attached vertex 1: vertex 4 is off the mesh of 4 vertices");
+  CHECK(spoilt([](Step& s) { s.input.attached_positions.setZero(3, 1); }) ==
+        "1 attached positions for 2 attached vertices");
+  CHECK(spoilt([](Step& s) { s.input.attached_positions(0, 1) = kInfinity; }) ==
+        "attached position 1: x is inf");
+  CHECK(spoilt([](Step& s) { s.input.attachment_stiffness.setOnes(1); }) ==
+        "1 attachment stiffnesses for 2 attached vertices");
+  CHECK(spoilt([](Step& s) { s.input.attachment_stiffness[1] = -1; }) ==
+        "stiffness of attachment 1 must be positive and finite, got -1 N/m");
 }

@@ -88,6 +88,10 @@ TEST_CASE("states and inputs continue on the changed mesh", "[mesh]") {
   input.driven_vertices = {8, 4};
   input.driven_positions.setRandom(3, 2);
   input.wind = {1, 2, 3};
+  input.attached_vertices = {4, 8, 4};
+  input.attached_positions.setRandom(3, 3);
+  input.attachment_stiffness.setConstant(3, 10.0);
+  input.attachment_stiffness[2] = 4.0;
   const ClothInput<double> out = remap_input(input, remap);
   CHECK(out.force_vertices == input.force_vertices);  // first copies keep their index
   CHECK(out.forces == input.forces);
@@ -96,4 +100,12 @@ TEST_CASE("states and inputs continue on the changed mesh", "[mesh]") {
   CHECK(out.driven_positions.col(0) == input.driven_positions.col(0));
   CHECK(out.driven_positions.col(1) == input.driven_positions.col(1));
   CHECK(out.driven_positions.col(2) == input.driven_positions.col(1));
+  // Copies share the stiffness of an attachment: while they coincide the force is the same.
+  const int copy = remap.copies(4)[1];
+  CHECK(out.attached_vertices == std::vector<int>{4, copy, 8, 4, copy});
+  const std::vector<Index> from{0, 0, 1, 2, 2};
+  for (Index j = 0; j < 5; ++j)
+    CHECK(out.attached_positions.col(j) ==
+          input.attached_positions.col(from[static_cast<std::size_t>(j)]));
+  CHECK(out.attachment_stiffness == Eigen::Vector<double, 5>(5, 5, 10, 2, 2));
 }

@@ -340,6 +340,9 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
   for (Index i = 0; i < vertex_count(); ++i) {
     detail::add_to_diagonal(ws.frozen.diagonal(i), Scalar(inertia * network_.mass[i]));
   }
+  ws.attachments.load(input, [&](int v) { return ws.is_held(v); });
+  for (const auto& item : ws.attachments.items)
+    detail::add_to_diagonal(ws.frozen.diagonal(item.vertex), Scalar(dt * dt * item.stiffness));
   ws.velocity = state.velocities;
   const detail::Triple<Scalar> zero{Scalar(0), Scalar(0), Scalar(0)};
   for (int v : settings_.pinned) detail::set_column(ws.velocity, v, zero);

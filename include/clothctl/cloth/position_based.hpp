@@ -8,8 +8,8 @@
 //   predict  p = x + h v⁺,  v⁺ = (θ v + h a)/(1 + h α),  v = (x - x_start)/h with x_start the
 //            position at the start of the substep before. Driven vertices (w = 0) move on a
 //            straight line to their prescribed position; pinned ones stay
-//   correct  sweeps over the springs (detail/edge_rules.hpp) and bending stencils
-//            (detail/bend_batches.hpp)
+//   correct  sweeps over the springs (detail/edge_rules.hpp), bending stencils
+//            (detail/bend_batches.hpp) and attachments (detail/attachments.hpp)
 //   update   x = p
 //
 // x positions, p corrected positions, v velocities, g gravity, f input forces, m masses, α drag.
@@ -17,10 +17,11 @@
 //
 // Verlet ([Toh 2011], eq. 1-4): θ = 1 - d with the damping d; without drag
 // p = x + (1 - d)(x - x_old) + a h². The distances are rigid; constraints are corrected in the
-// order of the network. XPBD: θ = 1; a spring has the compliance 1/k and its damper, a stencil the
-// compliance 1/kb. Drag also slows the motion that constraints cause, so the compliant constraints
-// use the inverse mass w/(1 + h α). With many sweeps a substep converges to one of implicit Euler,
-// (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With few, the sheet is softer than its network.
+// order of the network; attachments are compliant. XPBD: θ = 1; a spring has the compliance 1/k and
+// its damper, a stencil the compliance 1/kb. Drag also slows the motion that constraints cause, so
+// the compliant constraints use the inverse mass w/(1 + h α). With many sweeps a substep converges
+// to one of implicit Euler, (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With few, the sheet is softer than
+// its network.
 //
 // XPBD with a limit of stretch: before the sweeps of a substep, one-sided edges on coarse levels
 // (detail/lane_levels.hpp) carry the limit across the sheet; a sweep corrects stretch beyond the
@@ -39,6 +40,7 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/air_forces.hpp"
+#include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/batch_sheet.hpp"
 #include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
@@ -61,6 +63,8 @@ struct PositionBasedWorkspace {
   std::vector<int> held;
   /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
+  /// Springs between vertices and points of the input.
+  detail::Attachments<Scalar> attachments;
   /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
   Points<Scalar> positions, velocities;
   /// Data of a grid; unused otherwise.
@@ -152,14 +156,15 @@ class PositionBased {
 
   /// Sweeps of a substep. `part` counts them from 1.
   template <class Sheet>
-  void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
-               StepReport<Scalar>& report) const;
-  template <class Sheet>
-  void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory) const;
-  template <bool kDamped, class Sheet>
-  void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory) const;
-  template <class Sheet>
-  void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
+  void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
+               Workspace& ws, StepReport<Scalar>& report) const;
+  /// `attach()` corrects the attached vertices.
+  template <class Sheet, class Attach>
+  void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory, Attach attach) const;
+  template <bool kDamped, class Sheet, class Attach>
+  void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory, Attach attach) const;
+  template <class Sheet, class Attach>
+  void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part, Attach attach,
                        StepReport<Scalar>& report) const;
   /// Adds `factor` times the positions to those at the start of the substep.
   template <class Sheet>
@@ -201,6 +206,7 @@ auto PositionBased<S>::make_workspace() const -> Workspace {
   Workspace ws;
   ws.driven.assign(static_cast<std::size_t>(n), 0);
   ws.held.reserve(static_cast<std::size_t>(n));
+  ws.attachments.reserve(n);
   ws.inverse_mass = inverse_mass_;
   ws.positions.setZero(3, n);
   ws.velocities.setZero(3, n);
@@ -236,7 +242,7 @@ bool PositionBased<S>::fits(const Workspace& ws) const {
   const Index n = vertex_count();
   return ws.inverse_mass.size() == n && ws.positions.cols() == n && ws.velocities.cols() == n &&
          ws.driven.size() == static_cast<std::size_t>(n) &&
-         ws.held.capacity() >= static_cast<std::size_t>(n) &&
+         ws.held.capacity() >= static_cast<std::size_t>(n) && ws.attachments.fits(n) &&
          (in_lanes_ ? lanes_.fits(ws.lanes) : batches_.fits(ws.batches));
 }
 
@@ -279,7 +285,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   for (int part = 1; part <= settings_.substeps; ++part) {
     if (settings_.air.enabled()) blow(sheet, memory, input, h, ws);
     predict(sheet, memory, state, input, part, h, ws);
-    correct(sheet, memory, part, report);
+    correct(sheet, memory, part, h, ws, report);
   }
   unload(sheet, memory, h, ws);
   const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
@@ -312,6 +318,7 @@ void PositionBased<S>::load(const Sheet& sheet, typename Sheet::Scratch& memory,
   };
   for (int vertex : settings_.pinned) hold(vertex);
   for (int vertex : input.driven_vertices) hold(vertex);
+  ws.attachments.load(input, [&](int v) { return !(Scalar(0) < ws.inverse_mass[v]); });
   // Drag slows the motion that compliant constraints cause.
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   const Scalar slowing = verlet ? Scalar(1) : Scalar(1) + h * settings_.drag;
@@ -395,30 +402,40 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
 template <RealScalar S>
 template <class Sheet>
 void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
-                               StepReport<Scalar>& report) const {
-  if (limited()) return correct_limited(sheet, memory, part, report);
+                               const Scalar& h, Workspace& ws, StepReport<Scalar>& report) const {
+  const Scalar slowing = Scalar(1) + h * settings_.drag;
+  const auto attach = [&] {
+    ws.attachments.correct(
+        h, Sheet::kStride, [&](int v) { return memory.points.data() + sheet.offset(v); },
+        [&](int v) { return Scalar(ws.inverse_mass[v] / slowing); });
+  };
+  ws.attachments.begin_substep();
+  if (limited()) return correct_limited(sheet, memory, part, attach, report);
   report.iterations += settings_.iterations;
-  if (settings_.scheme == PositionScheme::Verlet) return correct_rigid(sheet, memory);
-  if (sheet.damped()) return correct_compliant<true>(sheet, memory);
-  correct_compliant<false>(sheet, memory);
+  if (settings_.scheme == PositionScheme::Verlet) return correct_rigid(sheet, memory, attach);
+  if (sheet.damped()) return correct_compliant<true>(sheet, memory, attach);
+  correct_compliant<false>(sheet, memory, attach);
 }
 
 template <RealScalar S>
-template <class Sheet>
-void PositionBased<S>::correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory) const {
+template <class Sheet, class Attach>
+void PositionBased<S>::correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory,
+                                     Attach attach) const {
   for (int sweep = 0; sweep < settings_.iterations; ++sweep) {
     sheet.sweep(detail::RigidRule<Scalar, Sheet::kLanes>{}, memory);
     sheet.template bend<false, false>(memory);
+    attach();
   }
 }
 
 template <RealScalar S>
-template <bool kDamped, class Sheet>
-void PositionBased<S>::correct_compliant(const Sheet& sheet,
-                                         typename Sheet::Scratch& memory) const {
+template <bool kDamped, class Sheet, class Attach>
+void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory,
+                                         Attach attach) const {
   const auto sweep = [&]<bool kRead, bool kWrite>() {
     sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, memory);
     sheet.template bend<kRead, kWrite>(memory);
+    attach();
   };
   if (settings_.iterations == 1) return sweep.template operator()<false, false>();
   sweep.template operator()<false, true>();
@@ -427,9 +444,9 @@ void PositionBased<S>::correct_compliant(const Sheet& sheet,
 }
 
 template <RealScalar S>
-template <class Sheet>
+template <class Sheet, class Attach>
 void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                       int part, StepReport<Scalar>& report) const {
+                                       int part, Attach attach, StepReport<Scalar>& report) const {
   using Pack = typename Sheet::Pack;
   constexpr int kLevelSweeps = 3;
   const Scalar zero = Scalar(0), one = Scalar(1), limit = settings_.stretch_limit;
@@ -443,6 +460,7 @@ void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scrat
   sheet.template bend<false, false>(memory);
   Scalar worst = zero;
   for (int i = 0; i < settings_.iterations; ++i) {
+    attach();  // first: a limit of stretch is kept whatever pulls
     detail::LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack),
                                                   Pack::all(settings_.compression)};
     worst = sheet.sweep(rule, memory).worst.largest();

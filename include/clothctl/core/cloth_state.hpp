@@ -38,14 +38,26 @@ struct ClothInput {
   Points<Scalar> driven_positions;
   /// Velocity of the air, m/s.
   Vector3<Scalar> wind = Vector3<Scalar>::Zero();
+  /// Vertices that a spring of rest length zero ties to a point: a soft grip, a mouse, a haptic
+  /// device. An index may occur more than once: the forces add up. A spring on a driven or pinned
+  /// vertex has no effect.
+  std::vector<int> attached_vertices = {};
+  /// The points at the end of the step, 3×attached_vertices.size(), m. They are there during the
+  /// whole step.
+  Points<Scalar> attached_positions = {};
+  /// Stiffness of each of these springs, attached_vertices.size(), positive, N/m.
+  VectorX<Scalar> attachment_stiffness = {};
 
-  /// Removes forces, driven vertices and wind. The index lists keep their memory.
+  /// Removes forces, driven vertices, attachments and wind. The index lists keep their memory.
   void clear() {
     force_vertices.clear();
     forces.resize(3, 0);
     driven_vertices.clear();
     driven_positions.resize(3, 0);
     wind.setZero();
+    attached_vertices.clear();
+    attached_positions.resize(3, 0);
+    attachment_stiffness.resize(0);
   }
 };
 

@@ -49,12 +49,40 @@ inline std::string find_bad_vertex(const std::vector<int>& vertices, Index verte
   return {};
 }
 
+/// Returns a text that names the first stiffness that is not positive and finite, or "".
+template <RealScalar Scalar>
+std::string find_bad_stiffness(const VectorX<Scalar>& stiffness) {
+  for (Index i = 0; i < stiffness.size(); ++i) {
+    if (is_finite(stiffness[i]) && Scalar(0) < stiffness[i]) continue;
+    return "stiffness of attachment " + std::to_string(i) + " must be positive and finite, got " +
+           number_text(stiffness[i]) + " N/m";
+  }
+  return {};
+}
+
 /// Returns a text that names both counts if they differ, else "".
 inline std::string find_other_count(Index found, std::string_view what, Index expected,
                                     std::string_view of) {
   if (found == expected) return {};
   return std::to_string(found) + " " + std::string(what) + " for " + std::to_string(expected) +
          " " + std::string(of);
+}
+
+/// Returns a text that names the first fault of the attachments of an input for `vertex_count`
+/// vertices, or "".
+template <RealScalar Scalar>
+std::string find_bad_attachment(const ClothInput<Scalar>& input, Index vertex_count) {
+  const Index count = static_cast<Index>(input.attached_vertices.size());
+  std::string line = find_other_count(input.attached_positions.cols(), "attached positions", count,
+                                      "attached vertices");
+  if (line.empty())
+    line = find_other_count(input.attachment_stiffness.size(), "attachment stiffnesses", count,
+                            "attached vertices");
+  if (line.empty())
+    line = find_bad_vertex(input.attached_vertices, vertex_count, false, "attached vertex");
+  if (line.empty()) line = find_not_finite(input.attached_positions, "attached position");
+  if (line.empty()) line = find_bad_stiffness(input.attachment_stiffness);
+  return line;
 }
 
 }  // namespace detail
@@ -109,6 +137,7 @@ std::string check_step_input(const ClothState<Scalar>& state, const ClothInput<S
       [&] {
         return detail::find_bad_vertex(input.driven_vertices, vertex_count, true, "driven vertex");
       },
+      [&] { return detail::find_bad_attachment(input, vertex_count); },
       [&] { return detail::find_not_finite(state.positions, "position of vertex"); },
       [&] { return detail::find_not_finite(state.velocities, "velocity of vertex"); });
 }

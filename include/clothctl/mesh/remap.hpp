@@ -278,8 +278,9 @@ ClothState<Scalar> remap_state(const ClothState<Scalar>& state, const Remap<Scal
 
 /// Returns the input for the changed sheet. All copies of a driven vertex are driven to its
 /// position (where a seam joins two driven vertices: to the position of the first). A force acts on
-/// the first copy of its vertex, so the total force stays the same. Its vertices must be on the old
-/// mesh. Allocates.
+/// the first copy of its vertex, so the total force stays the same. All copies of an attached
+/// vertex are attached to its point and share the stiffness equally. The vertices of the input must
+/// be on the old mesh. Allocates.
 template <RealScalar Scalar>
 ClothInput<Scalar> remap_input(const ClothInput<Scalar>& input, const Remap<Scalar>& remap) {
   ClothInput<Scalar> out;
@@ -298,6 +299,24 @@ ClothInput<Scalar> remap_input(const ClothInput<Scalar>& input, const Remap<Scal
   for (std::size_t j = 0; j < out.driven_vertices.size(); ++j)
     out.driven_positions.col(static_cast<Index>(j)) =
         input.driven_positions.col(source[static_cast<std::size_t>(out.driven_vertices[j])]);
+  std::vector<Index> attachment;
+  for (std::size_t i = 0; i < input.attached_vertices.size(); ++i) {
+    for (const int copy : remap.copies(input.attached_vertices[i])) {
+      out.attached_vertices.push_back(copy);
+      attachment.push_back(static_cast<Index>(i));
+    }
+  }
+  const Index attached = static_cast<Index>(attachment.size());
+  out.attached_positions.resize(3, attached);
+  out.attachment_stiffness.resize(attached);
+  for (Index j = 0; j < attached; ++j) {
+    const Index i = attachment[static_cast<std::size_t>(j)];
+    const std::size_t shares =
+        remap.copies(input.attached_vertices[static_cast<std::size_t>(i)]).size();
+    out.attached_positions.col(j) = input.attached_positions.col(i);
+    out.attachment_stiffness[j] =
+        input.attachment_stiffness[i] / Scalar(static_cast<double>(shares));
+  }
   return out;
 }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/conjugate_gradient.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/detail/step_preconditioner.hpp"
@@ -30,6 +31,8 @@ struct MassSpringWorkspace {
   ConjugateGradientMemory<Scalar> cg;
   /// 1 for driven and pinned vertices, else 0.
   std::vector<unsigned char> held;
+  /// Springs between vertices and points of the input.
+  Attachments<Scalar> attachments;
   /// Unit vectors of the springs at the start of the step.
   Points<Scalar> direction;
   /// Forces that are constant over the step (gravity, input, C w), velocities at the end of the
@@ -65,6 +68,7 @@ struct MassSpringWorkspace {
     }
     cg.reserve(n);
     held.assign(static_cast<std::size_t>(n), 0);
+    attachments.reserve(n);
     direction.setZero(3, static_cast<Index>(network.springs.size()));
     for (Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient}) p->setZero(3, n);
     air.assign(air_count, Matrix3<Scalar>::Zero());
@@ -82,7 +86,7 @@ struct MassSpringWorkspace {
       good = good && m->rows() == n && m->lower_count() == pattern.lower_count();
     for (const Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient})
       good = good && p->cols() == n;
-    good = good && cg.solution.cols() == 3 * n;
+    good = good && cg.solution.cols() == 3 * n && attachments.fits(n);
     return good && direction.cols() == static_cast<Index>(network.springs.size()) &&
            air.size() == air_count && rhs.cols() == 3 * n && product.cols() == 3 * n;
   }

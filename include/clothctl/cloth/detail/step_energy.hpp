@@ -7,6 +7,7 @@
 //           + ½ h α vᵀM v + ½ h vᵀD v + ½ h vᵀC v
 //   ∇E(v) = M (v - v0 + h α v) - h (f(x0 + h v) + outer) + h (D + C) v
 //
+// U is the energy of springs, stencils and attachments, f their force (detail/attachments.hpp).
 // outer: forces that are constant over the step (gravity, input, C w); the other symbols are those
 // of mass_spring.hpp.
 
@@ -74,6 +75,10 @@ StepEnergy<Scalar> step_energy(const SpringNetwork<Scalar>& network, Scalar drag
   // The rounding error of a position is ε |x|, that of a spring's energy k |l - l0| ε |x|. The sum
   // over all springs is at most √(2 U Σk) ε |x|.
   Scalar size = sqrt(Scalar(2) * energy * total_stiffness) * largest_magnitude(ws.position);
+  if (!ws.attachments.empty()) {
+    ws.attachments.add_forces(ws.position, ws.gradient);
+    energy += ws.attachments.energy(ws.position, size);
+  }
   Scalar work = Scalar(0);
   for (Index i = 0; i < network.vertex_count(); ++i) {
     const Triple vi = column(v, i);

@@ -36,6 +36,21 @@ struct StructureHash {
   }
 };
 
+/// Returns true when the attachments of an input for `vertex_count` vertices are valid. Never
+/// allocates.
+template <RealScalar Scalar>
+bool attachments_are_good(const ClothInput<Scalar>& input, Index vertex_count) {
+  const Index count = static_cast<Index>(input.attached_vertices.size());
+  bool good = input.attached_positions.cols() == count &&
+              input.attachment_stiffness.size() == count && all_finite(input.attached_positions);
+  for (int vertex : input.attached_vertices) good = good && 0 <= vertex && vertex < vertex_count;
+  for (Index i = 0; good && i < count; ++i) {
+    const Scalar k = input.attachment_stiffness[i];
+    good = is_finite(k) && Scalar(0) < k;
+  }
+  return good;
+}
+
 /// Verifies state, input and step length of a sheet of `vertex_count` vertices. Writes to `held` a
 /// 1 for each driven vertex and a 0 for the others (n flags, resized by the caller beforehand).
 ///
@@ -57,6 +72,7 @@ template <RealScalar Scalar>
   }
   if (!all_finite(input.forces) || !all_finite(input.driven_positions) || !all_finite(input.wind))
     return StepStatus::InvalidInput;
+  if (!attachments_are_good(input, vertex_count)) return StepStatus::InvalidInput;
   held.assign(static_cast<std::size_t>(vertex_count), 0);
   for (int vertex : input.driven_vertices) {
     if (vertex < 0 || vertex >= vertex_count) return StepStatus::InvalidInput;

@@ -15,13 +15,14 @@
 // A single linear solve may end with more energy than it was given, where the forces change much
 // within the step. The energy that a step creates is
 //
-//   ΔE = ½ vᵀM v - ½ v0ᵀM v0 + U(x0 + h v) - U(x0) - h outerᵀ v - Σ_held pᵀ v
+//   ΔE = ½ vᵀM v - ½ v0ᵀM v0 + U(x0 + h v) - U(x0) - h outerᵀ v - Σ_held pᵀ v - h Σ_attached Fᵀ v
 //
-// where p are the impulses that hold or drive vertices. When it is positive, Newton steps on the
-// energy of the step follow until it no longer is. Where Newton's method ends with ΔE > 0, which
-// springs under compression allow, the velocities after the step are scaled down by the factor that
-// takes ΔE out of the kinetic energy of the free vertices. If no vertex is held, their mean
-// velocity, and so the linear momentum, is kept.
+// where p are the impulses that hold or drive vertices, and F the forces of attachments at the end
+// of the step (detail/attachments.hpp); U is that of the network. When it is positive, Newton steps
+// on the energy of the step follow until it no longer is. Where Newton's method ends with ΔE > 0,
+// which springs under compression allow, the velocities after the step are scaled down by the
+// factor that takes ΔE out of the kinetic energy of the free vertices. If none is held or attached,
+// their mean velocity, and so the linear momentum, is kept.
 
 #include <algorithm>
 #include <cmath>
@@ -167,6 +168,7 @@ template <RealScalar S>
 void StepSolver<S>::load_linear() {
   ws_.gradient = ws_.outer;
   add_spring_forces<Scalar>(network_, state_.positions, ws_.gradient);
+  ws_.attachments.add_forces(state_.positions, ws_.gradient);
   as_points(ws_.rhs) = ws_.velocity;
   ws_.matrix.multiply(ws_.rhs, ws_.product);
   for (Index i = 0; i < network_.vertex_count(); ++i) {
@@ -223,6 +225,8 @@ S StepSolver<S>::created_energy(Scalar tolerance) {
   Scalar size =
       before + after +
       sqrt(Scalar(2) * (before + after) * total_stiffness_) * largest_magnitude(ws_.position);
+  if (!ws_.attachments.empty())
+    created = created - ws_.attachments.work(ws_.position, ws_.velocity, dt_, size);
   for (Index i = 0; i < network_.vertex_count(); ++i) {
     const Scalar m = network_.mass[i];
     const Triple<Scalar> v = column(ws_.velocity, i), v0 = column(state_.velocities, i);
@@ -246,7 +250,7 @@ void StepSolver<S>::remove_energy(Scalar created) {
   using std::sqrt;
   Triple<Scalar> momentum{Scalar(0), Scalar(0), Scalar(0)};
   Scalar mass = Scalar(0), kinetic = Scalar(0);
-  bool free = true;
+  bool free = ws_.attachments.empty();
   for (Index i = 0; i < network_.vertex_count(); ++i) {
     free = free && !ws_.is_held(i);
     momentum = momentum + column(ws_.velocity, i) * network_.mass[i];
