@@ -12,3 +12,4 @@
 #include "clothctl/network/solid.hpp"
 #include "clothctl/network/spring_network.hpp"
 #include "clothctl/network/tearing.hpp"
+#include "clothctl/network/triangle_elements.hpp"

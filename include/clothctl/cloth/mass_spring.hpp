@@ -63,8 +63,8 @@ class MassSpring {
   using Workspace = detail::MassSpringWorkspace<Scalar>;
 
   /// Makes a model of a network and analyses the step matrix once. Allocates. Fails when:
-  /// `network.validate()` or `settings.validate()` finds a fault, or a pinned vertex is off the
-  /// mesh.
+  /// `network.validate()` or `settings.validate()` finds a fault, a pinned vertex is off the mesh,
+  /// or the network has triangle elements.
   static Result<MassSpring> create(SpringNetwork<Scalar> network,
                                    MassSpringSettings<Scalar> settings = {});
 
@@ -166,6 +166,9 @@ auto MassSpring<S>::create(SpringNetwork<Scalar> network, MassSpringSettings<Sca
     -> Result<MassSpring> {
   std::string problem = network.validate();
   if (problem.empty()) problem = settings.validate();
+  if (problem.empty() && !network.elements.empty())
+    problem = "the network has " + std::to_string(network.elements.size()) +
+              " triangle elements, which MassSpring does not simulate; use PositionBased";
   for (int v : settings.pinned) {
     if (problem.empty() && (v < 0 || v >= network.vertex_count()))
       problem = "pinned vertex " + std::to_string(v) + " is off the mesh";

@@ -8,8 +8,9 @@
 //   predict  p = x + h v⁺,  v⁺ = (θ v + h a)/(1 + h α),  v = (x - x_start)/h with x_start the
 //            position at the start of the substep before. Driven vertices (w = 0) move on a
 //            straight line to their prescribed position; pinned ones stay
-//   correct  sweeps over the springs (detail/edge_rules.hpp), bending stencils
-//            (detail/bend_batches.hpp) and attachments (detail/attachments.hpp)
+//   correct  sweeps over the springs (detail/edge_rules.hpp), triangle elements
+//            (detail/triangle_constraints.hpp), bending stencils (detail/bend_batches.hpp) and
+//            attachments (detail/attachments.hpp)
 //   update   x = p
 //
 // x positions, p corrected positions, v velocities, g gravity, f input forces, m masses, α drag.
@@ -17,11 +18,11 @@
 //
 // Verlet ([Toh 2011], eq. 1-4): θ = 1 - d with the damping d; without drag
 // p = x + (1 - d)(x - x_old) + a h². The distances are rigid; constraints are corrected in the
-// order of the network; attachments are compliant. XPBD: θ = 1; a spring has the compliance 1/k and
-// its damper, a stencil the compliance 1/kb. Drag also slows the motion that constraints cause, so
-// the compliant constraints use the inverse mass w/(1 + h α). With many sweeps a substep converges
-// to one of implicit Euler, (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With few, the sheet is softer than
-// its network.
+// order of the network; elements and attachments are compliant. XPBD: θ = 1; a spring has the
+// compliance 1/k and its damper, a stencil the compliance 1/kb. Drag also slows the motion that
+// constraints cause, so the compliant constraints use the inverse mass w/(1 + h α). With many
+// sweeps a substep converges to one of implicit Euler, (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With
+// few, the sheet is softer than its network.
 //
 // XPBD with a limit of stretch: before the sweeps of a substep, one-sided edges on coarse levels
 // (detail/lane_levels.hpp) carry the limit across the sheet; a sweep corrects stretch beyond the
@@ -35,6 +36,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -158,14 +160,16 @@ class PositionBased {
   template <class Sheet>
   void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
                Workspace& ws, StepReport<Scalar>& report) const;
-  /// `attach()` corrects the attached vertices.
-  template <class Sheet, class Attach>
-  void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory, Attach attach) const;
-  template <bool kDamped, class Sheet, class Attach>
-  void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory, Attach attach) const;
-  template <class Sheet, class Attach>
-  void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part, Attach attach,
-                       StepReport<Scalar>& report) const;
+  /// `attach()` corrects the attached vertices; `strain()` the triangle elements.
+  template <class Sheet, class Strain, class Attach>
+  void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory, Strain strain,
+                     Attach attach) const;
+  template <bool kDamped, class Sheet, class Strain, class Attach>
+  void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory, Strain strain,
+                         Attach attach) const;
+  template <class Sheet, class Strain, class Attach>
+  void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part, Strain strain,
+                       Attach attach, StepReport<Scalar>& report) const;
   /// Adds `factor` times the positions to those at the start of the substep.
   template <class Sheet>
   void add_to_start(const Sheet& sheet, const Scalar& factor,
@@ -253,7 +257,7 @@ PositionBased<S>::PositionBased(SpringNetwork<Scalar> network,
   for (Index i = 0; i < inverse_mass_.size(); ++i) inverse_mass_[i] = Scalar(1) / inverse_mass_[i];
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   if (!verlet) {
-    const auto grid = detail::find_grid(network_);
+    const auto grid = network_.elements.empty() ? detail::find_grid(network_) : std::nullopt;
     bool regular = true;
     if constexpr (detail::HasLevels<Scalar>)
       regular = grid && (!limited() || detail::is_regular(network_, *grid));
@@ -409,31 +413,36 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
         h, Sheet::kStride, [&](int v) { return memory.points.data() + sheet.offset(v); },
         [&](int v) { return Scalar(ws.inverse_mass[v] / slowing); });
   };
+  const auto strain = [&] { sheet.sweep_triangles(h, memory); };
+  sheet.begin_triangles(memory);
   ws.attachments.begin_substep();
-  if (limited()) return correct_limited(sheet, memory, part, attach, report);
+  if (limited()) return correct_limited(sheet, memory, part, strain, attach, report);
   report.iterations += settings_.iterations;
-  if (settings_.scheme == PositionScheme::Verlet) return correct_rigid(sheet, memory, attach);
-  if (sheet.damped()) return correct_compliant<true>(sheet, memory, attach);
-  correct_compliant<false>(sheet, memory, attach);
+  if (settings_.scheme == PositionScheme::Verlet)
+    return correct_rigid(sheet, memory, strain, attach);
+  if (sheet.damped()) return correct_compliant<true>(sheet, memory, strain, attach);
+  correct_compliant<false>(sheet, memory, strain, attach);
 }
 
 template <RealScalar S>
-template <class Sheet, class Attach>
+template <class Sheet, class Strain, class Attach>
 void PositionBased<S>::correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                     Attach attach) const {
+                                     Strain strain, Attach attach) const {
   for (int sweep = 0; sweep < settings_.iterations; ++sweep) {
     sheet.sweep(detail::RigidRule<Scalar, Sheet::kLanes>{}, memory);
+    strain();
     sheet.template bend<false, false>(memory);
     attach();
   }
 }
 
 template <RealScalar S>
-template <bool kDamped, class Sheet, class Attach>
+template <bool kDamped, class Sheet, class Strain, class Attach>
 void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                         Attach attach) const {
+                                         Strain strain, Attach attach) const {
   const auto sweep = [&]<bool kRead, bool kWrite>() {
     sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, memory);
+    strain();
     sheet.template bend<kRead, kWrite>(memory);
     attach();
   };
@@ -444,9 +453,10 @@ void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scr
 }
 
 template <RealScalar S>
-template <class Sheet, class Attach>
+template <class Sheet, class Strain, class Attach>
 void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                       int part, Attach attach, StepReport<Scalar>& report) const {
+                                       int part, Strain strain, Attach attach,
+                                       StepReport<Scalar>& report) const {
   using Pack = typename Sheet::Pack;
   constexpr int kLevelSweeps = 3;
   const Scalar zero = Scalar(0), one = Scalar(1), limit = settings_.stretch_limit;
@@ -460,7 +470,8 @@ void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scrat
   sheet.template bend<false, false>(memory);
   Scalar worst = zero;
   for (int i = 0; i < settings_.iterations; ++i) {
-    attach();  // first: a limit of stretch is kept whatever pulls
+    strain();
+    attach();  // before the springs: a limit of stretch is kept whatever pulls
     detail::LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack),
                                                   Pack::all(settings_.compression)};
     worst = sheet.sweep(rule, memory).worst.largest();

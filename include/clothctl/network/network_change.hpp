@@ -15,6 +15,7 @@
 //   hinge     moves with its two triangles; where they changed, cotangent weights are computed
 //             anew, with the same bending modulus and rest fold. It is gone where the edge has
 //             opened. New edges and seams rest flat.
+//   element   of a triangle goes to the parts of the triangle, with its moduli.
 //
 // Springs and stencils that span several edges live as long as the edges below them hold together:
 //
@@ -40,6 +41,7 @@
 
 #include "clothctl/mesh/mesh_editor.hpp"
 #include "clothctl/mesh/stitch.hpp"
+#include "clothctl/network/detail/element_transfer.hpp"
 #include "clothctl/network/detail/network_transfer.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -87,6 +89,7 @@ Result<NetworkChange<Scalar>> change_network(const SpringNetwork<Scalar>& networ
   NetworkChange<Scalar> out;
   const detail::OldNetwork<Scalar> old(network, before.value());
   out.network = detail::NetworkTransfer<Scalar>(old, change, after.value(), removed).run();
+  out.network.elements = detail::move_elements(network, change);
   if (std::string problem = out.network.validate(); !problem.empty())
     return Error{"after the change: " + problem};
   out.remap = std::move(change.remap);

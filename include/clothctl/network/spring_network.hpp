@@ -9,6 +9,10 @@
 //                                               weights of a hinge on four
 //   folded hinge U = ½ kb |c K - s u × D|²      K = Σ w_i x_i,  c = cos θ0/2,  s = sin θ0/2,
 //                                               D = w_3 (x_3 - x_0) - w_2 (x_2 - x_0)
+//   element      U = ½ A0 ( k_warp (|f_u| - 1)² + k_weft (|f_v| - 1)² + k_shear (f_u·f_v)²
+//                           + k_area (A/A0 - 1)² )    f_u, f_v columns of [x_1 - x_0, x_2 - x_0] B,
+//                                               B inverse of these edges at rest in (warp, weft),
+//                                               A area of the triangle, A0 at rest
 //
 // Symbols: x positions, v velocities, l0 rest length, k stiffness, n unit vector along the spring,
 // β damping time, u unit vector from x_0 to x_1 (the edge of the hinge), θ0 rest angle.
@@ -25,6 +29,7 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
@@ -124,6 +129,43 @@ struct BendStencil {
   }
 };
 
+/// det M of a 2×2 matrix.
+template <RealScalar Scalar>
+Scalar element_determinant(const DenseMatrix<Scalar, 2, 2>& m) {
+  return m(0, 0) * m(1, 1) - m(0, 1) * m(1, 0);
+}
+
+/// An elastic triangle. PositionBased simulates it; MassSpring does not.
+template <RealScalar Scalar>
+struct TriangleElement {
+  /// The corners.
+  std::array<int, 3> vertex{};
+  /// Inverse B of the edges 0-1 and 0-2 at rest as columns of coordinates (warp, weft), 1/m. Its
+  /// determinant is positive.
+  DenseMatrix<Scalar, 2, 2> rest_inverse = DenseMatrix<Scalar, 2, 2>::Zero();
+  /// Moduli along warp, along weft, in shear, and against a change of area, N/m.
+  Scalar warp = Scalar(0), weft = Scalar(0), shear = Scalar(0), area = Scalar(0);
+
+  /// Returns A0, m².
+  Scalar rest_area() const { return Scalar(0.5) / element_determinant<Scalar>(rest_inverse); }
+
+  /// Sets B from the edges at rest, the columns of `edges`, m. Returns false and changes nothing
+  /// when they are degenerate (a corner has less than 1e-6 rad), clockwise or not finite.
+  bool set_rest(const DenseMatrix<Scalar, 2, 2>& edges) {
+    const Scalar twice = element_determinant<Scalar>(edges);
+    if (!all_finite(edges) || !is_finite(twice)) return false;
+    if (!(Scalar(1e-6) * edges.squaredNorm() < twice)) return false;
+    DenseMatrix<Scalar, 2, 2> inverse;
+    inverse(0, 0) = edges(1, 1) / twice;
+    inverse(0, 1) = -edges(0, 1) / twice;
+    inverse(1, 0) = -edges(1, 0) / twice;
+    inverse(1, 1) = edges(0, 0) / twice;
+    if (!all_finite(inverse)) return false;
+    rest_inverse = inverse;
+    return true;
+  }
+};
+
 /// Masses, springs, bending stencils and triangles that share one numbering of the vertices.
 template <RealScalar Scalar>
 struct SpringNetwork {
@@ -138,6 +180,8 @@ struct SpringNetwork {
   /// Triangles that the air pushes on and that a viewer draws, counter-clockwise seen from their
   /// front.
   std::vector<std::array<int, 3>> triangles;
+  /// Elastic triangles (triangle_elements.hpp makes them).
+  std::vector<TriangleElement<Scalar>> elements;
 
   /// Number of vertices.
   Index vertex_count() const { return rest_positions.cols(); }
@@ -165,6 +209,11 @@ struct SpringNetwork {
       out.bends.push_back(c);
     }
     out.triangles = triangles;
+    for (const TriangleElement<Scalar>& e : elements) {
+      out.elements.push_back({e.vertex, e.rest_inverse.template cast<Other>(),
+                              static_cast<Other>(e.warp), static_cast<Other>(e.weft),
+                              static_cast<Other>(e.shear), static_cast<Other>(e.area)});
+    }
     return out;
   }
 
@@ -224,10 +273,36 @@ struct SpringNetwork {
       if (const int v = repeated(triangles[e], 3); v >= 0)
         return "triangle " + std::to_string(e) + " holds vertex " + std::to_string(v) + " twice";
     }
-    return {};
+    return validate_elements();
   }
 
  private:
+  std::string validate_elements() const {
+    const auto bad = [](const Scalar& k) { return !is_finite(k) || k < Scalar(0); };
+    for (std::size_t e = 0; e < elements.size(); ++e) {
+      const TriangleElement<Scalar>& element = elements[e];
+      const std::string name = "triangle element " + std::to_string(e);
+      for (int v : element.vertex) {
+        if (v < 0 || v >= vertex_count())
+          return name + " holds vertex " + std::to_string(v) + " off the mesh";
+      }
+      if (const int v = repeated(element.vertex, 3); v >= 0)
+        return name + " holds vertex " + std::to_string(v) + " twice";
+      const Scalar area = element.rest_area();
+      if (!all_finite(element.rest_inverse) || !is_finite(area) || !(Scalar(0) < area))
+        return name + " has a degenerate or inverted rest shape";
+      if (bad(element.warp)) return name + bad_stiffness("warp", element.warp);
+      if (bad(element.weft)) return name + bad_stiffness("weft", element.weft);
+      if (bad(element.shear)) return name + bad_stiffness("shear", element.shear);
+      if (bad(element.area)) return name + bad_stiffness("area", element.area);
+    }
+    return {};
+  }
+
+  static std::string bad_stiffness(const std::string& kind, const Scalar& value) {
+    return " has a negative or non-finite " + kind + " stiffness: " + number_text(value) + " N/m";
+  }
+
   /// Returns the first vertex that occurs twice among the first `count` of a list, or -1.
   template <class List>
   static int repeated(const List& list, std::size_t count) {

@@ -12,6 +12,7 @@
 #include "clothctl/cloth/detail/bend_batches.hpp"
 #include "clothctl/cloth/detail/edge_batches.hpp"
 #include "clothctl/cloth/detail/find_grid.hpp"
+#include "clothctl/cloth/detail/triangle_constraints.hpp"
 #include "clothctl/mesh/topology.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -50,6 +51,7 @@ class BatchSheet {
     BendScratch<Scalar> bends;
     std::array<typename BatchLevels<Scalar>::Scratch, 2> levels;
     std::vector<unsigned char> held;
+    std::vector<TriangleMultipliers<Scalar>> triangles;
   };
 
   BatchSheet() = default;
@@ -87,6 +89,15 @@ class BatchSheet {
     sweep_bends<kRead, kWrite>(bends_, scratch.bends, scratch.points.data());
   }
 
+  /// Begins a substep of the triangle elements.
+  void begin_triangles(Scratch& scratch) const {
+    std::fill(scratch.triangles.begin(), scratch.triangles.end(), no_multipliers());
+  }
+  /// Sweeps the triangle elements once; `h`: substep, s.
+  void sweep_triangles(const Scalar& h, Scratch& scratch) const {
+    detail::sweep_triangles(triangles_, h, scratch.triangles, scratch.points.data());
+  }
+
   /// As LaneSheet::correct_levels.
   void correct_levels(int turn, int sweeps, const Scalar& slack, Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
@@ -94,10 +105,14 @@ class BatchSheet {
   }
 
  private:
+  static TriangleMultipliers<Scalar> no_multipliers() {
+    return {Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
+  }
   VectorX<Scalar> initial_;
   /// With a limit, springs of the kind Bend are in the second.
   EdgeBatches<Scalar> edges_, unlimited_;
   BendBatches<Scalar> bends_;
+  std::vector<TriangleItem<Scalar>> triangles_;
   std::array<BatchLevels<Scalar>, 2> levels_;
   Scalar bend_relaxation_ = Scalar(1);
   bool rigid_ = false;
@@ -131,6 +146,7 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
   edges_ = pack_edges(edges, order, n);
   unlimited_ = pack_edges(unlimited, order, n);
   bends_ = pack_bends(network.bends, order, n);
+  triangles_ = list_triangles(network.elements);
   if constexpr (HasLevels<Scalar>) {
     if (setup.limited) {
       LevelInput input = level_input(network, setup.tethered);
@@ -151,6 +167,7 @@ auto BatchSheet<Scalar>::make_scratch() const -> Scratch {
   scratch.bends.resize(bends_.size());
   for (std::size_t set = 0; set < 2; ++set) scratch.levels[set] = levels_[set].make_scratch();
   scratch.held.assign(static_cast<std::size_t>(initial_.size() / 4), 0);
+  scratch.triangles.assign(triangles_.size(), no_multipliers());
   return scratch;
 }
 
@@ -162,7 +179,8 @@ bool BatchSheet<Scalar>::fits(const Scratch& scratch) const {
          scratch.unlimited.inverse.size() == static_cast<Index>(unlimited_.size()) &&
          scratch.bends.error_factor.size() == bends_.size() &&
          scratch.held.size() == static_cast<std::size_t>(initial_.size() / 4) &&
-         levels_[0].fits(scratch.levels[0]) && levels_[1].fits(scratch.levels[1]);
+         scratch.triangles.size() == triangles_.size() && levels_[0].fits(scratch.levels[0]) &&
+         levels_[1].fits(scratch.levels[1]);
 }
 
 template <RealScalar Scalar>

@@ -69,6 +69,10 @@ class LaneSheet {
   /// Does nothing: a grid has only springs that a limit of stretch applies to.
   void sweep_unlimited(Scratch&) const {}
 
+  /// Does nothing: a grid in lanes has no triangle elements.
+  void begin_triangles(Scratch&) const {}
+  void sweep_triangles(const Scalar&, Scratch&) const {}
+
   /// Sweeps the stencils once.
   template <bool kRead, bool kWrite>
   void bend(Scratch& scratch) const {
