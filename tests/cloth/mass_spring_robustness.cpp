@@ -131,7 +131,66 @@ double elastic(const SpringNetwork<double>& network, const ClothState<S>& state)
   return detail::spring_energy<double>(network, x);
 }
 
-/// Runs a trial. Energies are those of the state in double, work is force times displacement.
+/// Adds the forces of the springs on the vertices over a step from x0 to x1, N: with `mean`, those
+/// that do the work by which the energy of each spring falls, else those at the end of the step.
+/// Springs and stencils between held vertices have their mean force.
+void add_forces(const SpringNetwork<double>& network, const std::vector<bool>& is_held, bool mean,
+                const Points<double>& x0, const Points<double>& x1, Points<double>& forces) {
+  for (const Spring<double>& s : network.springs) {
+    const Vector3<double> d0 = x0.col(s.a) - x0.col(s.b), d1 = x1.col(s.a) - x1.col(s.b);
+    const bool both =
+        is_held[static_cast<std::size_t>(s.a)] && is_held[static_cast<std::size_t>(s.b)];
+    const double length = mean || both ? 0.5 * (d0.norm() + d1.norm()) : d1.norm();
+    const Vector3<double> d = mean || both ? Vector3<double>(0.5 * (d0 + d1)) : d1;
+    const Vector3<double> f = s.stiffness * (1 - s.rest_length / length) * d;
+    forces.col(s.a) -= f;
+    forces.col(s.b) += f;
+  }
+  for (const BendStencil<double>& b : network.bends) {
+    Vector3<double> start = Vector3<double>::Zero(), end = start;
+    bool all = true;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
+      start += b.weight[i] * x0.col(b.vertex[i]);
+      end += b.weight[i] * x1.col(b.vertex[i]);
+      all = all && is_held[static_cast<std::size_t>(b.vertex[i])];
+    }
+    const Vector3<double> curvature = mean || all ? Vector3<double>(0.5 * (start + end)) : end;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
+      forces.col(b.vertex[i]) -= b.stiffness * b.weight[i] * curvature;
+  }
+}
+
+/// Returns the work of the hands over a step from `before` to positions `x`, J. How the forces of
+/// the springs change during a step is not known: the work is the larger one of those with the
+/// forces at the end and with the mean forces. (The first alone is no bound: two hands that push a
+/// spring together do less work by it than the spring takes up, whatever the solver.)
+double hand_work(const Trial& trial, const std::vector<int>& held, const ClothState<double>& before,
+                 const Points<double>& x) {
+  const SpringNetwork<double>& network = trial.network;
+  std::vector<bool> is_held(static_cast<std::size_t>(x.cols()), false);
+  for (const int i : held) is_held[static_cast<std::size_t>(i)] = true;
+  const Points<double> step = x - before.positions, v = step / trial.dt;
+  Points<double> dampers = Points<double>::Zero(3, x.cols());
+  for (const Spring<double>& s : network.springs) {
+    const Vector3<double> n = (before.positions.col(s.a) - before.positions.col(s.b)).normalized();
+    const Vector3<double> f = s.damping * n.dot(v.col(s.a) - v.col(s.b)) * n;
+    dampers.col(s.a) -= f;
+    dampers.col(s.b) += f;
+  }
+  double work[2] = {0, 0};
+  for (const bool mean : {false, true}) {
+    Points<double> forces = dampers;
+    add_forces(network, is_held, mean, before.positions, x, forces);
+    for (const int i : held) {
+      const Vector3<double> gained = (v.col(i) - before.velocities.col(i)) / trial.dt;
+      const Vector3<double> own = gained + trial.settings.drag * v.col(i) - trial.settings.gravity;
+      work[mean ? 1 : 0] += (network.mass[i] * own - forces.col(i)).dot(step.col(i));
+    }
+  }
+  return std::max(work[0], work[1]);
+}
+
+/// Runs a trial. Energies and work are those of the states, computed in double.
 template <class S>
 Outcome run(const Trial& trial, Integration integration, int steps) {
   MassSpringSettings<S> settings;
@@ -149,7 +208,6 @@ Outcome run(const Trial& trial, Integration integration, int steps) {
   Outcome out;
   std::vector<int> held = trial.driven;
   held.insert(held.end(), settings.pinned.begin(), settings.pinned.end());
-  Points<S> forces(3, static_cast<Index>(held.size()));
   const double start = kinetic(state) + elastic(trial.network, state);
   double work = 0, moved = 0;
   for (int k = 0; k < steps; ++k) {
@@ -158,18 +216,17 @@ Outcome run(const Trial& trial, Integration integration, int steps) {
     ClothInput<S> input;
     input.driven_vertices = wanted.driven_vertices;
     input.driven_positions = wanted.driven_positions.cast<S>();
-    const ClothState<S> before = state;
+    const ClothState<double> before{state.positions.template cast<double>(),
+                                    state.velocities.template cast<double>()};
     if (!model.step(state, input, S(trial.dt), ws).advanced) {
       ++out.refused;
       break;
     }
     if (!all_finite(state.positions) || !all_finite(state.velocities)) out.finite = false;
-    if (!out.finite || !model.holding_forces(held, ws, forces)) break;
-    const Points<double> step =
-        state.positions.template cast<double>() - before.positions.template cast<double>();
-    double done = trial.settings.gravity.dot(step * mass);
-    for (std::size_t j = 0; j < held.size(); ++j)
-      done += forces.col(static_cast<Index>(j)).template cast<double>().dot(step.col(held[j]));
+    if (!out.finite) break;
+    const Points<double> x = state.positions.template cast<double>();
+    const Points<double> step = x - before.positions;
+    const double done = trial.settings.gravity.dot(step * mass) + hand_work(trial, held, before, x);
     work += done;
     moved += std::abs(done);
     const double energy = kinetic(state) + elastic(trial.network, state);
@@ -220,5 +277,5 @@ TEST_CASE("random bodies never explode and never create energy, in double", "[cl
 }
 
 TEST_CASE("random bodies never explode and never create energy, in float", "[cloth]") {
-  run_all<float>(clothctl_test::trials(500, 200000), 40, 0.02, 1e5);
+  run_all<float>(clothctl_test::trials(500, 200000), 40, 0.01, 1e5);
 }

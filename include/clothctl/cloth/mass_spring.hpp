@@ -217,12 +217,12 @@ auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar d
   StepReport<Scalar> report = newton ? steps.newton(limits) : steps.solve_linear(limits.tolerance);
   const bool advances = report.status != StepStatus::NumericalFailure;
   if (settings_.limit_energy && advances) {
-    Scalar created = steps.created_energy(limits.tolerance);
-    if (!newton && Scalar(0) < created) {
+    detail::EnergyBalance<Scalar> balance = steps.energy_balance();
+    if (!newton && steps.creates_energy(balance)) {
       report = steps.bound_energy(limits, report.iterations);
-      created = steps.created_energy(limits.tolerance);
+      balance = steps.energy_balance();
     }
-    if (Scalar(0) < created) steps.remove_energy(created);
+    steps.remove_energy(balance);
   }
   return finish(state, input, dt, report, ws);
 }

@@ -13,20 +13,16 @@
 // chapter 7.
 //
 // A single linear solve may end with more energy than it was given, where the forces change much
-// within the step. The energy that a step creates is
-//
-//   ΔE = ½ vᵀM v - ½ v0ᵀM v0 + U(x0 + h v) - U(x0) - h outerᵀ v - Σ_held pᵀ v - h Σ_attached Fᵀ v
-//
-// where p are the impulses that hold or drive vertices, and F the forces of attachments at the end
-// of the step (detail/attachments.hpp); U is that of the network. When it is positive, Newton steps
-// on the energy of the step follow until it no longer is. Where Newton's method ends with ΔE > 0,
-// which springs under compression allow, the velocities after the step are scaled down by the
-// factor that takes ΔE out of the kinetic energy of the free vertices. If none is held or attached,
-// their mean velocity, and so the linear momentum, is kept.
+// within the step (energy_balance.hpp). Then Newton steps on the energy of the step follow until it
+// no longer does. Where Newton's method ends so, which springs under compression allow, the
+// velocities after the step are scaled down by the factor that takes the excess out of the kinetic
+// energy of the free vertices. If none is held or attached, their mean velocity, and so the linear
+// momentum, is kept.
 
 #include <algorithm>
 #include <cmath>
 
+#include "clothctl/cloth/detail/energy_balance.hpp"
 #include "clothctl/cloth/detail/mass_spring_workspace.hpp"
 #include "clothctl/cloth/detail/spring_forces.hpp"
 #include "clothctl/cloth/detail/step_energy.hpp"
@@ -76,15 +72,14 @@ class StepSolver {
   /// ws.velocity. `tolerance` (m/s) bounds the residual of a solve by conjugate gradients.
   StepReport<Scalar> solve_linear(Scalar tolerance);
 
-  /// Returns the energy ΔE that the step from the state with velocities ws.velocity at its end
-  /// creates, J; 0 when it is within rounding and a momentum error of `tolerance` (m/s) at every
-  /// vertex. Reads what the last solve left in the workspace.
-  Scalar created_energy(Scalar tolerance);
-  /// Returns true when the step creates energy.
-  bool creates_energy(Scalar tolerance) { return Scalar(0) < created_energy(tolerance); }
+  /// Returns the energy balance of the step from the state with velocities ws.velocity at its end.
+  EnergyBalance<Scalar> energy_balance();
+  /// Returns true when ΔE is above what rounding can cause and a thousandth of the kinetic energy:
+  /// too much to be taken out of the velocities alone.
+  bool creates_energy(const EnergyBalance<Scalar>& balance) const;
 
-  /// Sets ws.kept and ws.drift to take `created` (J) out of the kinetic energy after the step.
-  void remove_energy(Scalar created);
+  /// Sets ws.kept and ws.drift to take ΔE out of the kinetic energy after the step.
+  void remove_energy(const EnergyBalance<Scalar>& balance);
 
   /// Newton steps from ws.velocity until the step creates no energy or Newton's method converges.
   /// `solves` counts the linear solves so far.
@@ -212,44 +207,30 @@ auto StepSolver<S>::solve_linear(Scalar tolerance) -> StepReport<Scalar> {
 }
 
 template <RealScalar S>
-S StepSolver<S>::created_energy(Scalar tolerance) {
-  using std::sqrt;
-  if (ws_.linear) {
-    as_points(ws_.rhs) = ws_.velocity;
-    ws_.matrix.multiply(ws_.rhs, ws_.product);
-  }
+auto StepSolver<S>::energy_balance() -> EnergyBalance<Scalar> {
   move_along(state_.positions, dt_, ws_.velocity, ws_.position);
-  const Scalar before = spring_energy<Scalar>(network_, state_.positions);
-  const Scalar after = spring_energy<Scalar>(network_, ws_.position);
-  Scalar created = after - before, error = Scalar(0);
-  Scalar size =
-      before + after +
-      sqrt(Scalar(2) * (before + after) * total_stiffness_) * largest_magnitude(ws_.position);
-  if (!ws_.attachments.empty())
-    created = created - ws_.attachments.work(ws_.position, ws_.velocity, dt_, size);
-  for (Index i = 0; i < network_.vertex_count(); ++i) {
-    const Scalar m = network_.mass[i];
-    const Triple<Scalar> v = column(ws_.velocity, i), v0 = column(state_.velocities, i);
-    const Scalar kinetic = Scalar(0.5) * m * squared_norm(v), start = squared_norm(v0);
-    Scalar work = dt_ * dot(column(ws_.outer, i), v);
-    if (ws_.is_held(i)) {
-      const Triple<Scalar> g = column(ws_.gradient, i);
-      const Triple<Scalar> impulse = ws_.linear ? point(ws_.product, i) - v0 * m - g * dt_ : g;
-      work += dot(impulse, v);
-    }
-    created += kinetic - Scalar(0.5) * m * start - work;
-    size += kinetic + Scalar(0.5) * m * start + (work < Scalar(0) ? -work : work);
-    error += m * tolerance * sqrt(squared_norm(v));
-  }
-  const Scalar allowed = Scalar(64) * scalar_traits<Scalar>::epsilon() * size + error;
-  return created <= allowed || !is_finite(created) ? Scalar(0) : created;
+  return EnergyBalancer<Scalar>(network_, settings_.drag, state_, ws_).balance();
 }
 
 template <RealScalar S>
-void StepSolver<S>::remove_energy(Scalar created) {
+bool StepSolver<S>::creates_energy(const EnergyBalance<Scalar>& balance) const {
   using std::sqrt;
+  using Wide = WideScalar<Scalar>;
+  const Wide rounding = static_cast<Wide>(scalar_traits<Scalar>::epsilon());
+  const Wide place = static_cast<Wide>(largest_magnitude(ws_.position));
+  const Wide noise = Wide(4) * rounding * (place * sqrt(balance.tension) + balance.size);
+  return noise + Wide(1e-3) * balance.kinetic < balance.created;
+}
+
+template <RealScalar S>
+void StepSolver<S>::remove_energy(const EnergyBalance<Scalar>& balance) {
+  using std::sqrt;
+  using Wide = WideScalar<Scalar>;
+  const Wide noise = Wide(64) * scalar_traits<Wide>::epsilon() * balance.size;
+  if (!(noise < balance.created)) return;
   Triple<Scalar> momentum{Scalar(0), Scalar(0), Scalar(0)};
-  Scalar mass = Scalar(0), kinetic = Scalar(0);
+  Scalar mass = Scalar(0);
+  Wide kinetic = Wide(0);
   bool free = ws_.attachments.empty();
   for (Index i = 0; i < network_.vertex_count(); ++i) {
     free = free && !ws_.is_held(i);
@@ -260,9 +241,10 @@ void StepSolver<S>::remove_energy(Scalar created) {
   for (Index i = 0; i < network_.vertex_count(); ++i) {
     if (ws_.is_held(i)) continue;
     const Triple<Scalar> v = column(ws_.velocity, i) - ws_.drift;
-    kinetic += Scalar(0.5) * network_.mass[i] * squared_norm(v);
+    kinetic += static_cast<Wide>(Scalar(0.5) * network_.mass[i] * squared_norm(v));
   }
-  ws_.kept = created < kinetic ? Scalar(sqrt(Scalar(1) - created / kinetic)) : Scalar(0);
+  const bool enough = balance.created < kinetic;
+  ws_.kept = enough ? static_cast<Scalar>(sqrt(Wide(1) - balance.created / kinetic)) : Scalar(0);
 }
 
 template <RealScalar S>
@@ -349,7 +331,7 @@ auto StepSolver<S>::newton_truncated(const NewtonLimits<Scalar>& limits, int sol
     const bool falls = report.residual < Scalar(0.5) * last;
     if (!is_finite(report.residual) || !is_finite(energy.value))
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
-    const bool bounded = limits.until_bounded && !creates_energy(limits.tolerance);
+    const bool bounded = limits.until_bounded && !creates_energy(energy_balance());
     const bool converged = balanced || bounded || (exact && !falls);
     if (converged) report.status = StepStatus::Converged;
     if (converged || enough || iteration == limits.max_iterations) return report;
@@ -402,7 +384,7 @@ auto StepSolver<S>::newton_direct(const NewtonLimits<Scalar>& limits, int solves
     const Scalar last = report.residual;
     const bool converged = load_residual(network_, limits.tolerance, report.residual, ws_) ||
                            (small_step && !(report.residual < Scalar(0.5) * last)) ||
-                           (limits.until_bounded && !creates_energy(limits.tolerance));
+                           (limits.until_bounded && !creates_energy(energy_balance()));
     if (!is_finite(report.residual) || !is_finite(energy.value))
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
     if (converged) report.status = StepStatus::Converged;

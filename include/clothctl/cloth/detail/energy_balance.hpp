@@ -1,0 +1,206 @@
+#pragma once
+
+// The energy that a step of a mass-spring body creates: what kinetic and elastic energy gain beyond
+// the work of gravity, input forces, wind and hands.
+//
+//   ΔE = ½ vᵀM v - ½ v0ᵀM v0 + U(x1) - U(x0) - outerᵀ Δx - W,     Δx = x1 - x0
+//   W  = Σ_held pᵀ Δx,     p = M (v - v0)/h + α M v + (D + C) v - outer - f    force of a hand
+//
+// The spring forces f on a held vertex change during the step. W is the larger one of two values:
+// with the forces at the end of the step, f(x1), and with mean forces f̄ that do exactly the work
+// U(x0) - U(x1),
+//
+//   f̄_a = -½ k (1 - 2 r/(l0 + l1)) (d0 + d1) = -f̄_b         of a spring, d = x_a - x_b, l = |d|
+//   f̄_i = -½ kb w_i Σ_j w_j (x0_j + x1_j)                    of a stencil
+//   f̄_i = -¼ kb (J0_i + J1_i)ᵀ (e0 + e1)                     of a folded hinge (folded_hinge.hpp)
+//
+// l0 and l1 are the lengths of a spring before and after the step, r is its rest length. Neither
+// value alone is a bound that a solver can keep. Hands that push a spring together give it more
+// energy than the forces at the end account for; and the springs of a crumpled stiff sheet relax
+// within a small part of a step, so that the mean forces never act. Elements whose vertices are all
+// held have the mean forces in both values.
+//
+// All sums are in double where the model computes in float: there rounding errors of the sums may
+// be as large as ΔE. Other symbols: step_energy.hpp. Reference: Gonzalez, Time integration and
+// discrete Hamiltonian systems, J. Nonlinear Sci. 6 (1996).
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <type_traits>
+
+#include "clothctl/cloth/detail/folded_hinge.hpp"
+#include "clothctl/cloth/detail/mass_spring_workspace.hpp"
+#include "clothctl/cloth/detail/triple.hpp"
+#include "clothctl/core/cloth_state.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// The scalar of sums over energies: double for float, else the scalar itself.
+template <RealScalar Scalar>
+using WideScalar = std::conditional_t<std::is_same_v<Scalar, float>, double, Scalar>;
+
+/// The energy balance of a step, J.
+template <RealScalar Scalar>
+struct EnergyBalance {
+  using Wide = WideScalar<Scalar>;
+  /// ΔE.
+  Wide created = Wide(0);
+  /// Kinetic energy of the free vertices after the step.
+  Wide kinetic = Wide(0);
+  /// Sum of the magnitudes that were added up to ΔE.
+  Wide size = Wide(0);
+  /// Σ (k (l1 - l_r))² over the springs, N²: times the rounding error of a position, the square of
+  /// what rounding to Scalar adds to ΔE.
+  Wide tension = Wide(0);
+
+  /// Adds a part of ΔE.
+  void add(const Wide& part) {
+    created += part;
+    size += part < Wide(0) ? -part : part;
+  }
+};
+
+/// Computes ΔE of the step from `state` to the positions ws.position with the velocities
+/// ws.velocity; ws.held, outer, direction, air and dt are those of the step.
+template <RealScalar S>
+class EnergyBalancer {
+ public:
+  /// The scalar type.
+  using Scalar = S;
+
+  EnergyBalancer(const SpringNetwork<Scalar>& network, const Scalar& drag,
+                 const ClothState<Scalar>& state, const MassSpringWorkspace<Scalar>& ws)
+      : network_(network), state_(state), ws_(ws), dt_(wide(ws.dt)), drag_(wide(drag)) {}
+
+  /// Returns the balance. Never allocates. Complexity: O(elements of the network).
+  EnergyBalance<Scalar> balance() {
+    add_inertia();
+    for (std::size_t e = 0; e < network_.springs.size(); ++e) add_spring(e);
+    for (const BendStencil<Scalar>& b : network_.bends) add_bend(b);
+    for (std::size_t e = 0; e < ws_.air.size(); ++e) add_air(e);
+    add_attachments();
+    if (difference_ < Wide(0)) out_.created += difference_;
+    return out_;
+  }
+
+ private:
+  using Wide = WideScalar<Scalar>;
+  using Vec = Triple<Wide>;
+
+  static Wide wide(const Scalar& value) { return static_cast<Wide>(value); }
+  static Vec wide(const Triple<Scalar>& a) { return {wide(a.x), wide(a.y), wide(a.z)}; }
+  Vec before(Index i) const { return wide(column(state_.positions, i)); }
+  Vec after(Index i) const { return wide(column(ws_.position, i)); }
+  Vec velocity(Index i) const { return wide(column(ws_.velocity, i)); }
+  Vec moved(Index i) const { return after(i) - before(i); }
+
+  void add_inertia() {
+    const Wide half = Wide(0.5);
+    for (Index i = 0; i < network_.vertex_count(); ++i) {
+      const Wide m = wide(network_.mass[i]);
+      const Vec v = velocity(i), v0 = wide(column(state_.velocities, i));
+      if (ws_.is_held(i)) {
+        out_.add(Wide(0) - m * (half * squared_norm(v - v0) + dt_ * drag_ * squared_norm(v)));
+        continue;
+      }
+      const Wide kinetic = half * m * squared_norm(v);
+      out_.kinetic += kinetic;
+      out_.add(kinetic);
+      out_.add(Wide(0) - half * m * squared_norm(v0));
+      out_.add(Wide(0) - dot(wide(column(ws_.outer, i)), moved(i)));
+    }
+  }
+
+  void add_spring(std::size_t e) {
+    using std::sqrt;
+    const Spring<Scalar>& s = network_.springs[e];
+    const bool free_a = !ws_.is_held(s.a), free_b = !ws_.is_held(s.b);
+    if (!free_a && !free_b && !(Scalar(0) < s.damping)) return;
+    const Vec d0 = before(s.a) - before(s.b), d1 = after(s.a) - after(s.b);
+    const Wide l0 = sqrt(squared_norm(d0)), l1 = sqrt(squared_norm(d1));
+    const Wide k = wide(s.stiffness), rest = wide(s.rest_length);
+    const Wide half = Wide(0.5), total = l0 + l1;
+    const Wide tension = k * (l1 - rest), gain = half * k * (l1 - l0) * (total - Wide(2) * rest);
+    out_.tension += tension * tension;
+    if (free_a && free_b) out_.add(gain);
+    if (free_a != free_b) {
+      const Vec hand = free_a ? moved(s.b) * Wide(-1) : moved(s.a);  // of x_a - x_b
+      const Vec end = d1 * (Wide(0) < l1 ? tension / l1 : Wide(0));
+      const Vec mean =
+          (d0 + d1) * (Wide(0) < total ? half * k * (Wide(1) - Wide(2) * rest / total) : Wide(0));
+      out_.add(gain - dot(end, hand));
+      difference_ += dot(end - mean, hand);
+    }
+    if (!(Scalar(0) < s.damping) || (free_a && free_b)) return;
+    const Vec n = wide(column(ws_.direction, static_cast<Index>(e)));
+    const Wide push = dt_ * wide(s.damping) * dot(n, velocity(s.a) - velocity(s.b));
+    if (!free_a) out_.add(Wide(0) - push * dot(n, velocity(s.a)));
+    if (!free_b) out_.add(push * dot(n, velocity(s.b)));
+  }
+
+  void add_bend(const BendStencil<Scalar>& b) {
+    if (b.is_folded()) return add_folded(b);
+    Vec start{Wide(0), Wide(0), Wide(0)}, end = start, hands = start;
+    bool free = false;
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
+      const Index v = b.vertex[i];
+      const Wide w = wide(b.weight[i]);
+      start = start + before(v) * w;
+      end = end + after(v) * w;
+      if (ws_.is_held(v)) hands = hands + moved(v) * w;
+      free = free || !ws_.is_held(v);
+    }
+    if (!free) return;
+    const Wide k = wide(b.stiffness), half = Wide(0.5);
+    out_.add(half * k * dot(end + start, end - start) - k * dot(end, hands));
+    difference_ += half * k * dot(end - start, hands);
+  }
+
+  void add_folded(const BendStencil<Scalar>& b) {
+    const FoldedHinge<Scalar> start(b, state_.positions), end(b, ws_.position);
+    const Triple<Scalar> both = start.error() + end.error();
+    const Wide k = wide(b.stiffness), quarter = Wide(0.25);
+    bool free = false;
+    for (const int v : b.vertex) free = free || !ws_.is_held(v);
+    if (!free) return;
+    Wide gain = Wide(0.5) * k * dot(wide(both), wide(end.error()) - wide(start.error()));
+    for (int i = 0; i < 4; ++i) {
+      const Index v = b.vertex[static_cast<std::size_t>(i)];
+      if (!ws_.is_held(v)) continue;
+      const Vec last = wide(end.share(i, end.error()));
+      const Vec mean = wide(start.share(i, both) + end.share(i, both)) * quarter;
+      gain -= k * dot(last, moved(v));
+      difference_ += k * dot(last - mean, moved(v));
+    }
+    out_.add(gain);
+  }
+
+  void add_attachments() {
+    if (ws_.attachments.empty()) return;
+    Scalar size = Scalar(0);
+    out_.add(Wide(0) - wide(ws_.attachments.work(ws_.position, ws_.velocity, ws_.dt, size)));
+    out_.size += wide(size);
+  }
+
+  void add_air(std::size_t e) {
+    const std::array<int, 3>& t = network_.triangles[e];
+    const bool held = ws_.is_held(t[0]) || ws_.is_held(t[1]) || ws_.is_held(t[2]);
+    if (!held) return;
+    const Triple<Scalar> mean =
+        column(ws_.velocity, t[0]) + column(ws_.velocity, t[1]) + column(ws_.velocity, t[2]);
+    const Vec push = wide(product(ws_.air[e], mean)) * (dt_ / Wide(9));
+    for (const int v : t) {
+      if (ws_.is_held(v)) out_.add(Wide(0) - dot(push, velocity(v)));
+    }
+  }
+
+  const SpringNetwork<Scalar>& network_;
+  const ClothState<Scalar>& state_;
+  const MassSpringWorkspace<Scalar>& ws_;
+  Wide dt_, drag_;
+  EnergyBalance<Scalar> out_;
+  Wide difference_ = Wide(0);  // what the mean forces add to ΔE
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail
