@@ -69,9 +69,8 @@ struct PositionBasedWorkspace {
   detail::Attachments<Scalar> attachments;
   /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
   Points<Scalar> positions, velocities;
-  /// Data of a grid; unused otherwise.
+  /// Data of a grid, or of a network that is no grid; the other one is unused.
   typename detail::LaneSheet<Scalar>::Scratch lanes;
-  /// Data of a network that is no grid; unused otherwise.
   typename detail::BatchSheet<Scalar>::Scratch batches;
 };
 
@@ -130,8 +129,7 @@ class PositionBased {
  private:
   using Triple = detail::Triple<Scalar>;
 
-  /// Returns true when the workspace has the sizes of this model. A step writes all that it reads
-  /// from a workspace, so nothing else must agree.
+  /// True when the workspace has the sizes of this model; a step reads only what it has written.
   bool fits(const Workspace& ws) const;
 
   PositionBased(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings);
@@ -170,10 +168,6 @@ class PositionBased {
   template <class Sheet, class Strain, class Attach>
   void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part, Strain strain,
                        Attach attach, StepReport<Scalar>& report) const;
-  /// Adds `factor` times the positions to those at the start of the substep.
-  template <class Sheet>
-  void add_to_start(const Sheet& sheet, const Scalar& factor,
-                    typename Sheet::Scratch& memory) const;
 
   /// Copies positions and velocities out of the layout.
   template <class Sheet>
@@ -212,8 +206,7 @@ auto PositionBased<S>::make_workspace() const -> Workspace {
   ws.held.reserve(static_cast<std::size_t>(n));
   ws.attachments.reserve(n);
   ws.inverse_mass = inverse_mass_;
-  ws.positions.setZero(3, n);
-  ws.velocities.setZero(3, n);
+  for (Points<Scalar>* points : {&ws.positions, &ws.velocities}) points->setZero(3, n);
   if (in_lanes_) {
     ws.lanes = lanes_.make_scratch();
     ws.lanes.held.reserve(static_cast<std::size_t>(n));
@@ -389,14 +382,14 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
       coordinate = coordinate + push * input.forces(c, static_cast<Index>(i));
     }
   }
-  const Scalar done =
-      Scalar(static_cast<double>(part)) / Scalar(static_cast<double>(settings_.substeps));
+  const auto real = [](int count) { return Scalar(static_cast<double>(count)); };
+  const Scalar done = real(part) / real(settings_.substeps);
   for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
     const int vertex = input.driven_vertices[i];
     Scalar* x = memory.points.data() + sheet.offset(vertex);
     for (Index c = 0; c < 3; ++c) {
-      const Scalar begin = state.positions(c, vertex);
-      const Scalar end = input.driven_positions(c, static_cast<Index>(i));
+      const Scalar begin = state.positions(c, vertex),
+                   end = input.driven_positions(c, static_cast<Index>(i));
       x[static_cast<std::size_t>(c) * Sheet::kStride] =
           part == settings_.substeps ? end : begin + (end - begin) * done;
     }
@@ -418,8 +411,8 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   ws.attachments.begin_substep();
   if (limited()) return correct_limited(sheet, memory, part, strain, attach, report);
   report.iterations += settings_.iterations;
-  if (settings_.scheme == PositionScheme::Verlet)
-    return correct_rigid(sheet, memory, strain, attach);
+  const bool verlet = settings_.scheme == PositionScheme::Verlet;
+  if (verlet) return correct_rigid(sheet, memory, strain, attach);
   if (sheet.damped()) return correct_compliant<true>(sheet, memory, strain, attach);
   correct_compliant<false>(sheet, memory, strain, attach);
 }
@@ -465,6 +458,7 @@ void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scrat
   const auto relative = [&](const Scalar& stretch) { return stretch / (one + stretch); };
   const Scalar target = limit - Scalar(0.02);
   const Scalar slack = zero < target ? relative(target) : zero;
+  const Pack compression = Pack::all(settings_.compression);
   sheet.correct_levels(part, kLevelSweeps, slack, memory);
   sheet.sweep_unlimited(memory);
   sheet.template bend<false, false>(memory);
@@ -472,37 +466,32 @@ void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scrat
   for (int i = 0; i < settings_.iterations; ++i) {
     strain();
     attach();  // before the springs: a limit of stretch is kept whatever pulls
-    detail::LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack),
-                                                  Pack::all(settings_.compression)};
+    detail::LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack), compression};
     worst = sheet.sweep(rule, memory).worst.largest();
     ++report.iterations;
   }
   if (part < settings_.substeps) return;
   const Scalar goal = relative(target < zero ? limit * Scalar(0.75) : limit - Scalar(0.005));
-  // These sweeps correct what all substeps left, so only the share of one substep changes the
-  // velocities. The whole correction would keep a sheet near its pins in motion for ever.
+  // These sweeps correct what all substeps left, so the share of one substep goes into velocities.
+  // The whole correction would keep a sheet near its pins in motion for ever.
   const Scalar others = one - one / Scalar(static_cast<double>(settings_.substeps));
-  add_to_start(sheet, zero - others, memory);
+  const auto add_to_start = [&](const Scalar& factor) {
+    for (int v = 0; v < vertex_count(); ++v) {
+      for (std::size_t c = 0; c < 3; ++c) {
+        const Index at = static_cast<Index>(sheet.offset(v) + c * Sheet::kStride);
+        memory.start[at] = memory.start[at] + factor * memory.points[at];
+      }
+    }
+  };
+  add_to_start(zero - others);
   for (int i = 0; i < settings_.extra_sweeps && goal < worst; ++i) {
     detail::TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
     worst = sheet.sweep(rule, memory).worst.largest();
     ++report.iterations;
   }
-  add_to_start(sheet, others, memory);
+  add_to_start(others);
   report.residual = zero < worst ? worst / (one - worst) : zero;
   if (relative(limit) < worst) report.status = StepStatus::IterationLimit;
-}
-
-template <RealScalar S>
-template <class Sheet>
-void PositionBased<S>::add_to_start(const Sheet& sheet, const Scalar& factor,
-                                    typename Sheet::Scratch& memory) const {
-  for (Index v = 0; v < vertex_count(); ++v) {
-    const Scalar* x = memory.points.data() + sheet.offset(static_cast<int>(v));
-    Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
-    for (std::size_t c = 0; c < 3; ++c)
-      start[c * Sheet::kStride] = start[c * Sheet::kStride] + factor * x[c * Sheet::kStride];
-  }
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

@@ -106,8 +106,8 @@ class BatchLevels {
 
 /// Weights of parents (offsets from the vertex, 3×k) that sum to one and reproduce a vertex among
 /// them: least Σ W² d². Directions in which the parents hardly spread are not reproduced. Where the
-/// mesh is curved, a weight that would be negative is 0: extrapolated displacements keep garments in
-/// motion for ever.
+/// mesh is curved, a weight that would be negative is 0: extrapolated displacements keep garments
+/// in motion for ever.
 template <class = void>
 VectorX<double> parent_weights(const Points<double>& offsets) {
   const Index k = offsets.cols();
