@@ -55,8 +55,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// All memory of a step of `PositionBased`. `PositionBased::make_workspace` makes it; a step
-/// refuses one of another size. A workspace carries nothing from step to step.
+/// All memory of a step, from `make_workspace`; it carries nothing from step to step.
 template <RealScalar Scalar>
 struct PositionBasedWorkspace {
   /// 1 for driven vertices.
@@ -69,8 +68,9 @@ struct PositionBasedWorkspace {
   detail::Attachments<Scalar> attachments;
   /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
   Points<Scalar> positions, velocities;
-  /// Data of a grid, or of a network that is no grid; the other one is unused.
+  /// Data of a grid; unused otherwise.
   typename detail::LaneSheet<Scalar>::Scratch lanes;
+  /// Data of any other network; unused for a grid.
   typename detail::BatchSheet<Scalar>::Scratch batches;
 };
 
@@ -129,7 +129,7 @@ class PositionBased {
  private:
   using Triple = detail::Triple<Scalar>;
 
-  /// True when the workspace has the sizes of this model; a step reads only what it has written.
+  /// True when the sizes are those of this model; a step reads only what it has written.
   bool fits(const Workspace& ws) const;
 
   PositionBased(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings);
