@@ -172,6 +172,29 @@ TEMPLATE_TEST_CASE("weld merges two vertices and keeps mass and springs", "[clot
   }
 }
 
+TEST_CASE("append and weld carry triangle elements", "[cloth]") {
+  SpringNetwork<double> one;
+  one.rest_positions.resize(3, 3);
+  one.rest_positions << 0, 1, 0, 0, 0, 1, 0, 0, 0;
+  one.mass.setOnes(3);
+  TriangleElement<double> element;
+  element.vertex = {0, 1, 2};
+  element.rest_inverse.setIdentity();
+  element.warp = 5.0;
+  one.elements = {element};
+  SpringNetwork<double> network = one;
+  CHECK(append(network, one, Vector3<double>(2, 0, 0)) == 3);
+  REQUIRE(network.elements.size() == 2);
+  CHECK(network.elements[1].vertex == std::array<int, 3>{3, 4, 5});
+  CHECK(network.elements[1].warp == 5.0);
+  CHECK(network.validate().empty());
+  CHECK(weld(network, 4, 5) == "weld: vertices 4 and 5 share element 1");
+  CHECK(weld(network, 1, 3).empty());
+  CHECK(network.elements[0].vertex == std::array<int, 3>{0, 1, 2});
+  CHECK(network.elements[1].vertex == std::array<int, 3>{1, 3, 4});
+  CHECK(network.validate().empty());
+}
+
 TEST_CASE("weld refuses to fold a spring, a stencil or a triangle onto itself", "[cloth]") {
   const auto rope = rope_network(RopeSettings<double>{});
   const auto mesh = make_grid<double>(3, 3, 1.0, 1.0);

@@ -61,7 +61,7 @@ struct PositionBasedWorkspace {
   /// 1 for driven vertices.
   std::vector<unsigned char> driven;
   /// Driven and pinned vertices.
-  std::vector<int> held;
+  detail::ReservedList<int> held;
   /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
   /// Springs between vertices and points of the input.

@@ -114,7 +114,7 @@ int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other,
   }
   // The counts are read first, so that a network can be appended to itself.
   const std::size_t springs = other.springs.size(), bends = other.bends.size(),
-                    triangles = other.triangles.size();
+                    triangles = other.triangles.size(), elements = other.elements.size();
   for (std::size_t e = 0; e < springs; ++e) {
     Spring<Scalar> spring = other.springs[e];
     spring.a += first;
@@ -130,6 +130,11 @@ int append(SpringNetwork<Scalar>& network, const SpringNetwork<Scalar>& other,
     std::array<int, 3> triangle = other.triangles[e];
     for (int& v : triangle) v += first;
     network.triangles.push_back(triangle);
+  }
+  for (std::size_t e = 0; e < elements; ++e) {
+    TriangleElement<Scalar> element = other.elements[e];
+    for (int& v : element.vertex) v += first;
+    network.elements.push_back(element);
   }
   network.rest_positions = std::move(positions);
   network.mass = std::move(mass);
@@ -197,6 +202,10 @@ template <RealScalar Scalar>
     const int* vertices = network.triangles[e].data();
     if (holds_both(vertices, vertices + 3)) return pair + " share triangle " + std::to_string(e);
   }
+  for (std::size_t e = 0; e < network.elements.size(); ++e) {
+    const int* vertices = network.elements[e].vertex.data();
+    if (holds_both(vertices, vertices + 3)) return pair + " share element " + std::to_string(e);
+  }
 
   const auto renumber = [keep, gone](int& v) {
     if (v == gone) v = keep;
@@ -218,6 +227,9 @@ template <RealScalar Scalar>
   }
   for (std::array<int, 3>& triangle : network.triangles) {
     for (int& v : triangle) renumber(v);
+  }
+  for (TriangleElement<Scalar>& element : network.elements) {
+    for (int& v : element.vertex) renumber(v);
   }
   return {};
 }

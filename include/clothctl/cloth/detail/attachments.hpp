@@ -21,6 +21,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "clothctl/cloth/detail/reserved_list.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
 #include "clothctl/core/cloth_state.hpp"
 
@@ -39,7 +40,7 @@ struct Attachments {
     /// λ (N s²), which starts at zero in every substep.
     Triple<Scalar> multiplier;
   };
-  std::vector<Item> items;
+  ReservedList<Item> items;
   /// Place of a vertex in `items`, or -1.
   std::vector<int> place;
 

@@ -7,7 +7,7 @@
 // throwing): pinned vertices first, then corners of the boundary, the boundary, the rest. Its edges
 // join each vertex to its nearest six; they are as long as the distance along the surface. A vertex
 // of the finer level takes the displacement of its nearest vertices of this level, with weights
-// that sum to one and reproduce its rest position among theirs:
+// that sum to one and, where the mesh is flat, reproduce its rest position among theirs:
 //
 //   minimise Σ W_p² d_p²  subject to  Σ W_p = 1,  Σ W_p (X_p - X_a) = 0      (d_p distance from a)
 

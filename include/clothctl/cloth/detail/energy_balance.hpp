@@ -7,8 +7,8 @@
 //   W  = Σ_held pᵀ Δx,     p = M (v - v0)/h + α M v + (D + C) v - outer - f    force of a hand
 //
 // The spring forces f on a held vertex change during the step. W is the larger one of two values:
-// with the forces at the end of the step, f(x1), and with mean forces f̄ that do exactly the work
-// U(x0) - U(x1),
+// with the forces at the end of the step, f(x1), and with mean forces f̄ that do the work U(x0) -
+// U(x1), exactly for springs and stencils, up to the turn of the edge for folded hinges,
 //
 //   f̄_a = -½ k (1 - 2 r/(l0 + l1)) (d0 + d1) = -f̄_b         of a spring, d = x_a - x_b, l = |d|
 //   f̄_i = -½ kb w_i Σ_j w_j (x0_j + x1_j)                    of a stencil
@@ -17,12 +17,14 @@
 // l0 and l1 are the lengths of a spring before and after the step, r is its rest length. Neither
 // value alone is a bound that a solver can keep. Hands that push a spring together give it more
 // energy than the forces at the end account for; and the springs of a crumpled stiff sheet relax
-// within a small part of a step, so that the mean forces never act. Elements whose vertices are all
-// held have the mean forces in both values.
+// within a small part of a step, so that the mean forces never act. Elements whose vertices are
+// all held have the mean forces in both values. Attachments are not in U; they do the work h v·F
+// with their forces F at the end of the step (attachments.hpp).
 //
 // All sums are in double where the model computes in float: there rounding errors of the sums may
-// be as large as ΔE. Other symbols: step_energy.hpp. Reference: Gonzalez, Time integration and
-// discrete Hamiltonian systems, J. Nonlinear Sci. 6 (1996).
+// be as large as ΔE. Folded hinges and attachments are measured in the scalar of the model. Other
+// symbols: step_energy.hpp. Reference: Gonzalez, Time integration and discrete Hamiltonian
+// systems, J. Nonlinear Sci. 6 (1996).
 
 #include <array>
 #include <cmath>

@@ -11,6 +11,7 @@
 #include "clothctl/cloth/detail/lane_bends.hpp"
 #include "clothctl/cloth/detail/lane_edges.hpp"
 #include "clothctl/cloth/detail/lane_levels.hpp"
+#include "clothctl/cloth/detail/reserved_list.hpp"
 #include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -32,7 +33,7 @@ class LaneSheet {
     LaneEdgeScratch<Scalar> edges;
     LaneBendScratch<Scalar> bends;
     std::array<typename LaneLevels<Scalar>::Scratch, 2> levels;
-    std::vector<GridPlace> held;
+    ReservedList<GridPlace> held;
   };
 
   LaneSheet() = default;
