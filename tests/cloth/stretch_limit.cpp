@@ -244,7 +244,7 @@ TEST_CASE("a shirt with a limit comes to rest on its pins", "[stretch_limit]") {
   const SewnGarment sewn = weld_seams(garment).value();
   const Material<double> material = material_preset<double>("cotton").value();
   Sheet<double> shirt{"shirt", pattern_network(sewn.mesh, material).value(), {}};
-  for (const std::size_t side : {3, 5}) {  // the shoulders
+  for (std::size_t side : {3U, 5U}) {  // the shoulders
     const std::vector<int>& seam = garment.panels[0].sides[side];
     shirt.corners.push_back(sewn.vertex_of[static_cast<std::size_t>(seam[seam.size() / 2])]);
   }
