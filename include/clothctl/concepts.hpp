@@ -6,5 +6,6 @@
 #include "clothctl/concepts/articulated.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/concepts/contact_model.hpp"
+#include "clothctl/concepts/executor.hpp"
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/concepts/qp_solver.hpp"

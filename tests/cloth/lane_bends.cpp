@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <type_traits>
 #include <vector>
 
@@ -71,12 +72,12 @@ struct Grid {
       }
     }
     LaneBendPreparation<Scalar> preparation{bends, scratch, Scalar(h)};
-    for_each_stencil(layout, cloud.buffer.data(), preparation);
+    for_each_stencil(layout, layout.whole(), cloud.buffer.data(), preparation);
   }
   template <bool kRead, bool kWrite>
   void sweep() {
     LaneBendSweep<Scalar, kRead, kWrite> rule{scratch};
-    for_each_stencil(cloud.layout, cloud.buffer.data(), rule);
+    for_each_stencil(cloud.layout, cloud.layout.whole(), cloud.buffer.data(), rule);
   }
 };
 
@@ -114,6 +115,27 @@ TEMPLATE_TEST_CASE("lane bends: sweeps are plain sequential sweeps in the order 
     }
     CHECK(moved > 0.005);
   }
+}
+
+TEMPLATE_TEST_CASE("lane bends: bands and seams together visit each stencil once", "[lane_bends]",
+                   float, double) {
+  using Scalar = TestType;
+  const LaneLayout<Scalar> layout(3 * grid_lanes<Scalar>() + 1, 200, 3, grid_lanes<Scalar>() - 1);
+  struct Counter {
+    std::map<std::array<std::size_t, 2>, int> visits;
+    void stencil(std::size_t direction, std::size_t at, Scalar*, Scalar*, Scalar*) {
+      ++visits[{direction, at}];
+    }
+  };
+  std::vector<Scalar> points(layout.buffer_size(), Scalar(0));
+  Counter in_bands, at_once;
+  REQUIRE(layout.band_count() == 3);
+  for_each_band(layout, {}, 2, [&](const ColumnBand& band, int) {
+    for_each_stencil(layout, band, points.data(), in_bands);
+  });
+  for_each_stencil(layout, layout.whole(), points.data(), at_once);
+  CHECK(at_once.visits.size() > 1000);
+  CHECK(in_bands.visits == at_once.visits);
 }
 
 TEMPLATE_TEST_CASE("lane bends: a sweep keeps the momentum", "[lane_bends]", float, double) {

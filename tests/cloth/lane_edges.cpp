@@ -49,7 +49,8 @@ struct Grid {
   }
   template <class Rule>
   Rule sweep(const Rule& rule) {
-    read_ghost_row(cloud.layout, start.buffer.data(), start.buffer.data() + cloud.layout.size());
+    read_ghost_row(cloud.layout, cloud.layout.whole(), start.buffer.data(),
+                   start.buffer.data() + cloud.layout.size());
     return sweep_edges(edges, scratch, cloud.buffer.data(), start.buffer.data(), rule);
   }
 };

@@ -13,9 +13,11 @@
 #include "clothctl/network/sheet.hpp"
 #include "support/catch.hpp"
 #include "support/sweeps.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using namespace clothctl::detail;
+using clothctl_test::kSanitized;
 using clothctl_test::Numbers;
 
 namespace {
@@ -107,6 +109,7 @@ TEMPLATE_TEST_CASE("lane sheet: both layouts converge to the same substep", "[la
   using Scalar = TestType;
   for (const auto& [rows, cols] :
        std::vector<std::array<int, 2>>{{9, 9}, {12, 17}, {26, 8}, {8, 33}}) {
+    if (kSanitized && rows * cols > 100) continue;
     const SpringNetwork<Scalar> network = network_of<Scalar>(rows, cols);
     const LaneSheet<Scalar> lanes(network, *find_grid(network), false);
     const BatchSheet<Scalar> batches(network, {});

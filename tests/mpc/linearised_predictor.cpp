@@ -12,6 +12,7 @@
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/sheets.hpp"
+#include "support/sweeps.hpp"
 
 using namespace clothctl;
 using clothctl_test::DenseStep;
@@ -342,6 +343,14 @@ TEST_CASE("in single precision the prediction does not depend on position", "[mp
     const Points<double> moved = state.positions.colwise() + offset;
     predictor.reserve(request, there);
     REQUIRE(predictor.predict(moved, state.velocities, request, there));
+    // What single precision leaves of positions up to 1 m differs by 1e-7 m: so much may change.
+    WindowResponse<double> rounded;
+    clothctl_test::Numbers random(6);
+    Points<double> nudged = state.positions;
+    for (Index i = 0; i < nudged.size(); ++i) nudged(i) += random(-1e-7, 1e-7);
+    predictor.reserve(request, rounded);
+    REQUIRE(predictor.predict(nudged, state.velocities, request, rounded));
+    const double rounding = (rounded.free_response - here.free_response).cwiseAbs().maxCoeff();
     double miss = 0.0;
     for (Index i = 0; i < request.outputs.count(); ++i) {
       double weight = 0.0;
@@ -352,7 +361,9 @@ TEST_CASE("in single precision the prediction does not depend on position", "[mp
         miss = std::max(miss, (change - weight * offset).norm());
       }
     }
-    CHECK(miss < 1e-5);
+    CAPTURE(miss, rounding);
+    CHECK(miss < 2.0 * rounding);
+    CHECK(rounding < 1e-4);
     CHECK((there.impulse_response - here.impulse_response).norm() <
           1e-4 * here.impulse_response.norm());
   }

@@ -14,6 +14,14 @@ inline bool full_tier() {
   return value != nullptr && std::strcmp(value, "1") == 0;
 }
 
+/// True in builds with sanitizers, which run many times slower: large cases are left out there.
+inline constexpr bool kSanitized =
+#ifdef CLOTHCTL_SANITIZED_BUILD
+    true;
+#else
+    false;
+#endif
+
 /// Returns the number of trials for the chosen tier.
 inline int trials(int quick, int full) { return full_tier() ? full : quick; }
 

@@ -24,11 +24,7 @@
 // sweeps a substep converges to one of implicit Euler, (1 + h α) M v⁺ = M v + h f(x⁺, v⁺). With
 // few, the sheet is softer than its network.
 //
-// XPBD with a limit of stretch: before the sweeps of a substep, one-sided edges on coarse levels
-// (detail/lane_levels.hpp) carry the limit across the sheet; a sweep corrects stretch beyond the
-// limit rigidly; the last substep repeats such sweeps until the largest stretch is well below the
-// limit. Compression is resisted only partly: a sheet gives way by
-// folding.
+// A limit of stretch (XPBD) needs other sweeps: detail/limited_sweeps.hpp.
 //
 // A network that is a grid is laid out in vector lanes (detail/lane_grid.hpp), any other in batches
 // (detail/edge_batches.hpp). References: [Toh 2011], ch. 2.3; Macklin, Müller, Chentanez, "XPBD",
@@ -45,8 +41,10 @@
 #include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/batch_sheet.hpp"
 #include "clothctl/cloth/detail/lane_sheet.hpp"
+#include "clothctl/cloth/detail/limited_sweeps.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
+#include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/result.hpp"
@@ -124,7 +122,19 @@ class PositionBased {
   /// StepStatus; the state is then bitwise unchanged, and `check_input` says why. Complexity:
   /// O(substeps × iterations × constraints).
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
-                                        Workspace& ws) const;
+                                        Workspace& ws) const {
+    return step_with({}, state, input, dt, ws);
+  }
+
+  /// The same with the threads of `executor`, and the same bits. Parts of the sheet run at the same
+  /// time: 2, 4, 8 or 16 from 3,000, 6,000, 12,000 or 24,000 vertices on; on a grid in lanes, bands
+  /// of at least 64 columns along its shorter side. Verlet, the air and the set-up of a step run on
+  /// the calling thread.
+  template <Executor E>
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                                        Workspace& ws, E& executor) const {
+    return step_with(ExecutorRef(executor), state, input, dt, ws);
+  }
 
  private:
   using Triple = detail::Triple<Scalar>;
@@ -133,6 +143,9 @@ class PositionBased {
   bool fits(const Workspace& ws) const;
 
   PositionBased(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings);
+
+  StepReport<Scalar> step_with(const ExecutorRef& executor, State& state,
+                               const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const;
 
   /// A step on one of the two layouts.
   template <class Sheet>
@@ -165,9 +178,6 @@ class PositionBased {
   template <bool kDamped, class Sheet, class Strain, class Attach>
   void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory, Strain strain,
                          Attach attach) const;
-  template <class Sheet, class Strain, class Attach>
-  void correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory, int part, Strain strain,
-                       Attach attach, StepReport<Scalar>& report) const;
 
   /// Copies positions and velocities out of the layout.
   template <class Sheet>
@@ -224,8 +234,10 @@ std::string PositionBased<S>::check_input(const State& state, const ClothInput<S
 }
 
 template <RealScalar S>
-auto PositionBased<S>::step(State& state, const ClothInput<Scalar>& input, Scalar dt,
-                            Workspace& ws) const -> StepReport<Scalar> {
+auto PositionBased<S>::step_with(const ExecutorRef& executor, State& state,
+                                 const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const
+    -> StepReport<Scalar> {
+  ws.lanes.executor = ws.batches.executor = executor;
   StepReport<Scalar> report;
   report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.driven)
                            : StepStatus::InvalidWorkspace;
@@ -409,7 +421,8 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   const auto strain = [&] { sheet.sweep_triangles(h, memory); };
   sheet.begin_triangles(memory);
   ws.attachments.begin_substep();
-  if (limited()) return correct_limited(sheet, memory, part, strain, attach, report);
+  if (limited())
+    return detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, report);
   report.iterations += settings_.iterations;
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   if (verlet) return correct_rigid(sheet, memory, strain, attach);
@@ -443,55 +456,6 @@ void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scr
   sweep.template operator()<false, true>();
   for (int i = 2; i < settings_.iterations; ++i) sweep.template operator()<true, true>();
   sweep.template operator()<true, false>();
-}
-
-template <RealScalar S>
-template <class Sheet, class Strain, class Attach>
-void PositionBased<S>::correct_limited(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                       int part, Strain strain, Attach attach,
-                                       StepReport<Scalar>& report) const {
-  using Pack = typename Sheet::Pack;
-  constexpr int kLevelSweeps = 3;
-  const Scalar zero = Scalar(0), one = Scalar(1), limit = settings_.stretch_limit;
-  // The rules measure stretch by the current length: e = s/(1 + s). Sweeps leave a few percent, so
-  // they pull edges back to a stretch that is 2 % below the limit, or to their rest length.
-  const auto relative = [&](const Scalar& stretch) { return stretch / (one + stretch); };
-  const Scalar target = limit - Scalar(0.02);
-  const Scalar slack = zero < target ? relative(target) : zero;
-  const Pack compression = Pack::all(settings_.compression);
-  sheet.correct_levels(part, kLevelSweeps, slack, memory);
-  sheet.sweep_unlimited(memory);
-  sheet.template bend<false, false>(memory);
-  Scalar worst = zero;
-  for (int i = 0; i < settings_.iterations; ++i) {
-    strain();
-    attach();  // before the springs: a limit of stretch is kept whatever pulls
-    detail::LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack), compression};
-    worst = sheet.sweep(rule, memory).worst.largest();
-    ++report.iterations;
-  }
-  if (part < settings_.substeps) return;
-  const Scalar goal = relative(target < zero ? limit * Scalar(0.75) : limit - Scalar(0.005));
-  // These sweeps correct what all substeps left, so the share of one substep goes into velocities.
-  // The whole correction would keep a sheet near its pins in motion for ever.
-  const Scalar others = one - one / Scalar(static_cast<double>(settings_.substeps));
-  const auto add_to_start = [&](const Scalar& factor) {
-    for (int v = 0; v < vertex_count(); ++v) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        const Index at = static_cast<Index>(sheet.offset(v) + c * Sheet::kStride);
-        memory.start[at] = memory.start[at] + factor * memory.points[at];
-      }
-    }
-  };
-  add_to_start(zero - others);
-  for (int i = 0; i < settings_.extra_sweeps && goal < worst; ++i) {
-    detail::TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
-    worst = sheet.sweep(rule, memory).worst.largest();
-    ++report.iterations;
-  }
-  add_to_start(others);
-  report.residual = zero < worst ? worst / (one - worst) : zero;
-  if (relative(limit) < worst) report.status = StepStatus::IterationLimit;
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

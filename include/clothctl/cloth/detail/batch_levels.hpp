@@ -63,9 +63,9 @@ class BatchLevels {
 
   BatchLevels() = default;
 
-  /// Makes levels until one has less than 600 vertices; none for less than 50. Allocates.
-  /// Complexity: O(n log n) for a mesh whose vertices have few neighbours.
-  explicit BatchLevels(const LevelInput& input);
+  /// Makes levels until one has less than 600 vertices; none for less than 50. `parts`: those of
+  /// the sheet. Allocates. Complexity: O(n log n) for a mesh whose vertices have few neighbours.
+  explicit BatchLevels(const LevelInput& input, const MeshParts& parts = {});
 
   int count() const { return static_cast<int>(levels_.size()); }
   Scratch make_scratch() const;
@@ -77,7 +77,8 @@ class BatchLevels {
 
   /// Moves the vertices in `points`. `sweeps` a level; `slack`: part of its length by which an edge
   /// may stay too long.
-  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch) const;
+  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
+               const ExecutorRef& executor = {}) const;
 
  private:
   /// For each vertex of the sheet, the vertices of a level near it with their distances, nearest
@@ -86,18 +87,22 @@ class BatchLevels {
   using Parents = std::array<int, BatchLevel<Scalar>::kParents>;
   using Weights = std::array<Scalar, BatchLevel<Scalar>::kParents>;
 
-  void add_level(const LevelInput& input, double radius, SurfaceDistance& surface,
-                 std::vector<int>& finer, std::vector<double>& finer_mass);
+  void add_level(const LevelInput& input, const MeshParts& parts, double radius,
+                 SurfaceDistance& surface, std::vector<int>& finer,
+                 std::vector<double>& finer_mass);
   /// Fills parents and weights of the finer level's vertices; returns the masses that these give.
   static std::vector<double> set_parents(const NearVertices& nearby, double radius,
                                          const Points<double>& rest, const std::vector<int>& finer,
                                          const std::vector<double>& finer_mass,
                                          BatchLevel<Scalar>& level);
   /// Joins each vertex to its nearest six.
-  static void set_edges(const NearVertices& nearby, BatchLevel<Scalar>& level);
+  static void set_edges(const NearVertices& nearby, const MeshParts& parts,
+                        BatchLevel<Scalar>& level);
   /// Adds the displacement `coarse` of level l to the next finer vertices of positive inverse mass.
-  void interpolate(const Scalar* coarse, std::size_t l, Scalar* fine) const;
-  void add_without_rigid_motion(Scalar* points, Scratch& scratch) const;
+  void interpolate(const Scalar* coarse, std::size_t l, Scalar* fine,
+                   const ExecutorRef& executor) const;
+  void add_without_rigid_motion(Scalar* points, Scratch& scratch,
+                                const ExecutorRef& executor) const;
 
   std::vector<BatchLevel<Scalar>> levels_;
   std::vector<int> tethered_;
@@ -134,7 +139,7 @@ VectorX<double> parent_weights(const Points<double>& offsets) {
 }
 
 template <RealScalar Scalar>
-BatchLevels<Scalar>::BatchLevels(const LevelInput& input)
+BatchLevels<Scalar>::BatchLevels(const LevelInput& input, const MeshParts& parts)
     : tethered_(input.tethered), vertex_count_(input.mass.size()) {
   SurfaceDistance surface(static_cast<int>(vertex_count_), input.edges, input.triangles);
   double mean = 0.0;
@@ -145,7 +150,7 @@ BatchLevels<Scalar>::BatchLevels(const LevelInput& input)
   std::vector<double> mass = input.mass;
   for (int l = 1; l < 12 && finer.size() >= (l == 1 ? 50 : 600); ++l) {
     const std::size_t before = finer.size();
-    add_level(input, 0.84 * mean * static_cast<double>(1 << l), surface, finer, mass);
+    add_level(input, parts, 0.84 * mean * static_cast<double>(1 << l), surface, finer, mass);
     if (finer.size() * 10 > before * 7) {  // nothing gained, as with many pieces
       levels_.pop_back();
       break;
@@ -154,7 +159,7 @@ BatchLevels<Scalar>::BatchLevels(const LevelInput& input)
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::add_level(const LevelInput& input, double radius,
+void BatchLevels<Scalar>::add_level(const LevelInput& input, const MeshParts& parts, double radius,
                                     SurfaceDistance& surface, std::vector<int>& finer,
                                     std::vector<double>& finer_mass) {
   const std::size_t n = vertex_count_;
@@ -181,7 +186,7 @@ void BatchLevels<Scalar>::add_level(const LevelInput& input, double radius,
   }
   const std::vector<double> mass =
       set_parents(nearby, radius, input.rest, finer, finer_mass, level);
-  set_edges(nearby, level);
+  set_edges(nearby, parts.of_some(level.fine), level);
   level.initial.setZero(static_cast<Index>(4 * (count + 2)));
   for (std::size_t i = 0; i < count; ++i)
     level.initial[static_cast<Index>(4 * i) + 3] = Scalar(1.0 / (std::max)(mass[i], 1e-30));
@@ -232,7 +237,8 @@ std::vector<double> BatchLevels<Scalar>::set_parents(const NearVertices& nearby,
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::set_edges(const NearVertices& nearby, BatchLevel<Scalar>& level) {
+void BatchLevels<Scalar>::set_edges(const NearVertices& nearby, const MeshParts& parts,
+                                    BatchLevel<Scalar>& level) {
   constexpr std::size_t kNeighbours = 6;
   const std::size_t count = level.fine.size();
   std::vector<std::pair<std::array<int, 2>, double>> pairs;
@@ -253,7 +259,7 @@ void BatchLevels<Scalar>::set_edges(const NearVertices& nearby, BatchLevel<Scala
     edges.push_back({pairs[e].first[0], pairs[e].first[1], Scalar(pairs[e].second), Scalar(1),
                      Scalar(0), Scalar(0)});
   }
-  level.edges = pack_edges(edges, PackOrder{3, 256}, static_cast<int>(count));
+  level.edges = pack_edges(edges, PackOrder{3, 256}, static_cast<int>(count), parts);
 }
 
 template <RealScalar Scalar>
@@ -296,25 +302,29 @@ void BatchLevels<Scalar>::prepare(const std::vector<unsigned char>& held,
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::interpolate(const Scalar* coarse, std::size_t l, Scalar* fine) const {
+void BatchLevels<Scalar>::interpolate(const Scalar* coarse, std::size_t l, Scalar* fine,
+                                      const ExecutorRef& executor) const {
   using Vertex = Simd<Scalar, 4>;
   const BatchLevel<Scalar>& level = levels_[l];
-  for (std::size_t i = 0; i < level.parents.size(); ++i, fine += 4) {
-    const Scalar w = fine[3];
-    if (!(Scalar(0) < w)) continue;
-    const Parents& parents = level.parents[i];
-    const Weights& weights = level.weights[i];
-    Vertex sum = Vertex::load(fine);
-    for (std::size_t p = 0; p < parents.size(); ++p)
-      sum = sum + Vertex::all(weights[p]) * Vertex::load(coarse + parents[p]);
-    sum.store(fine);
-    fine[3] = w;
-  }
+  for_each_range(level.parents.size(), executor, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      Scalar* x = fine + 4 * i;
+      const Scalar w = x[3];
+      if (!(Scalar(0) < w)) continue;
+      const Parents& parents = level.parents[i];
+      const Weights& weights = level.weights[i];
+      Vertex sum = Vertex::load(x);
+      for (std::size_t p = 0; p < parents.size(); ++p)
+        sum = sum + Vertex::all(weights[p]) * Vertex::load(coarse + parents[p]);
+      sum.store(x);
+      x[3] = w;
+    }
+  });
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points,
-                                  Scratch& scratch) const {
+void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
+                                  const ExecutorRef& executor) const {
   using std::sqrt;
   if (levels_.empty()) return;
   for (std::size_t l = levels_.size(); l-- > 0;) {
@@ -325,7 +335,7 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* point
       const Scalar* x = points + 4 * static_cast<std::size_t>(level.fine[i]);
       for (std::size_t c = 0; c < 3; ++c) y[4 * i + c] = x[c];
     }
-    if (l + 1 < levels_.size()) interpolate(scratch.points[l + 1].data(), l + 1, y);
+    if (l + 1 < levels_.size()) interpolate(scratch.points[l + 1].data(), l + 1, y, executor);
     for (std::size_t t = 0; t < tethered_.size(); ++t) {
       if (!scratch.tether_holds[t]) continue;
       const Scalar* q = points + 4 * static_cast<std::size_t>(tethered_[t]);
@@ -343,21 +353,22 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* point
     }
     auto rule = TensionRule<Scalar, batch_lanes<Scalar>()>::of_level(slack);
     for (int sweep = 0; sweep < sweeps; ++sweep)
-      rule = sweep_edges(level.edges, scratch.edges[l], y, y, rule);
+      rule = sweep_edges(level.edges, scratch.edges[l], y, y, rule, executor);
     for (std::size_t i = 0; i < count; ++i) {
       const Scalar* x = points + 4 * static_cast<std::size_t>(level.fine[i]);
       for (std::size_t c = 0; c < 3; ++c) y[4 * i + c] = y[4 * i + c] - x[c];
     }
   }
   if (scratch.anything_held) {
-    interpolate(scratch.points[0].data(), 0, points);
+    interpolate(scratch.points[0].data(), 0, points, executor);
   } else {
-    add_without_rigid_motion(points, scratch);
+    add_without_rigid_motion(points, scratch, executor);
   }
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scratch) const {
+void BatchLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scratch,
+                                                   const ExecutorRef& executor) const {
   struct Point {
     Scalar x, y, z;
   };
@@ -369,7 +380,7 @@ void BatchLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scra
     for (std::size_t c = 0; c < 3; ++c) moved[at + c] = zero;
     moved[at + 3] = points[at + 3];
   }
-  interpolate(scratch.points[0].data(), 0, moved);
+  interpolate(scratch.points[0].data(), 0, moved, executor);
   const auto rigid = closest_rigid_displacement<Scalar, Scalar>([&](auto&& visit) {
     for (std::size_t at = 0; at < size; at += 4)
       visit(Scalar(Scalar(1) / points[at + 3]), read(points + at), read(moved + at));

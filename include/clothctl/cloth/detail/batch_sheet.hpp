@@ -12,6 +12,7 @@
 #include "clothctl/cloth/detail/bend_batches.hpp"
 #include "clothctl/cloth/detail/edge_batches.hpp"
 #include "clothctl/cloth/detail/find_grid.hpp"
+#include "clothctl/cloth/detail/mesh_parts.hpp"
 #include "clothctl/cloth/detail/triangle_constraints.hpp"
 #include "clothctl/mesh/topology.hpp"
 #include "clothctl/network/spring_network.hpp"
@@ -52,6 +53,8 @@ class BatchSheet {
     std::array<typename BatchLevels<Scalar>::Scratch, 2> levels;
     std::vector<unsigned char> held;
     std::vector<TriangleMultipliers<Scalar>> triangles;
+    /// Runs the parts of the step at hand.
+    ExecutorRef executor;
   };
 
   BatchSheet() = default;
@@ -65,6 +68,7 @@ class BatchSheet {
   /// Where x of a vertex is in the buffers; y, z and w follow.
   std::size_t offset(int vertex) const { return 4 * static_cast<std::size_t>(vertex); }
   bool damped() const { return damped_; }
+  int vertex_count() const { return static_cast<int>(initial_.size() / 4) - 2; }
 
   /// As LaneSheet::prepare.
   void prepare(const Scalar& h, bool limited, const std::vector<int>& held, Scratch& scratch) const;
@@ -74,19 +78,20 @@ class BatchSheet {
   /// Sweeps the springs once.
   template <class Rule>
   Rule sweep(const Rule& rule, Scratch& scratch) const {
-    return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule);
+    return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule,
+                       scratch.executor);
   }
 
   /// Sweeps the springs that no limit of stretch applies to.
   void sweep_unlimited(Scratch& scratch) const {
     sweep_edges(unlimited_, scratch.unlimited, scratch.points.data(), scratch.start.data(),
-                CompliantRule<Scalar, kLanes, false, false, false>{});
+                CompliantRule<Scalar, kLanes, false, false, false>{}, scratch.executor);
   }
 
   /// Sweeps the stencils once.
   template <bool kRead, bool kWrite>
   void bend(Scratch& scratch) const {
-    sweep_bends<kRead, kWrite>(bends_, scratch.bends, scratch.points.data());
+    sweep_bends<kRead, kWrite>(bends_, scratch.bends, scratch.points.data(), scratch.executor);
   }
 
   /// Begins a substep of the triangle elements.
@@ -95,13 +100,18 @@ class BatchSheet {
   }
   /// Sweeps the triangle elements once; `h`: substep, s.
   void sweep_triangles(const Scalar& h, Scratch& scratch) const {
-    detail::sweep_triangles(triangles_, h, scratch.triangles, scratch.points.data());
+    for_each_group(triangle_bounds_, scratch.executor,
+                   [&](std::size_t, std::size_t begin, std::size_t end) {
+                     detail::sweep_triangles(triangles_, h, scratch.triangles,
+                                             scratch.points.data(), begin, end);
+                   });
   }
 
   /// As LaneSheet::correct_levels.
   void correct_levels(int turn, int sweeps, const Scalar& slack, Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
-    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set]);
+    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set],
+                         scratch.executor);
   }
 
  private:
@@ -113,6 +123,7 @@ class BatchSheet {
   EdgeBatches<Scalar> edges_, unlimited_;
   BendBatches<Scalar> bends_;
   std::vector<TriangleItem<Scalar>> triangles_;
+  GroupBounds triangle_bounds_{0, 0, 0};
   std::array<BatchLevels<Scalar>, 2> levels_;
   Scalar bend_relaxation_ = Scalar(1);
   bool rigid_ = false;
@@ -143,16 +154,19 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
                     setup.limited ? Scalar(0) : s.damping});
   }
   const PackOrder order = setup.listed_order ? PackOrder{1, 0} : PackOrder{3, 256};
-  edges_ = pack_edges(edges, order, n);
-  unlimited_ = pack_edges(unlimited, order, n);
-  bends_ = pack_bends(network.bends, order, n);
+  const MeshParts parts =
+      setup.listed_order ? MeshParts{} : divide_mesh<Scalar>(network.rest_positions);
+  edges_ = pack_edges(edges, order, n, parts);
+  unlimited_ = pack_edges(unlimited, order, n, parts);
+  bends_ = pack_bends(network.bends, order, n, parts);
   triangles_ = list_triangles(network.elements);
+  triangle_bounds_ = sort_by_group(parts, triangles_, [](const auto& t) { return t.vertex; });
   if constexpr (HasLevels<Scalar>) {
     if (setup.limited) {
       LevelInput input = level_input(network, setup.tethered);
-      levels_[0] = BatchLevels<Scalar>(input);
+      levels_[0] = BatchLevels<Scalar>(input, parts);
       input.order = level_order(level_ranks(n, network.triangles, setup.tethered), 1);
-      levels_[1] = BatchLevels<Scalar>(input);
+      levels_[1] = BatchLevels<Scalar>(input, parts);
     }
   }
 }
@@ -207,11 +221,15 @@ void BatchSheet<Scalar>::predict(const Scalar& keep, const Vector3<Scalar>& push
   const Vertex gift = Vertex::load(pushed.data()), kept = Vertex::all(keep);
   Scalar* x = scratch.points.data();
   Scalar* start = scratch.start.data();
-  for (Index at = 0; at < initial_.size() - 8; at += 4) {
-    const Vertex now = Vertex::load(x + at), before = Vertex::load(start + at);
-    now.store(start + at);
-    if (Scalar(0) < x[at + 3]) (now + (kept * (now - before) + gift)).store(x + at);
-  }
+  for_each_range(static_cast<std::size_t>(vertex_count()), scratch.executor,
+                 [&](std::size_t begin, std::size_t end) {
+                   for (std::size_t at = 4 * begin; at < 4 * end; at += 4) {
+                     const Vertex now = Vertex::load(x + at), before = Vertex::load(start + at);
+                     now.store(start + at);
+                     if (Scalar(0) < x[at + 3])
+                       (now + (kept * (now - before) + gift)).store(x + at);
+                   }
+                 });
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

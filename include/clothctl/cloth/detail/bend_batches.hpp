@@ -20,6 +20,7 @@
 
 #include <array>
 #include <cstddef>
+#include <utility>
 #include <vector>
 
 #include "clothctl/cloth/detail/edge_batches.hpp"
@@ -39,6 +40,8 @@ struct BendBatches {
   VectorX<Scalar> stiffness;
   /// cos θ0/2 and sin θ0/2 of the rest angles; empty when all stencils rest flat.
   VectorX<Scalar> cosine, sine;
+  /// Bounds of the groups.
+  GroupBounds bounds{0, 0, 0};
 
   Index size() const { return stiffness.size(); }
 };
@@ -57,11 +60,11 @@ struct BendScratch {
   }
 };
 
-/// Packs the stencils of positive stiffness. `spare`: the first of two vertices that no stencil
-/// holds. Allocates.
+/// Packs the stencils of positive stiffness, group by group. `spare`: the first of two vertices
+/// that no stencil holds. Allocates.
 template <RealScalar Scalar>
 BendBatches<Scalar> pack_bends(const std::vector<BendStencil<Scalar>>& bends,
-                               const PackOrder& order, int spare) {
+                               const PackOrder& order, int spare, const MeshParts& parts = {}) {
   std::vector<std::size_t> items;
   for (std::size_t e = 0; e < bends.size(); ++e) {
     if (Scalar(0) < bends[e].stiffness) items.push_back(e);
@@ -72,9 +75,11 @@ BendBatches<Scalar> pack_bends(const std::vector<BendStencil<Scalar>>& bends,
     for (std::size_t c = static_cast<std::size_t>(s.count); c < 4; ++c) v[c] = v[0];
     return v;
   };
-  const std::vector<int> places = pack_items(items.size(), static_cast<std::size_t>(spare),
-                                             batch_lanes<Scalar>(), order, vertices);
+  PackedItems packed = pack_groups(items.size(), static_cast<std::size_t>(spare),
+                                   batch_lanes<Scalar>(), order, parts, vertices);
+  const std::vector<int>& places = packed.places;
   BendBatches<Scalar> out;
+  out.bounds = std::move(packed.bounds);
   const Index size = static_cast<Index>(places.size());
   out.stiffness.setZero(size);
   for (const std::size_t e : items) {
@@ -217,14 +222,16 @@ struct FoldedBatch {
   }
 };
 
-/// The sweep of a network with folded hinges; `kRead` and `kWrite` as in sweep_bends.
+/// The sweep of a network with folded hinges, from place `begin` to `end`; `kRead` and `kWrite` as
+/// in sweep_bends.
 template <bool kRead, bool kWrite, RealScalar Scalar>
-void sweep_folded(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch, Scalar* points) {
+void sweep_folded_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch,
+                        Scalar* points, Index begin, Index end) {
   using Hinges = FoldedBatch<Scalar>;
   using Pack = typename Hinges::Pack;
   using Triple = typename Hinges::Triple;
   const Pack zero = Pack::all(Scalar(0)), one = Pack::all(Scalar(1));
-  for (Index at = 0; at < bends.size(); at += Hinges::Batch::kLanes) {
+  for (Index at = begin; at < end; at += Hinges::Batch::kLanes) {
     Hinges hinges = Hinges::load(bends, at, points);
     const Pack factor = Pack::load(scratch.error_factor.data() + at);
     const Pack less = one / (one + factor * hinges.excess());
@@ -247,15 +254,14 @@ void sweep_folded(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch
   }
 }
 
-/// Sweeps the stencils once. `kRead`: λ is read (it is 0 in the first sweep of a substep);
-/// `kWrite`: λ is written.
+/// The sweep of a network whose hinges all rest flat, from place `begin` to `end`.
 template <bool kRead, bool kWrite, RealScalar Scalar>
-void sweep_bends(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch, Scalar* points) {
+void sweep_flat_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch,
+                      Scalar* points, Index begin, Index end) {
   using Batch = PointBatch<Scalar>;
   using Pack = typename Batch::Pack;
   constexpr Index kLanes = Batch::kLanes;
-  if (bends.sine.size() > 0) return sweep_folded<kRead, kWrite>(bends, scratch, points);
-  for (Index at = 0; at < bends.size(); at += kLanes) {
+  for (Index at = begin; at < end; at += kLanes) {
     std::array<Batch, 4> p;
     std::array<Pack, 4> weight;
     for (std::size_t c = 0; c < 4; ++c) {
@@ -287,6 +293,21 @@ void sweep_bends(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch,
       p[c].store(points, bends.vertex[c].data() + at);
     }
   }
+}
+
+/// Sweeps the stencils once. `kRead`: λ is read (it is 0 in the first sweep of a substep);
+/// `kWrite`: λ is written.
+template <bool kRead, bool kWrite, RealScalar Scalar>
+void sweep_bends(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch, Scalar* points,
+                 const ExecutorRef& executor = {}) {
+  for_each_group(bends.bounds, executor, [&](std::size_t, std::size_t from, std::size_t to) {
+    const Index begin = static_cast<Index>(from), end = static_cast<Index>(to);
+    if (bends.sine.size() > 0) {
+      sweep_folded_range<kRead, kWrite>(bends, scratch, points, begin, end);
+    } else {
+      sweep_flat_range<kRead, kWrite>(bends, scratch, points, begin, end);
+    }
+  });
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/edge_rules.hpp"
+#include "clothctl/cloth/detail/mesh_parts.hpp"
 #include "clothctl/cloth/detail/point_batch.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -68,6 +69,33 @@ std::vector<int> pack_items(std::size_t item_count, std::size_t vertex_count, in
   return places;
 }
 
+/// Items in batches, group by group.
+struct PackedItems {
+  /// For each place of each batch the item that it holds, or -1.
+  std::vector<int> places;
+  /// Bounds of the groups in `places`.
+  GroupBounds bounds;
+};
+
+/// Packs the items of each group of `parts` with `pack_items`. Allocates.
+template <class Corners>
+PackedItems pack_groups(std::size_t item_count, std::size_t vertex_count, int lanes,
+                        const PackOrder& order, const MeshParts& parts, Corners corners) {
+  PackedItems packed;
+  std::vector<std::vector<std::size_t>> items(static_cast<std::size_t>(parts.count) + 1);
+  for (std::size_t i = 0; i < item_count; ++i)
+    items[static_cast<std::size_t>(parts.group(corners(i)))].push_back(i);
+  for (const std::vector<std::size_t>& group : items) {
+    packed.bounds.push_back(packed.places.size());
+    const auto places = pack_items(group.size(), vertex_count, lanes, order,
+                                   [&](std::size_t i) { return corners(group[i]); });
+    for (const int i : places)
+      packed.places.push_back(i < 0 ? i : static_cast<int>(group[static_cast<std::size_t>(i)]));
+  }
+  packed.bounds.push_back(packed.places.size());
+  return packed;
+}
+
 /// Constants of the edges of a mesh, batch by batch.
 template <RealScalar Scalar>
 struct EdgeBatches {
@@ -75,6 +103,8 @@ struct EdgeBatches {
   std::vector<int> first, second;
   /// Rest length l0 (m), relaxation r (0 where there is no edge), spring k (N/m), damper c (N s/m).
   VectorX<Scalar> rest, relaxation, stiffness, damping;
+  /// Bounds of the groups.
+  GroupBounds bounds{0, 0, 0};
 
   std::size_t size() const { return first.size(); }
 };
@@ -98,15 +128,17 @@ struct ListedEdge {
   Scalar rest, relaxation, stiffness, damping;
 };
 
-/// Packs edges in their order. `spare`: the first of two vertices that no edge holds. Allocates.
+/// Packs edges in their order, group by group. `spare`: the first of two vertices that no edge
+/// holds. Allocates.
 template <RealScalar Scalar>
 EdgeBatches<Scalar> pack_edges(const std::vector<ListedEdge<Scalar>>& edges, const PackOrder& order,
-                               int spare) {
-  const std::vector<int> places = pack_items(edges.size(), static_cast<std::size_t>(spare),
-                                             batch_lanes<Scalar>(), order, [&](std::size_t e) {
-                                               return std::array<int, 2>{edges[e].a, edges[e].b};
-                                             });
+                               int spare, const MeshParts& parts = {}) {
+  const auto ends = [&](std::size_t e) { return std::array<int, 2>{edges[e].a, edges[e].b}; };
+  PackedItems packed = pack_groups(edges.size(), static_cast<std::size_t>(spare),
+                                   batch_lanes<Scalar>(), order, parts, ends);
+  const std::vector<int>& places = packed.places;
   EdgeBatches<Scalar> out;
+  out.bounds = std::move(packed.bounds);
   const Index size = static_cast<Index>(places.size());
   out.first.assign(places.size(), 4 * spare);
   out.second.assign(places.size(), 4 * spare + 4);
@@ -126,19 +158,19 @@ EdgeBatches<Scalar> pack_edges(const std::vector<ListedEdge<Scalar>>& edges, con
   return out;
 }
 
-/// Sweeps the edges once with `rule` and returns the rule as it is then. `start` holds the points
-/// at the start of the substep; only rules with dampers read it.
+/// Sweeps the edges from place `begin` to `end` once with `rule` and returns the rule as it is
+/// then.
 template <RealScalar Scalar, class Rule>
-Rule sweep_edges(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scratch,
-                 Scalar* points, const Scalar* start, Rule rule) {
+Rule sweep_edge_range(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scratch,
+                      Scalar* points, const Scalar* start, Rule rule, std::size_t begin,
+                      std::size_t end) {
   constexpr std::size_t kLanes = static_cast<std::size_t>(batch_lanes<Scalar>());
   using Batch = PointBatch<Scalar>;
   using Pack = typename Batch::Pack;
   const EdgeData<Scalar> data{edges.rest.data(),        scratch.weight.data(),
                               scratch.stiffness.data(), scratch.damping.data(),
                               scratch.inverse.data(),   scratch.multiplier.data()};
-  const std::size_t size = edges.size();
-  for (std::size_t at = 0; at < size; at += kLanes) {
+  for (std::size_t at = begin; at < end; at += kLanes) {
     const int* first = edges.first.data() + at;
     const int* second = edges.second.data() + at;
     Batch a = Batch::load(points, first), b = Batch::load(points, second);
@@ -159,6 +191,22 @@ Rule sweep_edges(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scr
     b.store(points, second);
   }
   return rule;
+}
+
+/// Sweeps the edges once with `rule` and returns the rule as it is then. `start` holds the points
+/// at the start of the substep; only rules with dampers read it.
+template <RealScalar Scalar, class Rule>
+Rule sweep_edges(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scratch,
+                 Scalar* points, const Scalar* start, const Rule& rule,
+                 const ExecutorRef& executor = {}) {
+  std::array<Rule, MeshParts::kMost + 1> found;
+  for_each_group(edges.bounds, executor, [&](std::size_t g, std::size_t begin, std::size_t end) {
+    found[g] = sweep_edge_range(edges, scratch, points, start, rule, begin, end);
+  });
+  for (std::size_t g = 1; g + 1 < edges.bounds.size(); ++g) {
+    if (edges.bounds[g] < edges.bounds[g + 1]) found[0].join(found[g]);
+  }
+  return found[0];
 }
 
 /// Computes the weights of a step of substep `h` (s) from the inverse masses in `points`.

@@ -17,7 +17,8 @@
 //   TensionRule    s = ω max(e - slack, 0) / (w_a + w_b): the limit alone, over-relaxed by ω
 //
 // A rule has `scale(at, q, along)`, which returns s of the lanes from `at` on, where q = |d|² and
-// `along()` = d·d_start. Entries without an edge have weight 0.
+// `along()` = d·d_start. Entries without an edge have weight 0. `join(other)` takes over what a
+// copy of the rule has found on other edges.
 
 #include "clothctl/core/simd.hpp"
 #include "clothctl/core/types.hpp"
@@ -53,6 +54,7 @@ struct RigidRule {
     const Pack e = Pack::all(Scalar(1)) - Pack::load(data.rest + at) * reciprocal_sqrt(q);
     return e * Pack::load(data.weight + at);
   }
+  void join(const RigidRule&) {}
 };
 
 /// XPBD. `kRead`: λ is read (it is 0 in the first sweep of a substep). `kWrite`: λ is written (the
@@ -74,6 +76,7 @@ struct CompliantRule {
     if constexpr (kWrite && !kRead) (Pack::all(Scalar(0)) - change).store(data.multiplier + at);
     return change * r;
   }
+  void join(const CompliantRule&) {}
 };
 
 /// Stiffness, a limit of stretch and a share of compression. Keeps the largest e that it met.
@@ -90,6 +93,7 @@ struct LimitRule {
     const Pack t = larger(e * Pack::load(data.stiffness + at), e - slack);
     return larger(t, compression * t) * Pack::load(data.weight + at);
   }
+  void join(const LimitRule& other) { worst = larger(other.worst, worst); }
 };
 
 /// The limit alone, over-relaxed by ω. Keeps the largest e that it met.
@@ -109,6 +113,7 @@ struct TensionRule {
     worst = larger(e, worst);
     return larger(e - slack, Pack::all(Scalar(0))) * (omega * Pack::load(data.weight + at));
   }
+  void join(const TensionRule& other) { worst = larger(other.worst, worst); }
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

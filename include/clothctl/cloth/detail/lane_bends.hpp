@@ -35,21 +35,25 @@ struct LaneBendScratch {
   }
 };
 
-/// Calls `rule.stencil(direction, first entry, block, block, block)` for all stencils. `points` has
-/// two ghost rows behind its blocks. The strips have at least three rows.
+/// Calls `rule.stencil(direction, first entry, block, block, block)` for the stencils of a band, or
+/// those along rows that cross the middle of a seam of four columns. `points` has two ghost rows
+/// behind its blocks. The strips have at least three rows.
 template <RealScalar Scalar, class Rule>
-void for_each_stencil(const LaneLayout<Scalar>& layout, Scalar* points, Rule& rule) {
+void for_each_stencil(const LaneLayout<Scalar>& layout, const ColumnBand& band, Scalar* points,
+                      Rule& rule) {
   constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
-  const std::size_t cols = static_cast<std::size_t>(layout.cols), row = layout.row_size();
+  const std::size_t row = layout.row_size();
   const auto at = [&](int j) { return points + static_cast<std::size_t>(j) * row; };
   const auto entry = [&](int j) { return layout.block(j, 0) * kLanes; };
   for (int j = 0; j < layout.local_rows; ++j) {
-    Scalar* p = at(j);
-    for (std::size_t c = 0; c + 2 < cols; ++c, p += kBlock)
+    for (std::size_t c = band.begin; c + 2 < band.end; ++c) {
+      Scalar* p = at(j) + c * kBlock;
       rule.stencil(0, entry(j) + c * kLanes, p, p + kBlock, p + 2 * kBlock);
+    }
   }
+  if (band.seam) return;
   const auto down = [&](int j, Scalar* upper, Scalar* middle, Scalar* lower) {
-    for (std::size_t c = 0; c < cols; ++c) {
+    for (std::size_t c = band.begin; c < band.end; ++c) {
       const std::size_t b = c * kBlock;
       rule.stencil(1, entry(j) + c * kLanes, upper + b, middle + b, lower + b);
     }
@@ -58,13 +62,13 @@ void for_each_stencil(const LaneLayout<Scalar>& layout, Scalar* points, Rule& ru
   Scalar* ghost = points + layout.size();
   Scalar* second = ghost + row;
   const int last = layout.strip - 1;
-  read_ghost_row(layout, points, ghost);
+  read_ghost_row(layout, band, points, ghost);
   down(last - 1, at(last - 1), at(last), ghost);
   // The row below the ghost row: row 1 of the next strip.
-  read_next_strip(layout, at(1), second);
+  read_next_strip(band, at(1), second);
   down(last, at(last), ghost, second);
-  write_ghost_row(layout, ghost, points);
-  write_next_strip(layout, second, at(1));
+  write_ghost_row(layout, band, ghost, points);
+  write_next_strip(layout, band, second, at(1));
 }
 
 /// Computes the factors of a step of substep `h` (s).

@@ -126,15 +126,23 @@ struct LanePreparation {
 /// buffers of `layout.buffer_size()`; the second is read only by rules with dampers.
 template <RealScalar Scalar, class Rule>
 Rule sweep_edges(const LaneEdges<Scalar>& edges, LaneEdgeScratch<Scalar>& scratch, Scalar* points,
-                 const Scalar* start, const Rule& rule) {
-  LaneSweep<Scalar, Rule> sweep{rule, {}, points, start};
+                 const Scalar* start, const Rule& rule, const ExecutorRef& executor = {}) {
+  const LaneLayout<Scalar>& layout = edges.layout;
+  LaneSweep<Scalar, Rule> begin{rule, {}, points, start};
   for (std::size_t kind = 0; kind < kGridEdges; ++kind) {
-    sweep.data[kind] = {edges.rest.of[kind].data(),        scratch.weight.of[kind].data(),
+    begin.data[kind] = {edges.rest.of[kind].data(),        scratch.weight.of[kind].data(),
                         scratch.stiffness.of[kind].data(), scratch.damping.of[kind].data(),
                         scratch.inverse.of[kind].data(),   scratch.multiplier.of[kind].data()};
   }
-  sweep_grid(edges.layout, edges.present, points, points + edges.layout.size(), sweep);
-  return sweep.rule;
+  std::array<Rule, 2 * LaneLayout<Scalar>::kMostBands> found;
+  for_each_band(layout, executor, 1, [&](const ColumnBand& band, int i) {
+    LaneSweep<Scalar, Rule> sweep = begin;
+    sweep_grid(layout, edges.present, band, points, points + layout.size(), sweep);
+    found[static_cast<std::size_t>(i)] = sweep.rule;
+  });
+  for (int i = 1; i < 2 * layout.band_count() - 1; ++i)
+    found[0].join(found[static_cast<std::size_t>(i)]);
+  return found[0];
 }
 
 /// Computes the weights of a step of substep `h` from the inverse masses in `points`.
@@ -142,7 +150,8 @@ template <RealScalar Scalar>
 void prepare_edges(const LaneEdges<Scalar>& edges, const Scalar& h, bool limited, Scalar* points,
                    LaneEdgeScratch<Scalar>& scratch) {
   LanePreparation<Scalar> preparation{edges, scratch, h, limited};
-  sweep_grid(edges.layout, edges.present, points, points + edges.layout.size(), preparation);
+  sweep_grid(edges.layout, edges.present, edges.layout.whole(), points,
+             points + edges.layout.size(), preparation);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -24,10 +24,15 @@
 //     down    A(c) - C(c)
 //     falling A(c) - C(c+1)
 //     rising  A(c+1) - C(c)
+//
+// A wide grid has bands of columns, which threads may sweep at the same time. What spans two bands,
+// a seam, follows when all bands are done. So the order depends on the grid alone.
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 
+#include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/simd.hpp"
 #include "clothctl/core/types.hpp"
 
@@ -39,11 +44,20 @@ constexpr int grid_lanes() {
   return std::is_same_v<Scalar, float> ? 16 : std::is_same_v<Scalar, double> ? 8 : 1;
 }
 
+/// The columns `begin` to `end` of a grid.
+struct ColumnBand {
+  std::size_t begin = 0, end = 0;
+  /// True for a seam: what lies in a column has been done.
+  bool seam = false;
+};
+
 /// Where the vertices of a grid are.
 template <RealScalar Scalar>
 struct LaneLayout {
   static constexpr int kLanes = grid_lanes<Scalar>();
   static constexpr int kBlock = 4 * kLanes;
+  /// Narrower bands would spend more of their time at their ends.
+  static constexpr int kMostBands = 16, kBandCols = 64;
   int rows = 0;
   int cols = 0;
   /// Rows of a strip, R.
@@ -85,7 +99,31 @@ struct LaneLayout {
   std::size_t buffer_size() const { return size() + 2 * row_size(); }
   /// Scalars of one row of blocks.
   std::size_t row_size() const { return static_cast<std::size_t>(cols) * kBlock; }
+
+  /// Number of bands.
+  int band_count() const { return (std::clamp)(cols / kBandCols, 1, kMostBands); }
+  /// Where band i begins; the last one ends where a band `band_count()` would begin.
+  std::size_t band_begin(int i) const {
+    return static_cast<std::size_t>(i) * static_cast<std::size_t>(cols) /
+           static_cast<std::size_t>(band_count());
+  }
+  ColumnBand whole() const { return {0, static_cast<std::size_t>(cols)}; }
 };
+
+/// Calls `run(band, i)` for each band, at the same time, and then for each seam of vertices that
+/// are `reach` columns apart; i counts both.
+template <RealScalar Scalar, class Run>
+void for_each_band(const LaneLayout<Scalar>& layout, const ExecutorRef& executor, std::size_t reach,
+                   const Run& run) {
+  const int count = layout.band_count();
+  executor.for_each_block(count, [&](int i) {
+    run(ColumnBand{layout.band_begin(i), layout.band_begin(i + 1)}, i);
+  });
+  for (int i = 1; i < count; ++i) {
+    const std::size_t at = layout.band_begin(i);
+    run(ColumnBand{at - reach, at + reach, true}, count + i - 1);
+  }
+}
 
 /// Kinds of edges of a grid.
 enum GridEdge : std::size_t { kAlong, kDown, kFalling, kRising, kGridEdges };
@@ -132,10 +170,9 @@ struct LanePoints {
 /// Copies a row of blocks so that lane k of `ghost` is what lane k + 1 of `row` is; the last lane
 /// gets lane 0.
 template <RealScalar Scalar>
-void read_next_strip(const LaneLayout<Scalar>& layout, const Scalar* row, Scalar* ghost) {
-  constexpr int kLanes = LaneLayout<Scalar>::kLanes;
-  const std::size_t count = layout.row_size();
-  for (std::size_t at = 0; at < count; at += kLanes) {
+void read_next_strip(const ColumnBand& band, const Scalar* row, Scalar* ghost) {
+  constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
+  for (std::size_t at = band.begin * kBlock; at < band.end * kBlock; at += kLanes) {
     for (std::size_t lane = 0; lane + 1 < kLanes; ++lane) ghost[at + lane] = row[at + lane + 1];
     ghost[at + kLanes - 1] = row[at];
   }
@@ -143,10 +180,11 @@ void read_next_strip(const LaneLayout<Scalar>& layout, const Scalar* row, Scalar
 
 /// Copies the lanes before the last strip's back.
 template <RealScalar Scalar>
-void write_next_strip(const LaneLayout<Scalar>& layout, const Scalar* ghost, Scalar* row) {
-  constexpr int kLanes = LaneLayout<Scalar>::kLanes;
-  const std::size_t count = layout.row_size(), last = static_cast<std::size_t>(layout.last_lane);
-  for (std::size_t at = 0; at < count; at += kLanes) {
+void write_next_strip(const LaneLayout<Scalar>& layout, const ColumnBand& band, const Scalar* ghost,
+                      Scalar* row) {
+  constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
+  const std::size_t last = static_cast<std::size_t>(layout.last_lane);
+  for (std::size_t at = band.begin * kBlock; at < band.end * kBlock; at += kLanes) {
     for (std::size_t lane = 0; lane < last; ++lane) row[at + lane + 1] = ghost[at + lane];
   }
 }
@@ -155,44 +193,48 @@ void write_next_strip(const LaneLayout<Scalar>& layout, const Scalar* ghost, Sca
 /// strip or, in the last lane, row R if there is one. The lanes without such a vertex get another
 /// one; their edges have no weight.
 template <RealScalar Scalar>
-void read_ghost_row(const LaneLayout<Scalar>& layout, const Scalar* points, Scalar* ghost) {
-  constexpr int kLanes = LaneLayout<Scalar>::kLanes;
-  read_next_strip(layout, points, ghost);
+void read_ghost_row(const LaneLayout<Scalar>& layout, const ColumnBand& band, const Scalar* points,
+                    Scalar* ghost) {
+  constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
+  read_next_strip(band, points, ghost);
   if (layout.local_rows <= layout.strip) return;
-  const std::size_t count = layout.row_size(), last = static_cast<std::size_t>(layout.last_lane);
-  const Scalar* extra = points + static_cast<std::size_t>(layout.strip) * count;
-  for (std::size_t at = 0; at < count; at += kLanes) ghost[at + last] = extra[at + last];
+  const std::size_t last = static_cast<std::size_t>(layout.last_lane);
+  const Scalar* extra = points + static_cast<std::size_t>(layout.strip) * layout.row_size();
+  for (std::size_t at = band.begin * kBlock; at < band.end * kBlock; at += kLanes)
+    ghost[at + last] = extra[at + last];
 }
 
 /// Copies the points of the ghost row back to the vertices that they were read from: those of the
 /// lanes first, first + step, …
 template <RealScalar Scalar>
-void write_ghost_row(const LaneLayout<Scalar>& layout, const Scalar* ghost, Scalar* points,
-                     std::size_t first = 0, std::size_t step = 1) {
-  constexpr int kLanes = LaneLayout<Scalar>::kLanes;
-  const std::size_t count = layout.row_size();
+void write_ghost_row(const LaneLayout<Scalar>& layout, const ColumnBand& band, const Scalar* ghost,
+                     Scalar* points, std::size_t first = 0, std::size_t step = 1) {
+  constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
+  const std::size_t begin = band.begin * kBlock, end = band.end * kBlock;
   const std::size_t last = static_cast<std::size_t>(layout.last_lane);
   if (step == 1) {
-    write_next_strip(layout, ghost, points);
+    write_next_strip(layout, band, ghost, points);
   } else {
-    for (std::size_t at = 0; at < count; at += kLanes) {
+    for (std::size_t at = begin; at < end; at += kLanes) {
       for (std::size_t lane = first; lane < last; lane += step)
         points[at + lane + 1] = ghost[at + lane];
     }
   }
   if (layout.local_rows <= layout.strip || last % step != first) return;
-  Scalar* extra = points + static_cast<std::size_t>(layout.strip) * count;
-  for (std::size_t at = 0; at < count; at += kLanes) extra[at + last] = ghost[at + last];
+  Scalar* extra = points + static_cast<std::size_t>(layout.strip) * layout.row_size();
+  for (std::size_t at = begin; at < end; at += kLanes) extra[at + last] = ghost[at + last];
 }
 
 /// Calls `rule.edge(kind, first entry in EdgeLanes, block of one end, block of the other end)` for
 /// the edges between the row of blocks `upper`, whose local row is `local`, and `lower`.
 template <RealScalar Scalar, class Rule>
 void sweep_rows(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEdges>& present,
-                int local, Scalar* upper, Scalar* lower, Rule& rule) {
+                const ColumnBand& band, int local, Scalar* upper, Scalar* lower, Rule& rule) {
   constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
-  const std::size_t cols = static_cast<std::size_t>(layout.cols);
-  const std::size_t first = layout.block(local, 0);
+  const std::size_t cols = band.end - band.begin, down = band.seam ? 0 : cols;
+  const std::size_t first = layout.block(local, 0) + band.begin;
+  upper += band.begin * kBlock;
+  lower += band.begin * kBlock;
   // An edge starts when those that it waits for are some iterations back. Every kind lags two
   // columns behind the one before.
   for (std::size_t c = 0; c < cols + 6; ++c) {
@@ -200,7 +242,7 @@ void sweep_rows(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEd
       rule.template edge<kAlong>((first + c) * kLanes, upper + c * kBlock,
                                  upper + (c + 1) * kBlock);
     }
-    if (const std::size_t k = c - 2; k < cols) {
+    if (const std::size_t k = c - 2; k < down) {
       rule.template edge<kDown>((first + k) * kLanes, upper + k * kBlock, lower + k * kBlock);
     }
     if (const std::size_t k = c - 4; present[kFalling] && k < cols - 1) {
@@ -216,38 +258,40 @@ void sweep_rows(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEd
 
 /// Visits the edges of local row `local` along the row.
 template <RealScalar Scalar, class Rule>
-void sweep_along(const LaneLayout<Scalar>& layout, int local, Scalar* row, Rule& rule) {
+void sweep_along(const LaneLayout<Scalar>& layout, const ColumnBand& band, int local, Scalar* row,
+                 Rule& rule) {
   constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
   const std::size_t first = layout.block(local, 0);
-  for (std::size_t c = 0; c + 1 < static_cast<std::size_t>(layout.cols); ++c)
+  for (std::size_t c = band.begin; c + 1 < band.end; ++c)
     rule.template edge<kAlong>((first + c) * kLanes, row + c * kBlock, row + (c + 1) * kBlock);
 }
 
-/// Visits every edge of the grid once. `ghost` has room for one row of blocks. Calls
+/// Visits every edge of a band, or of a seam, once. `ghost` has room for one row of blocks. Calls
 /// `rule.only_lanes(parity)` before and `rule.all_lanes()` after edges of which only those of the
 /// even (0) or odd (1) lanes may move.
 template <RealScalar Scalar, class Rule>
 void sweep_grid(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEdges>& present,
-                Scalar* points, Scalar* ghost, Rule& rule) {
+                const ColumnBand& band, Scalar* points, Scalar* ghost, Rule& rule) {
   const std::size_t row = layout.row_size();
   const int last = layout.strip - 1;
   const auto at = [&](int j) { return points + static_cast<std::size_t>(j) * row; };
-  for (int j = 0; j < last; ++j) sweep_rows(layout, present, j, at(j), at(j + 1), rule);
+  for (int j = 0; j < last; ++j) sweep_rows(layout, present, band, j, at(j), at(j + 1), rule);
   if (last == 0) {
     // Both ends of an edge between strips are in one row of blocks: every other lane at a time.
     for (std::size_t parity = 0; parity < 2; ++parity) {
       rule.only_lanes(parity);
-      read_ghost_row(layout, points, ghost);
-      sweep_rows(layout, present, 0, points, ghost, rule);
-      write_ghost_row(layout, ghost, points, parity, 2);
+      read_ghost_row(layout, band, points, ghost);
+      sweep_rows(layout, present, band, 0, points, ghost, rule);
+      write_ghost_row(layout, band, ghost, points, parity, 2);
     }
     rule.all_lanes();
   } else {
-    read_ghost_row(layout, points, ghost);
-    sweep_rows(layout, present, last, at(last), ghost, rule);
-    write_ghost_row(layout, ghost, points);
+    read_ghost_row(layout, band, points, ghost);
+    sweep_rows(layout, present, band, last, at(last), ghost, rule);
+    write_ghost_row(layout, band, ghost, points);
   }
-  if (layout.local_rows > layout.strip) sweep_along(layout, layout.strip, at(layout.strip), rule);
+  if (layout.local_rows > layout.strip)
+    sweep_along(layout, band, layout.strip, at(layout.strip), rule);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -220,7 +220,7 @@ void LaneLevel<Scalar>::add_interpolation(const LaneLayout<Scalar>& layout, Scal
                                           Scalar* fine) const {
   const LaneLayout<Scalar>& from = edges.layout;
   Scalar* ghost = coarse + from.size();
-  read_ghost_row(from, coarse, ghost);
+  read_ghost_row(from, from.whole(), coarse, ghost);
   const std::size_t row = from.row_size();
   for (int local = 0; local < layout.local_rows; ++local) {
     const int j = local / 2;

@@ -86,7 +86,8 @@ class LaneLevels {
 
   /// Moves the fine vertices in `points` as above. `sweeps` a level; `slack`: part of its length by
   /// which an edge may stay too long.
-  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch) const;
+  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
+               const ExecutorRef& executor = {}) const;
 
  private:
   void apply_tethers(std::size_t l, const Scalar& slack, const Scalar* points,
@@ -221,8 +222,8 @@ void LaneLevels<Scalar>::apply_tethers(std::size_t l, const Scalar& slack, const
 }
 
 template <RealScalar Scalar>
-void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points,
-                                 Scratch& scratch) const {
+void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
+                                 const ExecutorRef& executor) const {
   if (levels_.empty()) return;
   for (std::size_t l = levels_.size(); l-- > 0;) {
     const LaneLevel<Scalar>& level = levels_[l];
@@ -235,8 +236,8 @@ void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points
     apply_tethers(l, slack, points, scratch);
     auto rule = TensionRule<Scalar, kLanes>::of_level(slack);
     for (int sweep = 0; sweep < sweeps; ++sweep)
-      rule =
-          sweep_edges(level.edges, memory.edges, memory.points.data(), memory.points.data(), rule);
+      rule = sweep_edges(level.edges, memory.edges, memory.points.data(), memory.points.data(),
+                         rule, executor);
     level.subtract_injection(layout_, points, memory.points.data());
   }
   if (scratch.anything_held) {

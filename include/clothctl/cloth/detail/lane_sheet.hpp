@@ -34,6 +34,8 @@ class LaneSheet {
     LaneBendScratch<Scalar> bends;
     std::array<typename LaneLevels<Scalar>::Scratch, 2> levels;
     ReservedList<GridPlace> held;
+    /// Runs the bands of the step at hand.
+    ExecutorRef executor;
   };
 
   LaneSheet() = default;
@@ -48,6 +50,7 @@ class LaneSheet {
   /// Where x of a vertex is in the buffers; w follows z.
   std::size_t offset(int vertex) const { return offset_[static_cast<std::size_t>(vertex)]; }
   bool damped() const { return damped_; }
+  int vertex_count() const { return static_cast<int>(offset_.size()); }
 
   /// Computes the factors of a step of substep `h` (s) from the inverse masses in the points.
   /// `held`: vertices of inverse mass 0.
@@ -62,9 +65,11 @@ class LaneSheet {
   Rule sweep(const Rule& rule, Scratch& scratch) const {
     if constexpr (Rule::kNeedsStart) {
       // The rows below the strips, for the ghost row of `points`.
-      read_ghost_row(layout_, scratch.start.data(), scratch.start.data() + layout_.size());
+      read_ghost_row(layout_, layout_.whole(), scratch.start.data(),
+                     scratch.start.data() + layout_.size());
     }
-    return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule);
+    return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule,
+                       scratch.executor);
   }
 
   /// Does nothing: a grid has only springs that a limit of stretch applies to.
@@ -78,14 +83,17 @@ class LaneSheet {
   template <bool kRead, bool kWrite>
   void bend(Scratch& scratch) const {
     if (!bends_.any) return;
-    LaneBendSweep<Scalar, kRead, kWrite> rule{scratch.bends};
-    for_each_stencil(layout_, scratch.points.data(), rule);
+    for_each_band(layout_, scratch.executor, 2, [&](const ColumnBand& band, int) {
+      LaneBendSweep<Scalar, kRead, kWrite> rule{scratch.bends};
+      for_each_stencil(layout_, band, scratch.points.data(), rule);
+    });
   }
 
   /// Corrects the sheet on its coarse levels; `turn` alternates between two sets of levels.
   void correct_levels(int turn, int sweeps, const Scalar& slack, Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
-    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set]);
+    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set],
+                         scratch.executor);
   }
 
  private:
@@ -208,7 +216,7 @@ void LaneSheet<Scalar>::prepare(const Scalar& h, bool limited, const std::vector
   prepare_edges(edges_, h, limited, scratch.points.data(), scratch.edges);
   if (bends_.any) {
     LaneBendPreparation<Scalar> rule{bends_, scratch.bends, h};
-    for_each_stencil(layout_, scratch.points.data(), rule);
+    for_each_stencil(layout_, layout_.whole(), scratch.points.data(), rule);
   }
   scratch.held.clear();
   for (int v : held) scratch.held.push_back(place_[static_cast<std::size_t>(v)]);
@@ -220,15 +228,21 @@ void LaneSheet<Scalar>::predict(const Scalar& keep, const Vector3<Scalar>& push,
                                 Scratch& scratch) const {
   const Pack k = Pack::all(keep);
   const Pack px = Pack::all(push[0]), py = Pack::all(push[1]), pz = Pack::all(push[2]);
-  for (std::size_t at = 0; at < layout_.size(); at += LaneLayout<Scalar>::kBlock) {
-    Block x = Block::load(scratch.points.data() + at);
-    const Block before = Block::load(scratch.start.data() + at);
-    x.store_points(scratch.start.data() + at);
-    x.x = x.x + where_positive(x.w, k * (x.x - before.x) + px);
-    x.y = x.y + where_positive(x.w, k * (x.y - before.y) + py);
-    x.z = x.z + where_positive(x.w, k * (x.z - before.z) + pz);
-    x.store_points(scratch.points.data() + at);
-  }
+  constexpr std::size_t kBlock = LaneLayout<Scalar>::kBlock;
+  const int parts = layout_.band_count();
+  const std::size_t blocks = layout_.size() / kBlock, count = static_cast<std::size_t>(parts);
+  scratch.executor.for_each_block(parts, [&](int part) {
+    const std::size_t i = static_cast<std::size_t>(part), end = blocks * (i + 1) / count * kBlock;
+    for (std::size_t at = blocks * i / count * kBlock; at < end; at += kBlock) {
+      Block x = Block::load(scratch.points.data() + at);
+      const Block before = Block::load(scratch.start.data() + at);
+      x.store_points(scratch.start.data() + at);
+      x.x = x.x + where_positive(x.w, k * (x.x - before.x) + px);
+      x.y = x.y + where_positive(x.w, k * (x.y - before.y) + py);
+      x.z = x.z + where_positive(x.w, k * (x.z - before.z) + pz);
+      x.store_points(scratch.points.data() + at);
+    }
+  });
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -132,11 +132,13 @@ std::vector<TriangleItem<Scalar>> list_triangles(
   return out;
 }
 
-/// Corrects every element once. `points` has x, y, z and w of a vertex side by side.
+/// Corrects the elements from `begin` to `end` once. `points` has x, y, z and w of a vertex side by
+/// side.
 template <RealScalar Scalar>
 void sweep_triangles(const std::vector<TriangleItem<Scalar>>& triangles, const Scalar& h,
-                     std::vector<TriangleMultipliers<Scalar>>& multipliers, Scalar* points) {
-  for (std::size_t e = 0; e < triangles.size(); ++e) {
+                     std::vector<TriangleMultipliers<Scalar>>& multipliers, Scalar* points,
+                     std::size_t begin, std::size_t end) {
+  for (std::size_t e = begin; e < end; ++e) {
     const TriangleItem<Scalar>& t = triangles[e];
     std::array<Triple<Scalar>, 3> p;
     std::array<Scalar*, 3> at;
