@@ -5,29 +5,15 @@
 #include <algorithm>
 #include <array>
 #include <iterator>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "clothctl/mesh/mesh_editor.hpp"
+#include "clothctl/network/detail/mesh_correspondence.hpp"
 #include "clothctl/network/detail/old_network.hpp"
 
-#include <Eigen/Geometry>
-
 namespace clothctl::inline CLOTHCTL_ABI::detail {
-
-/// One side of a new triangle and where it lies in the parent.
-template <RealScalar Scalar>
-struct NewSide {
-  int triangle = -1;
-  /// The old edge that it is on; -1 inside the parent.
-  int old_edge = -1;
-  /// True when it is the whole old edge.
-  bool undivided = false;
-  /// True when the new edge, from its end a to b, runs as the old edge does.
-  bool forward = true;
-  /// Length at rest in the parent, m.
-  Scalar length = Scalar(0);
-};
 
 /// A spring and its place in the order of the new network.
 template <RealScalar Scalar>
@@ -44,17 +30,17 @@ class NetworkTransfer {
   /// spring to leave out; all must outlive this. Allocates.
   NetworkTransfer(const OldNetwork<Scalar>& old, const MeshChange<Scalar>& change,
                   const Topology& topology, const std::vector<unsigned char>& removed)
-      : old_(old), change_(change), topology_(topology), removed_(removed) {}
+      : old_(old),
+        change_(change),
+        topology_(topology),
+        removed_(removed),
+        mesh_(old, change, topology) {}
 
   /// Returns the new network. Allocates. Complexity: O(n log n).
   SpringNetwork<Scalar> run() {
     out_.rest_positions = change_.remap.interpolate(old_.network().rest_positions);
     out_.triangles = change_.triangles;
-    for (int t = 0; t < static_cast<int>(change_.triangles.size()); ++t)
-      area_.push_back(old_.triangle(change_.remap.parent(t)).area *
-                      area_share(change_.remap.corners(t)));
     move_mass();
-    find_sides();
     for (std::size_t e = 0; e < topology_.edges.size(); ++e) move_edge_springs(e);
     for (const int s : old_.free_springs()) move_free_spring(s);
     std::stable_sort(springs_.begin(), springs_.end(),
@@ -69,27 +55,12 @@ class NetworkTransfer {
   }
 
  private:
+  using Mesh = MeshCorrespondence<Scalar>;
   using Side = NewSide<Scalar>;
+  using Row = typename Mesh::Row;
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
-  const std::array<int, 3>& new_triangle(int t) const { return change_.triangles[index(t)]; }
-  const std::array<int, 3>& old_triangle(int t) const { return old_.network().triangles[index(t)]; }
   const Spring<Scalar>& old_spring(int s) const { return old_.network().springs[index(s)]; }
   const BendStencil<Scalar>& old_stencil(int b) const { return old_.network().bends[index(b)]; }
-  bool whole(int triangle) const { return is_whole(change_.remap.corners(triangle)); }
-  static std::size_t corner_of(const std::array<int, 3>& corner, int vertex) {
-    return corner[0] == vertex ? 0 : (corner[1] == vertex ? 1 : 2);
-  }
-
-  /// Returns the place of a corner of a new triangle in the rest shape of its parent.
-  Vector3<Scalar> place(int triangle, std::size_t corner) const {
-    const std::array<Scalar, 3>& weight = change_.remap.corners(triangle)[corner];
-    const std::array<int, 3>& parent = old_triangle(change_.remap.parent(triangle));
-    Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-    for (std::size_t k = 0; k < 3; ++k)
-      sum += weight[k] * old_.network().rest_positions.col(parent[k]);
-    return sum;
-  }
-
   /// Each old vertex gives its mass to its triangles by their area; a divided triangle spreads what
   /// it got evenly.
   void move_mass() {
@@ -102,15 +73,15 @@ class NetworkTransfer {
     out_.mass = VectorX<Scalar>::Zero(out_.rest_positions.cols());
     std::vector<bool> touched(index(static_cast<int>(out_.mass.size())), false);
     for (int t = 0; t < static_cast<int>(change_.triangles.size()); ++t) {
-      const int parent = change_.remap.parent(t);
-      const std::array<int, 3>& from = old_triangle(parent);
+      const int parent = mesh_.parent(t);
+      const std::array<int, 3>& from = mesh_.parent_corners(t);
       Scalar all = Scalar(0);
       for (const int v : from) all += given(v, parent);
       const Scalar part = all * area_share(change_.remap.corners(t)) / Scalar(3.0);
       for (std::size_t i = 0; i < 3; ++i) {
-        const int v = new_triangle(t)[i];
-        out_.mass[v] += whole(t) ? given(from[i], parent) : part;
-        if (!whole(t)) touched[index(v)] = true;
+        const int v = mesh_.triangle(t)[i];
+        out_.mass[v] += mesh_.whole(t) ? given(from[i], parent) : part;
+        if (!mesh_.whole(t)) touched[index(v)] = true;
       }
     }
     for (int v = 0; v < static_cast<int>(mass.size()); ++v) {
@@ -124,67 +95,18 @@ class NetworkTransfer {
     }
   }
 
-  void find_sides() {
-    pieces_.resize(old_.topology().edges.size());
-    sides_.resize(topology_.edges.size());
-    for (std::size_t e = 0; e < topology_.edges.size(); ++e) {
-      const MeshEdge& edge = topology_.edges[e];
-      for (std::size_t i = 0; i < 2; ++i) {
-        const int t = edge.triangle[i];
-        if (t >= 0) sides_[e][i] = find_side(t, edge);
-      }
-    }
-  }
-
-  Side find_side(int t, const MeshEdge& edge) {
-    const CornerWeights<Scalar>& weight = change_.remap.corners(t);
-    const std::array<int, 3>& parent = old_triangle(change_.remap.parent(t));
-    const std::size_t i = corner_of(new_triangle(t), edge.a),
-                      j = corner_of(new_triangle(t), edge.b);
-    Side side;
-    side.triangle = t;
-    side.length = (place(t, i) - place(t, j)).norm();
-    for (std::size_t k = 0; k < 3; ++k) {
-      const bool off = Scalar(0) < weight[i][k] || Scalar(0) < weight[j][k];
-      if (off) continue;
-      const std::size_t p = (k + 1) % 3, q = (k + 2) % 3;
-      side.old_edge = old_.find_edge(parent[p], parent[q]);
-      const auto is_corner = [&](std::size_t corner) {
-        return !(weight[corner][p] < Scalar(1)) || !(weight[corner][q] < Scalar(1));
-      };
-      side.undivided = is_corner(i) && is_corner(j);
-      side.forward = (weight[j][p] < weight[i][p]) == (parent[p] < parent[q]);
-      if (!side.undivided) break;
-      const bool forward = side.forward;
-      const std::array<int, 2> ends{forward ? edge.a : edge.b, forward ? edge.b : edge.a};
-      std::vector<std::array<int, 2>>& pieces = pieces_[index(side.old_edge)];
-      if (std::find(pieces.begin(), pieces.end(), ends) == pieces.end()) pieces.push_back(ends);
-    }
-    return side;
-  }
-
-  /// Returns true when an edge and its triangles are as they were.
-  bool kept(std::size_t e) const {
-    const Side &one = sides_[e][0], &two = sides_[e][1];
-    if (one.old_edge < 0 || !whole(one.triangle)) return false;
-    const bool was_border = old_.topology().edges[index(one.old_edge)].is_boundary();
-    if (two.triangle < 0) return was_border;
-    return !was_border && two.old_edge == one.old_edge && whole(two.triangle);
-  }
-
   /// Gives an edge of the new mesh its share of the springs of old edges and triangles. Springs of
   /// one kind become one.
   void move_edge_springs(std::size_t e) {
     const MeshEdge& edge = topology_.edges[e];
     const std::size_t first = springs_.size(), last_order = old_.network().springs.size() + e;
-    for (const Side& side : sides_[e]) {
+    for (const Side& side : mesh_.sides(e)) {
       if (side.triangle < 0) continue;
       if (side.old_edge < 0) {
-        const TriangleContent<Scalar>& parent = old_.triangle(change_.remap.parent(side.triangle));
+        const TriangleContent<Scalar>& parent = old_.triangle(mesh_.parent(side.triangle));
         if (!(Scalar(0) < parent.stretch)) continue;
         Spring<Scalar> spring;
-        spring.stiffness =
-            parent.stretch * area_[index(side.triangle)] / (side.length * side.length);
+        spring.stiffness = parent.stretch * mesh_.area(side.triangle) / (side.length * side.length);
         spring.damping = parent.damping_time * spring.stiffness;
         spring.rest_length = parent.slack * side.length;
         add_spring_part(first, last_order, edge, spring);
@@ -194,14 +116,14 @@ class NetworkTransfer {
       for (const int s : content.springs) {
         if (removed_[index(s)] != 0) continue;
         Spring<Scalar> spring = old_spring(s);
-        if (kept(e)) {
-          spring.a = kept_vertex(e, spring.a);
-          spring.b = kept_vertex(e, spring.b);
-          if (side.triangle == sides_[e][0].triangle) springs_.push_back({index(s), spring});
+        if (mesh_.kept(e)) {
+          spring.a = mesh_.kept_vertex(e, spring.a);
+          spring.b = mesh_.kept_vertex(e, spring.b);
+          if (side.triangle == mesh_.sides(e)[0].triangle) springs_.push_back({index(s), spring});
           continue;
         }
         const Scalar longer = side.length / content.length;
-        const Scalar part = area_[index(side.triangle)] / content.area / (longer * longer);
+        const Scalar part = mesh_.area(side.triangle) / content.area / (longer * longer);
         spring.stiffness *= part;
         spring.damping *= part;
         spring.rest_length *= longer;
@@ -261,8 +183,8 @@ class NetworkTransfer {
     const int middle = *std::min_element(middles.begin(), middles.end(), [&](int u, int v) {
       return (x.col(u) - centre).squaredNorm() < (x.col(v) - centre).squaredNorm();
     });
-    const std::vector<std::array<int, 3>> rows = rows_through(a, middle, b);
-    for (const std::array<int, 3>& row : rows) add_free_spring(s, row[0], row[2], share(rows, row));
+    const std::vector<Row> rows = mesh_.rows_through(a, middle, b);
+    for (const Row& row : rows) add_free_spring(s, row[0], row[2], Mesh::share(rows, row));
   }
 
   /// Moves a spring between the vertices opposite to an edge, if the hinge lives. Returns false
@@ -272,61 +194,16 @@ class NetworkTransfer {
     for (const int u : middles) {
       for (const int v : middles) {
         const int e = u < v ? old_.find_edge(u, v) : -1;
-        if (e < 0 || !is_hinge(e, old_spring(s).a, old_spring(s).b)) continue;
+        if (e < 0 || !old_.spans(e, old_spring(s).a, old_spring(s).b)) continue;
         found = true;
-        std::array<int, 2> ends{};
-        if (!hinge_lives(e, ends)) continue;
+        const std::optional<std::array<int, 2>> ends = mesh_.living_hinge(e);
+        if (!ends) continue;
         const bool forward = old_.topology().edges[index(e)].opposite[0] == old_spring(s).a;
-        add_free_spring(s, ends[forward ? 0 : 1], ends[forward ? 1 : 0]);
+        add_free_spring(s, (*ends)[forward ? 0 : 1], (*ends)[forward ? 1 : 0]);
         return true;
       }
     }
     return found;
-  }
-
-  /// Returns the share of a row in those that meet at its middle vertex.
-  static double share(const std::vector<std::array<int, 3>>& rows, const std::array<int, 3>& row) {
-    const auto sharing =
-        std::count_if(rows.begin(), rows.end(),
-                      [&row](const std::array<int, 3>& other) { return other[1] == row[1]; });
-    return 1.0 / static_cast<double>(sharing);
-  }
-
-  /// Returns true when a and b are opposite to the edge e.
-  bool is_hinge(int e, int a, int b) const {
-    const std::array<int, 2>& o = old_.topology().edges[index(e)].opposite;
-    return (o[0] == a && o[1] == b) || (o[0] == b && o[1] == a);
-  }
-
-  /// Returns true when both triangles of an old hinge are whole and still share its edge; writes
-  /// the new vertices opposite to the edge.
-  bool hinge_lives(int e, std::array<int, 2>& opposite) const {
-    const MeshEdge& edge = old_.topology().edges[index(e)];
-    std::array<std::array<int, 2>, 2> ends{};
-    for (std::size_t i = 0; i < 2; ++i) {
-      const auto children = change_.remap.children(edge.triangle[i]);
-      if (children.size() != 1) return false;
-      const std::array<int, 3>&from = old_triangle(edge.triangle[i]),
-                            &to = new_triangle(children[0]);
-      ends[i] = {to[corner_of(from, edge.a)], to[corner_of(from, edge.b)]};
-      opposite[i] = to[corner_of(from, edge.opposite[i])];
-    }
-    return ends[0] == ends[1];
-  }
-
-  /// Returns the new rows (a', m', b') along undivided copies of the edges a-m and m-b.
-  std::vector<std::array<int, 3>> rows_through(int a, int m, int b) const {
-    std::vector<std::array<int, 3>> rows;
-    const auto& one = pieces_[index(old_.find_edge(a, m))];
-    const auto& two = pieces_[index(old_.find_edge(m, b))];
-    const std::size_t middle_one = a < m ? 1 : 0, middle_two = b < m ? 1 : 0;
-    for (const std::array<int, 2>& p : one) {
-      for (const std::array<int, 2>& q : two) {
-        if (p[middle_one] == q[middle_two])
-          rows.push_back({p[1 - middle_one], p[middle_one], q[1 - middle_two]});
-      }
-    }
-    return rows;
   }
 
   /// Moves the stencils over three vertices in a row. Those that share a middle vertex share the
@@ -338,15 +215,15 @@ class NetworkTransfer {
       const RowStencil& row = old_.rows()[r];
       const BendStencil<Scalar>& stencil = old_stencil(row.stencil);
       const auto at = [&](std::size_t i) { return stencil.vertex[row.place[i]]; };
-      const std::vector<std::array<int, 3>> rows = rows_through(at(1), at(0), at(2));
+      const std::vector<Row> rows = mesh_.rows_through(at(1), at(0), at(2));
       row_lives_.push_back(!rows.empty());
       rows_at_[index(at(0))].push_back(r);
-      for (const std::array<int, 3>& moved : rows) {
+      for (const Row& moved : rows) {
         BendStencil<Scalar> next = stencil;
         next.vertex[row.place[0]] = moved[1];
         next.vertex[row.place[1]] = moved[0];
         next.vertex[row.place[2]] = moved[2];
-        if (share(rows, moved) < 1.0) next.stiffness *= Scalar(share(rows, moved));
+        if (Mesh::share(rows, moved) < 1.0) next.stiffness *= Scalar(Mesh::share(rows, moved));
         out_.bends.push_back(next);
       }
     }
@@ -375,12 +252,12 @@ class NetworkTransfer {
 
   /// Moves the stencils of a hinge, or makes one where the triangles changed.
   void move_hinge(std::size_t e) {
-    const Side &one = sides_[e][0], &two = sides_[e][1];
+    const Side &one = mesh_.sides(e)[0], &two = mesh_.sides(e)[1];
     if (two.triangle < 0) return;
-    if (kept(e)) {
+    if (mesh_.kept(e)) {
       for (const int b : old_.edge(one.old_edge).hinges) {
         BendStencil<Scalar> stencil = old_stencil(b);
-        for (int& v : stencil.vertex) v = kept_vertex(e, v);
+        for (int& v : stencil.vertex) v = mesh_.kept_vertex(e, v);
         out_.bends.push_back(stencil);
       }
       return;
@@ -393,13 +270,13 @@ class NetworkTransfer {
     stencil.vertex = {edge.a, edge.b, edge.opposite[0], edge.opposite[1]};
     stencil.weight = {Scalar(0), Scalar(0), Scalar(0), Scalar(0)};
     for (std::size_t i = 0; i < 2; ++i) {
-      const Scalar at_a = cotangent(edge.triangle[i], edge.a),
-                   at_b = cotangent(edge.triangle[i], edge.b);
+      const Scalar at_a = mesh_.cotangent(edge.triangle[i], edge.a),
+                   at_b = mesh_.cotangent(edge.triangle[i], edge.b);
       stencil.weight[0] += at_b;
       stencil.weight[1] += at_a;
       stencil.weight[2 + i] = Scalar(0) - (at_a + at_b);
     }
-    stencil.stiffness = bending / (area_[index(one.triangle)] + area_[index(two.triangle)]);
+    stencil.stiffness = bending / (mesh_.area(one.triangle) + mesh_.area(two.triangle));
     stencil.rest_fold = new_fold(e);
     out_.bends.push_back(stencil);
   }
@@ -407,11 +284,11 @@ class NetworkTransfer {
   /// Returns the rest fold of an inner edge whose triangles changed: that of the old hinge, which
   /// may number its vertices in another order; 0 for other edges.
   Scalar new_fold(std::size_t e) const {
-    const Side &one = sides_[e][0], &two = sides_[e][1];
+    const Side &one = mesh_.sides(e)[0], &two = mesh_.sides(e)[1];
     Scalar sum = Scalar(0), all = Scalar(0);
     if (one.old_edge < 0 || one.old_edge != two.old_edge) return sum;
     const MeshEdge& old_edge = old_.topology().edges[index(one.old_edge)];
-    const int parent = change_.remap.parent(one.triangle);
+    const int parent = mesh_.parent(one.triangle);
     const int opposite = old_edge.opposite[parent == old_edge.triangle[0] ? 0 : 1];
     for (const int b : old_.edge(one.old_edge).hinges) {
       const BendStencil<Scalar>& stencil = old_stencil(b);
@@ -425,24 +302,11 @@ class NetworkTransfer {
     return Scalar(0) < all ? Scalar(sum / all) : sum;
   }
 
-  /// Returns the new vertex that an old vertex of a kept hinge has become.
-  int kept_vertex(std::size_t e, int old_vertex) const {
-    for (const Side& side : sides_[e]) {
-      if (side.triangle < 0) continue;
-      const std::array<int, 3>& from = old_triangle(change_.remap.parent(side.triangle));
-      for (std::size_t i = 0; i < 3; ++i) {
-        if (from[i] == old_vertex) return new_triangle(side.triangle)[i];
-      }
-    }
-    return change_.remap.first_copy(old_vertex);
-  }
-
   /// Returns the bending modulus of an inner edge whose triangles changed: that of the old edge or
   /// of the triangles, where a grid bends along rows only as far as rows are gone.
   Scalar new_bending(std::size_t e) const {
-    const Side &one = sides_[e][0], &two = sides_[e][1];
-    const int parent_one = change_.remap.parent(one.triangle),
-              parent_two = change_.remap.parent(two.triangle);
+    const Side &one = mesh_.sides(e)[0], &two = mesh_.sides(e)[1];
+    const int parent_one = mesh_.parent(one.triangle), parent_two = mesh_.parent(two.triangle);
     Scalar bending =
         Scalar(0.5) * (old_.triangle(parent_one).bending + old_.triangle(parent_two).bending);
     if (one.old_edge != two.old_edge) return bending;  // sewn
@@ -474,7 +338,7 @@ class NetworkTransfer {
   Scalar lost_rows_of(int parent) const {
     double sum = 0.0, count = 0.0;
     for (std::size_t i = 0; i < 3; ++i) {
-      const std::array<int, 3>& corner = old_triangle(parent);
+      const std::array<int, 3>& corner = old_.network().triangles[index(parent)];
       const double lost = lost_rows(old_.find_edge(corner[i], corner[(i + 1) % 3]));
       if (lost < 0.0) continue;
       sum += lost;
@@ -483,25 +347,12 @@ class NetworkTransfer {
     return Scalar(count > 0.0 ? sum / count : 1.0);
   }
 
-  /// Returns the cotangent of the angle of a new triangle at a vertex, in its rest shape.
-  Scalar cotangent(int triangle, int vertex) const {
-    const std::size_t i = corner_of(new_triangle(triangle), vertex);
-    const Vector3<Scalar> x = place(triangle, i);
-    const Vector3<Scalar> u = place(triangle, (i + 1) % 3) - x,
-                          w = place(triangle, (i + 2) % 3) - x;
-    const Scalar twice = u.cross(w).norm();
-    return Scalar(0) < twice ? Scalar(u.dot(w) / twice) : Scalar(0);
-  }
-
   const OldNetwork<Scalar>& old_;
   const MeshChange<Scalar>& change_;
   const Topology& topology_;
   const std::vector<unsigned char>& removed_;
+  MeshCorrespondence<Scalar> mesh_;
   SpringNetwork<Scalar> out_;
-  std::vector<Scalar> area_;
-  std::vector<std::array<Side, 2>> sides_;
-  /// For each old edge, its undivided copies as (copy of a, copy of b).
-  std::vector<std::vector<std::array<int, 2>>> pieces_;
   std::vector<OrderedSpring<Scalar>> springs_;
   std::vector<std::vector<std::size_t>> rows_at_;
   std::vector<bool> row_lives_;

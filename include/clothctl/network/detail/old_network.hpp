@@ -101,6 +101,12 @@ class OldNetwork {
     return static_cast<int>(at - topology_.edges.begin());
   }
 
+  /// Returns true when an edge lies between two triangles with the opposite vertices a and b.
+  bool spans(int e, int a, int b) const {
+    const std::array<int, 2>& o = topology_.edges[static_cast<std::size_t>(e)].opposite;
+    return (o[0] == a && o[1] == b) || (o[0] == b && o[1] == a);
+  }
+
  private:
   void measure() {
     around_.assign(static_cast<std::size_t>(network_.vertex_count()), Scalar(0));
@@ -157,11 +163,7 @@ class OldNetwork {
   /// Returns the edge whose hinge a stencil is on, or -1.
   int hinge_of(const BendStencil<Scalar>& stencil) const {
     const int e = stencil.count == 4 ? find_edge(stencil.vertex[0], stencil.vertex[1]) : -1;
-    if (e < 0) return -1;
-    const std::array<int, 2>& opposite = topology_.edges[static_cast<std::size_t>(e)].opposite;
-    const bool same = (opposite[0] == stencil.vertex[2] && opposite[1] == stencil.vertex[3]) ||
-                      (opposite[0] == stencil.vertex[3] && opposite[1] == stencil.vertex[2]);
-    return same ? e : -1;
+    return e >= 0 && spans(e, stencil.vertex[2], stencil.vertex[3]) ? e : -1;
   }
 
   /// Returns true when a stencil runs along two edges of the mesh, and which.
