@@ -141,6 +141,24 @@ TEMPLATE_TEST_CASE("sides of a divided triangle lie on its edges or inside it", 
   CHECK_FALSE(mesh.living_hinge(changed.old->find_edge(0, 2)).has_value());
 }
 
+TEST_CASE("a part without area up to rounding has no angles", "[network]") {
+  for (const double thin : {1e-300, 1e-30, 1e-17, 1e-12, 1e-3}) {
+    const auto changed = rectangle<double>([thin](auto& editor) {
+      CHECK(editor.insert_in_triangle(0, {1.0, thin, 1.0}));
+    });
+    const auto& mesh = *changed.mesh;
+    int flat = 0;
+    for (int t = 0; t < 4; ++t) {  // 4 lies beside the middle of the diagonal 0-2
+      const bool on_diagonal = mesh.parent(t) == 0 && mesh.area(t) < 0.1;
+      CHECK(mesh.has_area(t) == (!on_diagonal || thin > 1e-15));
+      if (mesh.has_area(t)) continue;
+      ++flat;
+      for (const int v : mesh.triangle(t)) CHECK(mesh.cotangent(t, v) == 0);
+    }
+    CHECK(flat == (thin < 1e-15 ? 1 : 0));
+  }
+}
+
 TEST_CASE("in a mesh that does not change each edge lies on itself", "[network]") {
   const auto same = grid([](auto&) {});
   const auto& mesh = *same.mesh;

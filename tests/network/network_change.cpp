@@ -2,6 +2,9 @@
 
 #include "clothctl/network/network_change.hpp"
 
+#include <cmath>
+#include <type_traits>
+
 #include "clothctl/mesh/surface_cut.hpp"
 #include "clothctl/network/rest_folds.hpp"
 #include "clothctl/network/rope.hpp"
@@ -334,6 +337,64 @@ TEST_CASE("cuts and tears keep the rest folds, however a hinge numbers its verti
   }
   CHECK(changed > trials / 2);
   CHECK(folded > 20 * trials);
+}
+
+TEMPLATE_TEST_CASE("a triangle without area has no hinge, whatever the fold at rest was",
+                   "[network]", float, double) {
+  using Scalar = TestType;
+  const bool single = std::is_same_v<Scalar, float>;
+  // Two triangles, folded about the edge 0-2 by a right angle.
+  Points<Scalar> x(3, 4);
+  x << Scalar(0), Scalar(0.3), Scalar(0.1), Scalar(-0.2),  //
+      Scalar(0), Scalar(0), Scalar(0), Scalar(0.4),        //
+      Scalar(0), Scalar(0.2), Scalar(0.7), Scalar(0.3);
+  SpringNetwork<Scalar> network =
+      sheet_network<Scalar>(x, {{0, 1, 2}, {0, 2, 3}}, Material<Scalar>()).value();
+  REQUIRE(set_rest_folds<Scalar>(network, x).empty());
+  REQUIRE(network.bends.size() == 1);
+  REQUIRE(std::abs(network.bends[0].rest_fold) > Scalar(0.2));
+
+  SECTION("a part of a cut triangle: all its hinges are left out, the others rest") {
+    auto editor = MeshEditor<Scalar>::create(x, network.triangles).value();
+    const Scalar thin = Scalar(GENERATE(false, true) ? 1e-30 : (single ? 1e-9 : 1e-17));
+    REQUIRE(editor.insert_in_triangle(0, {Scalar(1), thin, Scalar(1)}).has_value());
+    const auto change = change_network(network, editor.change());
+    INFO((change ? std::string() : change.error()));
+    REQUIRE(change.has_value());
+    // Vertex 4 is in the middle of 0-2; the edge 1-4 alone has two triangles with area.
+    REQUIRE(change->network.bends.size() == 1);
+    const BendStencil<Scalar>& b = change->network.bends[0];
+    CHECK((b.vertex[0] == 1 && b.vertex[1] == 4 && !b.is_folded()));
+    Vector3<Scalar> sum = Vector3<Scalar>::Zero();
+    for (std::size_t i = 0; i < 4; ++i)
+      sum += b.weight[i] * change->network.rest_positions.col(b.vertex[i]);
+    CHECK(sum.norm() < (single ? 1e-6f : 1e-14));
+  }
+  SECTION("a whole triangle that was flattened by hand beside one that is cut") {
+    network.rest_positions.col(3) = Scalar(2) * x.col(2);
+    auto editor = MeshEditor<Scalar>::create(network.rest_positions, network.triangles).value();
+    REQUIRE(editor.insert_on_edge(0, 1, Scalar(0.5)).has_value());
+    const auto change = change_network(network, editor.change());
+    INFO((change ? std::string() : change.error()));
+    REQUIRE(change.has_value());
+    REQUIRE(change->network.bends.size() == 1);  // over the edge that divides the first triangle
+    CHECK(change->network.bends[0].vertex[1] == 4);
+    CHECK(change->network.bends[0].stiffness > Scalar(0));
+  }
+  SECTION("with area, a thin part keeps the hinge and its fold") {
+    auto editor = MeshEditor<Scalar>::create(x, network.triangles).value();
+    REQUIRE(editor.insert_in_triangle(0, {Scalar(1), Scalar(1e-3), Scalar(1)}).has_value());
+    const auto change = change_network(network, editor.change());
+    REQUIRE(change.has_value());
+    CHECK(change->network.bends.size() == 4);
+    int folded = 0;
+    for (const BendStencil<Scalar>& b : change->network.bends) {
+      folded += b.is_folded();
+      const Scalar fold = detail::measure_fold<Scalar>(b.vertex, change->network.rest_positions);
+      CHECK(b.rest_fold == Approx(fold).margin(single ? 1e-4 : 1e-12));
+    }
+    CHECK(folded == 1);
+  }
 }
 
 TEST_CASE("stitching a torn network gives back its stiffness and mass", "[network]") {

@@ -14,7 +14,8 @@
 //             triangle.
 //   hinge     moves with its two triangles; where they changed, cotangent weights are computed
 //             anew, with the same bending modulus and rest fold. It is gone where the edge has
-//             opened. New edges and seams rest flat.
+//             opened, and beside a triangle without area, which has no normal. New edges and seams
+//             rest flat.
 //   element   of a triangle goes to the parts of the triangle, with its moduli.
 //
 // Springs and stencils that span several edges live as long as the edges below them hold together:

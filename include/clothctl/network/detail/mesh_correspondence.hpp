@@ -147,14 +147,20 @@ class MeshCorrespondence {
     return opposite;
   }
 
+  /// Returns true when a new triangle, at rest in its parent, has an area beyond rounding.
+  bool has_area(int t) const {
+    const Vector3<Scalar> x = place(t, 0), u = place(t, 1) - x, w = place(t, 2) - x;
+    const Scalar rounding = Scalar(16.0) * scalar_traits<Scalar>::epsilon();
+    return rounding * (u.squaredNorm() + w.squaredNorm()) < u.cross(w).norm();
+  }
+
   /// Returns the cotangent of the angle of a new triangle at one of its vertices, at rest in its
   /// parent; 0 when the triangle has no area.
   Scalar cotangent(int t, int vertex) const {
     const std::size_t i = corner_of(triangle(t), vertex);
     const Vector3<Scalar> x = place(t, i);
     const Vector3<Scalar> u = place(t, (i + 1) % 3) - x, w = place(t, (i + 2) % 3) - x;
-    const Scalar twice = u.cross(w).norm();
-    return Scalar(0) < twice ? Scalar(u.dot(w) / twice) : Scalar(0);
+    return has_area(t) ? Scalar(u.dot(w) / u.cross(w).norm()) : Scalar(0);
   }
 
  private:

@@ -275,6 +275,7 @@ class NetworkTransfer {
       stencil.weight[0] += at_b;
       stencil.weight[1] += at_a;
       stencil.weight[2 + i] = Scalar(0) - (at_a + at_b);
+      if (!(stencil.weight[2 + i] < Scalar(0))) return;  // a triangle without area has no normal
     }
     stencil.stiffness = bending / (mesh_.area(one.triangle) + mesh_.area(two.triangle));
     stencil.rest_fold = new_fold(e);
