@@ -130,9 +130,37 @@ TEST_CASE("bad elements are refused by name", "[network]") {
   };
   const Vector3<double> a = plain.rest_positions.col(1) - plain.rest_positions.col(0);
   const Vector3<double> b = plain.rest_positions.col(5) - plain.rest_positions.col(0);
-  CHECK(along(a.cross(b)) == "triangle 0 is degenerate or inverted at rest: area 0 m²");
-  CHECK(along({0, 0, 0}) == "triangle 0 is degenerate or inverted at rest: area 0 m²");
+  CHECK(along(a.cross(b)) == "the warp direction is normal to triangle 0");
+  CHECK(along({0, 0, 0}) == "the warp direction is zero");
+  for (const double size : {1e-300, 1e-5, 1e300}) {
+    CHECK(along({size, 0, 0}).empty());
+    CHECK(along(a.cross(b).normalized() * size) == "the warp direction is normal to triangle 0");
+  }
   CHECK(along({kNan, 0, 0}) == "the warp direction is not finite");
+  // One triangle normal to the direction, or without area, among others that are neither.
+  const std::array<int, 3> first = plain.triangles[0], last = plain.triangles.back();
+  Network tilted = plain;
+  tilted.rest_positions.row(1).setLinSpaced(0, 0.1);  // no triangle is normal to the third axis
+  const auto made_along = [&](const Vector3<double>& warp) {
+    const auto out = add_triangle_elements<double>(tilted, warp, good);
+    return out ? std::string() : out.error();
+  };
+  const auto normal = [&](const std::array<int, 3>& t) {
+    const Vector3<double> o = tilted.rest_positions.col(t[0]);
+    return Vector3<double>((tilted.rest_positions.col(t[1]) - o)
+                               .cross(Vector3<double>(tilted.rest_positions.col(t[2]) - o)));
+  };
+  CHECK(made_along(a).empty());
+  tilted.rest_positions.col(last[0])[1] += 0.3;  // the last triangle lies in no other's plane
+  const std::string name = std::to_string(plain.triangles.size() - 1);
+  CHECK(made_along(normal(last)) == "the warp direction is normal to triangle " + name);
+  CHECK(made_along(1e9 * normal(last)) == "the warp direction is normal to triangle " + name);
+  CHECK(made_along(a).empty());
+  tilted.rest_positions.col(first[0]) =
+      0.5 * (tilted.rest_positions.col(first[1]) + tilted.rest_positions.col(first[2]));
+  CHECK(made_along(a).find("triangle 0 is degenerate or inverted at rest: area ") == 0);
+  tilted.rest_positions.col(first[0]) = tilted.rest_positions.col(first[1]);
+  CHECK(made_along(a) == "triangle 0 is degenerate or inverted at rest: area 0 m²");
   Network bare = plain;
   bare.triangles.clear();
   const auto none = add_triangle_elements<double>(bare, a, good);

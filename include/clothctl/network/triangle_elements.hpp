@@ -45,8 +45,15 @@ using MaterialPoints = DenseMatrix<Scalar, 2, Eigen::Dynamic>;
 
 namespace detail {
 
-/// Appends an element for each triangle; `edges(t)` returns its edges 0-1 and 0-2 in warp and weft,
-/// the columns of a 2×2 matrix.
+/// Returns the error of a triangle of this area at rest, m². Allocates.
+template <RealScalar Scalar>
+Error degenerate_triangle(std::size_t triangle, const Scalar& area) {
+  return Error{"triangle " + std::to_string(triangle) +
+               " is degenerate or inverted at rest: area " + number_text(area) + " m²"};
+}
+
+/// Appends an element for each triangle; `edges(t, corners)` returns the edges 0-1 and 0-2 of
+/// triangle t in warp and weft, the columns of a 2×2 matrix, or why there are none.
 template <RealScalar Scalar, class Edges>
 Result<SpringNetwork<Scalar>> append_elements(SpringNetwork<Scalar> network,
                                               const MembraneStiffness<Scalar>& stiffness,
@@ -56,11 +63,11 @@ Result<SpringNetwork<Scalar>> append_elements(SpringNetwork<Scalar> network,
   for (std::size_t t = 0; t < network.triangles.size(); ++t) {
     TriangleElement<Scalar> element;
     element.vertex = network.triangles[t];
-    const DenseMatrix<Scalar, 2, 2> rest = edges(network.triangles[t]);
-    if (!element.set_rest(rest)) {
-      return Error{"triangle " + std::to_string(t) + " is degenerate or inverted at rest: area " +
-                   number_text(Scalar(Scalar(0.5) * element_determinant<Scalar>(rest))) + " m²"};
-    }
+    const Result<DenseMatrix<Scalar, 2, 2>> found = edges(t, network.triangles[t]);
+    if (!found) return Error{found.error()};
+    const DenseMatrix<Scalar, 2, 2>& rest = found.value();
+    if (!element.set_rest(rest))
+      return degenerate_triangle<Scalar>(t, Scalar(0.5) * element_determinant<Scalar>(rest));
     element.warp = stiffness.warp;
     element.weft = stiffness.weft;
     element.shear = stiffness.shear;
@@ -93,7 +100,8 @@ Result<SpringNetwork<Scalar>> add_flat_triangle_elements(
     }
   }
   return detail::append_elements<Scalar>(
-      std::move(network), stiffness, [&](const std::array<int, 3>& t) {
+      std::move(network), stiffness,
+      [&](std::size_t, const std::array<int, 3>& t) -> Result<DenseMatrix<Scalar, 2, 2>> {
         DenseMatrix<Scalar, 2, 2> edges;
         for (Index c = 0; c < 2; ++c) {
           edges(c, 0) = coordinates(c, t[1]) - coordinates(c, t[0]);
@@ -106,28 +114,35 @@ Result<SpringNetwork<Scalar>> add_flat_triangle_elements(
 /// Appends an element over each triangle of a sheet that may be curved at rest; springs and other
 /// elements stay. The shape of each triangle is that of the network's `rest_positions`, and its
 /// warp is the projection of `warp_direction` (3-vector, any length) onto its plane. Allocates.
-/// Fails when: the network has no triangles or is not valid, the direction is not finite or is
-/// normal to a triangle, a triangle is degenerate, or a modulus is negative or not finite.
+/// Fails when: the network has no triangles or is not valid, the direction is zero, not finite or
+/// normal to a triangle (within 1e-6 rad), a triangle is degenerate, or a modulus is negative or
+/// not finite.
 template <RealScalar Scalar>
 Result<SpringNetwork<Scalar>> add_triangle_elements(SpringNetwork<Scalar> network,
                                                     const Vector3<Scalar>& warp_direction,
                                                     const MembraneStiffness<Scalar>& stiffness) {
   if (!all_finite(warp_direction)) return Error{"the warp direction is not finite"};
+  const Scalar largest = warp_direction.cwiseAbs().maxCoeff();
+  if (!(Scalar(0) < largest)) return Error{"the warp direction is zero"};
+  const Vector3<Scalar> direction = warp_direction / largest;  // its square fits the scalar
   const Points<Scalar> rest = network.rest_positions;
   return detail::append_elements<Scalar>(
-      std::move(network), stiffness, [&](const std::array<int, 3>& t) {
+      std::move(network), stiffness,
+      [&](std::size_t triangle, const std::array<int, 3>& t) -> Result<DenseMatrix<Scalar, 2, 2>> {
         const Vector3<Scalar> first = rest.col(t[1]) - rest.col(t[0]);
         const Vector3<Scalar> second = rest.col(t[2]) - rest.col(t[0]);
-        DenseMatrix<Scalar, 2, 2> edges = DenseMatrix<Scalar, 2, 2>::Zero();
         Vector3<Scalar> normal = first.cross(second);
         const Scalar twice = normal.norm();
-        if (!(Scalar(0) < twice)) return edges;
+        if (!(Scalar(1e-6) * (first.squaredNorm() + second.squaredNorm()) < twice))
+          return detail::degenerate_triangle<Scalar>(triangle, Scalar(0.5) * twice);
         normal = normal / twice;
-        Vector3<Scalar> warp = warp_direction - normal * normal.dot(warp_direction);
+        Vector3<Scalar> warp = direction - normal * normal.dot(direction);
         const Scalar size = warp.norm();
-        if (!(Scalar(1e-6) * warp_direction.norm() < size)) return edges;
+        if (!(Scalar(1e-6) * direction.norm() < size))
+          return Error{"the warp direction is normal to triangle " + std::to_string(triangle)};
         warp = warp / size;
         const Vector3<Scalar> weft = normal.cross(warp);
+        DenseMatrix<Scalar, 2, 2> edges;
         edges(0, 0) = warp.dot(first);
         edges(0, 1) = warp.dot(second);
         edges(1, 0) = weft.dot(first);
