@@ -102,6 +102,48 @@ TEST_CASE("rest folds: the sign is that of the drawing", "[rest_folds]") {
   }
 }
 
+TEMPLATE_TEST_CASE(
+    "rest folds: the fold of a triangle without area is not a number, also when the "
+    "compiler takes all numbers for finite",
+    "[rest_folds]", float, double) {
+  using Scalar = TestType;
+  const std::array<int, 4> vertex{0, 1, 2, 3};
+  Points<Scalar> x(3, 4);
+  const auto set = [&](Index v, double a, double b, double c) {
+    x.col(v) << Scalar(a), Scalar(b), Scalar(c);
+  };
+  const auto hinge = [&] {
+    set(0, 0, 0, 0);
+    set(1, 0, 1, 0);
+    set(2, -1, 0.5, 0);
+    set(3, 1, 0.5, 0);
+  };
+  hinge();
+  CHECK(detail::measure_fold<Scalar>(vertex, x) == Scalar(0));
+  set(3, 0, 0.5, -1);
+  CHECK(detail::measure_fold<Scalar>(vertex, x) == Approx(1));  // a right angle
+  for (const Index flat : {2, 3}) {
+    hinge();
+    set(flat, 0, 0.5, 0);  // on the edge
+    CHECK_FALSE(is_finite(detail::measure_fold<Scalar>(vertex, x)));
+    set(flat, 0, 0, 0);  // at an end of it
+    CHECK_FALSE(is_finite(detail::measure_fold<Scalar>(vertex, x)));
+  }
+  hinge();
+  set(1, 0, 0, 0);  // an edge without length
+  CHECK_FALSE(is_finite(detail::measure_fold<Scalar>(vertex, x)));
+  x.setZero();
+  CHECK_FALSE(is_finite(detail::measure_fold<Scalar>(vertex, x)));
+  for (const Index v : {0, 1, 2, 3}) {
+    for (const Scalar bad :
+         {std::numeric_limits<Scalar>::quiet_NaN(), std::numeric_limits<Scalar>::infinity()}) {
+      hinge();
+      x(2, v) = bad;
+      CHECK_FALSE(is_finite(detail::measure_fold<Scalar>(vertex, x)));
+    }
+  }
+}
+
 TEST_CASE("rest folds: flat positions make every hinge exactly flat again", "[rest_folds]") {
   SpringNetwork<double> network = arch_network<double>(9, 2.0);
   const auto flat = network.bends;

@@ -22,7 +22,7 @@ namespace detail {
 
 /// Returns tan(θ0/2) of the hinge of four vertices (BendStencil has their order) at positions `x`
 /// (3×n, m); below rounding it is 0. Not finite or above 1e6 when the triangles are folded onto
-/// each other; NaN when one has no area.
+/// each other; not finite when one has no area or a position is not finite.
 template <RealScalar Scalar>
 Scalar measure_fold(const std::array<int, 4>& vertex, const Points<Scalar>& x) {
   using std::sqrt;
@@ -42,6 +42,7 @@ Scalar measure_fold(const std::array<int, 4>& vertex, const Points<Scalar>& x) {
   }
   const Vector3<Scalar> apart = side[0] - side[1];
   const Scalar fold = Scalar(-2) * side[1].dot(cross(u, side[0])) / apart.squaredNorm();
+  if (!is_finite(fold)) return fold;  // -ffast-math lets comparisons with NaN be true
   const Scalar rounding = Scalar(64) * scalar_traits<Scalar>::epsilon();
   return fold < rounding && -rounding < fold ? Scalar(0) : fold;
 }
