@@ -85,6 +85,21 @@ ClothState<typename Model::Scalar> run(const Model& model,
   return state;
 }
 
+// The same while the first point moves by `motion` before each step; calls `after(state, input)`
+// after it.
+template <class Model, class After>
+ClothState<double> run_moving(const Model& model, ClothInput<double> input,
+                              const Eigen::Vector3d& motion, int steps, double dt, After after) {
+  auto ws = model.make_workspace();
+  ClothState<double> state = model.rest_state();
+  for (int i = 0; i < steps; ++i) {
+    input.attached_positions.col(0) += motion;
+    REQUIRE(model.step(state, input, dt, ws).advanced);
+    after(state, input);
+  }
+  return state;
+}
+
 double distance(const ClothState<double>& a, const ClothState<double>& b) {
   return (a.positions - b.positions).cwiseAbs().maxCoeff();
 }
@@ -264,20 +279,19 @@ TEST_CASE("the springs that hold a sheet carry its weight", "[cloth]") {
 TEST_CASE("the momentum of a sheet changes by gravity and the pull of its points", "[cloth]") {
   const SpringNetwork<double> network = sheet(5);
   const double dt = 0.01;
+  ClothInput<double> start;
+  attach(start, 3, network.rest_positions.col(3), 30.0);
+  attach(start, 20, network.rest_positions.col(20), 8.0);
   const auto holds = [&](const auto& model, double tolerance) {
-    auto ws = model.make_workspace();
-    ClothState<double> state = model.rest_state();
-    ClothInput<double> input;
-    attach(input, 3, network.rest_positions.col(3), 30.0);
-    attach(input, 20, network.rest_positions.col(20), 8.0);
-    for (int i = 0; i < 20; ++i) {
-      input.attached_positions.col(0) += Eigen::Vector3d(0.004, 0.0, 0.003);
-      const Eigen::Vector3d before = state.velocities * network.mass;
-      REQUIRE(model.step(state, input, dt, ws).advanced);
-      const Eigen::Vector3d force = (state.velocities * network.mass - before) / dt;
+    Eigen::Vector3d before = Eigen::Vector3d::Zero();
+    const auto balanced = [&](const ClothState<double>& state, const ClothInput<double>& input) {
+      const Eigen::Vector3d momentum = state.velocities * network.mass;
+      const Eigen::Vector3d force = (momentum - before) / dt;
       const Eigen::Vector3d weight(0, 0, -kGravity * network.mass.sum());
       CHECK((force - weight - pull(input, state.positions)).norm() < tolerance);
-    }
+      before = momentum;
+    };
+    run_moving(model, start, {0.004, 0.0, 0.003}, 20, dt, balanced);
   };
   MassSpringSettings<double> newton;
   newton.integration = Integration::Newton;
@@ -290,17 +304,11 @@ TEST_CASE("the momentum of a sheet changes by gravity and the pull of its points
 TEST_CASE("both models pull a sheet alike", "[cloth]") {
   const SpringNetwork<double> network = soft_sheet(5);
   const double dt = 1e-3;
+  ClothInput<double> start;
+  attach(start, 12, network.rest_positions.col(12), 25.0);
+  attach(start, 0, network.rest_positions.col(0), 1e4);
   const auto pulled = [&](const auto& model) {
-    auto ws = model.make_workspace();
-    ClothState<double> state = model.rest_state();
-    ClothInput<double> input;
-    attach(input, 12, network.rest_positions.col(12), 25.0);
-    attach(input, 0, network.rest_positions.col(0), 1e4);
-    for (int i = 0; i < 60; ++i) {
-      input.attached_positions.col(0) += Eigen::Vector3d(0.0, 1e-4, 5e-4);
-      REQUIRE(model.step(state, input, dt, ws).advanced);
-    }
-    return state;
+    return run_moving(model, start, {0.0, 1e-4, 5e-4}, 60, dt, [](const auto&, const auto&) {});
   };
   MassSpringSettings<double> newton;
   newton.integration = Integration::Newton;

@@ -4,28 +4,16 @@
 #include "clothctl/cloth/detail/energy_balance.hpp"
 
 #include <cmath>
-#include <random>
 
 #include "clothctl/cloth/mass_spring.hpp"
-#include "clothctl/network/sheet.hpp"
 #include "support/catch.hpp"
+#include "support/square_sheets.hpp"
 
 using namespace clothctl;
+using clothctl_test::noise;
+using clothctl_test::square_sheet;
 
 namespace {
-
-template <class S>
-SpringNetwork<S> sheet(int n) {
-  return sheet_network<S>(make_grid<S>(n, n, S(0.3), S(0.3)).value(), Material<S>()).value();
-}
-
-template <class S>
-Points<S> noise(unsigned seed, Index n, double size) {
-  std::mt19937 random(seed);
-  return Points<S>::NullaryExpr(3, n, [&] {
-    return static_cast<S>(size * (static_cast<double>(random()) / 2147483648.0 - 1.0));
-  });
-}
 
 /// A step with given velocities at its end.
 template <class S>
@@ -56,7 +44,7 @@ struct Step {
 TEMPLATE_TEST_CASE("the balance of a free body is its energy less the work of the outer forces",
                    "[cloth]", float, double, long double) {
   using S = TestType;
-  Step<S> step(sheet<S>(7), 0.01);
+  Step<S> step(square_sheet<S>(7), 0.01);
   const detail::EnergyBalance<S> balance = step.balance(0.5);
   const auto energy = [&](const Points<S>& x, const Points<S>& v) {
     long double sum = 0;
@@ -87,7 +75,7 @@ TEMPLATE_TEST_CASE("the balance of a free body is its energy less the work of th
 
 TEMPLATE_TEST_CASE("hands that move every vertex create no energy", "[cloth]", float, double) {
   using S = TestType;
-  Step<S> step(sheet<S>(5), 0.05);
+  Step<S> step(square_sheet<S>(5), 0.05);
   step.ws.held.assign(25, 1);
   // Of ΔE remain the losses: half the square of the change of velocity, the drag, the dampers.
   double lost = 0;

@@ -229,22 +229,25 @@ double settled(const Model& model, Points<double> start) {
   return std::atan2(-side[2], side[0]);
 }
 
+/// Damps the motion of a strip whose first triangles are held.
+template <class Settings>
+Settings clamped(Settings settings) {
+  settings.gravity.setZero();
+  settings.drag = 10;
+  settings.pinned = {0, 1, 2, 3};
+  return settings;
+}
+
 std::vector<double> settled_by_all(const Network& network, const Points<double>& start) {
   std::vector<double> angles;
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
-    MassSpringSettings<double> settings;
+    auto settings = clamped(MassSpringSettings<double>());
     settings.integration = integration;
-    settings.gravity.setZero();
-    settings.drag = 10;
-    settings.pinned = {0, 1, 2, 3};
     angles.push_back(settled(MassSpring<double>::create(network, settings).value(), start));
   }
   for (const PositionScheme scheme : {PositionScheme::Xpbd, PositionScheme::Verlet}) {
-    PositionBasedSettings<double> settings;
+    auto settings = clamped(PositionBasedSettings<double>());
     settings.scheme = scheme;
-    settings.gravity.setZero();
-    settings.drag = 10;
-    settings.pinned = {0, 1, 2, 3};
     angles.push_back(settled(PositionBased<double>::create(network, settings).value(), start));
   }
   return angles;

@@ -5,32 +5,22 @@
 
 #include <cmath>
 #include <limits>
-#include <random>
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/network/rope.hpp"
-#include "clothctl/network/sheet.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
+#include "support/square_sheets.hpp"
 
 using namespace clothctl;
+using clothctl_test::noise;
+using clothctl_test::square_sheet;
 
 namespace {
 
 template <class S>
-SpringNetwork<S> sheet(int n) {
-  return sheet_network<S>(make_grid<S>(n, n, S(0.3), S(0.3)).value(), Material<S>()).value();
-}
-
-template <class S>
 MassSpring<S> make(const SpringNetwork<S>& network, const MassSpringSettings<S>& settings) {
   return MassSpring<S>::create(network, settings).value();
-}
-
-Points<double> noise(unsigned seed, Index n, double size) {
-  std::mt19937 random(seed);
-  return Points<double>::NullaryExpr(
-      3, n, [&] { return size * (static_cast<double>(random()) / 2147483648.0 - 1.0); });
 }
 
 double energy(const SpringNetwork<double>& network, const ClothState<double>& state) {
@@ -45,10 +35,10 @@ TEST_CASE("the truncated and the direct Newton method end at the same velocities
   settings.integration = Integration::Newton;
   settings.velocity_tolerance = 1e-9;
   settings.pinned = {90, 99};
-  const MassSpring<double> model = make(sheet<double>(10), settings);
+  const MassSpring<double> model = make(square_sheet<double>(10), settings);
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
-  state.velocities = noise(1, 100, 0.3);
+  state.velocities = noise<double>(1, 100, 0.3);
   for (int k = 0; k < 30; ++k) {
     ClothState<double> direct = state;
     const long before = clothctl_test::allocations();
@@ -58,7 +48,7 @@ TEST_CASE("the truncated and the direct Newton method end at the same velocities
     REQUIRE(report.status == StepStatus::Converged);
     // step_from factorises in each iteration. It starts close by: a buckling sheet has more than
     // one solution.
-    const Points<double> guess = state.velocities + noise(2, 100, 1e-4);
+    const Points<double> guess = state.velocities + noise<double>(2, 100, 1e-4);
     REQUIRE(model.step_from(guess, 200, direct, {}, 0.02, ws).status == StepStatus::Converged);
     CHECK((direct.velocities - state.velocities).cwiseAbs().maxCoeff() <= 1e-6);
   }
@@ -66,7 +56,7 @@ TEST_CASE("the truncated and the direct Newton method end at the same velocities
 
 TEST_CASE("Newton falls back to exact factors where float is too coarse", "[cloth]") {
   // h² k / m = 1e11: in float, the step matrix has no positive pivots left.
-  SpringNetwork<double> network = sheet<double>(6);
+  SpringNetwork<double> network = square_sheet<double>(6);
   network.mass *= 1e-7;
   MassSpringSettings<double> settings;
   settings.integration = Integration::Newton;
@@ -74,7 +64,7 @@ TEST_CASE("Newton falls back to exact factors where float is too coarse", "[clot
   const MassSpring<double> model = make(network, settings);
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
-  state.positions += noise(3, 36, 1e-4);
+  state.positions += noise<double>(3, 36, 1e-4);
   for (int v : settings.pinned) state.positions.col(v) = network.rest_positions.col(v);
   for (int k = 0; k < 10; ++k) {
     const StepReport<double> report = model.step(state, {}, 0.02, ws);
@@ -95,9 +85,9 @@ TEMPLATE_TEST_CASE("conjugate gradients take the steps that factors take", "[clo
     settings.velocity_tolerance = single ? S(1e-3) : S(1e-9);
     settings.pinned = {90, 99};
     settings.drag = S(1);
-    const MassSpring<S> exact = make(sheet<S>(10), settings);
+    const MassSpring<S> exact = make(square_sheet<S>(10), settings);
     settings.linear_solver = LinearSolver::ConjugateGradient;
-    const MassSpring<S> iterative = make(sheet<S>(10), settings);
+    const MassSpring<S> iterative = make(square_sheet<S>(10), settings);
     auto ws = exact.make_workspace(), cg = iterative.make_workspace();
     ClothState<S> state = exact.rest_state(), other = state;
     CHECK(exact.step(state, {}, S(0.02), cg).status == StepStatus::InvalidWorkspace);
@@ -128,7 +118,7 @@ TEST_CASE("when conjugate gradients run out of iterations the step says so", "[c
   settings.velocity_tolerance = 1e-12;
   settings.limit_energy = false;
   settings.pinned = {30, 35};
-  const MassSpring<double> model = make(sheet<double>(6), settings);
+  const MassSpring<double> model = make(square_sheet<double>(6), settings);
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
   const StepReport<double> report = model.step(state, {}, 0.02, ws);
@@ -154,8 +144,8 @@ TEST_CASE("with the bound, a linear solve of a pushed rope creates no energy", "
     for (unsigned seed = 0; seed < 40; ++seed) {
       ClothState<double> state = model.rest_state();
       const Index n = state.positions.cols();
-      state.positions += noise(seed, n, 0.012);
-      state.velocities = noise(seed + 100, n, 10.0);
+      state.positions += noise<double>(seed, n, 0.012);
+      state.velocities = noise<double>(seed + 100, n, 10.0);
       for (int k = 0; k < 50; ++k) {
         const double start = energy(network, state);
         const StepReport<double> report = model.step(state, {}, 0.01, ws);

@@ -106,6 +106,14 @@ PositionBased<double> model_of(const SpringNetwork<double>& network,
   return std::move(made).value();
 }
 
+PositionBasedSettings<double> weightless(double drag, int iterations) {
+  PositionBasedSettings<double> settings;
+  settings.gravity.setZero();
+  settings.drag = drag;
+  settings.iterations = iterations;
+  return settings;
+}
+
 double total_area(const SpringNetwork<double>& network, const Points<double>& x) {
   double sum = 0;
   for (const auto& t : network.triangles) {
@@ -224,11 +232,7 @@ TEST_CASE("a strip under load is strained by load over stiffness and width", "[c
   const double poisson = GENERATE(0.0, 0.3);
   const auto network = membrane(rows, cols, width, height, 0.2,
                                 MembraneStiffness<double>::isotropic(stiffness, poisson), 0.25);
-  PositionBasedSettings<double> settings;
-  settings.gravity.setZero();
-  settings.drag = 8;
-  settings.iterations = 10;
-  const auto model = model_of(network, settings);
+  const auto model = model_of(network, weightless(8, 10));
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
   ClothInput<double> input;  // both ends are pulled, so that they can contract
@@ -257,11 +261,7 @@ TEST_CASE("elements of area alone keep the area and nothing else", "[cloth]") {
   const double side = 0.3;
   const int n = 4;
   const auto network = membrane(n, n, side, side, 0.2, {0, 0, 0, 2000});
-  PositionBasedSettings<double> settings;
-  settings.gravity.setZero();
-  settings.drag = 3;
-  settings.iterations = 20;
-  const auto model = model_of(network, settings);
+  const auto model = model_of(network, weightless(3, 20));
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
   for (int i = 1; i <= 50; ++i) {  // the ends of the sheet are driven apart by a tenth

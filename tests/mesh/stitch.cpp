@@ -11,14 +11,7 @@
 #include "support/tier.hpp"
 
 using namespace clothctl;
-using clothctl_test::euler;
-using clothctl_test::fans;
-using clothctl_test::irregular_mesh;
-using clothctl_test::mesh_fault;
-using clothctl_test::PlainMesh;
-using clothctl_test::remap_fault;
-using clothctl_test::total_area;
-using clothctl_test::uniform;
+using namespace clothctl_test;
 
 TEST_CASE("stitching reverses a cut", "[mesh]") {
   std::mt19937 random(5);

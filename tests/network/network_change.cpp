@@ -13,12 +13,7 @@
 #include "support/tier.hpp"
 
 using namespace clothctl;
-using clothctl_test::difference;
-using clothctl_test::irregular_mesh;
-using clothctl_test::orphan;
-using clothctl_test::PlainMesh;
-using clothctl_test::total_area;
-using clothctl_test::uniform;
+using namespace clothctl_test;
 
 namespace {
 

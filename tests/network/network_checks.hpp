@@ -21,6 +21,17 @@ using clothctl::Spring;
 using clothctl::SpringKind;
 using clothctl::SpringNetwork;
 
+/// Energy of the springs at `x` by definition, in double.
+template <class S>
+double spring_energy(const SpringNetwork<S>& network, const clothctl::Points<double>& x) {
+  double energy = 0;
+  for (const Spring<S>& s : network.springs) {
+    const double stretched = (x.col(s.b) - x.col(s.a)).norm() - static_cast<double>(s.rest_length);
+    energy += 0.5 * static_cast<double>(s.stiffness) * stretched * stretched;
+  }
+  return energy;
+}
+
 /// Returns "" if every spring and stencil lies on the mesh: springs on an edge or over the edge
 /// between two triangles, stencils on a hinge or along two edges; and every vertex has a spring.
 inline std::string orphan(const SpringNetwork<double>& network) {

@@ -7,23 +7,14 @@
 #include <map>
 #include <sstream>
 
+#include "network/network_checks.hpp"
 #include "support/catch.hpp"
 #include "support/shared_data.hpp"
 
 using namespace clothctl;
+using clothctl_test::spring_energy;
 
 namespace {
-
-/// Energy of the springs at `x` by definition, in double.
-template <class S>
-double spring_energy(const SpringNetwork<S>& network, const Points<double>& x) {
-  double energy = 0;
-  for (const Spring<S>& s : network.springs) {
-    const double stretched = (x.col(s.b) - x.col(s.a)).norm() - static_cast<double>(s.rest_length);
-    energy += 0.5 * static_cast<double>(s.stiffness) * stretched * stretched;
-  }
-  return energy;
-}
 
 /// Σ w_i x_i of a stencil.
 template <class S>

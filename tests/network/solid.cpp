@@ -4,24 +4,11 @@
 #include <cmath>
 #include <limits>
 
+#include "network/network_checks.hpp"
 #include "support/catch.hpp"
 
 using namespace clothctl;
-
-namespace {
-
-/// Energy of the springs at `x` by definition, in double.
-template <class S>
-double spring_energy(const SpringNetwork<S>& network, const Points<double>& x) {
-  double energy = 0;
-  for (const Spring<S>& s : network.springs) {
-    const double stretched = (x.col(s.b) - x.col(s.a)).norm() - static_cast<double>(s.rest_length);
-    energy += 0.5 * static_cast<double>(s.stiffness) * stretched * stretched;
-  }
-  return energy;
-}
-
-}  // namespace
+using clothctl_test::spring_energy;
 
 TEMPLATE_TEST_CASE("a solid has the mass of its volume and a closed surface", "[cloth]", float,
                    double) {
