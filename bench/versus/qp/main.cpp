@@ -3,20 +3,19 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "../support/command_line.hpp"
 #include "clothctl/io/file.hpp"
 #include "report.hpp"
 
 namespace {
 
 using versus::Entry;
-
-using Names = std::vector<std::string>;
+using versus::holds;
+using versus::Names;
 
 struct Options {
   std::string data, json;
@@ -24,10 +23,7 @@ struct Options {
   versus::RunSettings run;
 };
 
-[[noreturn]] void refuse(const std::string& message) {
-  std::fprintf(stderr, "bench_versus_qp: %s\n", message.c_str());
-  std::exit(2);
-}
+[[noreturn]] void refuse(const std::string& message) { versus::refuse("bench_versus_qp", message); }
 
 Options parse(int argc, char** argv) {
   Options o;
@@ -56,18 +52,8 @@ Options parse(int argc, char** argv) {
       ->check(CLI::Range(1e-3, 1e5))
       ->capture_default_str();
   app.add_option("--json", o.json, "File for the figures");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& e) {
-    std::exit(app.exit(e));
-  } catch (const CLI::ParseError& e) {
-    refuse(std::string(e.what()) + " (see --help)");
-  }
+  versus::parse(app, argc, argv, refuse);
   return o;
-}
-
-bool holds(const Names& names, const std::string& name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
 }
 
 std::vector<Entry> entries(const Names& chosen) {

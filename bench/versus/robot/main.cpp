@@ -1,16 +1,14 @@
 // Compares our robot library with those found when this was built: the same robots and positions in
 // one process, in turns, thread CPU time, and every answer compared with ours.
 
-#include <dlfcn.h>
-
 #include <CLI/CLI.hpp>
 #include <algorithm>
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "../support/command_line.hpp"
+#include "../support/modules.hpp"
 #include "clothctl.hpp"
 #include "clothctl/io/file.hpp"
 #include "report.hpp"
@@ -18,8 +16,8 @@
 namespace {
 
 using versus::Entry;
-
-using Names = std::vector<std::string>;
+using versus::holds;
+using versus::Names;
 
 struct Options {
   std::string models, json, tips = "tip";
@@ -28,8 +26,7 @@ struct Options {
 };
 
 [[noreturn]] void refuse(const std::string& message) {
-  std::fprintf(stderr, "bench_versus_robot: %s\n", message.c_str());
-  std::exit(2);
+  versus::refuse("bench_versus_robot", message);
 }
 
 Options parse(int argc, char** argv) {
@@ -72,13 +69,7 @@ Options parse(int argc, char** argv) {
   app.add_option("--seed", o.run.seed, "Seed of positions, targets and starts")
       ->capture_default_str();
   app.add_option("--json", o.json, "File for the figures");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::CallForHelp& e) {
-    std::exit(app.exit(e));
-  } catch (const CLI::ParseError& e) {
-    refuse(std::string(e.what()) + " (see --help)");
-  }
+  versus::parse(app, argc, argv, refuse);
   if (o.files.empty()) {
     if (o.models.empty()) refuse("name URDF files, or a folder with --models");
     o.files = {"hand34.urdf", "sia10d_shadow.urdf", "shadow_hand_right.urdf"};
@@ -89,31 +80,9 @@ Options parse(int argc, char** argv) {
   return o;
 }
 
-bool holds(const Names& names, const std::string& name) {
-  return std::find(names.begin(), names.end(), name) != names.end();
-}
-
-/// Opens the modules. Each keeps its symbols and those of its libraries private, since they may be
-/// compiled in different ways.
 std::vector<Entry> entries(const Names& chosen) {
-  std::vector<Entry> all{versus::clothctl_entry()};
-  const Names modules = CLI::detail::split(VERSUS_MODULES, ':');
-  for (const std::string& path : modules) {
-    if (path.empty()) continue;
-    void* const module = dlopen(path.c_str(), RTLD_NOW | RTLD_LOCAL);
-    if (module == nullptr) refuse(dlerror());
-    void* const function = dlsym(module, "versus_entry");
-    if (function == nullptr) refuse(dlerror());
-    Entry entry;
-    reinterpret_cast<void (*)(Entry*)>(function)(&entry);
-    if (chosen.empty() || holds(chosen, entry.name)) all.push_back(entry);
-  }
-  for (const std::string& name : chosen) {
-    if (std::none_of(all.begin(), all.end(), [&](const Entry& e) { return e.name == name; })) {
-      refuse("--libraries: '" + name + "' is not built in");
-    }
-  }
-  return all;
+  return versus::open_modules<Entry>(versus::clothctl_entry(), VERSUS_MODULES, chosen,
+                                     "--libraries", refuse);
 }
 
 versus::RobotReport run(const std::vector<Entry>& entries, const std::string& file,
