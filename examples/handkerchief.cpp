@@ -25,13 +25,7 @@ Options read_options(int argc, char** argv, std::string& features) {
       "A handkerchief, held at its upper corners, is moved so that its lower corners follow a "
       "drawn motion."};
   add_common(app, o, {"async", "circle", "wind"}, "Built-in motion, instead of --targets");
-  app.add_option("--cloth", o.cloth, "Vertices along a side; 65 is the paper's sheet")
-      ->check(between(3, 129))
-      ->capture_default_str();
-  app.add_option("--size", o.size, "Side of the sheet, m")
-      ->check(between(0.01, 100))
-      ->capture_default_str();
-  app.add_option("--material", o.material, "Preset name or JSON file")->capture_default_str();
+  add_sheet(app, o.cloth, o.size, o.material, "Vertices along a side; 65 is the paper's sheet");
   app.add_option("--patch", o.patch, "Patch motion: soft or hard")
       ->check(CLI::IsMember({"soft", "hard"}))
       ->capture_default_str();

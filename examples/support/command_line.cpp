@@ -100,6 +100,15 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
       ->check(named);
 }
 
+void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
+               const std::string& cloth_help) {
+  app.add_option("--cloth", cloth, cloth_help)->check(between(3, 129))->capture_default_str();
+  app.add_option("--size", size, "Side of the sheet, m")
+      ->check(between(0.01, 100))
+      ->capture_default_str();
+  app.add_option("--material", material, "Preset name or JSON file")->capture_default_str();
+}
+
 void parse(CLI::App& app, int argc, char** argv) {
   try {
     app.parse(argc, argv);

@@ -19,6 +19,10 @@ CLI::Validator between(double least, double most);
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
                 const std::string& task_help);
 
+/// Adds --cloth, --size and --material of a square sheet.
+void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
+               const std::string& cloth_help = "Vertices along a side");
+
 /// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
 /// 2.
 void parse(CLI::App& app, int argc, char** argv);

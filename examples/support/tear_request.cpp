@@ -7,13 +7,7 @@ namespace program {
 TearRequest read_tear_request(int argc, char** argv) {
   TearRequest o;
   CLI::App app{"A sheet is cut along a drawn line and pulled apart until it tears."};
-  app.add_option("--cloth", o.cloth, "Vertices along a side")
-      ->check(between(3, 129))
-      ->capture_default_str();
-  app.add_option("--size", o.size, "Side of the sheet, m")
-      ->check(between(0.01, 100))
-      ->capture_default_str();
-  app.add_option("--material", o.material, "Preset name or JSON file")->capture_default_str();
+  add_sheet(app, o.cloth, o.size, o.material);
   app.add_option("--model", o.model, "mass-spring or pbd")
       ->check(CLI::IsMember({"mass-spring", "pbd"}))
       ->capture_default_str();
