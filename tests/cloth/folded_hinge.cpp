@@ -131,6 +131,59 @@ TEST_CASE("folded hinge: forces are minus the gradient of the energy anywhere", 
   }
 }
 
+TEST_CASE("folded hinge: forces are minus the gradient where the edge is short", "[folded_hinge]") {
+  std::mt19937 random(4);
+  for (int trial = 0; trial < 30; ++trial) {
+    const double rest = std::uniform_real_distribution<double>(-3, 3)(random);
+    const Network network = hinge_network(1.1, rest);
+    Points<double> x = hinge_at(rest + 2, 1.1) + noise(random, 4, 0.3);
+    x.col(1) = x.col(0) + noise(random, 1, 1e-4);  // |D| is about 1
+    const Points<double> f = forces(network, x);
+    const double start = spring_energy<double>(network, x);
+    const Points<double> way = noise(random, 4, 1.0);
+    const auto slope = [&](double step) {
+      const Points<double> ahead = x + step * way, behind = x - step * way;
+      return (spring_energy<double>(network, ahead) - spring_energy<double>(network, behind)) /
+             (2 * step);
+    };
+    CHECK(f.cwiseProduct(way).sum() == Approx(-slope(1e-7)).epsilon(1e-5).margin(1e-5 * start));
+    CHECK(f.rowwise().sum().norm() <= 1e-12 * f.norm());
+    Eigen::Vector3d torque = Eigen::Vector3d::Zero();
+    for (Index i = 0; i < 4; ++i) torque += x.col(i).cross(f.col(i));
+    CHECK(torque.norm() <= 1e-11 * f.norm());
+  }
+}
+
+TEST_CASE("folded hinge: the mean derivative gives the change of e exactly", "[folded_hinge]") {
+  std::mt19937 random(5);
+  const std::array<double, 5> edges{1.0, 1e-2, 1e-4, 1e-6, 0.0};
+  for (int trial = 0; trial < 200; ++trial) {
+    const BendStencil<double> b =
+        hinge_network(1.1, std::uniform_real_distribution<double>(-3, 3)(random)).bends[0];
+    std::array<Points<double>, 2> x;
+    for (Points<double>& place : x) {
+      place = noise(random, 4, 1.0);
+      const double edge = edges[static_cast<std::size_t>(random() % 5)];
+      place.col(1) = place.col(0) + edge * noise(random, 1, 1.0);
+      if (random() % 20 == 0) place.setZero();
+    }
+    if (trial % 10 == 0) x[1] = x[0];
+    const FoldedHinge<double> start(b, x[0]), end(b, x[1]);
+    const Triple<double> a{0.3, -1.1, 0.7};
+    double sum = 0, size = 0;
+    for (int i = 0; i < 4; ++i) {
+      const Triple<double> share = start.mean_share(end, i, a);
+      const double part = dot(share, column(x[1], i) - column(x[0], i));
+      sum += part;
+      size += std::abs(part);
+      if (trial % 10 != 0) continue;  // the derivative itself
+      const Triple<double> off = share - start.share(i, a);
+      CHECK(std::sqrt(squared_norm(off)) <= 1e-12 * (1 + std::sqrt(squared_norm(share))));
+    }
+    CHECK(std::abs(sum - dot(a, end.error() - start.error())) <= 1e-11 * (1 + size));
+  }
+}
+
 TEST_CASE(
     "folded hinge: the stiffness is positive semidefinite, and the derivative of the forces "
     "at rest",

@@ -38,7 +38,7 @@ class Draw {
   std::mt19937_64 engine_;
 };
 
-SpringNetwork<double> random_sheet(Draw& draw, double size) {
+SpringNetwork<double> random_sheet(Draw& draw, double size, bool hinged) {
   Material<double> material;
   material.area_density = draw.decades(-2, 1);
   material.set_stretch(draw.decades(0, 5));
@@ -47,7 +47,9 @@ SpringNetwork<double> random_sheet(Draw& draw, double size) {
   material.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
   const int rows = draw.whole(2, 8), cols = draw.whole(2, 8);
   const double height = size * draw.decades(-1, 0);
-  return sheet_network(make_grid<double>(rows, cols, size, height).value(), material).value();
+  const GridMesh<double> grid = make_grid<double>(rows, cols, size, height).value();
+  if (!hinged) return sheet_network(grid, material).value();
+  return sheet_network<double>(grid.positions, grid.triangles, material).value();
 }
 
 SpringNetwork<double> random_rope(Draw& draw, double size) {
@@ -78,12 +80,17 @@ struct Trial {
   std::vector<int> driven;
   Vector3<double> stroke = Vector3<double>::Zero();
   double rate = 0, dt = 0;
+  /// Vertices with springs to points, their stiffnesses and the way of the points.
+  std::vector<int> attached;
+  std::vector<double> stiffness;
+  Vector3<double> drift = Vector3<double>::Zero();
 
-  explicit Trial(std::uint64_t seed) {
+  /// `hinged`: a sheet has a hinge at each edge between two triangles.
+  explicit Trial(std::uint64_t seed, bool hinged) {
     Draw draw(seed);
     const double size = draw.decades(-1, 0.5);
     const int kind = draw.whole(0, 9);
-    network = kind < 6   ? random_sheet(draw, size)
+    network = kind < 6   ? random_sheet(draw, size, hinged)
               : kind < 9 ? random_rope(draw, size)
                          : random_ball(draw, size);
     if (draw.chance(0.2)) settings.gravity.setZero();
@@ -106,6 +113,27 @@ struct Trial {
     }
   }
 
+  /// Lets a sheet rest folded, holds some more of its vertices and attaches others.
+  void add_folds(std::uint64_t seed) {
+    Draw draw(seed + 1000000007u);
+    const double most = draw.decades(-2, 2);
+    for (BendStencil<double>& b : network.bends) {
+      if (b.count != 4 || !(b.weight[2] < 0) || !(b.weight[3] < 0) || draw.chance(0.2)) continue;
+      b.rest_fold = std::tan(draw.uniform(-1, 1) * std::atan(most));
+    }
+    const int n = static_cast<int>(network.vertex_count());
+    std::vector<int>& held = driven.empty() ? settings.pinned : driven;
+    if (!held.empty() && draw.chance(0.7)) {
+      for (int v = 1; v + 1 < n && v < 4; ++v) held.push_back(v);
+    }
+    const int count = draw.whole(0, 3);
+    for (int j = 0; j < count; ++j) {
+      attached.push_back(draw.whole(0, n - 1));
+      stiffness.push_back(draw.decades(-2, 5));
+    }
+    drift = draw.vector(draw.decades(-2, 1));
+  }
+
   /// Adds the prescribed positions at the end of step `k` to an input.
   void drive(int k, ClothInput<double>& input) const {
     input.driven_vertices = driven;
@@ -116,19 +144,42 @@ struct Trial {
       input.driven_positions.col(static_cast<Index>(j)) =
           start.positions.col(driven[j]) + sway * stroke;
     }
+    input.attached_vertices = attached;
+    input.attached_positions.resize(3, static_cast<Index>(attached.size()));
+    input.attachment_stiffness.resize(static_cast<Index>(attached.size()));
+    for (std::size_t j = 0; j < attached.size(); ++j) {
+      const Index i = static_cast<Index>(j);
+      input.attached_positions.col(i) = start.positions.col(attached[j]) + dt * (k + 1) * drift;
+      input.attachment_stiffness[i] = stiffness[j];
+    }
   }
 };
 
 struct Outcome {
   bool finite = true, bounded = true;
   int refused = 0;
-  double gain = 0;  // largest share of the energy put in by which the energy exceeds it
+  double gain = 0;       // largest share of the energy put in by which the energy exceeds it
+  double step_gain = 0;  // the same in one step that leaves the free vertices in motion
 };
 
 template <class S>
 double elastic(const SpringNetwork<double>& network, const ClothState<S>& state) {
   const Points<double> x = state.positions.template cast<double>();
   return detail::spring_energy<double>(network, x);
+}
+
+/// The same as below for a folded hinge.
+void add_fold(const BendStencil<double>& b, const std::vector<bool>& is_held, bool mean,
+              const Points<double>& x0, const Points<double>& x1, Points<double>& forces) {
+  const detail::FoldedHinge<double> start(b, x0), end(b, x1);
+  bool all = true;
+  for (const int v : b.vertex) all = all && is_held[static_cast<std::size_t>(v)];
+  for (int i = 0; i < 4; ++i) {
+    const int v = b.vertex[static_cast<std::size_t>(i)];
+    const auto push = mean || all ? start.mean_share(end, i, (start.error() + end.error()) * 0.5)
+                                  : end.share(i, end.error());
+    forces.col(v) -= b.stiffness * Vector3<double>(push.x, push.y, push.z);
+  }
 }
 
 /// Adds the forces of the springs on the vertices over a step from x0 to x1, N: with `mean`, those
@@ -147,6 +198,10 @@ void add_forces(const SpringNetwork<double>& network, const std::vector<bool>& i
     forces.col(s.b) += f;
   }
   for (const BendStencil<double>& b : network.bends) {
+    if (b.is_folded()) {
+      add_fold(b, is_held, mean, x0, x1, forces);
+      continue;
+    }
     Vector3<double> start = Vector3<double>::Zero(), end = start;
     bool all = true;
     for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
@@ -164,9 +219,9 @@ void add_forces(const SpringNetwork<double>& network, const std::vector<bool>& i
 /// the springs change during a step is not known: the work is the larger one of those with the
 /// forces at the end and with the mean forces. (The first alone is no bound: two hands that push a
 /// spring together do less work by it than the spring takes up, whatever the solver.)
-double hand_work(const Trial& trial, const std::vector<int>& held, const ClothState<double>& before,
+double hand_work(const Trial& trial, const SpringNetwork<double>& network,
+                 const std::vector<int>& held, const ClothState<double>& before,
                  const Points<double>& x) {
-  const SpringNetwork<double>& network = trial.network;
   std::vector<bool> is_held(static_cast<std::size_t>(x.cols()), false);
   for (const int i : held) is_held[static_cast<std::size_t>(i)] = true;
   const Points<double> step = x - before.positions, v = step / trial.dt;
@@ -190,6 +245,21 @@ double hand_work(const Trial& trial, const std::vector<int>& held, const ClothSt
   return std::max(work[0], work[1]);
 }
 
+/// Returns the work of the springs to points, with their forces at positions `x`, J.
+template <class S>
+double point_work(const ClothInput<S>& input, const std::vector<int>& held, const Points<double>& x,
+                  const Points<double>& step) {
+  double sum = 0;
+  for (std::size_t j = 0; j < input.attached_vertices.size(); ++j) {
+    const int v = input.attached_vertices[j];
+    if (std::find(held.begin(), held.end(), v) != held.end()) continue;
+    const Index i = static_cast<Index>(j);
+    const Vector3<double> p = input.attached_positions.col(i).template cast<double>();
+    sum += static_cast<double>(input.attachment_stiffness[i]) * (p - x.col(v)).dot(step.col(v));
+  }
+  return sum;
+}
+
 /// Runs a trial. Energies and work are those of the states, computed in double.
 template <class S>
 Outcome run(const Trial& trial, Integration integration, int steps) {
@@ -201,21 +271,25 @@ Outcome run(const Trial& trial, Integration integration, int steps) {
   const auto model = MassSpring<S>::create(trial.network.template cast<S>(), settings).value();
   auto ws = model.make_workspace();
   ClothState<S> state{trial.start.positions.cast<S>(), trial.start.velocities.cast<S>()};
-  const VectorX<double>& mass = trial.network.mass;
+  const SpringNetwork<double> network = model.network().template cast<double>();
+  const VectorX<double>& mass = network.mass;
   const auto kinetic = [&](const ClothState<S>& s) {
     return 0.5 * mass.dot(s.velocities.template cast<double>().colwise().squaredNorm());
   };
   Outcome out;
   std::vector<int> held = trial.driven;
   held.insert(held.end(), settings.pinned.begin(), settings.pinned.end());
-  const double start = kinetic(state) + elastic(trial.network, state);
-  double work = 0, moved = 0;
+  const double start = kinetic(state) + elastic(network, state);
+  double work = 0, moved = 0, last = start;
   for (int k = 0; k < steps; ++k) {
     ClothInput<double> wanted;
     trial.drive(k, wanted);
     ClothInput<S> input;
     input.driven_vertices = wanted.driven_vertices;
     input.driven_positions = wanted.driven_positions.cast<S>();
+    input.attached_vertices = wanted.attached_vertices;
+    input.attached_positions = wanted.attached_positions.cast<S>();
+    input.attachment_stiffness = wanted.attachment_stiffness.cast<S>();
     const ClothState<double> before{state.positions.template cast<double>(),
                                     state.velocities.template cast<double>()};
     if (!model.step(state, input, S(trial.dt), ws).advanced) {
@@ -226,11 +300,16 @@ Outcome run(const Trial& trial, Integration integration, int steps) {
     if (!out.finite) break;
     const Points<double> x = state.positions.template cast<double>();
     const Points<double> step = x - before.positions;
-    const double done = trial.settings.gravity.dot(step * mass) + hand_work(trial, held, before, x);
+    const double done = settings.gravity.template cast<double>().dot(step * mass) +
+                        hand_work(trial, network, held, before, x) +
+                        point_work(input, held, x, step);
     work += done;
     moved += std::abs(done);
-    const double energy = kinetic(state) + elastic(trial.network, state);
+    const double energy = kinetic(state) + elastic(network, state);
     out.gain = std::max(out.gain, (energy - start - work) / (start + moved));
+    if (S(0) < ws.kept)
+      out.step_gain = std::max(out.step_gain, (energy - last - done) / (start + moved));
+    last = energy;
     const double reach = step.cwiseAbs().maxCoeff();
     const double fastest = std::sqrt(2.0 * (start + moved) / mass.minCoeff());
     if (!(reach <= 1.1 * fastest * trial.dt + 1e-6)) out.bounded = false;
@@ -251,18 +330,20 @@ double stiffness_ratio(const Trial& trial) {
 }
 
 template <class S>
-void run_all(int trials, int steps, double allowed, double stiffest) {
+void run_all(int trials, int steps, double allowed, double stiffest, bool folded = false) {
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     int failed = 0;
     double worst = 0;
     for (int seed = 0; seed < trials; ++seed) {
-      const Trial trial(static_cast<std::uint64_t>(seed));
+      Trial trial(static_cast<std::uint64_t>(seed), folded);
+      if (folded) trial.add_folds(static_cast<std::uint64_t>(seed));
       if (stiffest < stiffness_ratio(trial)) continue;
       const Outcome out = run<S>(trial, integration, steps);
-      worst = std::max(worst, out.gain);
-      const bool good = out.finite && out.bounded && out.refused == 0 && out.gain <= allowed;
+      const double gain = folded ? std::max(out.gain, out.step_gain) : out.gain;
+      worst = std::max(worst, gain);
+      const bool good = out.finite && out.bounded && out.refused == 0 && gain <= allowed;
       if (good) continue;
-      CAPTURE(seed, integration, out.finite, out.bounded, out.refused, out.gain);
+      CAPTURE(seed, integration, out.finite, out.bounded, out.refused, gain);
       if (++failed < 10) CHECK(good);
     }
     CAPTURE(integration, worst, trials);
@@ -278,4 +359,13 @@ TEST_CASE("random bodies never explode and never create energy, in double", "[cl
 
 TEST_CASE("random bodies never explode and never create energy, in float", "[cloth]") {
   run_all<float>(clothctl_test::trials(500, 200000), 40, 0.01, 1e5);
+}
+
+TEST_CASE("folded and attached bodies never explode and never create energy, in double",
+          "[cloth]") {
+  run_all<double>(clothctl_test::trials(1000, 200000), 40, 1e-6, 1e300, true);
+}
+
+TEST_CASE("folded and attached bodies never explode and never create energy, in float", "[cloth]") {
+  run_all<float>(clothctl_test::trials(500, 100000), 40, 1e-6, 1e5, true);
 }

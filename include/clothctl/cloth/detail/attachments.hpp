@@ -10,8 +10,9 @@
 // point, k_j stiffness, v velocity at the end of the step, h step or substep, w inverse mass.
 //
 // Mass-spring: K adds h² K to the diagonal of the step matrix and the energy ½ K |x0 + h v - P|² to
-// the step. The work that a step is credited with is that of the force at its end, h v·F: it is at
-// most the work of the spring, and tends to that of a driven vertex as K grows.
+// the step. The work that a step is credited with is F·Δx of the force F at its end and the move Δx
+// (energy_balance.hpp): it is at most the work of the spring, and tends to that of a driven vertex
+// as K grows.
 //
 // Position-based: the constraint x = P with the compliance 1/K, multiplied by h² K,
 //
@@ -105,20 +106,6 @@ struct Attachments {
       sum += Scalar(0.5) * item.stiffness * squared_norm(d);
       size += item.stiffness * reach *
               (sqrt(squared_norm(d)) + scalar_traits<Scalar>::epsilon() * reach);
-    }
-    return sum;
-  }
-
-  /// Returns the work h v·F of the forces F at positions `x` (3×n, m), J, for velocities `v` (3×n,
-  /// m/s) and a step of `h` (s). Adds a bound on its rounding error, divided by ε, to `size`.
-  Scalar work(const Points<Scalar>& x, const Points<Scalar>& v, const Scalar& h,
-              Scalar& size) const {
-    using std::sqrt;
-    Scalar sum = Scalar(0);
-    for (const Item& item : items) {
-      const Triple<Scalar> at = column(x, item.vertex), speed = column(v, item.vertex);
-      sum += h * dot(force(item, at), speed);
-      size += h * item.stiffness * sqrt(squared_norm(at) * squared_norm(speed));
     }
     return sum;
   }

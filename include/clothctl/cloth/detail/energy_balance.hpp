@@ -8,23 +8,22 @@
 //
 // The spring forces f on a held vertex change during the step. W is the larger one of two values:
 // with the forces at the end of the step, f(x1), and with mean forces f̄ that do the work U(x0) -
-// U(x1), exactly for springs and stencils, up to the turn of the edge for folded hinges,
+// U(x1) exactly,
 //
 //   f̄_a = -½ k (1 - 2 r/(l0 + l1)) (d0 + d1) = -f̄_b         of a spring, d = x_a - x_b, l = |d|
 //   f̄_i = -½ kb w_i Σ_j w_j (x0_j + x1_j)                    of a stencil
-//   f̄_i = -¼ kb (J0_i + J1_i)ᵀ (e0 + e1)                     of a folded hinge (folded_hinge.hpp)
+//   f̄_i = -½ kb J̄_iᵀ (e0 + e1)                               of a folded hinge (folded_hinge.hpp)
 //
 // l0 and l1 are the lengths of a spring before and after the step, r is its rest length. Neither
 // value alone is a bound that a solver can keep. Hands that push a spring together give it more
 // energy than the forces at the end account for; and the springs of a crumpled stiff sheet relax
 // within a small part of a step, so that the mean forces never act. Elements whose vertices are
-// all held have the mean forces in both values. Attachments are not in U; they do the work h v·F
+// all held have the mean forces in both values. Attachments are not in U; they do the work F·Δx
 // with their forces F at the end of the step (attachments.hpp).
 //
-// All sums are in double where the model computes in float: there rounding errors of the sums may
-// be as large as ΔE. Folded hinges and attachments are measured in the scalar of the model. Other
-// symbols: step_energy.hpp. Reference: Gonzalez, Time integration and discrete Hamiltonian
-// systems, J. Nonlinear Sci. 6 (1996).
+// Everything is computed in double where the model computes in float: there rounding errors may be
+// as large as ΔE. Other symbols: step_energy.hpp. Reference: Gonzalez, Time integration and
+// discrete Hamiltonian systems, J. Nonlinear Sci. 6 (1996).
 
 #include <array>
 #include <cmath>
@@ -52,8 +51,9 @@ struct EnergyBalance {
   Wide kinetic = Wide(0);
   /// Sum of the magnitudes that were added up to ΔE.
   Wide size = Wide(0);
-  /// Σ (k (l1 - l_r))² over the springs, N²: times the rounding error of a position, the square of
-  /// what rounding to Scalar adds to ΔE.
+  /// Sum of the squares of all forces at the end of the step, counted once for a spring, N²: times
+  /// the square of the rounding error of a position, the square of what rounding to Scalar adds to
+  /// ΔE.
   Wide tension = Wide(0);
 
   /// Adds a part of ΔE.
@@ -110,7 +110,9 @@ class EnergyBalancer {
       out_.kinetic += kinetic;
       out_.add(kinetic);
       out_.add(Wide(0) - half * m * squared_norm(v0));
-      out_.add(Wide(0) - dot(wide(column(ws_.outer, i)), moved(i)));
+      const Vec outer = wide(column(ws_.outer, i));
+      out_.add(Wide(0) - dot(outer, moved(i)));
+      out_.tension += squared_norm(outer);
     }
   }
 
@@ -144,54 +146,69 @@ class EnergyBalancer {
   void add_bend(const BendStencil<Scalar>& b) {
     if (b.is_folded()) return add_folded(b);
     Vec start{Wide(0), Wide(0), Wide(0)}, end = start, hands = start;
+    Wide squares = Wide(0);
     bool free = false;
     for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
       const Index v = b.vertex[i];
       const Wide w = wide(b.weight[i]);
       start = start + before(v) * w;
       end = end + after(v) * w;
+      squares += w * w;
       if (ws_.is_held(v)) hands = hands + moved(v) * w;
       free = free || !ws_.is_held(v);
     }
     if (!free) return;
     const Wide k = wide(b.stiffness), half = Wide(0.5);
+    out_.tension += k * k * squares * squared_norm(end);
     out_.add(half * k * dot(end + start, end - start) - k * dot(end, hands));
     difference_ += half * k * dot(end - start, hands);
   }
 
   void add_folded(const BendStencil<Scalar>& b) {
-    const FoldedHinge<Scalar> start(b, state_.positions), end(b, ws_.position);
-    const Triple<Scalar> both = start.error() + end.error();
-    const Wide k = wide(b.stiffness), quarter = Wide(0.25);
+    BendStencil<Wide> hinge{b.vertex, {}, wide(b.stiffness), b.count, wide(b.rest_fold)};
+    std::array<Vec, 4> x0, x1;
     bool free = false;
-    for (const int v : b.vertex) free = free || !ws_.is_held(v);
+    for (std::size_t i = 0; i < 4; ++i) {
+      hinge.weight[i] = wide(b.weight[i]);
+      x0[i] = before(b.vertex[i]);
+      x1[i] = after(b.vertex[i]);
+      free = free || !ws_.is_held(b.vertex[i]);
+    }
     if (!free) return;
-    Wide gain = Wide(0.5) * k * dot(wide(both), wide(end.error()) - wide(start.error()));
+    const FoldedHinge<Wide> start(hinge, x0), end(hinge, x1);
+    const Vec last = end.error() * hinge.stiffness;
+    const Vec mean = (start.error() + end.error()) * (Wide(0.5) * hinge.stiffness);
+    Wide gain = dot(mean, end.error() - start.error());
     for (int i = 0; i < 4; ++i) {
       const Index v = b.vertex[static_cast<std::size_t>(i)];
+      const Vec push = end.share(i, last);
+      out_.tension += squared_norm(push);
       if (!ws_.is_held(v)) continue;
-      const Vec last = wide(end.share(i, end.error()));
-      const Vec mean = wide(start.share(i, both) + end.share(i, both)) * quarter;
-      gain -= k * dot(last, moved(v));
-      difference_ += k * dot(last - mean, moved(v));
+      gain -= dot(push, moved(v));
+      difference_ += dot(push - start.mean_share(end, i, mean), moved(v));
     }
     out_.add(gain);
   }
 
   void add_attachments() {
-    if (ws_.attachments.empty()) return;
-    Scalar size = Scalar(0);
-    out_.add(Wide(0) - wide(ws_.attachments.work(ws_.position, ws_.velocity, ws_.dt, size)));
-    out_.size += wide(size);
+    using std::sqrt;
+    for (const auto& item : ws_.attachments.items) {
+      const Vec x = after(item.vertex), p = wide(item.point), step = moved(item.vertex);
+      const Wide k = wide(item.stiffness);
+      const Vec force = (p - x) * k;
+      out_.add(Wide(0) - dot(force, step));
+      // The difference of two far places may be small.
+      out_.size += k * (sqrt(squared_norm(x)) + sqrt(squared_norm(p))) * sqrt(squared_norm(step));
+      out_.tension += squared_norm(force) + squared_norm(step * k);
+    }
   }
 
   void add_air(std::size_t e) {
     const std::array<int, 3>& t = network_.triangles[e];
     const bool held = ws_.is_held(t[0]) || ws_.is_held(t[1]) || ws_.is_held(t[2]);
     if (!held) return;
-    const Triple<Scalar> mean =
-        column(ws_.velocity, t[0]) + column(ws_.velocity, t[1]) + column(ws_.velocity, t[2]);
-    const Vec push = wide(product(ws_.air[e], mean)) * (dt_ / Wide(9));
+    const Vec sum = velocity(t[0]) + velocity(t[1]) + velocity(t[2]);
+    const Vec push = product<Wide>(ws_.air[e].template cast<Wide>(), sum) * (dt_ / Wide(9));
     for (const int v : t) {
       if (ws_.is_held(v)) out_.add(Wide(0) - dot(push, velocity(v)));
     }

@@ -8,10 +8,23 @@
 //   f_i  = -kb J_iᵀ e,         J_i = c w_i I - s (d_i [u]× - ε_i [D]× P / |E|)
 //   K_ij = kb J_iᵀ J_j         the Gauss-Newton part of the stiffness, positive semidefinite
 //
-// where P = I - u uᵀ, ε = (-1, 1, 0, 0) are the coefficients of E, and [a]× b = a × b. The forces
-// are exact. Their sum is 0 since w, d and ε each sum to 0; their torque is 0 since U does not
-// change under rotations. At rest (e = 0), K is exact as well. An edge shorter than |D|/1000 counts
-// as that long.
+// where P = I - u uᵀ, ε = (-1, 1, 0, 0) are the coefficients of E, and [a]× b = a × b. An edge
+// shorter than |D|/1000 counts as that long: in general u = E/r with r² = max(|E|², δ|D|²), δ =
+// 10⁻⁶. Where the edge is so short, D turns u instead,
+//
+//   J_i = c w_i I - s (d_i [u]× (I - D Dᵀ/|D|²) - ε_i [D]× / r)
+//
+// The forces are minus the gradient of U in both cases. Their sum is 0 since w, d and ε each sum to
+// 0; their torque is 0 since U does not change under rotations. At rest (e = 0), K is exact as
+// well.
+//
+// From one place to another, with bars over the means of both and Δ before the changes,
+//
+//   Δe = Σ J̄_i Δx_i,   J̄_i = c w_i I - s (d_i [ū]× - [D̄]× Q_i)
+//   Q_i = (ε_i I - ū (τ ε_i Ē + (1 - τ) δ d_i D̄)ᵀ / r̄) / r̄
+//
+// exactly: Δu = (ΔE - ū Δr)/r̄ and r̄ Δr = τ Ē·ΔE + (1 - τ) δ D̄·ΔD. With q = |E|² - δ|D|², τ = Δ
+// max(q, 0) / Δq is 1 for edges that are long enough at both places, and 0 for short ones.
 
 #include <array>
 #include <cmath>
@@ -44,20 +57,27 @@ template <RealScalar Scalar>
 class FoldedHinge {
  public:
   /// Measures a stencil of four vertices at positions `x` (3×n, m).
-  FoldedHinge(const BendStencil<Scalar>& b, const PointsView<Scalar>& x) : weight_(b.weight) {
+  FoldedHinge(const BendStencil<Scalar>& b, const PointsView<Scalar>& x)
+      : FoldedHinge(b, {column(x, b.vertex[0]), column(x, b.vertex[1]), column(x, b.vertex[2]),
+                        column(x, b.vertex[3])}) {}
+
+  /// Measures a stencil with its vertices at `p`, m.
+  FoldedHinge(const BendStencil<Scalar>& b, const std::array<Triple<Scalar>, 4>& p)
+      : weight_(b.weight) {
     using std::sqrt;
     const auto half = half_rest_angle(b);
     cosine_ = half[0];
     sine_ = half[1];
-    const Triple<Scalar> origin = column(x, b.vertex[0]);
-    const Triple<Scalar> edge = column(x, b.vertex[1]) - origin;
-    span_ = (column(x, b.vertex[3]) - origin) * weight_[3] -
-            (column(x, b.vertex[2]) - origin) * weight_[2];
-    const Scalar least = Scalar(1e-6) * squared_norm(span_), squared = squared_norm(edge);
-    const Scalar used = least < squared ? squared : least;
+    edge_ = p[1] - p[0];
+    span_ = (p[3] - p[0]) * weight_[3] - (p[2] - p[0]) * weight_[2];
+    const Scalar least = shortest() * squared_norm(span_), squared = squared_norm(edge_);
+    excess_ = squared - least;
+    const Scalar used = is_short() ? least : squared;
     inverse_ = Scalar(0) < used ? Scalar(1) / sqrt(used) : Scalar(0);
-    along_ = edge * inverse_;
-    error_ = stencil_curvature<Scalar>(b, x) * cosine_ - cross(along_, span_) * sine_;
+    along_ = edge_ * inverse_;
+    Triple<Scalar> curvature{Scalar(0), Scalar(0), Scalar(0)};
+    for (std::size_t i = 0; i < 4; ++i) curvature = curvature + p[i] * weight_[i];
+    error_ = curvature * cosine_ - cross(along_, span_) * sine_;
   }
 
   /// Returns e, m.
@@ -65,15 +85,32 @@ class FoldedHinge {
 
   /// Returns J_iᵀ a.
   Triple<Scalar> share(int i, const Triple<Scalar>& a) const {
-    const Triple<Scalar> turned =
-        cross(a, along_) * span_weight(i) + across(cross(span_, a)) * (edge_weight(i) * inverse_);
+    const Triple<Scalar> turned = turned_span(cross(a, along_)) * span_weight(i) +
+                                  across(cross(span_, a)) * (edge_weight(i) * inverse_);
     return a * (cosine_ * weight_[static_cast<std::size_t>(i)]) - turned * sine_;
   }
 
   /// Returns J_i a.
   Triple<Scalar> change(int i, const Triple<Scalar>& a) const {
+    const Triple<Scalar> turned = cross(along_, turned_span(a)) * span_weight(i) +
+                                  cross(across(a), span_) * (edge_weight(i) * inverse_);
+    return a * (cosine_ * weight_[static_cast<std::size_t>(i)]) - turned * sine_;
+  }
+
+  /// Returns J̄_iᵀ a from this place to `end` of the same stencil.
+  Triple<Scalar> mean_share(const FoldedHinge& end, int i, const Triple<Scalar>& a) const {
+    const Scalar zero = Scalar(0), one = Scalar(1), two = Scalar(2), half = Scalar(0.5);
+    const bool sized = zero < inverse_ && zero < end.inverse_;
+    const Scalar inverse = sized ? two * inverse_ / (one + inverse_ / end.inverse_)
+                                 : two * (inverse_ + end.inverse_);  // 1/r̄
+    const Triple<Scalar> u = (along_ + end.along_) * half, d = (span_ + end.span_) * half;
+    const Scalar tau = share_of_edge(end), epsilon = edge_weight(i), weight = span_weight(i);
+    const Triple<Scalar> radial =
+        (edge_ + end.edge_) * (half * tau * epsilon) + d * ((one - tau) * shortest() * weight);
+    const Triple<Scalar> across_span = cross(d, a);
     const Triple<Scalar> turned =
-        cross(along_, a) * span_weight(i) + cross(across(a), span_) * (edge_weight(i) * inverse_);
+        cross(a, u) * weight +
+        (across_span * epsilon - radial * (dot(u, across_span) * inverse)) * inverse;
     return a * (cosine_ * weight_[static_cast<std::size_t>(i)]) - turned * sine_;
   }
 
@@ -93,6 +130,15 @@ class FoldedHinge {
   }
 
  private:
+  /// δ.
+  static Scalar shortest() { return Scalar(1e-6); }
+  /// True when D decides on r.
+  bool is_short() const { return !(Scalar(0) < excess_); }
+  /// τ of the change to `end`.
+  Scalar share_of_edge(const FoldedHinge& end) const {
+    if (is_short() == end.is_short()) return is_short() ? Scalar(0) : Scalar(1);
+    return is_short() ? end.excess_ / (end.excess_ - excess_) : excess_ / (excess_ - end.excess_);
+  }
   /// d_i.
   Scalar span_weight(int i) const {
     return i == 0   ? Scalar(weight_[2] - weight_[3])
@@ -102,13 +148,22 @@ class FoldedHinge {
   }
   /// ε_i.
   static Scalar edge_weight(int i) { return Scalar(i == 0 ? -1 : i == 1 ? 1 : 0); }
-  /// P a.
-  Triple<Scalar> across(const Triple<Scalar>& a) const { return a - along_ * dot(along_, a); }
+  /// P a, or a where D decides on r.
+  Triple<Scalar> across(const Triple<Scalar>& a) const {
+    return is_short() ? a : a - along_ * dot(along_, a);
+  }
+  /// (I - D Dᵀ/|D|²) a where D decides on r, else a.
+  Triple<Scalar> turned_span(const Triple<Scalar>& a) const {
+    if (!is_short() || !(Scalar(0) < inverse_)) return a;
+    const Triple<Scalar> d = span_ * inverse_;  // |d|² = 1/δ
+    return a - d * (shortest() * dot(d, a));
+  }
 
   std::array<Scalar, 4> weight_;
-  Scalar cosine_, sine_, inverse_;
-  /// u, D and e.
-  Triple<Scalar> along_, span_, error_;
+  /// cos θ0/2, sin θ0/2, 1/r and |E|² - δ|D|².
+  Scalar cosine_, sine_, inverse_, excess_;
+  /// E, u, D and e.
+  Triple<Scalar> edge_, along_, span_, error_;
 };
 
 /// Returns the vector whose square is the energy of a stencil over ½ kb, m: e of a folded hinge,
