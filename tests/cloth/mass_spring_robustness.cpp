@@ -2,6 +2,7 @@
 // that is not finite, explodes, or creates energy.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <random>
@@ -128,7 +129,9 @@ struct Trial {
     }
     const int count = draw.whole(0, 3);
     for (int j = 0; j < count; ++j) {
-      attached.push_back(draw.whole(0, n - 1));
+      const int v = draw.whole(0, n - 1);
+      if (std::find(attached.begin(), attached.end(), v) != attached.end()) continue;
+      attached.push_back(v);  // float rounds the mean point of two springs
       stiffness.push_back(draw.decades(-2, 5));
     }
     drift = draw.vector(draw.decades(-2, 1));
@@ -215,16 +218,17 @@ void add_forces(const SpringNetwork<double>& network, const std::vector<bool>& i
   }
 }
 
-/// Returns the work of the hands over a step from `before` to positions `x`, J. How the forces of
-/// the springs change during a step is not known: the work is the larger one of those with the
-/// forces at the end and with the mean forces. (The first alone is no bound: two hands that push a
-/// spring together do less work by it than the spring takes up, whatever the solver.)
+/// Returns the work of the hands over a step from `before` to positions `x` with velocities `v`, J.
+/// How the forces of the springs change during a step is not known: the work is the larger one of
+/// those with the forces at the end and with the mean forces. (The first alone is no bound: two
+/// hands that push a spring together do less work by it than the spring takes up, whatever the
+/// solver.)
 double hand_work(const Trial& trial, const SpringNetwork<double>& network,
                  const std::vector<int>& held, const ClothState<double>& before,
-                 const Points<double>& x) {
+                 const Points<double>& x, const Points<double>& v) {
   std::vector<bool> is_held(static_cast<std::size_t>(x.cols()), false);
   for (const int i : held) is_held[static_cast<std::size_t>(i)] = true;
-  const Points<double> step = x - before.positions, v = step / trial.dt;
+  const Points<double> step = x - before.positions;
   Points<double> dampers = Points<double>::Zero(3, x.cols());
   for (const Spring<double>& s : network.springs) {
     const Vector3<double> n = (before.positions.col(s.a) - before.positions.col(s.b)).normalized();
@@ -245,17 +249,21 @@ double hand_work(const Trial& trial, const SpringNetwork<double>& network,
   return std::max(work[0], work[1]);
 }
 
-/// Returns the work of the springs to points, with their forces at positions `x`, J.
+/// Returns the work of the springs to points over a step to positions `x`, J: with their forces at
+/// the end of the step, and what their energies lose, which is more. MassSpring aims at the former,
+/// which is out of reach where more than the kinetic energy would have to go.
 template <class S>
-double point_work(const ClothInput<S>& input, const std::vector<int>& held, const Points<double>& x,
-                  const Points<double>& step) {
-  double sum = 0;
+std::array<double, 2> point_work(const ClothInput<S>& input, const std::vector<int>& held,
+                                 const Points<double>& x, const Points<double>& step) {
+  std::array<double, 2> sum{0, 0};
   for (std::size_t j = 0; j < input.attached_vertices.size(); ++j) {
     const int v = input.attached_vertices[j];
     if (std::find(held.begin(), held.end(), v) != held.end()) continue;
     const Index i = static_cast<Index>(j);
     const Vector3<double> p = input.attached_positions.col(i).template cast<double>();
-    sum += static_cast<double>(input.attachment_stiffness[i]) * (p - x.col(v)).dot(step.col(v));
+    const double k = static_cast<double>(input.attachment_stiffness[i]);
+    sum[0] += k * (p - x.col(v)).dot(step.col(v));
+    sum[1] += k * (p - x.col(v) + 0.5 * step.col(v)).dot(step.col(v));
   }
   return sum;
 }
@@ -300,11 +308,12 @@ Outcome run(const Trial& trial, Integration integration, int steps) {
     if (!out.finite) break;
     const Points<double> x = state.positions.template cast<double>();
     const Points<double> step = x - before.positions;
-    const double done = settings.gravity.template cast<double>().dot(step * mass) +
-                        hand_work(trial, network, held, before, x) +
-                        point_work(input, held, x, step);
-    work += done;
-    moved += std::abs(done);
+    const std::array<double, 2> points = point_work(input, held, x, step);
+    const double done =
+        settings.gravity.template cast<double>().dot(step * mass) +
+        hand_work(trial, network, held, before, x, ws.velocity.template cast<double>()) + points[0];
+    work += done + points[1] - points[0];
+    moved += std::abs(done) + points[1] - points[0];
     const double energy = kinetic(state) + elastic(network, state);
     out.gain = std::max(out.gain, (energy - start - work) / (start + moved));
     if (S(0) < ws.kept)
