@@ -362,6 +362,75 @@ TEST_CASE("collapsed triangles stay finite", "[cloth]") {
   }
 }
 
+TEST_CASE("a constraint without a gradient keeps its multipliers", "[cloth]") {
+  const Case c(edges(1, 0, 0, 1));
+  const std::vector<TriangleItem<double>> items{c.item};
+  std::vector<TriangleMultipliers<double>> multipliers{{0, 0, 0, 0}};
+  VectorX<double> points = VectorX<double>::Zero(12);
+  for (const Index v : {0, 1, 2}) points[4 * v + 3] = 1;
+  for (int sweep = 0; sweep < 5; ++sweep) {  // all corners at one place: only λ could change
+    sweep_triangles<double>(items, 0.1, multipliers, points.data());
+    for (const double multiplier : multipliers[0]) CHECK(multiplier == 0);
+  }
+  // Opened again within the substep, the element is pulled as if the sweeps had not been.
+  VectorX<double> fresh = points;
+  for (VectorX<double>* list : {&points, &fresh}) {
+    (*list)[4] = 1.3;
+    (*list)[9] = 0.8;
+  }
+  std::vector<TriangleMultipliers<double>> none{{0, 0, 0, 0}};
+  sweep_triangles<double>(items, 0.1, multipliers, points.data());
+  sweep_triangles<double>(items, 0.1, none, fresh.data());
+  CHECK(points == fresh);
+}
+
+TEST_CASE("with drag, an element acts like an attachment of its stiffness", "[cloth]") {
+  // Two corners are pinned, the third one moves along the warp: C = x - 1, so k A_0 (x - 1) is the
+  // force, as that of a spring to the point at rest.
+  const double stiffness = 12.0, drag = GENERATE(0.0, 3.0, 40.0), h = 0.02;
+  SpringNetwork<double> network;
+  network.rest_positions.setZero(3, 3);
+  network.rest_positions(0, 1) = network.rest_positions(1, 2) = 1;
+  network.mass = Eigen::Vector3d(0.1, 0.02, 0.1);
+  const SpringNetwork<double> plain = network;
+  TriangleElement<double> warp = element(edges(1, 0, 0, 1), 0.0);
+  warp.warp = stiffness;
+  network.elements.push_back(warp);
+  ClothInput<double> attached;
+  attached.attached_vertices = {1};
+  attached.attached_positions = network.rest_positions.col(1);
+  attached.attachment_stiffness = VectorX<double>::Constant(1, stiffness * 0.5);
+  for (const bool verlet : {false, true}) {
+    PositionBasedSettings<double> settings =
+        verlet ? PositionBasedSettings<double>::verlet() : PositionBasedSettings<double>();
+    settings.verlet_damping = 0;
+    settings.gravity.setZero();
+    settings.drag = drag;
+    settings.substeps = 1;
+    settings.pinned = {0, 2};
+    const auto run = [&](const SpringNetwork<double>& body, const ClothInput<double>& input) {
+      const auto model = model_of(body, settings);
+      auto ws = model.make_workspace();
+      ClothState<double> state = model.rest_state();
+      state.positions(0, 1) = 1.3;
+      for (int i = 0; i < 10; ++i) REQUIRE(model.step(state, input, h, ws).advanced);
+      return state;
+    };
+    INFO("verlet " << verlet << ", drag " << drag);
+    const ClothState<double> a = run(network, {}), b = run(plain, attached);
+    CHECK((a.positions - b.positions).norm() < 1e-14);
+    CHECK((a.velocities - b.velocities).norm() < 1e-12);
+    // And both as implicit Euler says.
+    double x = 1.3, v = 0;
+    for (int i = 0; i < 10; ++i) {
+      const double k = stiffness * 0.5, m = network.mass[1];
+      v = (m * v - h * k * (x - 1)) / (m * (1 + h * drag) + h * h * k);
+      x += h * v;
+    }
+    CHECK(a.positions(0, 1) == Approx(x).epsilon(1e-12));
+  }
+}
+
 TEST_CASE("elements without stiffness change nothing, others do without allocation", "[cloth]") {
   auto network =
       sheet_network<double>(make_grid<double>(6, 6, 0.3, 0.3).value(), Material<double>()).value();

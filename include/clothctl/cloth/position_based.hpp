@@ -328,9 +328,8 @@ void PositionBased<S>::load(const Sheet& sheet, typename Sheet::Scratch& memory,
   for (int vertex : settings_.pinned) hold(vertex);
   for (int vertex : input.driven_vertices) hold(vertex);
   ws.attachments.load(input, [&](int v) { return !(Scalar(0) < ws.inverse_mass[v]); });
-  // Drag slows the motion that compliant constraints cause.
-  const bool verlet = settings_.scheme == PositionScheme::Verlet;
-  const Scalar slowing = verlet ? Scalar(1) : Scalar(1) + h * settings_.drag;
+  // Drag slows the motion that compliant constraints cause; rigid ones do not feel the factor.
+  const Scalar slowing = Scalar(1) + h * settings_.drag;
   for (Index v = 0; v < vertex_count(); ++v) {
     Scalar* x = memory.points.data() + sheet.offset(static_cast<int>(v));
     Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));

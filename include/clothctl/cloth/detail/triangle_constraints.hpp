@@ -24,7 +24,8 @@
 //   Δλ = -( h² k A_0 C + λ ) / ( h² k A_0 Σ w_i |∇_i C|² + 1 ),   p_i += w_i Δλ ∇_i C,   λ += Δλ
 //
 // w inverse masses, h substep. Elements are corrected one after the other in the order of the
-// network. Where |f_u| or A vanishes, the gradient has no direction and nothing moves. References:
+// network. Where |f_u| or A vanishes, the gradient has no direction; there, and where all
+// corners are held, the constraint is left out and λ stays. References:
 // Müller, Chentanez, Kim, Macklin, "Strain Based Dynamics", 2014; Macklin, Müller, Chentanez,
 // "XPBD", 2016.
 
@@ -153,6 +154,7 @@ void sweep_triangles(const std::vector<TriangleItem<Scalar>>& triangles, const S
       Scalar mobility = Scalar(0);
       for (std::size_t i = 0; i < 3; ++i)
         mobility = mobility + at[i][3] * squared_norm(c.gradient[i]);
+      if (!(Scalar(0) < mobility)) continue;  // nothing can move: λ would only add up
       Scalar& multiplier = multipliers[e][kind];
       const Scalar change =
           (Scalar(0) - stiffness * c.value - multiplier) / (stiffness * mobility + Scalar(1));
