@@ -3,16 +3,17 @@
 // Bending stencils of any mesh in batches. Symbols: p positions, w inverse masses, ω weights of a
 // stencil, kb its stiffness, h substep, r relaxation, λ multiplier (a vector).
 //
-//   compliant:  Δλ = -( h² kb Σ ω_i p_i + λ ) / ( h² kb Σ ω_i² w_i + 1 )
-//   rigid:      Δλ = -r Σ ω_i p_i / Σ ω_i² w_i
+//   compliant:  Δλ = -( h² kb Σ ω_i p_i + λ ) / ( h² kb S + 1 ),   S = Σ ω_i² w_i
+//   rigid:      Δλ = -r Σ ω_i p_i / S
 //   both:       p_i += ω_i w_i Δλ,   compliant: λ += Δλ
 //
 // A stencil of fewer than four vertices has a spare vertex at weight 0 in the places left.
 //
 // A hinge that is folded at rest has e in place of Σ ω_i p_i, and its vertices move along J_i
-// (folded_hinge.hpp): p_i += w_i J_iᵀ Δλ. Its denominators take the bound
+// (folded_hinge.hpp; also for a short edge with u from r, but without the turn of u by D): p_i +=
+// w_i J_iᵀ Δλ. Its denominators take, in place of S, the bound
 //
-//   b = Σ ω_i² w_i + s² (|D|²/|E|² (w_0 + w_1) + (ω_2 - ω_3)² w_0)
+//   b = S + s² (|D|²/|E|² (w_0 + w_1) + (ω_2 - ω_3)² w_0)
 //
 // for Σ w_i J_i J_iᵀ, which is at most 2 b: no visit overshoots by more than that factor. The
 // multiplier of the next sweep makes up for what a visit leaves. If one hinge of a network is
@@ -50,6 +51,8 @@ struct BendBatches {
 template <RealScalar Scalar>
 struct BendScratch {
   VectorX<Scalar> error_factor, multiplier_factor;
+  /// With folded hinges: r, which `error_factor` leaves out; 1 for compliant stencils.
+  Scalar relaxation = Scalar(1);
   std::array<VectorX<Scalar>, 3> multiplier;
 
   /// Allocates.
@@ -119,16 +122,20 @@ void prepare_bends(const BendBatches<Scalar>& bends, const Scalar& h, const Scal
     scratch.error_factor[i] = k * inverse;
     scratch.multiplier_factor[i] = inverse;
   }
+  scratch.relaxation = Scalar(1);
 }
 
 /// The same for rigid stencils of a relaxation.
 template <RealScalar Scalar>
 void prepare_rigid_bends(const BendBatches<Scalar>& bends, const Scalar& relaxation,
                          const Scalar* points, BendScratch<Scalar>& scratch) {
+  const bool folded = bends.sine.size() > 0;
+  const Scalar factor = folded ? Scalar(1) : relaxation;
   for (Index i = 0; i < bends.size(); ++i) {
     const Scalar sum = squared_share(bends, i, points);
-    scratch.error_factor[i] = Scalar(0) < sum ? relaxation / sum : Scalar(0);
+    scratch.error_factor[i] = Scalar(0) < sum ? factor / sum : Scalar(0);
   }
+  scratch.relaxation = relaxation;
 }
 
 /// Σ ω² w of stencil i.
@@ -231,11 +238,12 @@ void sweep_folded_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& s
   using Pack = typename Hinges::Pack;
   using Triple = typename Hinges::Triple;
   const Pack zero = Pack::all(Scalar(0)), one = Pack::all(Scalar(1));
+  const Pack relaxation = Pack::all(scratch.relaxation);
   for (Index at = begin; at < end; at += Hinges::Batch::kLanes) {
     Hinges hinges = Hinges::load(bends, at, points);
     const Pack factor = Pack::load(scratch.error_factor.data() + at);
     const Pack less = one / (one + factor * hinges.excess());
-    Triple change = hinges.error.times(factor * less);
+    Triple change = hinges.error.times(factor * less * relaxation);
     Triple before{zero, zero, zero};
     if constexpr (kRead) {
       before.x = Pack::load(scratch.multiplier[0].data() + at);
