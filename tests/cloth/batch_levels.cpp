@@ -9,6 +9,7 @@
 #include <vector>
 
 #include <Eigen/Geometry>
+#include <Eigen/SVD>
 
 #include "support/catch.hpp"
 #include "support/sweeps.hpp"
@@ -143,6 +144,56 @@ TEST_CASE("batch levels: weights of parents sum to one and reproduce the vertex"
   CHECK(parent_weights(line)[0] == Approx(0.5));
   line(0, 1) = 0.03;
   CHECK(parent_weights(line)[0] == Approx(0.75).epsilon(1e-3));
+}
+
+TEST_CASE("batch levels: weights of parents do not depend on unit, place, or rounding",
+          "[batch_levels]") {
+  Numbers random(7);
+  int outside = 0, linear = 0;
+  for (int trial = 0; trial < 300; ++trial) {
+    const Index k = 3 + random.below(2);
+    Points<double> flat(3, k);
+    for (Index p = 0; p < k; ++p) flat.col(p) << random(-0.02, 0.02), random(-0.02, 0.02), 0.0;
+    flat = (some_rotation() * flat).eval();
+    const VectorX<double> w = parent_weights(flat);
+    CHECK(w.sum() == Approx(1.0).epsilon(1e-12));
+    CHECK(parent_weights(1048576.0 * flat) == w);
+    CHECK((parent_weights(1e-7 * flat) - w).norm() < 1e-6);
+    // Linear precision where the parents spread in two directions and none has to be far out.
+    const double scale = flat.colwise().norm().maxCoeff();
+    Eigen::MatrixXd rows(4, k);
+    rows.row(0).setOnes();
+    rows.bottomRows(3) = flat / scale;
+    const Eigen::JacobiSVD<Eigen::MatrixXd> all(rows);
+    const bool spread = 0.3 < all.singularValues()[2];
+    if (spread && w.cwiseAbs().maxCoeff() < 1.9) {
+      ++linear;
+      CHECK((flat * w).norm() < 1e-3 * scale);
+    }
+    // Rounded coordinates far away, as of a float mesh, are still flat.
+    const Points<double> far_away = (flat.array() + 0.7 * scale * 1024).matrix();
+    const Vector3<float> vertex = Vector3<double>::Constant(0.7 * scale * 1024).cast<float>();
+    Points<double> rounded = far_away.cast<float>().cast<double>();
+    rounded.colwise() -= vertex.cast<double>();
+    if (spread) CHECK((parent_weights(rounded) - w).norm() < 0.02);
+    // From flat to curved there is no jump.
+    if (w.minCoeff() < -0.1) ++outside;
+    VectorX<double> last = w;
+    const Vector3<double> normal = some_rotation().col(2);
+    const auto curved = [&](double bend) {
+      Points<double> offsets = flat;
+      for (Index p = 0; p < k; ++p) offsets.col(p) += bend * scale * (p % 2 == 0 ? 1 : -1) * normal;
+      return offsets;
+    };
+    for (double bend = 1e-6; bend < 3e-3; bend *= 1.2) {
+      const VectorX<double> now = parent_weights(curved(bend));
+      if (spread && w.cwiseAbs().maxCoeff() < 1.0) CHECK((now - last).norm() < 0.3);
+      last = now;
+    }
+    if (spread) CHECK(parent_weights(curved(0.2)).minCoeff() >= 0);
+  }
+  CHECK(outside > 50);
+  CHECK(linear > 50);
 }
 
 TEST_CASE("batch levels: there are levels until one is small", "[batch_levels]") {

@@ -317,6 +317,26 @@ TEMPLATE_TEST_CASE("a free sheet keeps its momentum", "[stretch_limit]", float, 
   }
 }
 
+TEST_CASE("with a limit, a sheet that nothing stretches gains no speed by rounding",
+          "[stretch_limit]") {
+  for (const Sheet<double>& sheet : {grid_sheet<double>(5, 5), triangle_sheet<double>(5, 5, 8)}) {
+    SpringNetwork<double> network = sheet.network;
+    network.bends.clear();
+    PositionBasedSettings<double> settings = limited<double>(0.02, 5, {});
+    settings.gravity.setZero();
+    settings.compression = 0;
+    const auto model = PositionBased<double>::create(network, settings).value();
+    auto ws = model.make_workspace();
+    ClothState<double> state = model.rest_state();
+    state.positions = 0.9 * network.rest_positions;
+    state.positions.colwise() += Vector3<double>(31.7, -12.9, 0.1);
+    const ClothState<double> start = state;
+    REQUIRE(model.step(state, {}, kFrame, ws).advanced);
+    INFO(sheet.name);
+    CHECK(state == start);
+  }
+}
+
 TEMPLATE_TEST_CASE("with a limit: equal bits again, no allocation, scratch checked",
                    "[stretch_limit]", float, double, long double) {
   using Scalar = TestType;

@@ -112,7 +112,9 @@ class BatchLevels {
 /// Weights of parents (offsets from the vertex, 3×k) that sum to one and reproduce a vertex among
 /// them: least Σ W² d². Directions in which the parents hardly spread are not reproduced. Where the
 /// mesh is curved, a weight that would be negative is 0: extrapolated displacements keep garments
-/// in motion for ever.
+/// in motion for ever. A mesh counts as flat where vertex and parents deviate from a plane by at
+/// most 10⁻⁴ of their distance (coordinates are rounded) and as curved from 10⁻³ on; between,
+/// negative weights fade.
 template <class = void>
 VectorX<double> parent_weights(const Points<double>& offsets) {
   const Index k = offsets.cols();
@@ -134,7 +136,11 @@ VectorX<double> parent_weights(const Points<double>& offsets) {
   VectorX<double> w = weighted * normal.inverse() * one;
   if (!(w.cwiseAbs().maxCoeff() < 2.0)) w = spread;
   const DenseMatrix<double, 3, 3> extent = rows.bottomRows(3) * rows.bottomRows(3).transpose();
-  if (1e-9 < extent.determinant()) w = w.cwiseMax(0.0);  // with the vertex, they are in no plane
+  // The square of the deviation: the harmonic sum of the three variances, 0 on lines and planes.
+  const double pairs = 0.5 * (extent.trace() * extent.trace() - extent.squaredNorm());
+  const double squared = 0.0 < pairs ? (std::max)(0.0, extent.determinant() / pairs) : 0.0;
+  const double kept = std::clamp((1e-3 - std::sqrt(squared)) / 9e-4, 0.0, 1.0);
+  w = w.cwiseMax(kept * w);
   return w / w.sum();
 }
 
