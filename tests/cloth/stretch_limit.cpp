@@ -317,23 +317,27 @@ TEMPLATE_TEST_CASE("a free sheet keeps its momentum", "[stretch_limit]", float, 
   }
 }
 
-TEST_CASE("with a limit, a sheet that nothing stretches gains no speed by rounding",
+TEST_CASE("with a limit, a sheet that nothing stretches flies as if it had no springs",
           "[stretch_limit]") {
-  for (const Sheet<double>& sheet : {grid_sheet<double>(5, 5), triangle_sheet<double>(5, 5, 8)}) {
-    SpringNetwork<double> network = sheet.network;
-    network.bends.clear();
-    PositionBasedSettings<double> settings = limited<double>(0.02, 5, {});
-    settings.gravity.setZero();
-    settings.compression = 0;
-    const auto model = PositionBased<double>::create(network, settings).value();
-    auto ws = model.make_workspace();
-    ClothState<double> state = model.rest_state();
-    state.positions = 0.9 * network.rest_positions;
-    state.positions.colwise() += Vector3<double>(31.7, -12.9, 0.1);
-    const ClothState<double> start = state;
+  const Sheet<double> sheet = triangle_sheet<double>(5, 5, 8);
+  SpringNetwork<double> network = sheet.network;
+  network.bends.clear();
+  PositionBasedSettings<double> settings = limited<double>(0.02, 5, {});
+  settings.gravity.setZero();
+  settings.compression = 0;
+  const auto model = PositionBased<double>::create(network, settings).value();
+  network.springs.clear();
+  settings.stretch_limit = 0;
+  const auto plain = PositionBased<double>::create(network, settings).value();
+  auto ws = model.make_workspace(), other = plain.make_workspace();
+  ClothState<double> state = model.rest_state();
+  state.positions *= 0.9;  // a way of the order of the coordinates: differences round
+  state.velocities.colwise() = Vector3<double>(7.3, -4.1, 1.7);
+  ClothState<double> expected = state;
+  for (int k = 0; k < 3; ++k) {
     REQUIRE(model.step(state, {}, kFrame, ws).advanced);
-    INFO(sheet.name);
-    CHECK(state == start);
+    REQUIRE(plain.step(expected, {}, kFrame, other).advanced);
+    CHECK(state == expected);
   }
 }
 

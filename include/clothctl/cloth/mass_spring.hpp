@@ -19,10 +19,11 @@
 // (detail/spring_forces.hpp) starts at 1. It is halved whenever the factorisation fails (values
 // below ¼ become 0, the projection), and doubled again after every third iteration, to at least ¼
 // and at most 1. So every step is a descent direction; and near a minimum, where the exact A is
-// positive definite, convergence is quadratic. A sheet that buckles needs a fifth of the iterations
-// of the projected method. An Armijo backtracking line search on the energy gives global
-// convergence. References: Baraff & Witkin, Large Steps in Cloth Simulation (1998); [Bai 2016],
-// eq. 4-6.
+// positive definite, convergence is quadratic; it is linear with hinges that are folded at rest,
+// whose part of A is the Gauss-Newton matrix at the start of the step. A sheet that buckles needs a
+// fifth of the iterations of the projected method. An Armijo backtracking line search on the energy
+// gives global convergence. References: Baraff & Witkin, Large Steps in Cloth Simulation (1998);
+// [Bai 2016], eq. 4-6.
 
 #include <algorithm>
 #include <cmath>
@@ -96,9 +97,11 @@ class MassSpring {
   std::string check_input(const State& state, const ClothInput<Scalar>& input, Scalar dt,
                           const Workspace& ws) const;
 
-  /// Advances `state` by `dt` (s) under `input`. Never allocates. Fails when: see StepStatus; the
-  /// state is then bitwise unchanged, and `check_input` says why. Complexity: every linear solve
-  /// takes one factorisation of the step matrix, O(n^1.5) on a sheet of n vertices.
+  /// Advances `state` by `dt` (s) under `input`. The iterations of the report are linear solves; of
+  /// a step that is one solve by conjugate gradients, their iterations. Never allocates. Fails
+  /// when: see StepStatus; the state is then bitwise unchanged, and `check_input` says why.
+  /// Complexity: every linear solve takes one factorisation of the step matrix, O(n^1.5) on a sheet
+  /// of n vertices.
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
                                         Workspace& ws) const;
 
@@ -114,9 +117,9 @@ class MassSpring {
   /// Advances `state` by `dt` (s) with at most `newton_steps` Newton steps that start from the end
   /// velocities `guess` (3×n, m/s), whatever integration the settings name. Use it to repeat a
   /// rollout after a small change of its plan. It uses the projected Hessian, whose first step is
-  /// the most cautious. It ends early when a Newton step changes every velocity coordinate by less
-  /// than `step_tolerance`, m/s. Never allocates. Fails as `step` does, and with InvalidInput when
-  /// `guess` has another size or is not finite.
+  /// the most cautious. `limit_energy` has no effect on it. It ends early when a Newton step
+  /// changes every velocity coordinate by less than `step_tolerance`, m/s. Never allocates. Fails
+  /// as `step` does, and with InvalidInput when `guess` has another size or is not finite.
   [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps,
                                              State& state, const ClothInput<Scalar>& input,
                                              Scalar dt, Workspace& ws,
@@ -219,7 +222,7 @@ auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar d
   if (settings_.limit_energy && advances) {
     detail::EnergyBalance<Scalar> balance = steps.energy_balance();
     if (!newton && steps.creates_energy(balance)) {
-      report = steps.bound_energy(limits, report.iterations);
+      report = steps.bound_energy(limits);
       balance = steps.energy_balance();
     }
     steps.remove_energy(balance);

@@ -64,9 +64,12 @@ struct MassSpringSettings {
   /// Largest number of Newton steps in a time step. When it is reached, the time step ends with the
   /// status IterationLimit.
   int max_iterations = 100;
-  /// With true, no step creates energy (see docs/mass_spring.md): a single linear solve that would
-  /// is followed by Newton steps. With false, a step with LinearlyImplicit is one linear solve,
-  /// which is what MassSpringResponse predicts.
+  /// With true, `step` creates no energy (see docs/mass_spring.md): a single linear solve that
+  /// would is followed by Newton steps, and what is left is taken out of the kinetic energy of the
+  /// free vertices. Where that is less, they stop, and the rest stays: springs that hands or
+  /// attachments compress may take up more than the hands are credited with. `step_from` is not
+  /// limited. With false, a step with LinearlyImplicit is one linear solve, which is what
+  /// MassSpringResponse predicts.
   bool limit_energy = true;
   /// How the linear systems of a step are solved.
   LinearSolver linear_solver = LinearSolver::Factor;

@@ -81,11 +81,16 @@ class StepSolver {
   /// Sets ws.kept and ws.drift to take ΔE out of the kinetic energy after the step.
   void remove_energy(const EnergyBalance<Scalar>& balance);
 
-  /// Newton steps from ws.velocity until the step creates no energy or Newton's method converges.
-  /// `solves` counts the linear solves so far.
-  StepReport<Scalar> bound_energy(NewtonLimits<Scalar> limits, int solves) {
+  /// Newton steps from the single linear solve in ws.velocity until the step creates no energy or
+  /// Newton's method converges. Where a matrix has no factor, the status is IterationLimit:
+  /// ws.velocity is as good as the linear solve at least.
+  StepReport<Scalar> bound_energy(NewtonLimits<Scalar> limits) {
     limits.until_bounded = true;
-    return newton_truncated(limits, solves, true);
+    StepReport<Scalar> report = newton_truncated(limits, 1, true);
+    if (report.status != StepStatus::NumericalFailure) return report;
+    const bool usable = is_finite(energy_at(ws_.velocity).value) && all_finite(ws_.gradient);
+    if (usable) report.status = StepStatus::IterationLimit;
+    return report;
   }
 
   /// Newton's method from the end of a rough linear solve. Leaves the best velocities in
