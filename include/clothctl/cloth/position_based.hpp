@@ -31,6 +31,7 @@
 // 2016; Macklin et al., "Small steps", 2019.
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 #include <optional>
 #include <string>
@@ -183,9 +184,7 @@ class PositionBased {
   template <class Sheet>
   void unload(const Sheet& sheet, const typename Sheet::Scratch& memory, const Scalar& h,
               Workspace& ws) const;
-
   bool limited() const { return Scalar(0) < settings_.stretch_limit; }
-
   SpringNetwork<Scalar> network_;
   PositionBasedSettings<Scalar> settings_;
   VectorX<Scalar> inverse_mass_;
@@ -328,8 +327,9 @@ void PositionBased<S>::load(const Sheet& sheet, typename Sheet::Scratch& memory,
   for (int vertex : settings_.pinned) hold(vertex);
   for (int vertex : input.driven_vertices) hold(vertex);
   ws.attachments.load(input, [&](int v) { return !(Scalar(0) < ws.inverse_mass[v]); });
-  // Drag slows the motion that compliant constraints cause; rigid ones do not feel the factor.
-  const Scalar slowing = Scalar(1) + h * settings_.drag;
+  // Drag slows the motion that compliant constraints cause.
+  const bool verlet = settings_.scheme == PositionScheme::Verlet;
+  const Scalar slowing = verlet ? Scalar(1) : Scalar(1) + h * settings_.drag;
   for (Index v = 0; v < vertex_count(); ++v) {
     Scalar* x = memory.points.data() + sheet.offset(static_cast<int>(v));
     Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
@@ -417,13 +417,15 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
         h, Sheet::kStride, [&](int v) { return memory.points.data() + sheet.offset(v); },
         [&](int v) { return Scalar(ws.inverse_mass[v] / slowing); });
   };
-  const auto strain = [&] { sheet.sweep_triangles(h, memory); };
+  const bool verlet = settings_.scheme == PositionScheme::Verlet;
+  using std::sqrt;  // h² k/(1 + h α) with w moves an element as h² k with w/(1 + h α) does
+  const Scalar pace = verlet ? h / sqrt(slowing) : h;
+  const auto strain = [&] { sheet.sweep_triangles(pace, memory); };
   sheet.begin_triangles(memory);
   ws.attachments.begin_substep();
   if (limited())
     return detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, report);
   report.iterations += settings_.iterations;
-  const bool verlet = settings_.scheme == PositionScheme::Verlet;
   if (verlet) return correct_rigid(sheet, memory, strain, attach);
   if (sheet.damped()) return correct_compliant<true>(sheet, memory, strain, attach);
   correct_compliant<false>(sheet, memory, strain, attach);
