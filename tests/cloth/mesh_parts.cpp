@@ -99,13 +99,14 @@ TEST_CASE("mesh parts: those of some vertices are joined while they are small", 
 TEST_CASE("mesh parts: the border group follows the parts", "[mesh_parts]") {
   clothctl_test::ThreadExecutor team{3};
   std::array<int, 3> seen{};
-  for_each_group({0, 4, 9, 11}, team, [&](std::size_t g, std::size_t begin, std::size_t end) {
-    if (g == 2) CHECK((seen[0] == 4 && seen[1] == 5));
-    seen[g] = static_cast<int>(end - begin);
-  });
+  for_each_group({0, 4, 9, 11}, ExecutorRef(team),
+                 [&](std::size_t g, std::size_t begin, std::size_t end) {
+                   if (g == 2) CHECK((seen[0] == 4 && seen[1] == 5));
+                   seen[g] = static_cast<int>(end - begin);
+                 });
   CHECK(seen == std::array<int, 3>{4, 5, 2});
   std::vector<int> visits(10000, 0);
-  for_each_range(visits.size(), team, [&](std::size_t begin, std::size_t end) {
+  for_each_range(visits.size(), ExecutorRef(team), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) ++visits[i];
   });
   CHECK(visits == std::vector<int>(10000, 1));
