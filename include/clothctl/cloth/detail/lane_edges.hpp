@@ -134,6 +134,10 @@ Rule sweep_edges(const LaneEdges<Scalar>& edges, LaneEdgeScratch<Scalar>& scratc
                         scratch.stiffness.of[kind].data(), scratch.damping.of[kind].data(),
                         scratch.inverse.of[kind].data(),   scratch.multiplier.of[kind].data()};
   }
+  if (layout.band_count() == 1) {
+    sweep_grid(layout, edges.present, layout.whole(), points, points + layout.size(), begin);
+    return begin.rule;
+  }
   std::array<Rule, 2 * LaneLayout<Scalar>::kMostBands> found;
   for_each_band(layout, executor, 1, [&](const ColumnBand& band, int i) {
     LaneSweep<Scalar, Rule> sweep = begin;

@@ -46,8 +46,8 @@ struct MeshParts {
     MeshParts some;
     some.count = count;
     int shift = 0;
-    for (; some.count > 1 && kept.size() < static_cast<std::size_t>(some.count * kLeast); ++shift)
-      some.count /= 2;
+    const std::size_t most = kept.size() / static_cast<std::size_t>(kLeast);
+    for (; some.count > 1 && most < static_cast<std::size_t>(some.count); ++shift) some.count /= 2;
     if (some.count == 1) return some;
     for (const int v : kept) some.of.push_back(of[static_cast<std::size_t>(v)] >> shift);
     return some;
