@@ -3,6 +3,7 @@
 // Scalars, matrix types, the state of a sheet, statuses, reports and results.
 
 #include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/longest_axis.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/quoted_text.hpp"
 #include "clothctl/core/report.hpp"

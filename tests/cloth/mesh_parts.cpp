@@ -105,6 +105,10 @@ TEST_CASE("mesh parts: the border group follows the parts", "[mesh_parts]") {
                    seen[g] = static_cast<int>(end - begin);
                  });
   CHECK(seen == std::array<int, 3>{4, 5, 2});
+  team.loops = 0;
+  for_each_group({0, 0, 0, 0}, ExecutorRef(team),
+                 [](std::size_t, std::size_t, std::size_t) { FAIL("there are no items"); });
+  CHECK(team.loops == 0);
   std::vector<int> visits(10000, 0);
   for_each_range(visits.size(), ExecutorRef(team), [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin; i < end; ++i) ++visits[i];

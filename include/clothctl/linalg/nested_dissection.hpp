@@ -15,10 +15,12 @@
 #include <array>
 #include <cassert>
 #include <numeric>
+#include <span>
 #include <type_traits>
 #include <utility>
 #include <vector>
 
+#include "clothctl/core/longest_axis.hpp"
 #include "clothctl/linalg/block_symmetric.hpp"
 #include "clothctl/linalg/elimination_tree.hpp"
 
@@ -164,26 +166,9 @@ class Dissection {
     if (last == end) return open;
     // Sort the separator along its length. A descendant's front then couples to contiguous vertices
     // of it.
-    sort_along(longest_axis(last, end), last, end);
+    const std::span<const int> separator(order_.data() + last, size(end - last));
+    sort_along(longest_axis(positions_, separator), last, end);
     return {add_node(last, end, open)};
-  }
-
-  int longest_axis(int begin, int end) const {
-    int longest = 0;
-    Scalar most = Scalar(0);
-    for (int axis = 0; axis < 3; ++axis) {
-      Scalar low = positions_(axis, order_[size(begin)]), high = low;
-      for (int r = begin; r < end; ++r) {
-        const Scalar x = positions_(axis, order_[size(r)]);
-        if (x < low) low = x;
-        if (high < x) high = x;
-      }
-      if (most < high - low) {
-        most = high - low;
-        longest = axis;
-      }
-    }
-    return longest;
   }
 
   const PointsView<Scalar>& positions_;

@@ -10,10 +10,12 @@
 #include <algorithm>
 #include <cstddef>
 #include <numeric>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "clothctl/concepts/executor.hpp"
+#include "clothctl/core/longest_axis.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -58,26 +60,6 @@ struct MeshParts {
 /// and no border: {0, n, n}.
 using GroupBounds = std::vector<std::size_t>;
 
-/// Returns the axis along which points spread farthest.
-template <RealScalar Scalar, class Iterator>
-Index longest_extent(const Points<Scalar>& points, Iterator begin, Iterator end) {
-  Index best = 0;
-  Scalar most = Scalar(-1);
-  for (Index c = 0; c < 3; ++c) {
-    Scalar low = points(c, *begin), high = low;
-    for (Iterator i = begin; i != end; ++i) {
-      const Scalar& x = points(c, *i);
-      if (x < low) low = x;
-      if (high < x) high = x;
-    }
-    if (most < high - low) {
-      most = high - low;
-      best = c;
-    }
-  }
-  return best;
-}
-
 /// Divides the vertices at `rest`. Allocates. Complexity: O(n log n).
 template <RealScalar Scalar>
 MeshParts divide_mesh(const Points<Scalar>& rest) {
@@ -94,7 +76,8 @@ MeshParts divide_mesh(const Points<Scalar>& rest) {
     for (std::size_t p = 0; p + 1 < bounds.size(); ++p) {
       const auto begin = order.begin() + static_cast<std::ptrdiff_t>(bounds[p]),
                  end = order.begin() + static_cast<std::ptrdiff_t>(bounds[p + 1]);
-      const Index axis = longest_extent(rest, begin, end);
+      const std::span<const int> part(order.data() + bounds[p], bounds[p + 1] - bounds[p]);
+      const int axis = longest_axis(rest, part);
       const auto before = [&](int u, int v) {
         if (rest(axis, u) < rest(axis, v)) return true;
         return !(rest(axis, v) < rest(axis, u)) && u < v;
@@ -133,9 +116,10 @@ GroupBounds sort_by_group(const MeshParts& parts, std::vector<Item>& items, Vert
 }
 
 /// Calls `run(group, begin, end)` for the items of each group: parts at the same time, then those
-/// across borders.
+/// across borders. Does nothing when there are no items.
 template <class Run>
 void for_each_group(const GroupBounds& bounds, const ExecutorRef& executor, const Run& run) {
+  if (bounds.front() == bounds.back()) return;
   const std::size_t parts = bounds.size() - 2;
   executor.for_each_block(static_cast<int>(parts), [&](int block) {
     const std::size_t p = static_cast<std::size_t>(block);
@@ -144,10 +128,11 @@ void for_each_group(const GroupBounds& bounds, const ExecutorRef& executor, cons
   if (parts > 1) run(parts, bounds[parts], bounds[parts + 1]);
 }
 
-/// Calls `run(begin, end)` for ranges of the vertices 0 … n - 1, at the same time.
+/// Calls `run(begin, end)` for ranges of the items 0 … n - 1, at the same time. `vertices`: how
+/// many of them an item stands for.
 template <class Run>
-void for_each_range(std::size_t n, const ExecutorRef& executor, const Run& run) {
-  const std::size_t wanted = n / static_cast<std::size_t>(MeshParts::kLeast);
+void for_each_range(std::size_t n, const ExecutorRef& executor, const Run& run, int vertices = 1) {
+  const std::size_t wanted = n * static_cast<std::size_t>(vertices) / MeshParts::kLeast;
   const std::size_t count = (std::clamp)(wanted, std::size_t{1}, std::size_t{MeshParts::kMost});
   executor.for_each_block(static_cast<int>(count), [&](int block) {
     const std::size_t i = static_cast<std::size_t>(block);
