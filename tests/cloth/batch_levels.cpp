@@ -97,6 +97,7 @@ struct Sheet {
   }
   void correct(int sweeps, double slack) {
     levels.correct(sweeps, Scalar(slack), points.data(), scratch);
+    levels.add(Scalar(1), points.data(), scratch);
   }
   double distance(const VectorX<Scalar>& other) const {
     double most = 0;
@@ -353,6 +354,7 @@ TEST_CASE("batch levels: pieces without connection do not pull on each other", "
   levels.prepare(held, two.tethered, scratch);
   const VectorX<double> before = points;
   levels.correct(3, 0.0, points.data(), scratch);
+  levels.add(1.0, points.data(), scratch);
   CHECK((points - before).cwiseAbs().maxCoeff() < 1e-12);
 }
 

@@ -129,7 +129,7 @@ TEMPLATE_TEST_CASE("batch sheet: sweeps and levels keep the momentum of a free s
   sheet.prepare(Scalar(0.005), true, {}, memory);
   const std::vector<PlainPoint> before = plain_points(memory.points, network.vertex_count());
   for (int turn = 0; turn < 3; ++turn) {
-    sheet.correct_levels(turn, 3, Scalar(0), memory);
+    sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
     sheet.template bend<false, false>(memory);
     sheet.sweep(
         LimitRule<Scalar, BatchSheet<Scalar>::kLanes>{Pack::all(Scalar(0)), Pack::all(Scalar(0.1))},
@@ -161,7 +161,7 @@ TEMPLATE_TEST_CASE("batch sheet: nothing moves at rest, with levels and tethers"
     sheet.prepare(Scalar(0.005), true, held, memory);
     const VectorX<Scalar> before = memory.points;
     for (int turn = 0; turn < 3; ++turn) {
-      sheet.correct_levels(turn, 3, Scalar(0), memory);
+      sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
       sheet.template bend<false, false>(memory);
       const auto rule =
           sheet.sweep(LimitRule<Scalar, BatchSheet<Scalar>::kLanes>{Pack::all(Scalar(0)),
@@ -190,7 +190,7 @@ TEMPLATE_TEST_CASE("batch sheet: held vertices never move", "[batch_sheet]", flo
   const VectorX<Scalar> before = memory.points;
   sheet.predict(Scalar(1), Vector3<Scalar>::Constant(Scalar(0.01)), memory);
   for (int turn = 0; turn < 2; ++turn) {
-    sheet.correct_levels(turn, 3, Scalar(0), memory);
+    sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
     sheet.template bend<false, false>(memory);
     sheet.sweep(
         LimitRule<Scalar, BatchSheet<Scalar>::kLanes>{Pack::all(Scalar(0)), Pack::all(Scalar(0.1))},

@@ -149,21 +149,23 @@ TEMPLATE_TEST_CASE("edge rules: the limit rule acts by branches", "[edge_rules]"
                    long double) {
   using Scalar = TestType;
   using Pack = Simd<Scalar, kCount<Scalar>>;
-  int soft = 0, rigid = 0, short_edges = 0;
+  int soft = 0, rigid = 0, free_edges = 0, short_edges = 0;
   for (unsigned seed = 0; seed < 40; ++seed) {
     Edges<Scalar> edges(seed, 0.7, 1.3);
-    const double slack = 0.03, compression = 0.1;
-    LimitRule<Scalar, kCount<Scalar>> rule{Pack::all(Scalar(slack)),
-                                           Pack::all(Scalar(compression))};
+    const double slack = 0.03, compression = 0.4, free = seed % 2 == 0 ? 0.0 : 0.125;
+    LimitRule<Scalar, kCount<Scalar>> rule{Pack::all(Scalar(slack)), Pack::all(Scalar(compression)),
+                                           Pack::all(Scalar(free))};
     const auto s = edges.scales(rule, true);
     double worst = 0;
     for (std::size_t i = 0; i < edges.kLanes; ++i) {
       const double e = edges.stretch(i), sigma = plain(edges.share[i]);
       worst = std::max(worst, e);
       double expected = 0;
-      if (e < 0) {
-        expected = compression * sigma * e;
+      if (e < -free) {
+        expected = compression * sigma * (e + free);
         ++short_edges;
+      } else if (e < 0) {
+        ++free_edges;
       } else if (e - slack > sigma * e) {
         expected = e - slack;
         // What is left is the slack, as part of the length before.
@@ -178,7 +180,7 @@ TEMPLATE_TEST_CASE("edge rules: the limit rule acts by branches", "[edge_rules]"
     }
     CHECK(std::abs(plain(rule.worst.largest()) - worst) < kSmall<Scalar>);
   }
-  CHECK(std::min({soft, rigid, short_edges}) > 3);
+  CHECK(std::min({soft, rigid, free_edges, short_edges}) > 3);
 }
 
 TEMPLATE_TEST_CASE("edge rules: the tension rule removes what exceeds the slack and no more",

@@ -73,6 +73,7 @@ struct Sheet {
   }
   void correct(int sweeps, double slack) {
     levels.correct(sweeps, Scalar(slack), points.data(), scratch);
+    levels.add(Scalar(1), points.data(), scratch);
   }
   /// The largest distance from `other`.
   double distance(const VectorX<Scalar>& other) const {

@@ -181,7 +181,7 @@ TEMPLATE_TEST_CASE("lane sheet: nothing moves at rest, with levels and without",
       load(sheet, memory, network.rest_positions, network.rest_positions, w);
       sheet.prepare(Scalar(0.005), true, held, memory);
       for (int turn = 0; turn < 3; ++turn) {
-        sheet.correct_levels(turn, 3, Scalar(0), memory);
+        sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
         sheet.template bend<false, false>(memory);
         const auto rule =
             sheet.sweep(LimitRule<Scalar, LaneSheet<Scalar>::kLanes>{Pack::all(Scalar(0)),

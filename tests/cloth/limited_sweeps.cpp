@@ -1,5 +1,6 @@
 #include "clothctl/cloth/detail/limited_sweeps.hpp"
 
+#include <algorithm>
 #include <string>
 #include <vector>
 
@@ -21,10 +22,13 @@ struct RecordingSheet {
     std::string calls;
     std::vector<double> worst;
     std::size_t sweeps = 0;
+    double slack = -1;  // of the last sweep for the limit alone
   };
   int vertex_count() const { return 1; }
   std::size_t offset(int) const { return 0; }
-  void correct_levels(int, int, double, Scratch& memory) const { memory.calls += 'L'; }
+  void correct_levels(int, int, double, const PassiveFrame<double>&, Scratch& memory) const {
+    memory.calls += 'L';
+  }
   void sweep_unlimited(Scratch& memory) const { memory.calls += 'u'; }
   template <bool, bool>
   void bend(Scratch& memory) const {
@@ -36,6 +40,7 @@ struct RecordingSheet {
   }
   TensionRule<double, 1> sweep(TensionRule<double, 1> rule, Scratch& memory) const {
     memory.calls += 't';
+    memory.slack = rule.slack.largest();
     return swept(rule, memory);
   }
   template <class Rule>
@@ -51,7 +56,7 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   StepReport<double> report;
   report.status = StepStatus::Converged;
   sweep_within_limit(
-      RecordingSheet{}, memory, settings, part, [&] { memory.calls += 'e'; },
+      RecordingSheet{}, memory, settings, part, {}, [&] { memory.calls += 'e'; },
       [&] { memory.calls += 'a'; }, report);
   return report;
 }
@@ -111,4 +116,47 @@ TEST_CASE("limited sweeps: without extra sweeps the start does not move", "[limi
   CHECK(memory.calls == "Lubeaseas");
   CHECK(report.status == StepStatus::Converged);
   CHECK(memory.start[0] == 0.1);  // the same bits
+}
+
+TEST_CASE("limited sweeps: motion is measured against the held vertex and gravity",
+          "[limited_sweeps]") {
+  RecordingSheet::Scratch memory;
+  memory.points << 1, 2, 3, 0;
+  memory.start << 0.5, 2, 4, 0;
+  PositionBasedSettings<double> settings;
+  settings.gravity = Vector3<double>(0, 3, -4);
+  const auto frame = substep_frame(RecordingSheet{}, memory, settings, 0.1, {0});
+  CHECK(frame.mean.x == 0.5);
+  CHECK(frame.mean.y == 0);
+  CHECK(frame.mean.z == -1);
+  CHECK(frame.gift == Approx(0.0625));  // (5 · 5 m/s² · 0.01 s²)²
+}
+
+TEST_CASE("limited sweeps: a state within the limit is only measured", "[limited_sweeps]") {
+  RecordingSheet::Scratch memory;
+  memory.worst = {as_part(0.05)};
+  memory.start[0] = 7;
+  StepReport<double> report;
+  pull_within_limit(RecordingSheet{}, memory, limit_of_five_percent(), report);
+  CHECK(memory.calls == "t");
+  CHECK(memory.start[0] == 7);
+  CHECK(report.iterations == 0);
+}
+
+TEST_CASE("limited sweeps: a state beyond the limit is pulled back with its start",
+          "[limited_sweeps]") {
+  for (const int allowed : {0, 1, 60}) {
+    auto settings = limit_of_five_percent();
+    settings.extra_sweeps = allowed;
+    RecordingSheet::Scratch memory;
+    memory.worst = {0.3, 0.2, 0.04};
+    memory.start[0] = 7;
+    StepReport<double> report;
+    pull_within_limit(RecordingSheet{}, memory, settings, report);
+    const int sweeps = std::min(allowed, 2);
+    CHECK(memory.calls == (allowed == 0 ? "" : allowed == 1 ? "tt" : "ttt"));
+    CHECK(memory.start[0] == 7 + sweeps);  // each sweep moves the points by one
+    CHECK(report.iterations == sweeps);
+    if (sweeps > 0) CHECK(memory.slack == Approx(as_part(0.03)));  // as in the substeps
+  }
 }

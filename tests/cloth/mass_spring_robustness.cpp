@@ -5,158 +5,16 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
-#include <random>
 
 #include "clothctl/cloth/mass_spring.hpp"
-#include "clothctl/network/rope.hpp"
-#include "clothctl/network/sheet.hpp"
-#include "clothctl/network/solid.hpp"
 #include "support/catch.hpp"
+#include "support/random_bodies.hpp"
 #include "support/tier.hpp"
 
 using namespace clothctl;
+using clothctl_test::Trial;
 
 namespace {
-
-/// Random numbers that are the same on every platform.
-class Draw {
- public:
-  explicit Draw(std::uint64_t seed) : engine_(seed) {}
-  double uniform(double low, double high) {
-    return low + (high - low) * (static_cast<double>(engine_() >> 11) / 9007199254740992.0);
-  }
-  double decades(double low, double high) { return std::pow(10.0, uniform(low, high)); }
-  bool chance(double share) { return uniform(0, 1) < share; }
-  int whole(int low, int high) {
-    return std::min(high, low + static_cast<int>(uniform(0, high - low + 1)));
-  }
-  Vector3<double> vector(double size) {
-    const double x = uniform(-size, size), y = uniform(-size, size), z = uniform(-size, size);
-    return {x, y, z};
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
-
-SpringNetwork<double> random_sheet(Draw& draw, double size, bool hinged) {
-  Material<double> material;
-  material.area_density = draw.decades(-2, 1);
-  material.set_stretch(draw.decades(0, 5));
-  material.shear = material.stretch_warp * draw.decades(-3, 0);
-  material.set_bending(draw.chance(0.2) ? 0.0 : draw.decades(-8, -2));
-  material.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
-  const int rows = draw.whole(2, 8), cols = draw.whole(2, 8);
-  const double height = size * draw.decades(-1, 0);
-  const GridMesh<double> grid = make_grid<double>(rows, cols, size, height).value();
-  if (!hinged) return sheet_network(grid, material).value();
-  return sheet_network<double>(grid.positions, grid.triangles, material).value();
-}
-
-SpringNetwork<double> random_rope(Draw& draw, double size) {
-  RopeSettings<double> settings;
-  settings.segments = draw.whole(1, 20);
-  settings.length = size;
-  settings.mass_per_length = draw.decades(-3, 0);
-  settings.stretch = draw.decades(0, 5);
-  settings.bending = draw.decades(-8, -2);
-  settings.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
-  return rope_network(settings).value();
-}
-
-SpringNetwork<double> random_ball(Draw& draw, double size) {
-  SolidSettings<double> settings;
-  settings.density = draw.decades(0, 3);
-  settings.youngs_modulus = draw.decades(2, 7);
-  settings.damping_time = draw.chance(0.5) ? 0.0 : draw.decades(-5, -1);
-  const auto mesh = make_ball<double>(size / 2, draw.whole(1, 2), Vector3<double>::Zero());
-  return solid_network<double>(mesh.value(), settings).value();
-}
-
-/// A body with its start and the motion of its hands.
-struct Trial {
-  SpringNetwork<double> network;
-  MassSpringSettings<double> settings;
-  ClothState<double> start;
-  std::vector<int> driven;
-  Vector3<double> stroke = Vector3<double>::Zero();
-  double rate = 0, dt = 0;
-  /// Vertices with springs to points, their stiffnesses and the way of the points.
-  std::vector<int> attached;
-  std::vector<double> stiffness;
-  Vector3<double> drift = Vector3<double>::Zero();
-
-  /// `hinged`: a sheet has a hinge at each edge between two triangles.
-  explicit Trial(std::uint64_t seed, bool hinged) {
-    Draw draw(seed);
-    const double size = draw.decades(-1, 0.5);
-    const int kind = draw.whole(0, 9);
-    network = kind < 6   ? random_sheet(draw, size, hinged)
-              : kind < 9 ? random_rope(draw, size)
-                         : random_ball(draw, size);
-    if (draw.chance(0.2)) settings.gravity.setZero();
-    if (draw.chance(0.5)) settings.drag = draw.decades(-2, 1);
-    const int n = static_cast<int>(network.vertex_count());
-    const int hold = draw.whole(0, 2);  // free, pinned, driven
-    std::vector<int> held{0, n - 1};
-    if (hold == 1) settings.pinned = held;
-    if (hold == 2) driven = held;
-    stroke = draw.vector(0.4 * size);
-    rate = draw.decades(-0.5, 1.2);
-    dt = draw.decades(-3.5, -1.2);
-    double edge = size;
-    for (const Spring<double>& s : network.springs) edge = std::min(edge, s.rest_length);
-    const double crumple = edge * draw.decades(-4, -0.3), speed = draw.decades(-2, 1);
-    start = {network.rest_positions, Points<double>::Zero(3, n)};
-    for (Index i = 0; i < n; ++i) {
-      start.positions.col(i) += draw.vector(crumple);
-      start.velocities.col(i) = draw.vector(speed);
-    }
-  }
-
-  /// Lets a sheet rest folded, holds some more of its vertices and attaches others.
-  void add_folds(std::uint64_t seed) {
-    Draw draw(seed + 1000000007u);
-    const double most = draw.decades(-2, 2);
-    for (BendStencil<double>& b : network.bends) {
-      if (b.count != 4 || !(b.weight[2] < 0) || !(b.weight[3] < 0) || draw.chance(0.2)) continue;
-      b.rest_fold = std::tan(draw.uniform(-1, 1) * std::atan(most));
-    }
-    const int n = static_cast<int>(network.vertex_count());
-    std::vector<int>& held = driven.empty() ? settings.pinned : driven;
-    if (!held.empty() && draw.chance(0.7)) {
-      for (int v = 1; v + 1 < n && v < 4; ++v) held.push_back(v);
-    }
-    const int count = draw.whole(0, 3);
-    for (int j = 0; j < count; ++j) {
-      const int v = draw.whole(0, n - 1);
-      if (std::find(attached.begin(), attached.end(), v) != attached.end()) continue;
-      attached.push_back(v);  // float rounds the mean point of two springs
-      stiffness.push_back(draw.decades(-2, 5));
-    }
-    drift = draw.vector(draw.decades(-2, 1));
-  }
-
-  /// Adds the prescribed positions at the end of step `k` to an input.
-  void drive(int k, ClothInput<double>& input) const {
-    input.driven_vertices = driven;
-    input.driven_positions.resize(3, static_cast<Index>(driven.size()));
-    for (std::size_t j = 0; j < driven.size(); ++j) {
-      const double phase = rate * dt * (k + 1) + (j == 0 ? 0.0 : 1.0);
-      const double sway = std::sin(phase) - std::sin(j == 0 ? 0.0 : 1.0);
-      input.driven_positions.col(static_cast<Index>(j)) =
-          start.positions.col(driven[j]) + sway * stroke;
-    }
-    input.attached_vertices = attached;
-    input.attached_positions.resize(3, static_cast<Index>(attached.size()));
-    input.attachment_stiffness.resize(static_cast<Index>(attached.size()));
-    for (std::size_t j = 0; j < attached.size(); ++j) {
-      const Index i = static_cast<Index>(j);
-      input.attached_positions.col(i) = start.positions.col(attached[j]) + dt * (k + 1) * drift;
-      input.attachment_stiffness[i] = stiffness[j];
-    }
-  }
-};
 
 struct Outcome {
   bool finite = true, bounded = true;
@@ -242,7 +100,7 @@ double hand_work(const Trial& trial, const SpringNetwork<double>& network,
     add_forces(network, is_held, mean, before.positions, x, forces);
     for (const int i : held) {
       const Vector3<double> gained = (v.col(i) - before.velocities.col(i)) / trial.dt;
-      const Vector3<double> own = gained + trial.settings.drag * v.col(i) - trial.settings.gravity;
+      const Vector3<double> own = gained + trial.drag * v.col(i) - trial.gravity;
       work[mean ? 1 : 0] += (network.mass[i] * own - forces.col(i)).dot(step.col(i));
     }
   }
@@ -273,12 +131,12 @@ template <class S>
 Outcome run(const Trial& trial, Integration integration, int steps) {
   MassSpringSettings<S> settings;
   settings.integration = integration;
-  settings.gravity = trial.settings.gravity.cast<S>();
-  settings.drag = S(trial.settings.drag);
-  settings.pinned = trial.settings.pinned;
+  settings.gravity = trial.gravity.cast<S>();
+  settings.drag = S(trial.drag);
+  settings.pinned = trial.pinned;
   const auto model = MassSpring<S>::create(trial.network.template cast<S>(), settings).value();
   auto ws = model.make_workspace();
-  ClothState<S> state{trial.start.positions.cast<S>(), trial.start.velocities.cast<S>()};
+  ClothState<S> state = trial.state<S>();
   const SpringNetwork<double> network = model.network().template cast<double>();
   const VectorX<double>& mass = network.mass;
   const auto kinetic = [&](const ClothState<S>& s) {
@@ -290,14 +148,7 @@ Outcome run(const Trial& trial, Integration integration, int steps) {
   const double start = kinetic(state) + elastic(network, state);
   double work = 0, moved = 0, last = start;
   for (int k = 0; k < steps; ++k) {
-    ClothInput<double> wanted;
-    trial.drive(k, wanted);
-    ClothInput<S> input;
-    input.driven_vertices = wanted.driven_vertices;
-    input.driven_positions = wanted.driven_positions.cast<S>();
-    input.attached_vertices = wanted.attached_vertices;
-    input.attached_positions = wanted.attached_positions.cast<S>();
-    input.attachment_stiffness = wanted.attachment_stiffness.cast<S>();
+    const ClothInput<S> input = trial.input<S>(k);
     const ClothState<double> before{state.positions.template cast<double>(),
                                     state.velocities.template cast<double>()};
     if (!model.step(state, input, S(trial.dt), ws).advanced) {
@@ -390,8 +241,8 @@ TEST_CASE("a step in float that advances without the limit of energy advances wi
     ++hard;
     std::array<bool, 2> advanced{false, false};
     MassSpringSettings<float> settings;
-    settings.gravity = trial.settings.gravity.cast<float>();
-    settings.pinned = trial.settings.pinned;
+    settings.gravity = trial.gravity.cast<float>();
+    settings.pinned = trial.pinned;
     settings.max_linear_iterations = 200;
     settings.max_iterations = 20;
     if (iterative) settings.linear_solver = LinearSolver::ConjugateGradient;
@@ -399,8 +250,7 @@ TEST_CASE("a step in float that advances without the limit of energy advances wi
       settings.limit_energy = limited;
       const auto model = MassSpring<float>::create(trial.network.cast<float>(), settings).value();
       auto ws = model.make_workspace();
-      ClothState<float> state{trial.start.positions.cast<float>(),
-                              trial.start.velocities.cast<float>()};
+      ClothState<float> state = trial.state<float>();
       const StepReport<float> report = model.step(state, {}, static_cast<float>(trial.dt), ws);
       advanced[limited ? 1 : 0] = report.advanced;
       CHECK(all_finite(state.positions));

@@ -44,6 +44,10 @@ TEMPLATE_TEST_CASE("position-based settings: the defaults are valid and as docum
   CHECK(settings.iterations == 2);
   CHECK(settings.gravity == Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81)));
   CHECK(settings.drag == Scalar(0));
+  CHECK(settings.stretch_limit == Scalar(0));
+  CHECK(settings.free_compression == Scalar(0.1));
+  CHECK(settings.compression == Scalar(0.1));
+  CHECK(settings.extra_sweeps == 60);
   CHECK(settings.verlet_damping == Scalar(0.01));
   CHECK(settings.bend_relaxation == Scalar(0.2));
   CHECK_FALSE(settings.air.enabled());
@@ -80,11 +84,15 @@ TEMPLATE_TEST_CASE("position-based settings: extreme but valid values are accept
   CHECK(said<Scalar>([](Settings& s) { s.pinned = {0, 1, 2, 3}; }).empty());
   for (const Scalar good : {Scalar(0), Limits<Scalar>::min(), Scalar(0.3), Limits<Scalar>::max()}) {
     CHECK(said<Scalar>([&](Settings& s) { s.drag = good; }).empty());
+    CHECK(said<Scalar>([&](Settings& s) { s.stretch_limit = good; }).empty());
     CHECK(said<Scalar>([&](Settings& s) { s.air = {good, good, good}; }).empty());
   }
   for (const Scalar part : {Scalar(0), Limits<Scalar>::min(), Scalar(0.3), Scalar(1)}) {
     CHECK(said<Scalar>([&](Settings& s) { s.verlet_damping = part; }).empty());
     CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = part; }).empty());
+    CHECK(said<Scalar>([&](Settings& s) { s.compression = part; }).empty());
+    CHECK(said<Scalar>([&](Settings& s) { s.free_compression = part; }).empty() ==
+          (part < Scalar(1)));
     CHECK(said<Scalar>([&](Settings& s) { s.spring_relaxation.assign(3, part); }).empty());
   }
 }
@@ -106,6 +114,8 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
   }
   for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1), nan, infinity, -infinity}) {
     CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) == "drag is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.stretch_limit = bad; }) ==
+          "stretch limit is negative or not finite");
     CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) ==
           "air density is negative or not finite");
     CHECK(said<Scalar>([&](Settings& s) { s.air.normal_coefficient = bad; }) ==
@@ -119,6 +129,10 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
           "verlet damping is outside 0 to 1");
     CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = bad; }) ==
           "bend relaxation is outside 0 to 1");
+    CHECK(said<Scalar>([&](Settings& s) { s.compression = bad; }) ==
+          "compression is outside 0 to 1");
+    CHECK(said<Scalar>([&](Settings& s) { s.free_compression = bad; }) ==
+          "free compression is not from 0 to less than 1");
     for (std::size_t e = 0; e < 3; ++e) {
       CHECK(said<Scalar>([&](Settings& s) {
               s.spring_relaxation.assign(3, Scalar(0.5));
@@ -126,6 +140,12 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
             }) == "relaxation of spring " + std::to_string(e) + " is outside 0 to 1");
     }
   }
+  CHECK(said<Scalar>([](Settings& s) { s.extra_sweeps = -1; }) ==
+        "extra_sweeps is -1, must be at least 0");
+  CHECK(said<Scalar>([](Settings& s) {
+          s.scheme = PositionScheme::Verlet;
+          s.stretch_limit = Scalar(0.1);
+        }) == "stretch limit needs the scheme Xpbd");
   CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(2, Scalar(1)); }) ==
         "2 spring relaxations for 3 springs");
   CHECK(said<Scalar>([](Settings& s) { s.spring_relaxation.assign(4, Scalar(1)); }) ==

@@ -126,6 +126,8 @@ class MassSpring {
                                              Scalar step_tolerance = Scalar(0)) const;
 
  private:
+  friend struct detail::StepParts<Scalar>;
+
   /// Returns true when this model, or one of the same structure, made the workspace.
   bool fits(const Workspace& ws) const;
 

@@ -290,6 +290,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   report.status = StepStatus::Converged;
   const Scalar h = dt / Scalar(static_cast<double>(settings_.substeps));
   load(sheet, memory, state, input, h, ws);
+  if (limited()) detail::pull_within_limit(sheet, memory, settings_, report);
   for (int part = 1; part <= settings_.substeps; ++part) {
     if (settings_.air.enabled()) blow(sheet, memory, input, h, ws);
     predict(sheet, memory, state, input, part, h, ws);
@@ -423,8 +424,11 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   const auto strain = [&] { sheet.sweep_triangles(pace, memory); };
   sheet.begin_triangles(memory);
   ws.attachments.begin_substep();
-  if (limited())
-    return detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, report);
+  if (limited()) {
+    const auto frame = detail::substep_frame(sheet, memory, settings_, h, ws.held);
+    return detail::sweep_within_limit(sheet, memory, settings_, part, frame, strain, attach,
+                                      report);
+  }
   report.iterations += settings_.iterations;
   if (verlet) return correct_rigid(sheet, memory, strain, attach);
   if (sheet.damped()) return correct_compliant<true>(sheet, memory, strain, attach);

@@ -40,8 +40,11 @@ struct PositionBasedSettings {
   /// edge exceeds it: the report says by how much. Without a limit the sheet is as soft as the
   /// sweeps leave it. With one, a substep does `iterations` sweeps in which dampers do not act.
   Scalar stretch_limit = Scalar(0);
-  /// With a limit: the share of a compression that a sweep removes, 0 to 1. Fabric cannot be
-  /// pushed; large shares fight with the limit.
+  /// With a limit: the compression (1 minus length over rest length) that an edge does not resist,
+  /// 0 to less than 1. Fabric cannot be pushed, and sweeps that push fight with the limit: with 0 a
+  /// sheet at rest keeps trembling.
+  Scalar free_compression = Scalar(0.1);
+  /// With a limit: the share of a compression beyond the free one that a sweep removes, 0 to 1.
   Scalar compression = Scalar(0.1);
   /// With a limit: the most sweeps that the last substep adds until the limit is kept, at least 0.
   int extra_sweeps = 60;
@@ -94,6 +97,8 @@ struct PositionBasedSettings {
     if (!requires(const Scalar& s) { static_cast<double>(s); } && Scalar(0) < stretch_limit)
       return "stretch limit needs a scalar that converts to double";
     if (no_part(compression)) return "compression is outside 0 to 1";
+    if (negative(free_compression) || !(free_compression < Scalar(1)))
+      return "free compression is not from 0 to less than 1";
     if (extra_sweeps < 0)
       return "extra_sweeps is " + std::to_string(extra_sweeps) + ", must be at least 0";
     if (no_part(verlet_damping)) return "verlet damping is outside 0 to 1";

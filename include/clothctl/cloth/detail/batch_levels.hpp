@@ -22,6 +22,7 @@
 
 #include "clothctl/cloth/detail/edge_batches.hpp"
 #include "clothctl/cloth/detail/level_input.hpp"
+#include "clothctl/cloth/detail/passive_share.hpp"
 #include "clothctl/cloth/detail/rigid_motion.hpp"
 #include "clothctl/cloth/detail/surface_distance.hpp"
 
@@ -75,10 +76,16 @@ class BatchLevels {
   void prepare(const std::vector<unsigned char>& held, const std::vector<int>& list,
                Scratch& scratch) const;
 
-  /// Moves the vertices in `points`. `sweeps` a level; `slack`: part of its length by which an edge
-  /// may stay too long.
-  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
+  /// Computes the displacements of the vertices in `points`. `sweeps` a level; `slack`: part of its
+  /// length by which an edge may stay too long.
+  void correct(int sweeps, const Scalar& slack, const Scalar* points, Scratch& scratch,
                const ExecutorRef& executor = {}) const;
+  /// Returns the share of the displacements that adds no kinetic energy but the gift to the
+  /// substep that began at `start`.
+  Scalar share(const PassiveFrame<Scalar>& frame, const Scalar* points, const Scalar* start,
+               const Scratch& scratch) const;
+  /// Moves the vertices in `points` by a share of the displacements.
+  void add(const Scalar& share, Scalar* points, const Scratch& scratch) const;
 
  private:
   /// For each vertex of the sheet, the vertices of a level near it with their distances, nearest
@@ -101,8 +108,7 @@ class BatchLevels {
   /// Adds the displacement `coarse` of level l to the next finer vertices of positive inverse mass.
   void interpolate(const Scalar* coarse, std::size_t l, Scalar* fine,
                    const ExecutorRef& executor) const;
-  void add_without_rigid_motion(Scalar* points, Scratch& scratch,
-                                const ExecutorRef& executor) const;
+  void remove_rigid_motion(const Scalar* points, Scratch& scratch) const;
 
   std::vector<BatchLevel<Scalar>> levels_;
   std::vector<int> tethered_;
@@ -329,8 +335,8 @@ void BatchLevels<Scalar>::interpolate(const Scalar* coarse, std::size_t l, Scala
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
-                                  const ExecutorRef& executor) const {
+void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, const Scalar* points,
+                                  Scratch& scratch, const ExecutorRef& executor) const {
   using std::sqrt;
   if (levels_.empty()) return;
   for (std::size_t l = levels_.size(); l-- > 0;) {
@@ -365,38 +371,57 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* point
       for (std::size_t c = 0; c < 3; ++c) y[4 * i + c] = y[4 * i + c] - x[c];
     }
   }
-  if (scratch.anything_held) {
-    interpolate(scratch.points[0].data(), 0, points, executor);
-  } else {
-    add_without_rigid_motion(points, scratch, executor);
+  Scalar* moved = scratch.displacement.data();
+  const std::size_t size = 4 * vertex_count_;
+  for (std::size_t at = 0; at < size; at += 4) {
+    for (std::size_t c = 0; c < 3; ++c) moved[at + c] = Scalar(0);
+    moved[at + 3] = points[at + 3];
   }
+  interpolate(scratch.points[0].data(), 0, moved, executor);
+  if (!scratch.anything_held) remove_rigid_motion(points, scratch);
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scratch,
-                                                   const ExecutorRef& executor) const {
+void BatchLevels<Scalar>::remove_rigid_motion(const Scalar* points, Scratch& scratch) const {
   struct Point {
     Scalar x, y, z;
   };
   const auto read = [](const Scalar* from) { return Point{from[0], from[1], from[2]}; };
-  const Scalar zero = Scalar(0);
   Scalar* moved = scratch.displacement.data();
   const std::size_t size = 4 * vertex_count_;
-  for (std::size_t at = 0; at < size; at += 4) {
-    for (std::size_t c = 0; c < 3; ++c) moved[at + c] = zero;
-    moved[at + 3] = points[at + 3];
-  }
-  interpolate(scratch.points[0].data(), 0, moved, executor);
   const auto rigid = closest_rigid_displacement<Scalar, Scalar>([&](auto&& visit) {
     for (std::size_t at = 0; at < size; at += 4)
       visit(Scalar(Scalar(1) / points[at + 3]), read(points + at), read(moved + at));
   });
   for (std::size_t at = 0; at < size; at += 4) {
-    Scalar* x = points + at;
-    const Point d = rigid.removed_from(read(moved + at), read(x));
-    x[0] = x[0] + d.x;
-    x[1] = x[1] + d.y;
-    x[2] = x[2] + d.z;
+    const Point d = rigid.removed_from(read(moved + at), read(points + at));
+    moved[at] = d.x;
+    moved[at + 1] = d.y;
+    moved[at + 2] = d.z;
+  }
+}
+
+template <RealScalar Scalar>
+Scalar BatchLevels<Scalar>::share(const PassiveFrame<Scalar>& frame, const Scalar* points,
+                                  const Scalar* start, const Scratch& scratch) const {
+  const Scalar* moved = scratch.displacement.data();
+  PassiveSums<Scalar> sums(Scalar(0));
+  for (std::size_t at = 0; at < 4 * vertex_count_ && !levels_.empty(); at += 4) {
+    const Scalar *x = points + at, *before = start + at, *d = moved + at;
+    if (!(Scalar(0) < d[3])) continue;
+    sums.add(Scalar(Scalar(1) / d[3]), Scalar(x[0] - before[0] - frame.mean.x),
+             Scalar(x[1] - before[1] - frame.mean.y), Scalar(x[2] - before[2] - frame.mean.z),
+             Triple<Scalar>{d[0], d[1], d[2]});
+  }
+  return passive_share(sums, frame.gift);
+}
+
+template <RealScalar Scalar>
+void BatchLevels<Scalar>::add(const Scalar& share, Scalar* points, const Scratch& scratch) const {
+  const Scalar* moved = scratch.displacement.data();
+  for (std::size_t at = 0; at < 4 * vertex_count_ && !levels_.empty(); at += 4) {
+    if (!(Scalar(0) < moved[at + 3])) continue;
+    for (std::size_t c = 0; c < 3; ++c) points[at + c] = points[at + c] + share * moved[at + c];
   }
 }
 

@@ -108,10 +108,14 @@ class BatchSheet {
   }
 
   /// As LaneSheet::correct_levels.
-  void correct_levels(int turn, int sweeps, const Scalar& slack, Scratch& scratch) const {
+  void correct_levels(int turn, int sweeps, const Scalar& slack, const PassiveFrame<Scalar>& frame,
+                      Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
-    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set],
-                         scratch.executor);
+    auto& memory = scratch.levels[set];
+    Scalar* points = scratch.points.data();
+    levels_[set].correct(sweeps, slack, points, memory, scratch.executor);
+    const Scalar share = levels_[set].share(frame, points, scratch.start.data(), memory);
+    levels_[set].add(share, points, memory);
   }
 
  private:

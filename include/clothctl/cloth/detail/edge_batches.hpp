@@ -199,7 +199,7 @@ template <RealScalar Scalar, class Rule>
 Rule sweep_edges(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scratch,
                  Scalar* points, const Scalar* start, const Rule& rule,
                  const ExecutorRef& executor = {}) {
-  if (edges.bounds.size() == 3)  // one part
+  if (edges.bounds.size() == 3 || edges.size() == 0)  // one part, or nothing
     return sweep_edge_range(edges, scratch, points, start, rule, 0, edges.size());
   std::array<Rule, MeshParts::kMost + 1> found;
   for_each_group(edges.bounds, executor, [&](std::size_t g, std::size_t begin, std::size_t end) {

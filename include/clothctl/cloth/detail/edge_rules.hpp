@@ -10,10 +10,10 @@
 //   RigidRule      s = r e / (w_a + w_b), relaxation r; from both sides
 //   CompliantRule  s = -Δλ/|d|,  Δλ = -( h² k (|d| - l0) + λ + h c d·(d - d_start)/|d| )
 //                                      / ( (h² k + h c)(w_a + w_b) + 1 ),   λ += Δλ      (XPBD)
-//   LimitRule      s = max(t, κ t) / (w_a + w_b),  t = max(σ e, e - slack),
+//   LimitRule      s = (max(σ e, e - slack, 0) + κ σ min(e + free, 0)) / (w_a + w_b),
 //                  σ = h² k (w_a + w_b) / (h² k (w_a + w_b) + 1): what one XPBD visit corrects.
-//                  So an edge resists compression with the share κ, stretch with its stiffness, and
-//                  stretch beyond the slack rigidly
+//                  So an edge resists stretch with its stiffness, stretch beyond the slack rigidly,
+//                  and compression beyond what is free with the share κ
 //   TensionRule    s = ω max(e - slack, 0) / (w_a + w_b): the limit alone, over-relaxed by ω
 //
 // A rule has `scale(at, q, along)`, which returns s of the lanes from `at` on, where q = |d|² and
@@ -79,19 +79,22 @@ struct CompliantRule {
   void join(const CompliantRule&) {}
 };
 
-/// Stiffness, a limit of stretch and a share of compression. Keeps the largest e that it met.
+/// Stiffness, a limit of stretch and a share of large compressions. Keeps the largest e that it
+/// met.
 template <RealScalar Scalar, int kLanes>
 struct LimitRule {
   static constexpr bool kNeedsStart = false;
   using Pack = Simd<Scalar, kLanes>;
-  Pack slack, compression, worst = Pack::all(Scalar(0));
+  Pack slack, compression, free = Pack::all(Scalar(0)), worst = Pack::all(Scalar(0));
   template <class Along>
   CLOTHCTL_KERNEL Pack scale(const EdgeData<Scalar>& data, std::size_t at, const Pack& q,
                              const Along&) {
     const Pack e = Pack::all(Scalar(1)) - Pack::load(data.rest + at) * reciprocal_sqrt(q);
     worst = larger(e, worst);
-    const Pack t = larger(e * Pack::load(data.stiffness + at), e - slack);
-    return larger(t, compression * t) * Pack::load(data.weight + at);
+    const Pack sigma = Pack::load(data.stiffness + at), zero = Pack::all(Scalar(0));
+    const Pack stretch = larger(larger(e * sigma, e - slack), zero);
+    const Pack squeeze = larger(zero - e - free, zero);
+    return (stretch - compression * sigma * squeeze) * Pack::load(data.weight + at);
   }
   void join(const LimitRule& other) { worst = larger(other.worst, worst); }
 };

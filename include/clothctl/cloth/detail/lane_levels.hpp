@@ -16,10 +16,10 @@
 //     tethers: |Y_i - x_q| ≤ rest distance, for held vertices q
 //     several sweeps of one-sided edges over Y_l
 //     D_l = Y_l - B_l
-//   x += W D_1
 //
-// Held vertices move on no level. Nothing held: the rigid part of W D_1 (mass-weighted) is removed,
-// since interpolation keeps neither momentum.
+// `add` moves the fine vertices by a share of W D_1 (passive_share.hpp). Held vertices move on no
+// level. Nothing held: the rigid part of W D_1 (mass-weighted) is removed, since interpolation
+// keeps neither momentum.
 
 #include <algorithm>
 #include <array>
@@ -28,6 +28,7 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/lane_level.hpp"
+#include "clothctl/cloth/detail/passive_share.hpp"
 #include "clothctl/cloth/detail/rigid_motion.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -84,15 +85,25 @@ class LaneLevels {
   /// Takes the held vertices of a step.
   void prepare(const std::vector<GridPlace>& held, Scratch& scratch) const;
 
-  /// Moves the fine vertices in `points` as above. `sweeps` a level; `slack`: part of its length by
-  /// which an edge may stay too long.
-  void correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
+  /// Computes W D_1 for the fine vertices in `points`. `sweeps` a level; `slack`: part of its
+  /// length by which an edge may stay too long.
+  void correct(int sweeps, const Scalar& slack, const Scalar* points, Scratch& scratch,
                const ExecutorRef& executor = {}) const;
+  /// Returns the share of W D_1 that adds no kinetic energy but the gift to the substep that began
+  /// at `start`.
+  Scalar share(const PassiveFrame<Scalar>& frame, const Scalar* points, const Scalar* start,
+               const Scratch& scratch) const;
+  /// Moves the vertices in `points` by a share of W D_1.
+  void add(const Scalar& share, Scalar* points, const Scratch& scratch) const;
 
  private:
   void apply_tethers(std::size_t l, const Scalar& slack, const Scalar* points,
                      Scratch& scratch) const;
-  void add_without_rigid_motion(Scalar* points, Scratch& scratch) const;
+  static Pack mass_of(const Pack& w) {
+    const Pack one = Pack::all(Scalar(1));
+    return where_positive(w, one / larger(w, Pack::all(Scalar(1e-30))));
+  }
+  void remove_rigid_motion(const Scalar* points, Scratch& scratch) const;
 
   LaneLayout<Scalar> layout_;
   /// Blocks of the grid at rest.
@@ -222,8 +233,8 @@ void LaneLevels<Scalar>::apply_tethers(std::size_t l, const Scalar& slack, const
 }
 
 template <RealScalar Scalar>
-void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points, Scratch& scratch,
-                                 const ExecutorRef& executor) const {
+void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, const Scalar* points,
+                                 Scratch& scratch, const ExecutorRef& executor) const {
   if (levels_.empty()) return;
   for (std::size_t l = levels_.size(); l-- > 0;) {
     const LaneLevel<Scalar>& level = levels_[l];
@@ -240,17 +251,8 @@ void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, Scalar* points
                          rule, executor);
     level.subtract_injection(layout_, points, memory.points.data());
   }
-  if (scratch.anything_held) {
-    levels_[0].add_interpolation(layout_, scratch.levels[0].points.data(), points);
-  } else {
-    add_without_rigid_motion(points, scratch);
-  }
-}
-
-template <RealScalar Scalar>
-void LaneLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scratch) const {
   const std::size_t size = layout_.size();
-  const Pack zero = Pack::all(Scalar(0)), one = Pack::all(Scalar(1));
+  const Pack zero = Pack::all(Scalar(0));
   Scalar* moved = scratch.displacement.data();
   for (std::size_t at = 0; at < size; at += kBlock) {
     const Block p = Block::load(points + at);
@@ -258,22 +260,48 @@ void LaneLevels<Scalar>::add_without_rigid_motion(Scalar* points, Scratch& scrat
     p.w.store(moved + at + 3 * kLanes);
   }
   levels_[0].add_interpolation(layout_, scratch.levels[0].points.data(), moved);
+  if (!scratch.anything_held) remove_rigid_motion(points, scratch);
+}
 
-  const auto mass_of = [&](const Pack& w) CLOTHCTL_KERNEL_LAMBDA {
-    return where_positive(w, one / larger(w, Pack::all(Scalar(1e-30))));
-  };
+template <RealScalar Scalar>
+void LaneLevels<Scalar>::remove_rigid_motion(const Scalar* points, Scratch& scratch) const {
+  const std::size_t size = layout_.size();
+  Scalar* moved = scratch.displacement.data();
   const auto rigid = closest_rigid_displacement<Scalar, Pack>([&](auto&& visit) {
     for (std::size_t at = 0; at < size; at += kBlock) {
       const Block x = Block::load(points + at);
       visit(mass_of(x.w), x, Block::load(moved + at));
     }
   });
-  for (std::size_t at = 0; at < size; at += kBlock) {
+  for (std::size_t at = 0; at < size; at += kBlock)
+    rigid.removed_from(Block::load(moved + at), Block::load(points + at)).store_points(moved + at);
+}
+
+template <RealScalar Scalar>
+Scalar LaneLevels<Scalar>::share(const PassiveFrame<Scalar>& frame, const Scalar* points,
+                                 const Scalar* start, const Scratch& scratch) const {
+  const Scalar* moved = scratch.displacement.data();
+  const Pack mx = Pack::all(frame.mean.x), my = Pack::all(frame.mean.y),
+             mz = Pack::all(frame.mean.z);
+  PassiveSums<Pack> sums(Pack::all(Scalar(0)));
+  for (std::size_t at = 0; at < layout_.size() && !levels_.empty(); at += kBlock) {
+    const Block x = Block::load(points + at), before = Block::load(start + at),
+                d = Block::load(moved + at);
+    sums.add(mass_of(d.w), x.x - before.x - mx, x.y - before.y - my, x.z - before.z - mz, d);
+  }
+  return passive_share(sums, frame.gift);
+}
+
+template <RealScalar Scalar>
+void LaneLevels<Scalar>::add(const Scalar& share, Scalar* points, const Scratch& scratch) const {
+  const Scalar* moved = scratch.displacement.data();
+  const Pack s = Pack::all(share);
+  for (std::size_t at = 0; at < layout_.size() && !levels_.empty(); at += kBlock) {
     Block x = Block::load(points + at);
-    const Block d = rigid.removed_from(Block::load(moved + at), x);
-    x.x = x.x + where_positive(x.w, d.x);
-    x.y = x.y + where_positive(x.w, d.y);
-    x.z = x.z + where_positive(x.w, d.z);
+    const Block d = Block::load(moved + at);
+    x.x = x.x + where_positive(d.w, s * d.x);
+    x.y = x.y + where_positive(d.w, s * d.y);
+    x.z = x.z + where_positive(d.w, s * d.z);
     x.store_points(points + at);
   }
 }

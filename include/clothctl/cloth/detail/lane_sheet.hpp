@@ -11,6 +11,7 @@
 #include "clothctl/cloth/detail/lane_bends.hpp"
 #include "clothctl/cloth/detail/lane_edges.hpp"
 #include "clothctl/cloth/detail/lane_levels.hpp"
+#include "clothctl/cloth/detail/mesh_parts.hpp"
 #include "clothctl/cloth/detail/reserved_list.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -89,11 +90,16 @@ class LaneSheet {
     });
   }
 
-  /// Corrects the sheet on its coarse levels; `turn` alternates between two sets of levels.
-  void correct_levels(int turn, int sweeps, const Scalar& slack, Scratch& scratch) const {
+  /// Corrects the sheet on its coarse levels as far as that adds no kinetic energy; `turn`
+  /// alternates between two sets of levels.
+  void correct_levels(int turn, int sweeps, const Scalar& slack, const PassiveFrame<Scalar>& frame,
+                      Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
-    levels_[set].correct(sweeps, slack, scratch.points.data(), scratch.levels[set],
-                         scratch.executor);
+    auto& memory = scratch.levels[set];
+    Scalar* points = scratch.points.data();
+    levels_[set].correct(sweeps, slack, points, memory, scratch.executor);
+    const Scalar share = levels_[set].share(frame, points, scratch.start.data(), memory);
+    levels_[set].add(share, points, memory);
   }
 
  private:
@@ -229,11 +235,8 @@ void LaneSheet<Scalar>::predict(const Scalar& keep, const Vector3<Scalar>& push,
   const Pack k = Pack::all(keep);
   const Pack px = Pack::all(push[0]), py = Pack::all(push[1]), pz = Pack::all(push[2]);
   constexpr std::size_t kBlock = LaneLayout<Scalar>::kBlock;
-  const int parts = layout_.band_count();
-  const std::size_t blocks = layout_.size() / kBlock, count = static_cast<std::size_t>(parts);
-  scratch.executor.for_each_block(parts, [&](int part) {
-    const std::size_t i = static_cast<std::size_t>(part), end = blocks * (i + 1) / count * kBlock;
-    for (std::size_t at = blocks * i / count * kBlock; at < end; at += kBlock) {
+  const auto predict_range = [&](std::size_t begin, std::size_t end) {
+    for (std::size_t at = begin * kBlock; at < end * kBlock; at += kBlock) {
       Block x = Block::load(scratch.points.data() + at);
       const Block before = Block::load(scratch.start.data() + at);
       x.store_points(scratch.start.data() + at);
@@ -242,7 +245,8 @@ void LaneSheet<Scalar>::predict(const Scalar& keep, const Vector3<Scalar>& push,
       x.z = x.z + where_positive(x.w, k * (x.z - before.z) + pz);
       x.store_points(scratch.points.data() + at);
     }
-  });
+  };
+  for_each_range(layout_.size() / kBlock, scratch.executor, predict_range, kLanes);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -2,71 +2,132 @@
 
 // The sweeps of a substep under a limit of stretch.
 //
+//   0. A state with edges beyond the limit is corrected before the first substep, without effect on
+//      its velocities: a stretch of δ would become a velocity δ/h.
 //   1. One-sided edges on coarse levels (lane_levels.hpp) carry the limit across the sheet.
 //   2. Sweeps over all constraints correct stretch beyond the limit rigidly (LimitRule).
 //   3. The last substep adds sweeps for the limit alone (TensionRule) until the largest stretch is
 //      well below it.
 //
-// Compression is resisted only partly: a sheet gives way by folding.
+// A sheet gives way to compression by folding: only large compressions are resisted, and partly.
 
+#include <cmath>
 #include <cstddef>
+#include <vector>
 
 #include "clothctl/cloth/detail/edge_rules.hpp"
+#include "clothctl/cloth/detail/passive_share.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/core/report.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Does the sweeps of substep `part` (counted from 1) on a sheet in lanes or batches. `strain()`
-/// corrects the triangle elements, `attach()` the attached vertices. Writes sweeps, residual and
-/// status of the report.
+/// Returns the stretch s (length over rest length, minus 1) as part of the current length, which is
+/// what the rules measure: s/(1 + s).
+template <RealScalar Scalar>
+Scalar relative_stretch(const Scalar& stretch) {
+  return stretch / (Scalar(1) + stretch);
+}
+
+/// Returns the stretch that sweeps pull edges back to, as above. Sweeps leave a few percent, so it
+/// is 2 % below the limit, or 0.
+template <RealScalar Scalar>
+Scalar slack_of_limit(const Scalar& limit) {
+  const Scalar target = limit - Scalar(0.02);
+  return Scalar(0) < target ? relative_stretch(target) : Scalar(0);
+}
+
+/// Adds `factor` times the points to the points at the start of the substep.
+template <class Sheet, RealScalar Scalar>
+void add_to_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Scalar& factor) {
+  for (int v = 0; v < sheet.vertex_count(); ++v) {
+    for (std::size_t c = 0; c < 3; ++c) {
+      const Index at = static_cast<Index>(sheet.offset(v) + c * Sheet::kStride);
+      memory.start[at] = memory.start[at] + factor * memory.points[at];
+    }
+  }
+}
+
+/// Where edges are beyond the limit before the first substep, pulls stretched edges back to the
+/// slack with at most `extra_sweeps` sweeps, until none is beyond the limit. The points at the
+/// start of the substep move alike. Counts these sweeps in the report.
+template <class Sheet, RealScalar Scalar>
+void pull_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
+                       const PositionBasedSettings<Scalar>& settings, StepReport<Scalar>& report) {
+  using Pack = typename Sheet::Pack;
+  using Rule = TensionRule<Scalar, Sheet::kLanes>;
+  const Scalar goal = relative_stretch(settings.stretch_limit);
+  if (settings.extra_sweeps < 1) return;
+  const Pack slack = Pack::all(slack_of_limit(settings.stretch_limit));
+  const Rule measure{Pack::all(goal), Pack::all(Scalar(0))};
+  Scalar worst = sheet.sweep(measure, memory).worst.largest();
+  if (!(goal < worst)) return;
+  add_to_start(sheet, memory, Scalar(-1));
+  for (int i = 0; i < settings.extra_sweeps && goal < worst; ++i) {
+    worst = sheet.sweep(Rule{slack}, memory).worst.largest();
+    ++report.iterations;
+  }
+  add_to_start(sheet, memory, Scalar(1));
+}
+
+/// Returns what the motion of a substep of `h` s is measured against. `held`: vertices.
+template <class Sheet, RealScalar Scalar>
+PassiveFrame<Scalar> substep_frame(const Sheet& sheet, const typename Sheet::Scratch& memory,
+                                   const PositionBasedSettings<Scalar>& settings, const Scalar& h,
+                                   const std::vector<int>& held) {
+  using std::sqrt;
+  const auto displacement = [&](std::size_t i) {
+    const auto coordinate = [&](std::size_t c) {
+      const Index at = static_cast<Index>(sheet.offset(held[i]) + c * Sheet::kStride);
+      return Scalar(memory.points[at] - memory.start[at]);
+    };
+    return Triple<Scalar>{coordinate(0), coordinate(1), coordinate(2)};
+  };
+  return passive_frame(held.size(), displacement,
+                       Scalar(h * h * sqrt(settings.gravity.squaredNorm())));
+}
+
+/// Does the sweeps of substep `part` (counted from 1) on a sheet in lanes or batches.
+/// `strain()` corrects the triangle elements, `attach()` the attached vertices. Writes sweeps,
+/// residual and status of the report.
 template <class Sheet, RealScalar Scalar, class Strain, class Attach>
 void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
-                        const PositionBasedSettings<Scalar>& settings, int part, Strain strain,
-                        Attach attach, StepReport<Scalar>& report) {
+                        const PositionBasedSettings<Scalar>& settings, int part,
+                        const PassiveFrame<Scalar>& frame, Strain strain, Attach attach,
+                        StepReport<Scalar>& report) {
   using Pack = typename Sheet::Pack;
   constexpr int kLevelSweeps = 3;
   const Scalar zero = Scalar(0), one = Scalar(1), limit = settings.stretch_limit;
-  // The rules measure stretch by the current length: e = s/(1 + s). Sweeps leave a few percent, so
-  // they pull edges back to a stretch that is 2 % below the limit, or to their rest length.
-  const auto relative = [&](const Scalar& stretch) { return stretch / (one + stretch); };
-  const Scalar target = limit - Scalar(0.02);
-  const Scalar slack = zero < target ? relative(target) : zero;
+  const Scalar slack = slack_of_limit(limit);
   const Pack compression = Pack::all(settings.compression);
-  sheet.correct_levels(part, kLevelSweeps, slack, memory);
+  const Pack free = Pack::all(zero - relative_stretch(Scalar(zero - settings.free_compression)));
+  sheet.correct_levels(part, kLevelSweeps, slack, frame, memory);
   sheet.sweep_unlimited(memory);
   sheet.template bend<false, false>(memory);
   Scalar worst = zero;
   for (int i = 0; i < settings.iterations; ++i) {
     strain();
     attach();  // before the springs: a limit of stretch is kept whatever pulls
-    LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack), compression};
+    LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack), compression, free};
     worst = sheet.sweep(rule, memory).worst.largest();
     ++report.iterations;
   }
   if (part < settings.substeps) return;
-  const Scalar goal = relative(target < zero ? limit * Scalar(0.75) : limit - Scalar(0.005));
+  const Scalar goal =
+      relative_stretch(Scalar(limit < Scalar(0.02) ? limit * Scalar(0.75) : limit - Scalar(0.005)));
   // These sweeps correct what all substeps left, so the share of one substep goes into velocities.
   // The whole correction would keep a sheet near its pins in motion for ever.
   const Scalar others = one - one / Scalar(static_cast<double>(settings.substeps));
-  const auto add_to_start = [&](const Scalar& factor) {
-    for (int v = 0; v < sheet.vertex_count(); ++v) {
-      for (std::size_t c = 0; c < 3; ++c) {
-        const Index at = static_cast<Index>(sheet.offset(v) + c * Sheet::kStride);
-        memory.start[at] = memory.start[at] + factor * memory.points[at];
-      }
-    }
-  };
   const bool more = goal < worst && settings.extra_sweeps > 0;
-  if (more) add_to_start(zero - others);
+  if (more) add_to_start(sheet, memory, Scalar(zero - others));
   for (int i = 0; i < settings.extra_sweeps && goal < worst; ++i) {
     TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
     worst = sheet.sweep(rule, memory).worst.largest();
     ++report.iterations;
   }
-  if (more) add_to_start(others);
+  if (more) add_to_start(sheet, memory, others);
   report.residual = zero < worst ? worst / (one - worst) : zero;
-  if (relative(limit) < worst) report.status = StepStatus::IterationLimit;
+  if (relative_stretch(limit) < worst) report.status = StepStatus::IterationLimit;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -47,6 +47,10 @@ struct NewtonLimits {
   bool until_bounded = false;
 };
 
+/// A friend of MassSpring that the library does not define: benchmarks take a step apart with it.
+template <RealScalar Scalar>
+struct StepParts;
+
 /// Solves one step. Refers to the model's data, to the state at the start of the step and to the
 /// workspace, which `prepare` of the model has filled. Never allocates.
 template <RealScalar S>
@@ -71,6 +75,18 @@ class StepSolver {
   /// at x0. v̂ is v0 with the prescribed velocities on the held rows. Adds the result to
   /// ws.velocity. `tolerance` (m/s) bounds the residual of a solve by conjugate gradients.
   StepReport<Scalar> solve_linear(Scalar tolerance);
+
+  /// Assembles A in ws.matrix at `x`: the frozen part plus h² K, with the factor `compression` on
+  /// the indefinite part of K.
+  void assemble(const Points<Scalar>& x, Scalar compression) {
+    StiffnessScale<Scalar> scale;
+    scale.compression = compression;
+    ws_.matrix = ws_.frozen;
+    pattern_.add_springs(network_, x, scale, dt_ * dt_, ws_.matrix);
+  }
+
+  /// Sets ws.rhs to the right-hand side of the single linear solve; ws.matrix must hold A.
+  void load_linear();
 
   /// Returns the energy balance of the step from the state with velocities ws.velocity at its end.
   EnergyBalance<Scalar> energy_balance();
@@ -121,21 +137,10 @@ class StepSolver {
     return step_energy(network_, settings_.drag, total_stiffness_, state_, v, dt_, ws_);
   }
 
-  /// Assembles A at `x`: the frozen part plus h² K, with the factor `compression` on the indefinite
-  /// part of K.
-  void assemble(const Points<Scalar>& x, Scalar compression) {
-    StiffnessScale<Scalar> scale;
-    scale.compression = compression;
-    ws_.matrix = ws_.frozen;
-    pattern_.add_springs(network_, x, scale, dt_ * dt_, ws_.matrix);
-  }
   bool factorize(const Points<Scalar>& x, Scalar compression) {
     assemble(x, compression);
     return ws_.factor.factorize(ws_.matrix, ws_.held);
   }
-
-  /// Sets ws.rhs to the right-hand side of the single linear solve; ws.matrix must hold A.
-  void load_linear();
 
   /// Replaces P by a factor of A at the present positions, or of its projection where A is not
   /// definite. Leaves the exact A in ws.matrix.
