@@ -6,52 +6,35 @@
 
 #include <benchmark/benchmark.h>
 
-#include <cmath>
-
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/network/sheet.hpp"
+#include "swinging_sheet.hpp"
 
 namespace {
 
-using namespace clothctl;
+using namespace clothctl_bench;
 
 template <class Scalar>
 Result<MassSpring<Scalar>> sheet(int n, Integration integration,
                                  LinearSolver solver = LinearSolver::Factor) {
-  const Result<GridMesh<Scalar>> grid = make_grid<Scalar>(n, n, Scalar(0.5), Scalar(0.5));
-  if (!grid) return Error{grid.error()};
-  const Material<Scalar> material;
-  const Result<SpringNetwork<Scalar>> network = sheet_network(grid.value(), material);
-  if (!network) return Error{network.error()};
   MassSpringSettings<Scalar> settings;
   settings.integration = integration;
   settings.linear_solver = solver;
-  settings.drag = material.drag;
-  settings.pinned = {n * n - n, n * n - 1};
-  return MassSpring<Scalar>::create(network.value(), settings);
+  return pinned_sheet<Scalar>(n, settings);
 }
 
-// The hands move back and forth, so that no step is trivial.
 template <class Scalar>
 void step(benchmark::State& bench, Integration integration,
           LinearSolver solver = LinearSolver::Factor) {
-  const int n = static_cast<int>(bench.range(0));
-  const Result<MassSpring<Scalar>> model = sheet<Scalar>(n, integration, solver);
+  const Result<MassSpring<Scalar>> model =
+      sheet<Scalar>(static_cast<int>(bench.range(0)), integration, solver);
   if (!model) return bench.SkipWithError(model.error().c_str());
   auto workspace = model.value().make_workspace();
   ClothState<Scalar> state = model.value().rest_state();
-  ClothInput<Scalar> input;
-  input.driven_vertices = {n * n - n, n * n - 1};
-  input.driven_positions = state.positions.rightCols(n);
-  const Points<Scalar> home = input.driven_positions;
-  input.driven_positions.resize(3, 2);
-  int frame = 0;
+  SwingingHands<Scalar> hands(model.value());
   long solves = 0;
   for (auto _ : bench) {
-    const Scalar sway = Scalar(0.05) * Scalar(std::sin(0.05 * frame++));
-    input.driven_positions.col(0) = home.col(0) + Vector3<Scalar>(Scalar(0), sway, Scalar(0));
-    input.driven_positions.col(1) = home.col(n - 1) + Vector3<Scalar>(Scalar(0), sway, Scalar(0));
-    const StepReport<Scalar> report = model.value().step(state, input, Scalar(0.02), workspace);
+    const StepReport<Scalar> report =
+        model.value().step(state, hands.next(), Scalar(kStep), workspace);
     if (!report.advanced) return bench.SkipWithError("step failed");
     solves += report.iterations;
   }
