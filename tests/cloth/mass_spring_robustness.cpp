@@ -214,26 +214,26 @@ void run_all(int trials, int steps, double allowed, double stiffest, bool folded
 }  // namespace
 
 TEST_CASE("random bodies never explode and never create energy, in double", "[cloth]") {
-  run_all<double>(clothctl_test::trials(1500, 1000000), 40, 0.01, 1e300);
+  run_all<double>(clothctl_test::trials(1500, 1000000, 100), 40, 0.01, 1e300);
 }
 
 TEST_CASE("random bodies never explode and never create energy, in float", "[cloth]") {
-  run_all<float>(clothctl_test::trials(500, 200000), 40, 0.01, 1e5);
+  run_all<float>(clothctl_test::trials(500, 200000, 30), 40, 0.01, 1e5);
 }
 
 TEST_CASE("folded and attached bodies never explode and never create energy, in double",
           "[cloth]") {
-  run_all<double>(clothctl_test::trials(1000, 200000), 40, 1e-6, 1e300, true);
+  run_all<double>(clothctl_test::trials(1000, 200000, 60), 40, 1e-6, 1e300, true);
 }
 
 TEST_CASE("folded and attached bodies never explode and never create energy, in float", "[cloth]") {
-  run_all<float>(clothctl_test::trials(500, 100000), 40, 1e-6, 1e5, true);
+  run_all<float>(clothctl_test::trials(500, 100000, 30), 40, 1e-6, 1e5, true);
 }
 
 TEST_CASE("a step in float that advances without the limit of energy advances with it", "[cloth]") {
   // Step matrices that float can hardly factor: Newton steps of the limit may fail.
   int hard = 0;
-  for (int seed = 0; seed < clothctl_test::trials(600, 20000); ++seed) {
+  for (int seed = 0; seed < clothctl_test::trials(600, 20000, 40); ++seed) {
     Trial trial(static_cast<std::uint64_t>(seed), true);
     const bool iterative = seed % 2 == 0;
     trial.network.mass *= seed % 6 < 2 ? 1.0 : seed % 6 < 4 ? 1e-2 : 1e-4;

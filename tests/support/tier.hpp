@@ -25,4 +25,10 @@ inline constexpr bool kSanitized =
 /// Returns the number of trials for the chosen tier.
 inline int trials(int quick, int full) { return full_tier() ? full : quick; }
 
+/// The same for trials of which the sanitizers need fewer: they look for what does not depend on
+/// the outcome.
+inline int trials(int quick, int full, int sanitized) {
+  return trials(kSanitized ? sanitized : quick, full);
+}
+
 }  // namespace clothctl_test
