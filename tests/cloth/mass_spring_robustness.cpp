@@ -232,8 +232,9 @@ TEST_CASE("folded and attached bodies never explode and never create energy, in 
 
 TEST_CASE("a step in float that advances without the limit of energy advances with it", "[cloth]") {
   // Step matrices that float can hardly factor: Newton steps of the limit may fail.
+  const int count = clothctl_test::trials(600, 20000, 40);
   int hard = 0;
-  for (int seed = 0; seed < clothctl_test::trials(600, 20000, 40); ++seed) {
+  for (int seed = 0; seed < count; ++seed) {
     Trial trial(static_cast<std::uint64_t>(seed), true);
     const bool iterative = seed % 2 == 0;
     trial.network.mass *= seed % 6 < 2 ? 1.0 : seed % 6 < 4 ? 1e-2 : 1e-4;
@@ -260,5 +261,5 @@ TEST_CASE("a step in float that advances without the limit of energy advances wi
     INFO(seed);
     if (advanced[0]) CHECK(advanced[1]);
   }
-  CHECK(hard > 50);
+  CHECK(hard > count / 12);
 }
