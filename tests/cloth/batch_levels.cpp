@@ -88,12 +88,8 @@ struct Sheet {
     }
   }
   void hold(const std::vector<int>& held) {
-    std::vector<unsigned char> flags(static_cast<std::size_t>(count()), 0);
-    for (int v : held) {
-      flags[static_cast<std::size_t>(v)] = 1;
-      points[4 * v + 3] = Scalar(0);
-    }
-    levels.prepare(flags, held, scratch);
+    for (int v : held) points[4 * v + 3] = Scalar(0);
+    levels.prepare(held, scratch);
   }
   void correct(int sweeps, double slack) {
     levels.correct(sweeps, Scalar(slack), points.data(), scratch);
@@ -348,10 +344,8 @@ TEST_CASE("batch levels: pieces without connection do not pull on each other", "
     points.segment<3>(4 * v) = two.rest.col(v) + Vector3<double>(v < n ? 0.0 : 5.0, 0, 0);
     points[4 * v + 3] = 100.0;
   }
-  std::vector<unsigned char> held(static_cast<std::size_t>(2 * n), 0);
-  held[static_cast<std::size_t>(two.tethered[0])] = 1;
   points[4 * two.tethered[0] + 3] = 0;
-  levels.prepare(held, two.tethered, scratch);
+  levels.prepare(two.tethered, scratch);
   const VectorX<double> before = points;
   levels.correct(3, 0.0, points.data(), scratch);
   levels.add(1.0, points.data(), scratch);

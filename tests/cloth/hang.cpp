@@ -3,6 +3,7 @@
 #include "support/hang.hpp"
 
 #include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/position_based.hpp"
 #include "support/catch.hpp"
 #include "support/tier.hpp"
 
@@ -61,6 +62,29 @@ TEST_CASE("a sheet hung from two corners hangs as deep at any resolution", "[clo
     if (!kSanitized) resolutions.push_back(33);
     if (full_tier()) resolutions.push_back(65);
     const std::vector<double> sags = hang_all<double>(resolutions, settings, newton);
+    CAPTURE(material, sags);
+    CHECK(spread(sags) < 0.02);
+    CHECK(sags.front() > 0.5);
+    CHECK(sags.front() < 0.53);
+  }
+}
+
+TEST_CASE("a sheet with a limit of stretch hangs as deep at any resolution", "[cloth][hang]") {
+  const auto limited = [](const SpringNetwork<float>& network, float drag) {
+    PositionBasedSettings<float> settings;
+    settings.substeps = 10;
+    settings.stretch_limit = 0.02f;
+    settings.drag = drag;
+    return PositionBased<float>::create(network, settings).value();
+  };
+  for (const char* material : {"handkerchief", "knit"}) {
+    HangSettings settings;
+    settings.hung = Hung::TwoCorners;
+    settings.material = material;
+    settings.seconds = 4;
+    std::vector<int> resolutions{17, 33};
+    if (!kSanitized) resolutions.push_back(65);
+    const std::vector<double> sags = hang_all<float>(resolutions, settings, limited);
     CAPTURE(material, sags);
     CHECK(spread(sags) < 0.02);
     CHECK(sags.front() > 0.5);

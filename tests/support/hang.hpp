@@ -78,11 +78,11 @@ template <class Scalar, class MakeModel>
 HangResult<Scalar> hang(int n, const HangSettings& settings, const MakeModel& make_model,
                         const clothctl::Points<Scalar>& start = {}) {
   using clothctl::Index;
-  const Scalar size(settings.size);
+  const Scalar size = static_cast<Scalar>(settings.size);
   const auto grid = clothctl::make_grid<Scalar>(n, n, size, size).value();
   const auto material = clothctl::material_preset<Scalar>(settings.material).value();
   const auto network = clothctl::sheet_network<Scalar>(grid, material).value();
-  clothctl::ModelPlant plant(make_model(network, Scalar(settings.drag)));
+  clothctl::ModelPlant plant(make_model(network, static_cast<Scalar>(settings.drag)));
   clothctl::ClothState<Scalar> state{grid.positions,
                                      clothctl::Points<Scalar>::Zero(3, grid.positions.cols())};
   std::vector<int> held{grid.vertex(n - 1, 0), grid.vertex(n - 1, n - 1)};

@@ -56,7 +56,6 @@ class BatchLevels {
   struct Scratch {
     std::vector<VectorX<Scalar>> points;
     std::vector<EdgeBatchScratch<Scalar>> edges;
-    std::vector<unsigned char> tether_holds;
     bool anything_held = false;
     /// W D_1.
     VectorX<Scalar> displacement;
@@ -72,9 +71,8 @@ class BatchLevels {
   Scratch make_scratch() const;
   bool fits(const Scratch& scratch) const;
 
-  /// Takes the held vertices of a step, as flags and as a list.
-  void prepare(const std::vector<unsigned char>& held, const std::vector<int>& list,
-               Scratch& scratch) const;
+  /// Takes the held vertices of a step.
+  void prepare(const std::vector<int>& held, Scratch& scratch) const;
 
   /// Computes the displacements of the vertices in `points`. `sweeps` a level; `slack`: part of its
   /// length by which an edge may stay too long.
@@ -281,7 +279,6 @@ auto BatchLevels<Scalar>::make_scratch() const -> Scratch {
     scratch.points.push_back(level.initial);
     scratch.edges.emplace_back().resize(static_cast<Index>(level.edges.size()));
   }
-  scratch.tether_holds.assign(tethered_.size(), 0);
   scratch.displacement.setZero(static_cast<Index>(4 * vertex_count_));
   return scratch;
 }
@@ -289,7 +286,6 @@ auto BatchLevels<Scalar>::make_scratch() const -> Scratch {
 template <RealScalar Scalar>
 bool BatchLevels<Scalar>::fits(const Scratch& scratch) const {
   bool good = scratch.points.size() == levels_.size() &&
-              scratch.tether_holds.size() == tethered_.size() &&
               scratch.displacement.size() == static_cast<Index>(4 * vertex_count_);
   for (std::size_t l = 0; good && l < levels_.size(); ++l)
     good = scratch.points[l].size() == levels_[l].initial.size();
@@ -297,15 +293,12 @@ bool BatchLevels<Scalar>::fits(const Scratch& scratch) const {
 }
 
 template <RealScalar Scalar>
-void BatchLevels<Scalar>::prepare(const std::vector<unsigned char>& held,
-                                  const std::vector<int>& list, Scratch& scratch) const {
-  scratch.anything_held = !list.empty();
-  for (std::size_t i = 0; i < tethered_.size(); ++i)
-    scratch.tether_holds[i] = held[static_cast<std::size_t>(tethered_[i])];
+void BatchLevels<Scalar>::prepare(const std::vector<int>& held, Scratch& scratch) const {
+  scratch.anything_held = !held.empty();
   for (std::size_t l = 0; l < levels_.size(); ++l) {
     const BatchLevel<Scalar>& level = levels_[l];
     scratch.points[l] = level.initial;
-    for (int v : list) {
+    for (int v : held) {
       const int i = level.nearest[static_cast<std::size_t>(v)];
       scratch.points[l][4 * i + 3] = Scalar(0);
     }
@@ -349,8 +342,8 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, const Scalar*
     }
     if (l + 1 < levels_.size()) interpolate(scratch.points[l + 1].data(), l + 1, y, executor);
     for (std::size_t t = 0; t < tethered_.size(); ++t) {
-      if (!scratch.tether_holds[t]) continue;
       const Scalar* q = points + 4 * static_cast<std::size_t>(tethered_[t]);
+      if (Scalar(0) < q[3]) continue;  // not held any more
       for (std::size_t i = 0; i < count; ++i) {
         Scalar* p = y + 4 * i;
         const Scalar dx = q[0] - p[0], dy = q[1] - p[1], dz = q[2] - p[2];

@@ -51,7 +51,6 @@ class BatchSheet {
     EdgeBatchScratch<Scalar> edges, unlimited;
     BendScratch<Scalar> bends;
     std::array<typename BatchLevels<Scalar>::Scratch, 2> levels;
-    std::vector<unsigned char> held;
     std::vector<TriangleMultipliers<Scalar>> triangles;
     /// Runs the parts of the step at hand.
     ExecutorRef executor;
@@ -168,9 +167,10 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
   if constexpr (HasLevels<Scalar>) {
     if (setup.limited) {
       LevelInput input = level_input(network, setup.tethered);
-      levels_[0] = BatchLevels<Scalar>(input, parts);
-      input.order = level_order(level_ranks(n, network.triangles, setup.tethered), 1);
-      levels_[1] = BatchLevels<Scalar>(input, parts);
+      for (std::size_t set = 0; set < 2; ++set) {
+        input.order = level_order(input.ranks, set);
+        levels_[set] = BatchLevels<Scalar>(input, parts);
+      }
     }
   }
 }
@@ -184,7 +184,6 @@ auto BatchSheet<Scalar>::make_scratch() const -> Scratch {
   scratch.unlimited.resize(static_cast<Index>(unlimited_.size()));
   scratch.bends.resize(bends_.size());
   for (std::size_t set = 0; set < 2; ++set) scratch.levels[set] = levels_[set].make_scratch();
-  scratch.held.assign(static_cast<std::size_t>(initial_.size() / 4), 0);
   scratch.triangles.assign(triangles_.size(), no_multipliers());
   return scratch;
 }
@@ -196,7 +195,6 @@ bool BatchSheet<Scalar>::fits(const Scratch& scratch) const {
          scratch.edges.multiplier.size() == static_cast<Index>(edges_.size()) &&
          scratch.unlimited.inverse.size() == static_cast<Index>(unlimited_.size()) &&
          scratch.bends.error_factor.size() == bends_.size() &&
-         scratch.held.size() == static_cast<std::size_t>(initial_.size() / 4) &&
          scratch.triangles.size() == triangles_.size() && levels_[0].fits(scratch.levels[0]) &&
          levels_[1].fits(scratch.levels[1]);
 }
@@ -211,10 +209,7 @@ void BatchSheet<Scalar>::prepare(const Scalar& h, bool limited, const std::vecto
   } else {
     prepare_bends(bends_, h, scratch.points.data(), scratch.bends);
   }
-  std::fill(scratch.held.begin(), scratch.held.end(), static_cast<unsigned char>(0));
-  for (int v : held) scratch.held[static_cast<std::size_t>(v)] = 1;
-  for (std::size_t set = 0; set < 2; ++set)
-    levels_[set].prepare(scratch.held, held, scratch.levels[set]);
+  for (std::size_t set = 0; set < 2; ++set) levels_[set].prepare(held, scratch.levels[set]);
 }
 
 template <RealScalar Scalar>

@@ -27,7 +27,9 @@ struct LevelInput {
   /// Springs with a stiffness that do not bend.
   std::vector<SurfaceEdge> edges;
   std::vector<std::array<int, 3>> triangles;
-  /// Vertices in the order in which they are offered a place on the levels.
+  /// When each vertex is offered a place on the levels (level_ranks).
+  std::vector<int> ranks;
+  /// Vertices in the order in which they are offered a place (level_order).
   std::vector<int> order;
   /// Vertices with tethers.
   std::vector<int> tethered;
@@ -81,7 +83,7 @@ inline std::vector<int> level_order(const std::vector<int>& ranks, std::size_t s
   return order;
 }
 
-/// Returns the input of the first set of levels of a network. Allocates.
+/// Returns the input of levels of a network, in the order of the first set. Allocates.
 template <RealScalar Scalar>
 LevelInput level_input(const SpringNetwork<Scalar>& network, const std::vector<int>& pinned) {
   LevelInput input;
@@ -94,7 +96,8 @@ LevelInput level_input(const SpringNetwork<Scalar>& network, const std::vector<i
   }
   input.triangles = network.triangles;
   if (pinned.size() <= LevelInput::kTethers) input.tethered = pinned;
-  input.order = level_order(level_ranks(n, network.triangles, pinned), 0);
+  input.ranks = level_ranks(n, network.triangles, pinned);
+  input.order = level_order(input.ranks, 0);
   return input;
 }
 
