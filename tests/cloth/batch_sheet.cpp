@@ -87,8 +87,8 @@ TEMPLATE_TEST_CASE("batch sheet: a rigid sweep in listed order is that of the ne
   sheet.prepare(Scalar(0.01), false, held, memory);
   std::vector<PlainPoint> points = plain_points(memory.points, network.vertex_count());
   for (int sweep = 0; sweep < 2; ++sweep) {
-    sheet.sweep(RigidRule<Scalar, BatchSheet<Scalar>::kLanes>{}, memory);
-    sheet.template bend<false, false>(memory);
+    sheet.sweep(RigidRule<Scalar, BatchSheet<Scalar>::kLanes>{}, SweepOrder::Forward, memory);
+    sheet.template bend<false, false>(SweepOrder::Forward, memory);
     for (std::size_t e = 0; e < network.springs.size(); ++e) {
       const Spring<Scalar>& s = network.springs[e];
       if (!(Scalar(0) < s.stiffness)) continue;
@@ -130,10 +130,10 @@ TEMPLATE_TEST_CASE("batch sheet: sweeps and levels keep the momentum of a free s
   const std::vector<PlainPoint> before = plain_points(memory.points, network.vertex_count());
   for (int turn = 0; turn < 3; ++turn) {
     sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
-    sheet.template bend<false, false>(memory);
+    sheet.template bend<false, false>(SweepOrder::Forward, memory);
     sheet.sweep(
         LimitRule<Scalar, BatchSheet<Scalar>::kLanes>{Pack::all(Scalar(0)), Pack::all(Scalar(0.1))},
-        memory);
+        SweepOrder::Forward, memory);
   }
   std::vector<Vector3<double>> moved;
   for (std::size_t v = 0; v < before.size(); ++v)
@@ -162,11 +162,11 @@ TEMPLATE_TEST_CASE("batch sheet: nothing moves at rest, with levels and tethers"
     const VectorX<Scalar> before = memory.points;
     for (int turn = 0; turn < 3; ++turn) {
       sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
-      sheet.template bend<false, false>(memory);
+      sheet.template bend<false, false>(SweepOrder::Forward, memory);
       const auto rule =
           sheet.sweep(LimitRule<Scalar, BatchSheet<Scalar>::kLanes>{Pack::all(Scalar(0)),
                                                                     Pack::all(Scalar(0.1))},
-                      memory);
+                      SweepOrder::Forward, memory);
       CHECK(rule.worst.largest() < Scalar(std::is_same_v<Scalar, float> ? 2e-4 : 1e-12));
     }
     CHECK((memory.points - before).cwiseAbs().maxCoeff() <
@@ -191,10 +191,10 @@ TEMPLATE_TEST_CASE("batch sheet: held vertices never move", "[batch_sheet]", flo
   sheet.predict(Scalar(1), Vector3<Scalar>::Constant(Scalar(0.01)), memory);
   for (int turn = 0; turn < 2; ++turn) {
     sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
-    sheet.template bend<false, false>(memory);
+    sheet.template bend<false, false>(SweepOrder::Forward, memory);
     sheet.sweep(
         LimitRule<Scalar, BatchSheet<Scalar>::kLanes>{Pack::all(Scalar(0)), Pack::all(Scalar(0.1))},
-        memory);
+        SweepOrder::Forward, memory);
   }
   CHECK((memory.points - before).cwiseAbs().maxCoeff() > Scalar(0.005));
   for (int v : held)

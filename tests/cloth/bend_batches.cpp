@@ -158,8 +158,10 @@ TEMPLATE_TEST_CASE("bend batches: compliant stencils are a plain sequential swee
     prepare_bends(mesh.packed, Scalar(h), mesh.buffer.data(), mesh.scratch);
     std::vector<PlainBend> order = mesh.batch_order();
     REQUIRE(order.size() == mesh.listed().size());
-    const auto plain_sweep = [&]() {
-      for (PlainBend& bend : order) {
+    const auto plain_sweep = [&](SweepOrder direction) {
+      const SweepPlaces places(direction, 0, order.size());
+      for (std::size_t i = 0; i < places.count(); ++i) {
+        PlainBend& bend = order[places[i]];
         const double k = h * h * bend.stiffness;
         const Vector3<double> change = -(k * error_of(bend, mesh.points) + bend.multiplier) /
                                        (k * share_of(bend, mesh.points) + 1.0);
@@ -168,12 +170,13 @@ TEMPLATE_TEST_CASE("bend batches: compliant stencils are a plain sequential swee
       }
     };
     sweep_bends<false, true>(mesh.packed, mesh.scratch, mesh.buffer.data());
-    plain_sweep();
+    plain_sweep(SweepOrder::Forward);
     CHECK(mesh.distance() < kSmall<Scalar>);
-    sweep_bends<true, true>(mesh.packed, mesh.scratch, mesh.buffer.data());
-    plain_sweep();
+    sweep_bends<true, true>(mesh.packed, mesh.scratch, mesh.buffer.data(), {},
+                            SweepOrder::Backward);
+    plain_sweep(SweepOrder::Backward);
     sweep_bends<true, false>(mesh.packed, mesh.scratch, mesh.buffer.data());
-    plain_sweep();
+    plain_sweep(SweepOrder::Forward);
     CHECK(mesh.distance() < kSmall<Scalar>);
   }
 }

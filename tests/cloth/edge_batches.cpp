@@ -116,8 +116,8 @@ struct Mesh {
     return out;
   }
   template <class Rule>
-  Rule sweep(const Rule& rule) {
-    return sweep_edges(packed, scratch, buffer.data(), start_buffer.data(), rule);
+  Rule sweep(const Rule& rule, SweepOrder order = SweepOrder::Forward) {
+    return sweep_edges(packed, scratch, buffer.data(), start_buffer.data(), rule, {}, order);
   }
   /// The largest distance between the buffer and points in plain code.
   double distance(const std::vector<PlainPoint>& other) const {
@@ -218,8 +218,10 @@ TEMPLATE_TEST_CASE("edge batches: compliant sweeps with dampers are plain sweeps
     mesh.sweep(CompliantRule<Scalar, kLanes, true, false, true>{});
     for (PlainEdge& edge : order) project_compliant(edge, h, mesh.start, mesh.points);
     CHECK(mesh.distance(mesh.points) < kSmall<Scalar>);
-    mesh.sweep(CompliantRule<Scalar, kLanes, true, true, true>{});
-    for (PlainEdge& edge : order) project_compliant(edge, h, mesh.start, mesh.points);
+    mesh.sweep(CompliantRule<Scalar, kLanes, true, true, true>{}, SweepOrder::Backward);
+    const SweepPlaces back(SweepOrder::Backward, 0, order.size());
+    for (std::size_t i = 0; i < back.count(); ++i)
+      project_compliant(order[back[i]], h, mesh.start, mesh.points);
     mesh.sweep(CompliantRule<Scalar, kLanes, true, true, false>{});
     for (PlainEdge& edge : order) project_compliant(edge, h, mesh.start, mesh.points);
     CHECK(mesh.distance(mesh.points) < kSmall<Scalar>);

@@ -75,9 +75,9 @@ struct Grid {
     for_each_stencil(layout, layout.whole(), cloud.buffer.data(), preparation);
   }
   template <bool kRead, bool kWrite>
-  void sweep() {
+  void sweep(SweepOrder order = SweepOrder::Forward) {
     LaneBendSweep<Scalar, kRead, kWrite> rule{scratch};
-    for_each_stencil(cloud.layout, cloud.layout.whole(), cloud.buffer.data(), rule);
+    for_each_stencil(cloud.layout, cloud.layout.whole(), cloud.buffer.data(), rule, order);
   }
 };
 
@@ -94,17 +94,20 @@ TEMPLATE_TEST_CASE("lane bends: sweeps are plain sequential sweeps in the order 
   for (const LaneCase& size : lane_cases<Scalar>()) {
     Grid<Scalar> grid(size, ++seed, true, h);
     const std::vector<PlainPoint> before = grid.cloud.points;
-    const auto plain_sweep = [&]() {
-      for (PlainBend& bend : grid.list) bend.visit(h, grid.cloud.points);
+    const auto plain_sweep = [&](SweepOrder order) {
+      const SweepPlaces places(order, 0, grid.list.size());
+      for (std::size_t i = 0; i < places.count(); ++i)
+        grid.list[places[i]].visit(h, grid.cloud.points);
     };
     REQUIRE(grid.list.size() > 5);
     grid.template sweep<false, true>();
-    plain_sweep();
+    plain_sweep(SweepOrder::Forward);
     CHECK(grid.cloud.distance() < kSmall<Scalar>);
-    grid.template sweep<true, true>();
-    plain_sweep();
+    grid.template sweep<true, true>(SweepOrder::Backward);
+    plain_sweep(SweepOrder::Backward);
+    CHECK(grid.cloud.distance() < kSmall<Scalar>);
     grid.template sweep<true, false>();
-    plain_sweep();
+    plain_sweep(SweepOrder::Forward);
     CHECK(grid.cloud.distance() < kSmall<Scalar>);
     double moved = 0;
     for (std::size_t v = 0; v < before.size(); ++v) {
@@ -136,6 +139,12 @@ TEMPLATE_TEST_CASE("lane bends: bands and seams together visit each stencil once
   for_each_stencil(layout, layout.whole(), points.data(), at_once);
   CHECK(at_once.visits.size() > 1000);
   CHECK(in_bands.visits == at_once.visits);
+  Counter back;
+  const auto go_back = [&](const ColumnBand& band, int) {
+    for_each_stencil(layout, band, points.data(), back, SweepOrder::Backward);
+  };
+  for_each_band(layout, {}, 2, go_back, SweepOrder::Backward);
+  CHECK(back.visits == at_once.visits);
 }
 
 TEMPLATE_TEST_CASE("lane bends: a sweep keeps the momentum", "[lane_bends]", float, double) {

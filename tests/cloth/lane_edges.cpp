@@ -48,10 +48,17 @@ struct Grid {
     prepare_edges(edges, Scalar(h), limited, cloud.buffer.data(), scratch);
   }
   template <class Rule>
-  Rule sweep(const Rule& rule) {
+  Rule sweep(const Rule& rule, SweepOrder order = SweepOrder::Forward) {
     read_ghost_row(cloud.layout, cloud.layout.whole(), start.buffer.data(),
                    start.buffer.data() + cloud.layout.size());
-    return sweep_edges(edges, scratch, cloud.buffer.data(), start.buffer.data(), rule);
+    return sweep_edges(edges, scratch, cloud.buffer.data(), start.buffer.data(), rule, {}, order);
+  }
+
+  /// Calls `visit(edge)` for the edges in plain code.
+  template <class Visit>
+  void for_each_edge(SweepOrder order, const Visit& visit) {
+    const SweepPlaces in_order(order, 0, list.size());
+    for (std::size_t i = 0; i < in_order.count(); ++i) visit(list[in_order[i]]);
   }
 };
 
@@ -71,9 +78,11 @@ TEMPLATE_TEST_CASE("lane edges: a rigid sweep is a plain sequential sweep in the
   for (const LaneCase& size : cases) {
     Grid<Scalar> grid(size, ++seed, true, false, 0.01);
     const std::vector<PlainPoint> before = grid.cloud.points;
-    for (int sweep = 0; sweep < 2; ++sweep) {
-      grid.sweep(RigidRule<Scalar, grid_lanes<Scalar>()>{});
-      for (const PlainEdge& edge : grid.list) project_rigid(edge, grid.cloud.points);
+    for (int sweep = 0; sweep < 3; ++sweep) {
+      const SweepOrder order = alternating(sweep, 3);
+      grid.sweep(RigidRule<Scalar, grid_lanes<Scalar>()>{}, order);
+      grid.for_each_edge(order,
+                         [&](const PlainEdge& edge) { project_rigid(edge, grid.cloud.points); });
       CHECK(grid.cloud.distance() < kSmall<Scalar>);
     }
     double moved = 0;
@@ -95,17 +104,18 @@ TEMPLATE_TEST_CASE("lane edges: compliant sweeps with dampers are plain sequenti
   unsigned seed = 10;
   for (const LaneCase& size : lane_cases<Scalar>()) {
     Grid<Scalar> grid(size, ++seed, true, false, h);
-    const auto plain_sweep = [&]() {
-      for (PlainEdge& edge : grid.list)
+    const auto plain_sweep = [&](SweepOrder order) {
+      grid.for_each_edge(order, [&](PlainEdge& edge) {
         project_compliant(edge, h, grid.start.points, grid.cloud.points);
+      });
     };
     grid.sweep(CompliantRule<Scalar, kLanes, true, false, true>{});
-    plain_sweep();
+    plain_sweep(SweepOrder::Forward);
     CHECK(grid.cloud.distance() < kSmall<Scalar>);
-    grid.sweep(CompliantRule<Scalar, kLanes, true, true, true>{});
-    plain_sweep();
+    grid.sweep(CompliantRule<Scalar, kLanes, true, true, true>{}, SweepOrder::Backward);
+    plain_sweep(SweepOrder::Backward);
     grid.sweep(CompliantRule<Scalar, kLanes, true, true, false>{});
-    plain_sweep();
+    plain_sweep(SweepOrder::Forward);
     CHECK(grid.cloud.distance() < 3 * kSmall<Scalar>);
   }
 }

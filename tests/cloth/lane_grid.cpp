@@ -208,6 +208,15 @@ TEMPLATE_TEST_CASE("lane grid: bands and seams together visit each edge once", "
                      counter);
         });
         CHECK(runs == 2 * layout.band_count() - 1);
+        Counter<Scalar> back(layout, kAllKinds);
+        const auto go_back = [&](const ColumnBand& band, int) {
+          CHECK(band.seam == (runs-- > layout.band_count()));
+          sweep_grid(layout, kAllKinds, band, points.data(), points.data() + layout.size(), back,
+                     SweepOrder::Backward);
+        };
+        for_each_band(layout, {}, 1, go_back, SweepOrder::Backward);
+        CHECK(runs == 0);
+        CHECK(back.errors() == 0);
         if (counter.errors() > 0)
           FAIL(counter.errors() << " errors: " << rows << " × " << cols << ", strips " << strip);
         CHECK(std::equal(points.begin(), points.begin() + std::ptrdiff_t(layout.size()),

@@ -65,11 +65,11 @@ void substep(const Sheet& sheet, typename Sheet::Scratch& memory, Scalar h,
   sheet.prepare(h, false, held, memory);
   sheet.predict(Scalar(1), Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81) * h * h), memory);
   constexpr int kLanes = Sheet::kLanes;
-  sheet.sweep(CompliantRule<Scalar, kLanes, true, false, true>{}, memory);
-  sheet.template bend<false, true>(memory);
+  sheet.sweep(CompliantRule<Scalar, kLanes, true, false, true>{}, SweepOrder::Forward, memory);
+  sheet.template bend<false, true>(SweepOrder::Forward, memory);
   for (int i = 1; i < sweeps; ++i) {
-    sheet.sweep(CompliantRule<Scalar, kLanes, true, true, true>{}, memory);
-    sheet.template bend<true, true>(memory);
+    sheet.sweep(CompliantRule<Scalar, kLanes, true, true, true>{}, SweepOrder::Forward, memory);
+    sheet.template bend<true, true>(SweepOrder::Forward, memory);
   }
 }
 
@@ -182,11 +182,11 @@ TEMPLATE_TEST_CASE("lane sheet: nothing moves at rest, with levels and without",
       sheet.prepare(Scalar(0.005), true, held, memory);
       for (int turn = 0; turn < 3; ++turn) {
         sheet.correct_levels(turn, 3, Scalar(0), PassiveFrame<Scalar>{{}, Scalar(1)}, memory);
-        sheet.template bend<false, false>(memory);
+        sheet.template bend<false, false>(SweepOrder::Forward, memory);
         const auto rule =
             sheet.sweep(LimitRule<Scalar, LaneSheet<Scalar>::kLanes>{Pack::all(Scalar(0)),
                                                                      Pack::all(Scalar(0.1))},
-                        memory);
+                        SweepOrder::Forward, memory);
         CHECK(rule.worst.largest() < Scalar(std::is_same_v<Scalar, float> ? 2e-4 : 1e-12));
       }
       const Points<Scalar> found = unload<Scalar>(sheet, memory, network.vertex_count());

@@ -31,14 +31,14 @@ struct RecordingSheet {
   }
   void sweep_unlimited(Scratch& memory) const { memory.calls += 'u'; }
   template <bool, bool>
-  void bend(Scratch& memory) const {
+  void bend(SweepOrder, Scratch& memory) const {
     memory.calls += 'b';
   }
-  LimitRule<double, 1> sweep(LimitRule<double, 1> rule, Scratch& memory) const {
+  LimitRule<double, 1> sweep(LimitRule<double, 1> rule, SweepOrder, Scratch& memory) const {
     memory.calls += 's';
     return swept(rule, memory);
   }
-  TensionRule<double, 1> sweep(TensionRule<double, 1> rule, Scratch& memory) const {
+  TensionRule<double, 1> sweep(TensionRule<double, 1> rule, SweepOrder, Scratch& memory) const {
     memory.calls += 't';
     memory.slack = rule.slack.largest();
     return swept(rule, memory);
@@ -56,7 +56,7 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   StepReport<double> report;
   report.status = StepStatus::Converged;
   sweep_within_limit(
-      RecordingSheet{}, memory, settings, part, {}, [&] { memory.calls += 'e'; },
+      RecordingSheet{}, memory, settings, part, {}, [&](SweepOrder) { memory.calls += 'e'; },
       [&] { memory.calls += 'a'; }, report);
   return report;
 }

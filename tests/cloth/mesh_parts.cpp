@@ -96,7 +96,7 @@ TEST_CASE("mesh parts: those of some vertices are joined while they are small", 
   CHECK(parts.of_some({1, 2, 3}).count == 1);
 }
 
-TEST_CASE("mesh parts: the border group follows the parts", "[mesh_parts]") {
+TEST_CASE("mesh parts: the border group follows the parts, or they follow it", "[mesh_parts]") {
   clothctl_test::ThreadExecutor team{3};
   std::array<int, 3> seen{};
   for_each_group({0, 4, 9, 11}, ExecutorRef(team),
@@ -104,6 +104,13 @@ TEST_CASE("mesh parts: the border group follows the parts", "[mesh_parts]") {
                    if (g == 2) CHECK((seen[0] == 4 && seen[1] == 5));
                    seen[g] = static_cast<int>(end - begin);
                  });
+  CHECK(seen == std::array<int, 3>{4, 5, 2});
+  seen = {};
+  const auto back = [&](std::size_t g, std::size_t begin, std::size_t end) {
+    if (g < 2) CHECK(seen[2] == 2);
+    seen[g] = static_cast<int>(end - begin);
+  };
+  for_each_group({0, 4, 9, 11}, ExecutorRef(team), back, SweepOrder::Backward);
   CHECK(seen == std::array<int, 3>{4, 5, 2});
   team.loops = 0;
   for_each_group({0, 0, 0, 0}, ExecutorRef(team),

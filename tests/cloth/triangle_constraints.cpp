@@ -369,7 +369,8 @@ TEST_CASE("a constraint without a gradient keeps its multipliers", "[cloth]") {
   VectorX<double> points = VectorX<double>::Zero(12);
   for (const Index v : {0, 1, 2}) points[4 * v + 3] = 1;
   for (int sweep = 0; sweep < 5; ++sweep) {  // all corners at one place: only λ could change
-    sweep_triangles<double>(items, 0.1, multipliers, points.data(), 0, items.size());
+    sweep_triangles<double>(items, 0.1, multipliers, points.data(),
+                            SweepPlaces(SweepOrder::Forward, 0, items.size()));
     for (const double multiplier : multipliers[0]) CHECK(multiplier == 0);
   }
   // Opened again within the substep, the element is pulled as if the sweeps had not been.
@@ -379,8 +380,10 @@ TEST_CASE("a constraint without a gradient keeps its multipliers", "[cloth]") {
     (*list)[9] = 0.8;
   }
   std::vector<TriangleMultipliers<double>> none{{0, 0, 0, 0}};
-  sweep_triangles<double>(items, 0.1, multipliers, points.data(), 0, items.size());
-  sweep_triangles<double>(items, 0.1, none, fresh.data(), 0, items.size());
+  sweep_triangles<double>(items, 0.1, multipliers, points.data(),
+                          SweepPlaces(SweepOrder::Forward, 0, items.size()));
+  sweep_triangles<double>(items, 0.1, none, fresh.data(),
+                          SweepPlaces(SweepOrder::Forward, 0, items.size()));
   CHECK(points == fresh);
 }
 

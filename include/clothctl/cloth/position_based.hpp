@@ -421,7 +421,7 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   using std::sqrt;  // h² k/(1 + h α) with w moves an element as h² k with w/(1 + h α) does
   const Scalar pace = verlet ? h / sqrt(slowing) : h;
-  const auto strain = [&] { sheet.sweep_triangles(pace, memory); };
+  const auto strain = [&](detail::SweepOrder order) { sheet.sweep_triangles(pace, order, memory); };
   sheet.begin_triangles(memory);
   ws.attachments.begin_substep();
   if (limited()) {
@@ -440,9 +440,10 @@ template <class Sheet, class Strain, class Attach>
 void PositionBased<S>::correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory,
                                      Strain strain, Attach attach) const {
   for (int sweep = 0; sweep < settings_.iterations; ++sweep) {
-    sheet.sweep(detail::RigidRule<Scalar, Sheet::kLanes>{}, memory);
-    strain();
-    sheet.template bend<false, false>(memory);
+    constexpr auto kListed = detail::SweepOrder::Forward;
+    sheet.sweep(detail::RigidRule<Scalar, Sheet::kLanes>{}, kListed, memory);
+    strain(kListed);
+    sheet.template bend<false, false>(kListed, memory);
     attach();
   }
 }
@@ -451,16 +452,25 @@ template <RealScalar S>
 template <bool kDamped, class Sheet, class Strain, class Attach>
 void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory,
                                          Strain strain, Attach attach) const {
-  const auto sweep = [&]<bool kRead, bool kWrite>() {
-    sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, memory);
-    strain();
-    sheet.template bend<kRead, kWrite>(memory);
+  const auto sweep = [&]<bool kRead, bool kWrite>(int turn) {
+    const detail::SweepOrder order = detail::alternating(turn, settings_.iterations);
+    const auto springs = [&] {
+      sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, order,
+                  memory);
+    };
+    const bool forward = order == detail::SweepOrder::Forward;
+    if (forward) springs();
+    if (forward) strain(order);
+    sheet.template bend<kRead, kWrite>(order, memory);
+    if (!forward) strain(order);
+    if (!forward) springs();
     attach();
   };
-  if (settings_.iterations == 1) return sweep.template operator()<false, false>();
-  sweep.template operator()<false, true>();
-  for (int i = 2; i < settings_.iterations; ++i) sweep.template operator()<true, true>();
-  sweep.template operator()<true, false>();
+  const int last = settings_.iterations - 1;
+  if (last == 0) return sweep.template operator()<false, false>(0);
+  sweep.template operator()<false, true>(0);
+  for (int i = 1; i < last; ++i) sweep.template operator()<true, true>(i);
+  sweep.template operator()<true, false>(last);
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

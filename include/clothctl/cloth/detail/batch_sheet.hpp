@@ -13,6 +13,7 @@
 #include "clothctl/cloth/detail/edge_batches.hpp"
 #include "clothctl/cloth/detail/find_grid.hpp"
 #include "clothctl/cloth/detail/mesh_parts.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/cloth/detail/triangle_constraints.hpp"
 #include "clothctl/mesh/topology.hpp"
 #include "clothctl/network/spring_network.hpp"
@@ -76,9 +77,9 @@ class BatchSheet {
 
   /// Sweeps the springs once.
   template <class Rule>
-  Rule sweep(const Rule& rule, Scratch& scratch) const {
+  Rule sweep(const Rule& rule, SweepOrder order, Scratch& scratch) const {
     return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule,
-                       scratch.executor);
+                       scratch.executor, order);
   }
 
   /// Sweeps the springs that no limit of stretch applies to.
@@ -89,8 +90,9 @@ class BatchSheet {
 
   /// Sweeps the stencils once.
   template <bool kRead, bool kWrite>
-  void bend(Scratch& scratch) const {
-    sweep_bends<kRead, kWrite>(bends_, scratch.bends, scratch.points.data(), scratch.executor);
+  void bend(SweepOrder order, Scratch& scratch) const {
+    sweep_bends<kRead, kWrite>(bends_, scratch.bends, scratch.points.data(), scratch.executor,
+                               order);
   }
 
   /// Begins a substep of the triangle elements.
@@ -98,12 +100,12 @@ class BatchSheet {
     std::fill(scratch.triangles.begin(), scratch.triangles.end(), no_multipliers());
   }
   /// Sweeps the triangle elements once; `h`: substep, s.
-  void sweep_triangles(const Scalar& h, Scratch& scratch) const {
-    for_each_group(triangle_bounds_, scratch.executor,
-                   [&](std::size_t, std::size_t begin, std::size_t end) {
-                     detail::sweep_triangles(triangles_, h, scratch.triangles,
-                                             scratch.points.data(), begin, end);
-                   });
+  void sweep_triangles(const Scalar& h, SweepOrder order, Scratch& scratch) const {
+    const auto sweep_group = [&](std::size_t, std::size_t begin, std::size_t end) {
+      detail::sweep_triangles(triangles_, h, scratch.triangles, scratch.points.data(),
+                              SweepPlaces(order, begin, end));
+    };
+    for_each_group(triangle_bounds_, scratch.executor, sweep_group, order);
   }
 
   /// As LaneSheet::correct_levels.

@@ -27,6 +27,7 @@
 #include "clothctl/cloth/detail/edge_batches.hpp"
 #include "clothctl/cloth/detail/folded_hinge.hpp"
 #include "clothctl/cloth/detail/point_batch.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -229,17 +230,18 @@ struct FoldedBatch {
   }
 };
 
-/// The sweep of a network with folded hinges, from place `begin` to `end`; `kRead` and `kWrite` as
-/// in sweep_bends.
+/// The sweep of some places of a network with folded hinges; `kRead` and `kWrite` as in
+/// sweep_bends.
 template <bool kRead, bool kWrite, RealScalar Scalar>
 void sweep_folded_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch,
-                        Scalar* points, Index begin, Index end) {
+                        Scalar* points, const SweepPlaces& places) {
   using Hinges = FoldedBatch<Scalar>;
   using Pack = typename Hinges::Pack;
   using Triple = typename Hinges::Triple;
   const Pack zero = Pack::all(Scalar(0)), one = Pack::all(Scalar(1));
   const Pack relaxation = Pack::all(scratch.relaxation);
-  for (Index at = begin; at < end; at += Hinges::Batch::kLanes) {
+  for (std::size_t i = 0; i < places.count(); ++i) {
+    const Index at = static_cast<Index>(places[i]);
     Hinges hinges = Hinges::load(bends, at, points);
     const Pack factor = Pack::load(scratch.error_factor.data() + at);
     const Pack less = one / (one + factor * hinges.excess());
@@ -262,14 +264,14 @@ void sweep_folded_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& s
   }
 }
 
-/// The sweep of a network whose hinges all rest flat, from place `begin` to `end`.
+/// The sweep of some places of a network whose hinges all rest flat.
 template <bool kRead, bool kWrite, RealScalar Scalar>
 void sweep_flat_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch,
-                      Scalar* points, Index begin, Index end) {
+                      Scalar* points, const SweepPlaces& places) {
   using Batch = PointBatch<Scalar>;
   using Pack = typename Batch::Pack;
-  constexpr Index kLanes = Batch::kLanes;
-  for (Index at = begin; at < end; at += kLanes) {
+  for (std::size_t i = 0; i < places.count(); ++i) {
+    const Index at = static_cast<Index>(places[i]);
     std::array<Batch, 4> p;
     std::array<Pack, 4> weight;
     for (std::size_t c = 0; c < 4; ++c) {
@@ -307,15 +309,16 @@ void sweep_flat_range(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scr
 /// `kWrite`: λ is written.
 template <bool kRead, bool kWrite, RealScalar Scalar>
 void sweep_bends(const BendBatches<Scalar>& bends, BendScratch<Scalar>& scratch, Scalar* points,
-                 const ExecutorRef& executor = {}) {
-  for_each_group(bends.bounds, executor, [&](std::size_t, std::size_t from, std::size_t to) {
-    const Index begin = static_cast<Index>(from), end = static_cast<Index>(to);
+                 const ExecutorRef& executor = {}, SweepOrder order = SweepOrder::Forward) {
+  const auto sweep_group = [&](std::size_t, std::size_t begin, std::size_t end) {
+    const SweepPlaces places(order, begin, end, static_cast<std::size_t>(batch_lanes<Scalar>()));
     if (bends.sine.size() > 0) {
-      sweep_folded_range<kRead, kWrite>(bends, scratch, points, begin, end);
+      sweep_folded_range<kRead, kWrite>(bends, scratch, points, places);
     } else {
-      sweep_flat_range<kRead, kWrite>(bends, scratch, points, begin, end);
+      sweep_flat_range<kRead, kWrite>(bends, scratch, points, places);
     }
-  });
+  };
+  for_each_group(bends.bounds, executor, sweep_group, order);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

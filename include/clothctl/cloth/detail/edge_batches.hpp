@@ -17,6 +17,7 @@
 #include "clothctl/cloth/detail/edge_rules.hpp"
 #include "clothctl/cloth/detail/mesh_parts.hpp"
 #include "clothctl/cloth/detail/point_batch.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -158,19 +159,17 @@ EdgeBatches<Scalar> pack_edges(const std::vector<ListedEdge<Scalar>>& edges, con
   return out;
 }
 
-/// Sweeps the edges from place `begin` to `end` once with `rule` and returns the rule as it is
-/// then.
+/// Sweeps the edges of some places once with `rule` and returns the rule as it is then.
 template <RealScalar Scalar, class Rule>
 Rule sweep_edge_range(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scratch,
-                      Scalar* points, const Scalar* start, Rule rule, std::size_t begin,
-                      std::size_t end) {
-  constexpr std::size_t kLanes = static_cast<std::size_t>(batch_lanes<Scalar>());
+                      Scalar* points, const Scalar* start, Rule rule, const SweepPlaces& places) {
   using Batch = PointBatch<Scalar>;
   using Pack = typename Batch::Pack;
   const EdgeData<Scalar> data{edges.rest.data(),        scratch.weight.data(),
                               scratch.stiffness.data(), scratch.damping.data(),
                               scratch.inverse.data(),   scratch.multiplier.data()};
-  for (std::size_t at = begin; at < end; at += kLanes) {
+  for (std::size_t i = 0; i < places.count(); ++i) {
+    const std::size_t at = places[i];
     const int* first = edges.first.data() + at;
     const int* second = edges.second.data() + at;
     Batch a = Batch::load(points, first), b = Batch::load(points, second);
@@ -198,13 +197,17 @@ Rule sweep_edge_range(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>
 template <RealScalar Scalar, class Rule>
 Rule sweep_edges(const EdgeBatches<Scalar>& edges, EdgeBatchScratch<Scalar>& scratch,
                  Scalar* points, const Scalar* start, const Rule& rule,
-                 const ExecutorRef& executor = {}) {
-  if (edges.bounds.size() == 3 || edges.size() == 0)  // one part, or nothing
-    return sweep_edge_range(edges, scratch, points, start, rule, 0, edges.size());
+                 const ExecutorRef& executor = {}, SweepOrder order = SweepOrder::Forward) {
+  const auto sweep = [&](std::size_t begin, std::size_t end) {
+    const SweepPlaces places(order, begin, end, static_cast<std::size_t>(batch_lanes<Scalar>()));
+    return sweep_edge_range(edges, scratch, points, start, rule, places);
+  };
+  if (edges.bounds.size() == 3 || edges.size() == 0) return sweep(0, edges.size());  // one part
   std::array<Rule, MeshParts::kMost + 1> found;
-  for_each_group(edges.bounds, executor, [&](std::size_t g, std::size_t begin, std::size_t end) {
-    found[g] = sweep_edge_range(edges, scratch, points, start, rule, begin, end);
-  });
+  const auto sweep_group = [&](std::size_t g, std::size_t begin, std::size_t end) {
+    found[g] = sweep(begin, end);
+  };
+  for_each_group(edges.bounds, executor, sweep_group, order);
   for (std::size_t g = 1; g + 1 < edges.bounds.size(); ++g) {
     if (edges.bounds[g] < edges.bounds[g + 1]) found[0].join(found[g]);
   }

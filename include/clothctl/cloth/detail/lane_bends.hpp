@@ -8,6 +8,7 @@
 #include <cstddef>
 
 #include "clothctl/cloth/detail/lane_grid.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -40,35 +41,57 @@ struct LaneBendScratch {
 /// behind its blocks. The strips have at least three rows.
 template <RealScalar Scalar, class Rule>
 void for_each_stencil(const LaneLayout<Scalar>& layout, const ColumnBand& band, Scalar* points,
-                      Rule& rule) {
+                      Rule& rule, SweepOrder order = SweepOrder::Forward) {
   constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
-  const std::size_t row = layout.row_size();
-  const auto at = [&](int j) { return points + static_cast<std::size_t>(j) * row; };
-  const auto entry = [&](int j) { return layout.block(j, 0) * kLanes; };
-  for (int j = 0; j < layout.local_rows; ++j) {
-    for (std::size_t c = band.begin; c + 2 < band.end; ++c) {
-      Scalar* p = at(j) + c * kBlock;
-      rule.stencil(0, entry(j) + c * kLanes, p, p + kBlock, p + 2 * kBlock);
+  const std::size_t row = layout.row_size(), last = static_cast<std::size_t>(layout.strip) - 1;
+  const auto at = [&](std::size_t j) { return points + j * row; };
+  const auto entry = [&](std::size_t j) { return layout.block(static_cast<int>(j), 0) * kLanes; };
+  const auto along_rows = [&] {
+    const SweepPlaces rows(order, 0, static_cast<std::size_t>(layout.local_rows));
+    const SweepPlaces cols(order, band.begin, band.end - 2);
+    for (std::size_t i = 0; i < rows.count(); ++i) {
+      for (std::size_t k = 0; k < cols.count(); ++k) {
+        Scalar* p = at(rows[i]) + cols[k] * kBlock;
+        rule.stencil(0, entry(rows[i]) + cols[k] * kLanes, p, p + kBlock, p + 2 * kBlock);
+      }
     }
-  }
-  if (band.seam) return;
-  const auto down = [&](int j, Scalar* upper, Scalar* middle, Scalar* lower) {
+  };
+  const auto down = [&](std::size_t j, Scalar* upper, Scalar* middle, Scalar* lower) {
     for (std::size_t c = band.begin; c < band.end; ++c) {
       const std::size_t b = c * kBlock;
       rule.stencil(1, entry(j) + c * kLanes, upper + b, middle + b, lower + b);
     }
   };
-  for (int j = 0; j + 2 < layout.strip; ++j) down(j, at(j), at(j + 1), at(j + 2));
+  const auto within_strips = [&] {
+    const SweepPlaces rows(order, 0, last - 1);
+    for (std::size_t i = 0; i < rows.count(); ++i)
+      down(rows[i], at(rows[i]), at(rows[i] + 1), at(rows[i] + 2));
+  };
+  // The ghost row is row 0 of the next strip, the second one row 1.
   Scalar* ghost = points + layout.size();
   Scalar* second = ghost + row;
-  const int last = layout.strip - 1;
-  read_ghost_row(layout, band, points, ghost);
-  down(last - 1, at(last - 1), at(last), ghost);
-  // The row below the ghost row: row 1 of the next strip.
-  read_next_strip(band, at(1), second);
-  down(last, at(last), ghost, second);
-  write_ghost_row(layout, band, ghost, points);
-  write_next_strip(layout, band, second, at(1));
+  const auto across_one_row = [&] { down(last - 1, at(last - 1), at(last), ghost); };
+  const auto across_two_rows = [&] {
+    read_next_strip(band, at(1), second);
+    down(last, at(last), ghost, second);
+    write_next_strip(layout, band, second, at(1));
+  };
+  if (band.seam) return along_rows();
+  if (order == SweepOrder::Forward) {
+    along_rows();
+    within_strips();
+    read_ghost_row(layout, band, points, ghost);
+    across_one_row();
+    across_two_rows();
+    write_ghost_row(layout, band, ghost, points);
+  } else {
+    read_ghost_row(layout, band, points, ghost);
+    across_two_rows();
+    across_one_row();
+    write_ghost_row(layout, band, ghost, points);
+    within_strips();
+    along_rows();
+  }
 }
 
 /// Computes the factors of a step of substep `h` (s).

@@ -8,6 +8,7 @@
 
 #include "clothctl/cloth/detail/edge_rules.hpp"
 #include "clothctl/cloth/detail/lane_grid.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -126,7 +127,8 @@ struct LanePreparation {
 /// buffers of `layout.buffer_size()`; the second is read only by rules with dampers.
 template <RealScalar Scalar, class Rule>
 Rule sweep_edges(const LaneEdges<Scalar>& edges, LaneEdgeScratch<Scalar>& scratch, Scalar* points,
-                 const Scalar* start, const Rule& rule, const ExecutorRef& executor = {}) {
+                 const Scalar* start, const Rule& rule, const ExecutorRef& executor = {},
+                 SweepOrder order = SweepOrder::Forward) {
   const LaneLayout<Scalar>& layout = edges.layout;
   LaneSweep<Scalar, Rule> begin{rule, {}, points, start};
   for (std::size_t kind = 0; kind < kGridEdges; ++kind) {
@@ -135,15 +137,16 @@ Rule sweep_edges(const LaneEdges<Scalar>& edges, LaneEdgeScratch<Scalar>& scratc
                         scratch.inverse.of[kind].data(),   scratch.multiplier.of[kind].data()};
   }
   if (layout.band_count() == 1) {
-    sweep_grid(layout, edges.present, layout.whole(), points, points + layout.size(), begin);
+    sweep_grid(layout, edges.present, layout.whole(), points, points + layout.size(), begin, order);
     return begin.rule;
   }
   std::array<Rule, 2 * LaneLayout<Scalar>::kMostBands> found;
-  for_each_band(layout, executor, 1, [&](const ColumnBand& band, int i) {
+  const auto sweep_band = [&](const ColumnBand& band, int i) {
     LaneSweep<Scalar, Rule> sweep = begin;
-    sweep_grid(layout, edges.present, band, points, points + layout.size(), sweep);
+    sweep_grid(layout, edges.present, band, points, points + layout.size(), sweep, order);
     found[static_cast<std::size_t>(i)] = sweep.rule;
-  });
+  };
+  for_each_band(layout, executor, 1, sweep_band, order);
   for (int i = 1; i < 2 * layout.band_count() - 1; ++i)
     found[0].join(found[static_cast<std::size_t>(i)]);
   return found[0];

@@ -32,6 +32,7 @@
 #include <array>
 #include <cstddef>
 
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/simd.hpp"
 #include "clothctl/core/types.hpp"
@@ -111,18 +112,22 @@ struct LaneLayout {
 };
 
 /// Calls `run(band, i)` for each band, at the same time, and then for each seam of vertices that
-/// are `reach` columns apart; i counts both.
+/// are `reach` columns apart, or the other way round; i counts both.
 template <RealScalar Scalar, class Run>
 void for_each_band(const LaneLayout<Scalar>& layout, const ExecutorRef& executor, std::size_t reach,
-                   const Run& run) {
+                   const Run& run, SweepOrder order = SweepOrder::Forward) {
   const int count = layout.band_count();
+  const auto seams = [&] {
+    for (int i = 1; i < count; ++i) {
+      const std::size_t at = layout.band_begin(i);
+      run(ColumnBand{at - reach, at + reach, true}, count + i - 1);
+    }
+  };
+  if (order == SweepOrder::Backward) seams();
   executor.for_each_block(count, [&](int i) {
     run(ColumnBand{layout.band_begin(i), layout.band_begin(i + 1)}, i);
   });
-  for (int i = 1; i < count; ++i) {
-    const std::size_t at = layout.band_begin(i);
-    run(ColumnBand{at - reach, at + reach, true}, count + i - 1);
-  }
+  if (order == SweepOrder::Forward) seams();
 }
 
 /// Kinds of edges of a grid.
@@ -229,15 +234,18 @@ void write_ghost_row(const LaneLayout<Scalar>& layout, const ColumnBand& band, c
 /// the edges between the row of blocks `upper`, whose local row is `local`, and `lower`.
 template <RealScalar Scalar, class Rule>
 void sweep_rows(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEdges>& present,
-                const ColumnBand& band, int local, Scalar* upper, Scalar* lower, Rule& rule) {
+                const ColumnBand& band, int local, Scalar* upper, Scalar* lower, Rule& rule,
+                SweepOrder order) {
   constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
   const std::size_t cols = band.end - band.begin, down = band.seam ? 0 : cols;
   const std::size_t first = layout.block(local, 0) + band.begin;
   upper += band.begin * kBlock;
   lower += band.begin * kBlock;
   // An edge starts when those that it waits for are some iterations back. Every kind lags two
-  // columns behind the one before.
-  for (std::size_t c = 0; c < cols + 6; ++c) {
+  // columns behind the one before, so the edges of an iteration have no vertex in common.
+  const SweepPlaces places(order, 0, cols + 6);
+  for (std::size_t i = 0; i < places.count(); ++i) {
+    const std::size_t c = places[i];
     if (c + 1 < cols) {
       rule.template edge<kAlong>((first + c) * kLanes, upper + c * kBlock,
                                  upper + (c + 1) * kBlock);
@@ -259,11 +267,14 @@ void sweep_rows(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEd
 /// Visits the edges of local row `local` along the row.
 template <RealScalar Scalar, class Rule>
 void sweep_along(const LaneLayout<Scalar>& layout, const ColumnBand& band, int local, Scalar* row,
-                 Rule& rule) {
+                 Rule& rule, SweepOrder order) {
   constexpr std::size_t kLanes = LaneLayout<Scalar>::kLanes, kBlock = LaneLayout<Scalar>::kBlock;
   const std::size_t first = layout.block(local, 0);
-  for (std::size_t c = band.begin; c + 1 < band.end; ++c)
+  const SweepPlaces places(order, band.begin, band.end - 1);
+  for (std::size_t i = 0; i < places.count(); ++i) {
+    const std::size_t c = places[i];
     rule.template edge<kAlong>((first + c) * kLanes, row + c * kBlock, row + (c + 1) * kBlock);
+  }
 }
 
 /// Visits every edge of a band, or of a seam, once. `ghost` has room for one row of blocks. Calls
@@ -271,27 +282,46 @@ void sweep_along(const LaneLayout<Scalar>& layout, const ColumnBand& band, int l
 /// even (0) or odd (1) lanes may move.
 template <RealScalar Scalar, class Rule>
 void sweep_grid(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEdges>& present,
-                const ColumnBand& band, Scalar* points, Scalar* ghost, Rule& rule) {
-  const std::size_t row = layout.row_size();
-  const int last = layout.strip - 1;
-  const auto at = [&](int j) { return points + static_cast<std::size_t>(j) * row; };
-  for (int j = 0; j < last; ++j) sweep_rows(layout, present, band, j, at(j), at(j + 1), rule);
-  if (last == 0) {
-    // Both ends of an edge between strips are in one row of blocks: every other lane at a time.
-    for (std::size_t parity = 0; parity < 2; ++parity) {
-      rule.only_lanes(parity);
+                const ColumnBand& band, Scalar* points, Scalar* ghost, Rule& rule,
+                SweepOrder order = SweepOrder::Forward) {
+  const std::size_t row = layout.row_size(), last = static_cast<std::size_t>(layout.strip) - 1;
+  const auto sweep_row = [&](std::size_t j, Scalar* lower) {
+    sweep_rows(layout, present, band, static_cast<int>(j), points + j * row, lower, rule, order);
+  };
+  const auto within_strips = [&] {
+    const SweepPlaces places(order, 0, last);
+    for (std::size_t i = 0; i < places.count(); ++i)
+      sweep_row(places[i], points + (places[i] + 1) * row);
+  };
+  const auto between_strips = [&] {
+    if (last > 0) {
       read_ghost_row(layout, band, points, ghost);
-      sweep_rows(layout, present, band, 0, points, ghost, rule);
-      write_ghost_row(layout, band, ghost, points, parity, 2);
+      sweep_row(last, ghost);
+      write_ghost_row(layout, band, ghost, points);
+      return;
+    }
+    // Both ends of an edge between strips are in one row of blocks: every other lane at a time.
+    const SweepPlaces parities(order, 0, 2);
+    for (std::size_t i = 0; i < 2; ++i) {
+      rule.only_lanes(parities[i]);
+      read_ghost_row(layout, band, points, ghost);
+      sweep_row(0, ghost);
+      write_ghost_row(layout, band, ghost, points, parities[i], 2);
     }
     rule.all_lanes();
-  } else {
-    read_ghost_row(layout, band, points, ghost);
-    sweep_rows(layout, present, band, last, at(last), ghost, rule);
-    write_ghost_row(layout, band, ghost, points);
+  };
+  const auto below_strips = [&] {
+    if (layout.local_rows > layout.strip)
+      sweep_along(layout, band, layout.strip, points + (last + 1) * row, rule, order);
+  };
+  if (order == SweepOrder::Backward) {
+    below_strips();
+    between_strips();
+    return within_strips();
   }
-  if (layout.local_rows > layout.strip)
-    sweep_along(layout, band, layout.strip, at(layout.strip), rule);
+  within_strips();
+  between_strips();
+  below_strips();
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

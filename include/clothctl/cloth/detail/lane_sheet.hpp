@@ -13,6 +13,7 @@
 #include "clothctl/cloth/detail/lane_levels.hpp"
 #include "clothctl/cloth/detail/mesh_parts.hpp"
 #include "clothctl/cloth/detail/reserved_list.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -63,14 +64,14 @@ class LaneSheet {
 
   /// Sweeps the springs once.
   template <class Rule>
-  Rule sweep(const Rule& rule, Scratch& scratch) const {
+  Rule sweep(const Rule& rule, SweepOrder order, Scratch& scratch) const {
     if constexpr (Rule::kNeedsStart) {
       // The rows below the strips, for the ghost row of `points`.
       read_ghost_row(layout_, layout_.whole(), scratch.start.data(),
                      scratch.start.data() + layout_.size());
     }
     return sweep_edges(edges_, scratch.edges, scratch.points.data(), scratch.start.data(), rule,
-                       scratch.executor);
+                       scratch.executor, order);
   }
 
   /// Does nothing: a grid has only springs that a limit of stretch applies to.
@@ -78,16 +79,17 @@ class LaneSheet {
 
   /// Does nothing: a grid in lanes has no triangle elements.
   void begin_triangles(Scratch&) const {}
-  void sweep_triangles(const Scalar&, Scratch&) const {}
+  void sweep_triangles(const Scalar&, SweepOrder, Scratch&) const {}
 
   /// Sweeps the stencils once.
   template <bool kRead, bool kWrite>
-  void bend(Scratch& scratch) const {
+  void bend(SweepOrder order, Scratch& scratch) const {
     if (!bends_.any) return;
-    for_each_band(layout_, scratch.executor, 2, [&](const ColumnBand& band, int) {
+    const auto sweep_band = [&](const ColumnBand& band, int) {
       LaneBendSweep<Scalar, kRead, kWrite> rule{scratch.bends};
-      for_each_stencil(layout_, band, scratch.points.data(), rule);
-    });
+      for_each_stencil(layout_, band, scratch.points.data(), rule, order);
+    };
+    for_each_band(layout_, scratch.executor, 2, sweep_band, order);
   }
 
   /// Corrects the sheet on its coarse levels as far as that adds no kinetic energy; `turn`

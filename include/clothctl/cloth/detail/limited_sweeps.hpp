@@ -17,6 +17,7 @@
 
 #include "clothctl/cloth/detail/edge_rules.hpp"
 #include "clothctl/cloth/detail/passive_share.hpp"
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/core/report.hpp"
 
@@ -60,11 +61,11 @@ void pull_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   if (settings.extra_sweeps < 1) return;
   const Pack slack = Pack::all(slack_of_limit(settings.stretch_limit));
   const Rule measure{Pack::all(goal), Pack::all(Scalar(0))};
-  Scalar worst = sheet.sweep(measure, memory).worst.largest();
+  Scalar worst = sheet.sweep(measure, SweepOrder::Forward, memory).worst.largest();
   if (!(goal < worst)) return;
   add_to_start(sheet, memory, Scalar(-1));
   for (int i = 0; i < settings.extra_sweeps && goal < worst; ++i) {
-    worst = sheet.sweep(Rule{slack}, memory).worst.largest();
+    worst = sheet.sweep(Rule{slack}, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
   add_to_start(sheet, memory, Scalar(1));
@@ -103,13 +104,13 @@ void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   const Pack free = Pack::all(zero - relative_stretch(Scalar(zero - settings.free_compression)));
   sheet.correct_levels(part, kLevelSweeps, slack, frame, memory);
   sheet.sweep_unlimited(memory);
-  sheet.template bend<false, false>(memory);
+  sheet.template bend<false, false>(SweepOrder::Forward, memory);
   Scalar worst = zero;
   for (int i = 0; i < settings.iterations; ++i) {
-    strain();
+    strain(SweepOrder::Forward);
     attach();  // before the springs: a limit of stretch is kept whatever pulls
     LimitRule<Scalar, Sheet::kLanes> rule{Pack::all(slack), compression, free};
-    worst = sheet.sweep(rule, memory).worst.largest();
+    worst = sheet.sweep(rule, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
   if (part < settings.substeps) return;
@@ -122,7 +123,7 @@ void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   if (more) add_to_start(sheet, memory, Scalar(zero - others));
   for (int i = 0; i < settings.extra_sweeps && goal < worst; ++i) {
     TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
-    worst = sheet.sweep(rule, memory).worst.largest();
+    worst = sheet.sweep(rule, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
   if (more) add_to_start(sheet, memory, others);

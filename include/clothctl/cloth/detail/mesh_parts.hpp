@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/longest_axis.hpp"
 #include "clothctl/core/types.hpp"
@@ -116,16 +117,19 @@ GroupBounds sort_by_group(const MeshParts& parts, std::vector<Item>& items, Vert
 }
 
 /// Calls `run(group, begin, end)` for the items of each group: parts at the same time, then those
-/// across borders. Does nothing when there are no items.
+/// across borders; or the other way round. Does nothing when there are no items.
 template <class Run>
-void for_each_group(const GroupBounds& bounds, const ExecutorRef& executor, const Run& run) {
+void for_each_group(const GroupBounds& bounds, const ExecutorRef& executor, const Run& run,
+                    SweepOrder order = SweepOrder::Forward) {
   if (bounds.front() == bounds.back()) return;
   const std::size_t parts = bounds.size() - 2;
+  const bool forward = order == SweepOrder::Forward;
+  if (parts > 1 && !forward) run(parts, bounds[parts], bounds[parts + 1]);
   executor.for_each_block(static_cast<int>(parts), [&](int block) {
     const std::size_t p = static_cast<std::size_t>(block);
     run(p, bounds[p], bounds[p + 1]);
   });
-  if (parts > 1) run(parts, bounds[parts], bounds[parts + 1]);
+  if (parts > 1 && forward) run(parts, bounds[parts], bounds[parts + 1]);
 }
 
 /// Calls `run(begin, end)` for ranges of the items 0 … n - 1, at the same time. `vertices`: how

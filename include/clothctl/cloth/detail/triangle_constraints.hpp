@@ -34,6 +34,7 @@
 #include <cstddef>
 #include <vector>
 
+#include "clothctl/cloth/detail/sweep_order.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -133,38 +134,39 @@ std::vector<TriangleItem<Scalar>> list_triangles(
   return out;
 }
 
-/// Corrects the elements from `begin` to `end` once. `points` has x, y, z and w of a vertex side by
+/// Corrects the elements at some places once. `points` has x, y, z and w of a vertex side by
 /// side.
 template <RealScalar Scalar>
 void sweep_triangles(const std::vector<TriangleItem<Scalar>>& triangles, const Scalar& h,
                      std::vector<TriangleMultipliers<Scalar>>& multipliers, Scalar* points,
-                     std::size_t begin, std::size_t end) {
-  for (std::size_t e = begin; e < end; ++e) {
+                     const SweepPlaces& places) {
+  for (std::size_t i = 0; i < places.count(); ++i) {
+    const std::size_t e = places[i];
     const TriangleItem<Scalar>& t = triangles[e];
     std::array<Triple<Scalar>, 3> p;
     std::array<Scalar*, 3> at;
-    for (std::size_t i = 0; i < 3; ++i) {
-      at[i] = points + 4 * static_cast<std::size_t>(t.vertex[i]);
-      p[i] = {at[i][0], at[i][1], at[i][2]};
+    for (std::size_t k = 0; k < 3; ++k) {
+      at[k] = points + 4 * static_cast<std::size_t>(t.vertex[k]);
+      p[k] = {at[k][0], at[k][1], at[k][2]};
     }
     for (std::size_t kind = 0; kind < kTriangleConstraints; ++kind) {
       const Scalar stiffness = h * h * t.stiffness[kind];
       if (!(Scalar(0) < stiffness)) continue;
       const TriangleConstraint<Scalar> c = triangle_constraint(t, kind, p);
       Scalar mobility = Scalar(0);
-      for (std::size_t i = 0; i < 3; ++i)
-        mobility = mobility + at[i][3] * squared_norm(c.gradient[i]);
+      for (std::size_t k = 0; k < 3; ++k)
+        mobility = mobility + at[k][3] * squared_norm(c.gradient[k]);
       if (!(Scalar(0) < mobility)) continue;  // nothing can move: λ would only add up
       Scalar& multiplier = multipliers[e][kind];
       const Scalar change =
           (Scalar(0) - stiffness * c.value - multiplier) / (stiffness * mobility + Scalar(1));
       multiplier = multiplier + change;
-      for (std::size_t i = 0; i < 3; ++i) p[i] = p[i] + c.gradient[i] * Scalar(at[i][3] * change);
+      for (std::size_t k = 0; k < 3; ++k) p[k] = p[k] + c.gradient[k] * Scalar(at[k][3] * change);
     }
-    for (std::size_t i = 0; i < 3; ++i) {
-      at[i][0] = p[i].x;
-      at[i][1] = p[i].y;
-      at[i][2] = p[i].z;
+    for (std::size_t k = 0; k < 3; ++k) {
+      at[k][0] = p[k].x;
+      at[k][1] = p[k].y;
+      at[k][2] = p[k].z;
     }
   }
 }
