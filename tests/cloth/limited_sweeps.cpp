@@ -22,7 +22,8 @@ struct RecordingSheet {
     std::string calls;
     std::vector<double> worst;
     std::size_t sweeps = 0;
-    double slack = -1;  // of the last sweep for the limit alone
+    double slack = -1;          // of the last sweep for the limit alone
+    std::vector<double> omega;  // of the sweeps for the limit alone
   };
   int vertex_count() const { return 1; }
   std::size_t offset(int) const { return 0; }
@@ -41,6 +42,7 @@ struct RecordingSheet {
   TensionRule<double, 1> sweep(TensionRule<double, 1> rule, SweepOrder, Scratch& memory) const {
     memory.calls += 't';
     memory.slack = rule.slack.largest();
+    memory.omega.push_back(rule.omega.largest());
     return swept(rule, memory);
   }
   template <class Rule>
@@ -107,6 +109,37 @@ TEST_CASE("limited sweeps: a limit that is not kept is reported", "[limited_swee
   CHECK(report.status == StepStatus::IterationLimit);
 }
 
+TEST_CASE("limited sweeps: extra sweeps are over-relaxed, and plain at the end of each cycle",
+          "[limited_sweeps]") {
+  for (const int most : {0, 1, 3, 4, 10, 25, 60, 100}) {
+    CAPTURE(most);
+    RecordingSheet::Scratch memory;
+    memory.worst.assign(static_cast<std::size_t>(most), 0.1);
+    PositionBasedSettings<double> settings = limit_of_five_percent();
+    settings.extra_sweeps = most;
+    StepReport<double> report;
+    CHECK(sweep_until(0.05, 0.2, RecordingSheet{}, memory, settings, report) ==
+          (most == 0 ? 0.2 : 0.1));
+    CHECK(report.iterations == most);
+    std::vector<double> expected(static_cast<std::size_t>(most), 1.7);
+    for (const int end : {10, 30, 60, 100, most}) {
+      for (int i = std::max(0, end - 3); i < std::min(end, most); ++i)
+        expected[static_cast<std::size_t>(i)] = 1.0;
+    }
+    CHECK(memory.omega == expected);
+  }
+}
+
+TEST_CASE("limited sweeps: what an over-relaxed sweep met is not the end", "[limited_sweeps]") {
+  RecordingSheet::Scratch memory;
+  memory.worst = {0.1, 0.04, 0.06, 0.05, 0.03};
+  PositionBasedSettings<double> settings = limit_of_five_percent();
+  settings.extra_sweeps = 60;
+  StepReport<double> report;
+  CHECK(sweep_until(0.05, 0.2, RecordingSheet{}, memory, settings, report) == 0.03);
+  CHECK(memory.omega == std::vector<double>{1.7, 1.7, 1.0, 1.7, 1.0});
+}
+
 TEST_CASE("limited sweeps: without extra sweeps the start does not move", "[limited_sweeps]") {
   RecordingSheet::Scratch memory;
   memory.start[0] = 0.1;
@@ -149,12 +182,12 @@ TEST_CASE("limited sweeps: a state beyond the limit is pulled back with its star
     auto settings = limit_of_five_percent();
     settings.extra_sweeps = allowed;
     RecordingSheet::Scratch memory;
-    memory.worst = {0.3, 0.2, 0.04};
+    memory.worst = {0.3, 0.2, 0.04, 0.04};
     memory.start[0] = 7;
     StepReport<double> report;
     pull_within_limit(RecordingSheet{}, memory, settings, report);
-    const int sweeps = std::min(allowed, 2);
-    CHECK(memory.calls == (allowed == 0 ? "" : allowed == 1 ? "tt" : "ttt"));
+    const int sweeps = std::min(allowed, 3);  // the last of them plain
+    CHECK(memory.calls == (allowed == 0 ? "" : allowed == 1 ? "tt" : "tttt"));
     CHECK(memory.start[0] == 7 + sweeps);  // each sweep moves the points by one
     CHECK(report.iterations == sweeps);
     if (sweeps > 0) CHECK(memory.slack == Approx(as_part(0.03)));  // as in the substeps

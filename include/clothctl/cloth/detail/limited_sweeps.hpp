@@ -49,6 +49,37 @@ void add_to_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Sca
   }
 }
 
+/// Sweeps for the limit alone until no edge is longer than `goal` (as above), at most
+/// `extra_sweeps`. Returns the largest stretch that the last one met, `worst` if there is none.
+///
+/// What is too long lies along lines of edges, along which plain sweeps carry a correction slowly
+/// and over-relaxed ones fast; but these overshoot and leave single edges stretched. So cycles of
+/// 10, 20, 30, ... sweeps end with three plain ones, and the last sweep of all is plain.
+template <class Sheet, RealScalar Scalar>
+Scalar sweep_until(const Scalar& goal, Scalar worst, const Sheet& sheet,
+                   typename Sheet::Scratch& memory, const PositionBasedSettings<Scalar>& settings,
+                   StepReport<Scalar>& report) {
+  using Pack = typename Sheet::Pack;
+  constexpr int kCycle = 10, kPlain = 3;
+  const int most = settings.extra_sweeps;
+  TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack_of_limit(settings.stretch_limit))};
+  const Pack plain = Pack::all(Scalar(1)),
+             over = TensionRule<Scalar, Sheet::kLanes>::of_level(Scalar(0)).omega;
+  int end = 0, cycle = 0;
+  bool fast = false;
+  for (int i = 0; i < most && (fast || goal < worst); ++i) {
+    if (i == end) {
+      cycle += kCycle;
+      end = cycle < most - end ? end + cycle : most;
+    }
+    fast = goal < worst && i + kPlain < end;
+    rule.omega = fast ? over : plain;
+    worst = sheet.sweep(rule, SweepOrder::Forward, memory).worst.largest();
+    ++report.iterations;
+  }
+  return worst;
+}
+
 /// Where edges are beyond the limit before the first substep, pulls stretched edges back to the
 /// slack with at most `extra_sweeps` sweeps, until none is beyond the limit. The points at the
 /// start of the substep move alike. Counts these sweeps in the report.
@@ -59,15 +90,11 @@ void pull_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   using Rule = TensionRule<Scalar, Sheet::kLanes>;
   const Scalar goal = relative_stretch(settings.stretch_limit);
   if (settings.extra_sweeps < 1) return;
-  const Pack slack = Pack::all(slack_of_limit(settings.stretch_limit));
   const Rule measure{Pack::all(goal), Pack::all(Scalar(0))};
-  Scalar worst = sheet.sweep(measure, SweepOrder::Forward, memory).worst.largest();
+  const Scalar worst = sheet.sweep(measure, SweepOrder::Forward, memory).worst.largest();
   if (!(goal < worst)) return;
   add_to_start(sheet, memory, Scalar(-1));
-  for (int i = 0; i < settings.extra_sweeps && goal < worst; ++i) {
-    worst = sheet.sweep(Rule{slack}, SweepOrder::Forward, memory).worst.largest();
-    ++report.iterations;
-  }
+  sweep_until(goal, worst, sheet, memory, settings, report);
   add_to_start(sheet, memory, Scalar(1));
 }
 
@@ -121,11 +148,7 @@ void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   const Scalar others = one - one / Scalar(static_cast<double>(settings.substeps));
   const bool more = goal < worst && settings.extra_sweeps > 0;
   if (more) add_to_start(sheet, memory, Scalar(zero - others));
-  for (int i = 0; i < settings.extra_sweeps && goal < worst; ++i) {
-    TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack)};
-    worst = sheet.sweep(rule, SweepOrder::Forward, memory).worst.largest();
-    ++report.iterations;
-  }
+  worst = sweep_until(goal, worst, sheet, memory, settings, report);
   if (more) add_to_start(sheet, memory, others);
   report.residual = zero < worst ? worst / (one - worst) : zero;
   if (relative_stretch(limit) < worst) report.status = StepStatus::IterationLimit;
