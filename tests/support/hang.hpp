@@ -60,7 +60,7 @@ clothctl::Points<Scalar> refined(const clothctl::Points<Scalar>& coarse, int fro
       const double r = scale * row, c = scale * col;
       const int r0 = std::min(static_cast<int>(r), from - 2),
                 c0 = std::min(static_cast<int>(c), from - 2);
-      const Scalar v(r - r0), u(c - c0), one(1);
+      const Scalar v = static_cast<Scalar>(r - r0), u = static_cast<Scalar>(c - c0), one(1);
       const auto at = [&](int i, int j) -> clothctl::Vector3<Scalar> {
         return coarse.col(static_cast<clothctl::Index>(r0 + i) * from + c0 + j);
       };
