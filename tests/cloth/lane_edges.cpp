@@ -22,6 +22,8 @@ struct Grid {
   std::vector<GridEdgePlace> places;
   /// In the order of a sweep.
   std::vector<PlainEdge> list;
+  /// For each edge of the list, the local row and, where strips have one row, the parity.
+  std::vector<int> pass;
 
   Grid(const LaneCase& size, unsigned seed, bool held, bool limited, double h)
       : cloud(size, seed, held), start(size, seed + 1, held), places(sweep_order(cloud.layout)) {
@@ -44,6 +46,9 @@ struct Grid {
       set(edges.stiffness, edge.stiffness, 1.0, 200.0);
       set(edges.damping, edge.damping, 0.0, 2.0);
       list.push_back(edge);
+      const LaneLayout<Scalar>& layout = cloud.layout;
+      pass.push_back(2 * layout.local_row(place.row) +
+                     (layout.strip == 1 ? layout.lane(place.row) % 2 : 0));
     }
     prepare_edges(edges, Scalar(h), limited, cloud.buffer.data(), scratch);
   }
@@ -54,11 +59,14 @@ struct Grid {
     return sweep_edges(edges, scratch, cloud.buffer.data(), start.buffer.data(), rule, {}, order);
   }
 
-  /// Calls `visit(edge)` for the edges in plain code.
+  /// Calls `visit(edge)` for the edges in plain code. A sweep back runs back within each row.
   template <class Visit>
   void for_each_edge(SweepOrder order, const Visit& visit) {
-    const SweepPlaces in_order(order, 0, list.size());
-    for (std::size_t i = 0; i < in_order.count(); ++i) visit(list[in_order[i]]);
+    for (std::size_t begin = 0, end = 0; begin < list.size(); begin = end) {
+      while (end < list.size() && pass[end] == pass[begin]) ++end;
+      const SweepPlaces in_order(order, begin, end);
+      for (std::size_t i = 0; i < in_order.count(); ++i) visit(list[in_order[i]]);
+    }
   }
 };
 

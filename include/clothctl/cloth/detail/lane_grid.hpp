@@ -279,49 +279,33 @@ void sweep_along(const LaneLayout<Scalar>& layout, const ColumnBand& band, int l
 
 /// Visits every edge of a band, or of a seam, once. `ghost` has room for one row of blocks. Calls
 /// `rule.only_lanes(parity)` before and `rule.all_lanes()` after edges of which only those of the
-/// even (0) or odd (1) lanes may move.
+/// even (0) or odd (1) lanes may move. A sweep back runs back within each row; the rows keep their
+/// order, since edges between strips, which come last, would otherwise be corrected twice in a row.
 template <RealScalar Scalar, class Rule>
 void sweep_grid(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEdges>& present,
                 const ColumnBand& band, Scalar* points, Scalar* ghost, Rule& rule,
                 SweepOrder order = SweepOrder::Forward) {
-  const std::size_t row = layout.row_size(), last = static_cast<std::size_t>(layout.strip) - 1;
-  const auto sweep_row = [&](std::size_t j, Scalar* lower) {
-    sweep_rows(layout, present, band, static_cast<int>(j), points + j * row, lower, rule, order);
-  };
-  const auto within_strips = [&] {
-    const SweepPlaces places(order, 0, last);
-    for (std::size_t i = 0; i < places.count(); ++i)
-      sweep_row(places[i], points + (places[i] + 1) * row);
-  };
-  const auto between_strips = [&] {
-    if (last > 0) {
-      read_ghost_row(layout, band, points, ghost);
-      sweep_row(last, ghost);
-      write_ghost_row(layout, band, ghost, points);
-      return;
-    }
+  const std::size_t row = layout.row_size();
+  const int last = layout.strip - 1;
+  const auto at = [&](int j) { return points + static_cast<std::size_t>(j) * row; };
+  for (int j = 0; j < last; ++j)
+    sweep_rows(layout, present, band, j, at(j), at(j + 1), rule, order);
+  if (last == 0) {
     // Both ends of an edge between strips are in one row of blocks: every other lane at a time.
-    const SweepPlaces parities(order, 0, 2);
-    for (std::size_t i = 0; i < 2; ++i) {
-      rule.only_lanes(parities[i]);
+    for (std::size_t parity = 0; parity < 2; ++parity) {
+      rule.only_lanes(parity);
       read_ghost_row(layout, band, points, ghost);
-      sweep_row(0, ghost);
-      write_ghost_row(layout, band, ghost, points, parities[i], 2);
+      sweep_rows(layout, present, band, 0, points, ghost, rule, order);
+      write_ghost_row(layout, band, ghost, points, parity, 2);
     }
     rule.all_lanes();
-  };
-  const auto below_strips = [&] {
-    if (layout.local_rows > layout.strip)
-      sweep_along(layout, band, layout.strip, points + (last + 1) * row, rule, order);
-  };
-  if (order == SweepOrder::Backward) {
-    below_strips();
-    between_strips();
-    return within_strips();
+  } else {
+    read_ghost_row(layout, band, points, ghost);
+    sweep_rows(layout, present, band, last, at(last), ghost, rule, order);
+    write_ghost_row(layout, band, ghost, points);
   }
-  within_strips();
-  between_strips();
-  below_strips();
+  if (layout.local_rows > layout.strip)
+    sweep_along(layout, band, layout.strip, at(layout.strip), rule, order);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail
