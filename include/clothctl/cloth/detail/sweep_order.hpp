@@ -2,10 +2,10 @@
 
 // The direction of a Gauss-Seidel sweep.
 //
-// A sweep applies the corrections of its constraints one after the other. Linearised, it is a matrix
-// that is not symmetric, unless another sweep follows the other way round. Sweeps in one direction
-// put energy into sheets that are numbered row by row: pinned at two corners and damped, 32×32
-// vertices never rest, but go on at 0.1 m/s with 80 substeps of two sweeps forward.
+// A sweep applies the corrections of its constraints one after the other. Linearised, it is a
+// matrix that is not symmetric, unless another sweep follows the other way round. Sweeps in one
+// direction put energy into sheets that are numbered row by row: pinned at two corners and damped,
+// 32×32 vertices never rest, but go on at 0.1 m/s with 80 substeps of two sweeps forward.
 
 #include <cstddef>
 
