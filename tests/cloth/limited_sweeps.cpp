@@ -32,15 +32,16 @@ struct RecordingSheet {
   }
   void sweep_unlimited(Scratch& memory) const { memory.calls += 'u'; }
   template <bool, bool>
-  void bend(SweepOrder, Scratch& memory) const {
-    memory.calls += 'b';
+  void bend(SweepOrder order, Scratch& memory) const {
+    memory.calls += order == SweepOrder::Forward ? 'b' : '<';
   }
-  LimitRule<double, 1> sweep(LimitRule<double, 1> rule, SweepOrder, Scratch& memory) const {
-    memory.calls += 's';
+  LimitRule<double, 1> sweep(LimitRule<double, 1> rule, SweepOrder order, Scratch& memory) const {
+    memory.calls += order == SweepOrder::Forward ? 's' : '<';
     return swept(rule, memory);
   }
-  TensionRule<double, 1> sweep(TensionRule<double, 1> rule, SweepOrder, Scratch& memory) const {
-    memory.calls += 't';
+  TensionRule<double, 1> sweep(TensionRule<double, 1> rule, SweepOrder order,
+                               Scratch& memory) const {
+    memory.calls += order == SweepOrder::Forward ? 't' : '<';
     memory.slack = rule.slack.largest();
     memory.omega.push_back(rule.omega.largest());
     return swept(rule, memory);
@@ -58,7 +59,8 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   StepReport<double> report;
   report.status = StepStatus::Converged;
   sweep_within_limit(
-      RecordingSheet{}, memory, settings, part, {}, [&](SweepOrder) { memory.calls += 'e'; },
+      RecordingSheet{}, memory, settings, part, {},
+      [&](SweepOrder order) { memory.calls += order == SweepOrder::Forward ? 'e' : '<'; },
       [&] { memory.calls += 'a'; }, report);
   return report;
 }

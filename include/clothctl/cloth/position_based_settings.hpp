@@ -29,8 +29,8 @@ struct PositionBasedSettings {
   PositionScheme scheme = PositionScheme::Xpbd;
   /// Number of equal parts that a step is divided into, at least 1.
   int substeps = 20;
-  /// Number of sweeps over all constraints in a substep, at least 1. XPBD sweeps alternate in
-  /// direction: with an odd number a stiff sheet may not come to rest.
+  /// Number of sweeps over all constraints in a substep, at least 1. XPBD sweeps without
+  /// a limit alternate in direction: with one, a stiff sheet may not come to rest.
   int iterations = 2;
   /// Acceleration of gravity g, m/s².
   Vector3<Scalar> gravity = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-9.81));

@@ -5,7 +5,8 @@
 // The edges of a batch share no vertex, so a vector instruction may correct them at once. Edges
 // keep the order of a list: an edge goes into the first batch with room after the last batch that
 // holds one of its vertices. Two edges that share a vertex are therefore corrected in the order of
-// the list, and the sweep gives what a sequential sweep gives. A batch that is not full is filled
+// the list, or in a sweep back in the opposite order, and the sweep gives what a sequential sweep
+// gives. A batch that is not full is filled
 // up with edges of weight zero between two vertices that exist for that purpose.
 
 #include <algorithm>

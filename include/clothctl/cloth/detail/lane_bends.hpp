@@ -38,7 +38,7 @@ struct LaneBendScratch {
 
 /// Calls `rule.stencil(direction, first entry, block, block, block)` for the stencils of a band, or
 /// those along rows that cross the middle of a seam of four columns. `points` has two ghost rows
-/// behind its blocks. The strips have at least three rows.
+/// behind its blocks. The strips have at least three rows, bands at least two columns.
 template <RealScalar Scalar, class Rule>
 void for_each_stencil(const LaneLayout<Scalar>& layout, const ColumnBand& band, Scalar* points,
                       Rule& rule, SweepOrder order = SweepOrder::Forward) {

@@ -25,8 +25,12 @@
 //     falling A(c) - C(c+1)
 //     rising  A(c+1) - C(c)
 //
+// A sweep back takes the edges within each row in the opposite order; the rows keep theirs. With
+// rows back too, two sweeps left sheets twice as soft (docs/position_based.md).
+//
 // A wide grid has bands of columns, which threads may sweep at the same time. What spans two bands,
-// a seam, follows when all bands are done. So the order depends on the grid alone.
+// a seam, follows when all bands are done, or in a sweep back comes first. So the order depends on
+// the grid alone.
 
 #include <algorithm>
 #include <array>
@@ -48,7 +52,7 @@ constexpr int grid_lanes() {
 /// The columns `begin` to `end` of a grid.
 struct ColumnBand {
   std::size_t begin = 0, end = 0;
-  /// True for a seam: what lies in a column has been done.
+  /// True for a seam: what lies in a column belongs to its band.
   bool seam = false;
 };
 
@@ -279,8 +283,7 @@ void sweep_along(const LaneLayout<Scalar>& layout, const ColumnBand& band, int l
 
 /// Visits every edge of a band, or of a seam, once. `ghost` has room for one row of blocks. Calls
 /// `rule.only_lanes(parity)` before and `rule.all_lanes()` after edges of which only those of the
-/// even (0) or odd (1) lanes may move. A sweep back runs back within each row; the rows keep their
-/// order, since edges between strips, which come last, would otherwise be corrected twice in a row.
+/// even (0) or odd (1) lanes may move. A sweep back runs back within each row.
 template <RealScalar Scalar, class Rule>
 void sweep_grid(const LaneLayout<Scalar>& layout, const std::array<bool, kGridEdges>& present,
                 const ColumnBand& band, Scalar* points, Scalar* ghost, Rule& rule,

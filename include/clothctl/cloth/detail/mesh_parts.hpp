@@ -4,8 +4,9 @@
 //
 // A constraint with all its vertices in one part belongs to that part; parts share no vertex, so
 // their constraints may be corrected in any order with the same bits. The other constraints, those
-// across borders, follow when all parts are done. The parts depend on the rest positions alone:
-// they are halves of halves, cut across the longest extent at the median.
+// across borders, follow when all parts are done; in a sweep back they come first. The parts depend
+// on the rest positions alone: they are halves of halves, cut across the longest extent at the
+// median.
 
 #include <algorithm>
 #include <cstddef>

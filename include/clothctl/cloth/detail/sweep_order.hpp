@@ -13,7 +13,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The direction of a sweep: as the constraints are stored, or back.
+/// The direction of a sweep: as the constraints are stored, or back (edges in lanes: back within
+/// each row).
 enum class SweepOrder { Forward, Backward };
 
 /// Returns the direction of sweep i of `count`, from 0: the last one runs forward, the one before
