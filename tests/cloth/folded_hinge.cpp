@@ -437,32 +437,41 @@ TEST_CASE("folded hinge: a tumbling arch keeps its momentum and gains no energy"
       sum += network.mass[v] * (state.positions.col(v) - centre).cross(state.velocities.col(v));
     return sum;
   };
+  const auto kinetic_of = [&](const ClothState<double>& state) {
+    return 0.5 * network.mass.dot(state.velocities.colwise().squaredNorm());
+  };
   const auto energy_of = [&](const ClothState<double>& state) {
-    double sum = spring_energy<double>(network, state.positions);
-    for (Index v = 0; v < state.positions.cols(); ++v)
-      sum += 0.5 * network.mass[v] * state.velocities.col(v).squaredNorm();
-    return sum;
+    return spring_energy<double>(network, state.positions) + kinetic_of(state);
   };
   const ClothState<double> start = tumbling(network, {2.0, -1.0, 1.5});
-  const auto tumble = [&](const auto& model, int steps) {
+  // The energy may exceed its start by the share `wander` on the way.
+  const auto tumble = [&](const auto& model, int steps, double seconds, double wander) {
     auto workspace = model.make_workspace();
     ClothState<double> state = start;
     for (int step = 0; step < steps; ++step) {
-      REQUIRE(model.step(state, ClothInput<double>(), 0.5 / steps, workspace).advanced);
-      REQUIRE(energy_of(state) < 1.001 * energy_of(start));
+      REQUIRE(model.step(state, ClothInput<double>(), seconds / steps, workspace).advanced);
+      REQUIRE(kinetic_of(state) < 1.001 * energy_of(start));
+      REQUIRE(energy_of(state) < (1.0 + wander) * energy_of(start));
     }
     CHECK((state.velocities * network.mass).norm() < 1e-10);
-    return (spin_of(state) - spin_of(start)).norm() / spin_of(start).norm();
+    return state;
   };
   MassSpringSettings<double> settings;
   settings.gravity.setZero();
   settings.integration = Integration::Newton;
+  const auto spin_lost = [&](const ClothState<double>& state) {
+    return (spin_of(state) - spin_of(start)).norm() / spin_of(start).norm();
+  };
   // Implicit Euler slows rotations, to first order in h; the forces have no torque.
   const auto model = MassSpring<double>::create(network, settings).value();
-  const double coarse = tumble(model, 100), fine = tumble(model, 400);
+  const double coarse = spin_lost(tumble(model, 100, 0.5, 0.001)),
+               fine = spin_lost(tumble(model, 400, 0.5, 0.001));
   CHECK(coarse < 0.15);
   CHECK(fine < 0.35 * coarse);
   PositionBasedSettings<double> positions;
   positions.gravity.setZero();
-  CHECK(tumble(PositionBased<double>::create(network, positions).value(), 100) < 0.02);
+  // Springs that two sweeps leave stretched store energy for a while; it falls in the long run.
+  const auto sweeps = PositionBased<double>::create(network, positions).value();
+  CHECK(spin_lost(tumble(sweeps, 100, 0.5, 0.02)) < 0.02);
+  CHECK(energy_of(tumble(sweeps, 800, 4.0, 0.03)) < 0.97 * energy_of(start));
 }
