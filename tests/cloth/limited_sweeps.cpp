@@ -120,7 +120,7 @@ TEST_CASE("limited sweeps: extra sweeps are over-relaxed, and plain at the end o
     PositionBasedSettings<double> settings = limit_of_five_percent();
     settings.extra_sweeps = most;
     StepReport<double> report;
-    CHECK(sweep_until(0.05, 0.2, RecordingSheet{}, memory, settings, report) ==
+    CHECK(sweep_until(0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, report) ==
           (most == 0 ? 0.2 : 0.1));
     CHECK(report.iterations == most);
     std::vector<double> expected(static_cast<std::size_t>(most), 1.7);
@@ -138,7 +138,7 @@ TEST_CASE("limited sweeps: what an over-relaxed sweep met is not the end", "[lim
   PositionBasedSettings<double> settings = limit_of_five_percent();
   settings.extra_sweeps = 60;
   StepReport<double> report;
-  CHECK(sweep_until(0.05, 0.2, RecordingSheet{}, memory, settings, report) == 0.03);
+  CHECK(sweep_until(0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, report) == 0.03);
   CHECK(memory.omega == std::vector<double>{1.7, 1.7, 1.0, 1.7, 1.0});
 }
 

@@ -142,10 +142,10 @@ TEST_CASE("random bodies never explode, in float", "[position_based_robustness]"
 
 TEST_CASE("random bodies with a limit of stretch never explode", "[position_based_robustness]") {
   // A limit does work that no energy of the body accounts for: of 31,583 bodies 52 gain more than
-  // one percent, the worst 250 %.
-  constexpr Bounds kLimited{4.0, 0.01};
-  run_all<double>(clothctl_test::trials(600, 200000, 40), false, 0.02, kLimited);
-  run_all<float>(clothctl_test::trials(300, 200000, 20), false, 0.02, kLimited);
+  // one percent, 8 more than 100 % (the first is seed 887), the worst 250 %.
+  const Bounds limited{clothctl_test::full_tier() ? 4.0 : 1.0, 0.01};
+  run_all<double>(clothctl_test::trials(600, 200000, 40), false, 0.02, limited);
+  run_all<float>(clothctl_test::trials(300, 200000, 20), false, 0.02, limited);
 }
 
 TEST_CASE("random folded sheets never explode", "[position_based_robustness]") {

@@ -458,12 +458,15 @@ void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scr
       sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, order,
                   memory);
     };
-    const bool forward = order == detail::SweepOrder::Forward;
-    if (forward) springs();
-    if (forward) strain(order);
-    sheet.template bend<kRead, kWrite>(order, memory);
-    if (!forward) strain(order);
-    if (!forward) springs();
+    if (order == detail::SweepOrder::Forward) {
+      springs();
+      strain(order);
+      sheet.template bend<kRead, kWrite>(order, memory);
+    } else {
+      sheet.template bend<kRead, kWrite>(order, memory);
+      strain(order);
+      springs();
+    }
     attach();
   };
   const int last = settings_.iterations - 1;

@@ -356,7 +356,7 @@ void BatchLevels<Scalar>::correct(int sweeps, const Scalar& slack, const Scalar*
         p[2] = p[2] + s * dz;
       }
     }
-    auto rule = TensionRule<Scalar, batch_lanes<Scalar>()>::of_level(slack);
+    auto rule = TensionRule<Scalar, batch_lanes<Scalar>()>::over_relaxed(slack);
     for (int sweep = 0; sweep < sweeps; ++sweep)
       rule = sweep_edges(level.edges, scratch.edges[l], y, y, rule, executor);
     for (std::size_t i = 0; i < count; ++i) {

@@ -112,11 +112,8 @@ class BatchSheet {
   void correct_levels(int turn, int sweeps, const Scalar& slack, const PassiveFrame<Scalar>& frame,
                       Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
-    auto& memory = scratch.levels[set];
-    Scalar* points = scratch.points.data();
-    levels_[set].correct(sweeps, slack, points, memory, scratch.executor);
-    const Scalar share = levels_[set].share(frame, points, scratch.start.data(), memory);
-    levels_[set].add(share, points, memory);
+    correct_passively(levels_[set], sweeps, slack, frame, scratch.points.data(),
+                      scratch.start.data(), scratch.levels[set], scratch.executor);
   }
 
  private:
@@ -169,10 +166,9 @@ BatchSheet<Scalar>::BatchSheet(const SpringNetwork<Scalar>& network,
   if constexpr (HasLevels<Scalar>) {
     if (setup.limited) {
       LevelInput input = level_input(network, setup.tethered);
-      for (std::size_t set = 0; set < 2; ++set) {
-        input.order = level_order(input.ranks, set);
-        levels_[set] = BatchLevels<Scalar>(input, parts);
-      }
+      levels_[0] = BatchLevels<Scalar>(input, parts);
+      input.order = level_order(input.ranks, 1);
+      levels_[1] = BatchLevels<Scalar>(input, parts);
     }
   }
 }

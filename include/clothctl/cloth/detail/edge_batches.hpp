@@ -6,8 +6,8 @@
 // keep the order of a list: an edge goes into the first batch with room after the last batch that
 // holds one of its vertices. Two edges that share a vertex are therefore corrected in the order of
 // the list, or in a sweep back in the opposite order, and the sweep gives what a sequential sweep
-// gives. A batch that is not full is filled
-// up with edges of weight zero between two vertices that exist for that purpose.
+// gives. A batch that is not full is filled up with edges of weight zero between two vertices that
+// exist for that purpose.
 
 #include <algorithm>
 #include <array>

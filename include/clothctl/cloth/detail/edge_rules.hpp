@@ -105,8 +105,8 @@ struct TensionRule {
   static constexpr bool kNeedsStart = false;
   using Pack = Simd<Scalar, kLanes>;
   Pack slack, omega = Pack::all(Scalar(1)), worst = Pack::all(Scalar(0));
-  /// Returns the rule of coarse levels. ω = 1.7 was best on sheets of 32² to 128² vertices.
-  static TensionRule of_level(const Scalar& slack) {
+  /// Returns an over-relaxed rule. ω = 1.7 was best on sheets of 32² to 128² vertices.
+  static TensionRule over_relaxed(const Scalar& slack) {
     return {Pack::all(slack), Pack::all(Scalar(1.7))};
   }
   template <class Along>

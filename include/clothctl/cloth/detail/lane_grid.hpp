@@ -26,7 +26,7 @@
 //     rising  A(c+1) - C(c)
 //
 // A sweep back takes the edges within each row in the opposite order; the rows keep theirs. With
-// rows back too, two sweeps left sheets twice as soft (docs/position_based.md).
+// rows back too, hanging sheets sank 1.6 times as far (docs/position_based.md).
 //
 // A wide grid has bands of columns, which threads may sweep at the same time. What spans two bands,
 // a seam, follows when all bands are done, or in a sweep back comes first. So the order depends on

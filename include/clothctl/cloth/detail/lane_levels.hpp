@@ -245,7 +245,7 @@ void LaneLevels<Scalar>::correct(int sweeps, const Scalar& slack, const Scalar* 
                                        memory.points.data());
     }
     apply_tethers(l, slack, points, scratch);
-    auto rule = TensionRule<Scalar, kLanes>::of_level(slack);
+    auto rule = TensionRule<Scalar, kLanes>::over_relaxed(slack);
     for (int sweep = 0; sweep < sweeps; ++sweep)
       rule = sweep_edges(level.edges, memory.edges, memory.points.data(), memory.points.data(),
                          rule, executor);

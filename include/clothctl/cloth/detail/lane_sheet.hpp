@@ -97,11 +97,8 @@ class LaneSheet {
   void correct_levels(int turn, int sweeps, const Scalar& slack, const PassiveFrame<Scalar>& frame,
                       Scratch& scratch) const {
     const std::size_t set = static_cast<std::size_t>(turn % 2);
-    auto& memory = scratch.levels[set];
-    Scalar* points = scratch.points.data();
-    levels_[set].correct(sweeps, slack, points, memory, scratch.executor);
-    const Scalar share = levels_[set].share(frame, points, scratch.start.data(), memory);
-    levels_[set].add(share, points, memory);
+    correct_passively(levels_[set], sweeps, slack, frame, scratch.points.data(),
+                      scratch.start.data(), scratch.levels[set], scratch.executor);
   }
 
  private:

@@ -49,22 +49,25 @@ void add_to_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Sca
   }
 }
 
-/// Sweeps for the limit alone until no edge is longer than `goal` (as above), at most
-/// `extra_sweeps`. Returns the largest stretch that the last one met, `worst` if there is none.
+/// Where the largest stretch `worst` is above `goal` (both by the current length), sweeps for the
+/// limit alone until none is, `extra_sweeps` at most. The share `still` of the corrections also
+/// moves the points at the start of the substep, so it has no effect on velocities. Returns the
+/// largest stretch that the last sweep met. Counts the sweeps in the report.
 ///
 /// What is too long lies along lines of edges, along which plain sweeps carry a correction slowly
 /// and over-relaxed ones fast; but these overshoot and leave single edges stretched. So cycles of
 /// 10, 20, 30, ... sweeps end with three plain ones, and the last sweep of all is plain.
 template <class Sheet, RealScalar Scalar>
-Scalar sweep_until(const Scalar& goal, Scalar worst, const Sheet& sheet,
+Scalar sweep_until(const Scalar& goal, Scalar worst, const Scalar& still, const Sheet& sheet,
                    typename Sheet::Scratch& memory, const PositionBasedSettings<Scalar>& settings,
                    StepReport<Scalar>& report) {
-  using Pack = typename Sheet::Pack;
+  using Rule = TensionRule<Scalar, Sheet::kLanes>;
   constexpr int kCycle = 10, kPlain = 3;
   const int most = settings.extra_sweeps;
-  TensionRule<Scalar, Sheet::kLanes> rule{Pack::all(slack_of_limit(settings.stretch_limit))};
-  const Pack plain = Pack::all(Scalar(1)),
-             over = TensionRule<Scalar, Sheet::kLanes>::of_level(Scalar(0)).omega;
+  if (!(goal < worst) || most < 1) return worst;
+  const Scalar slack = slack_of_limit(settings.stretch_limit);
+  const Rule plain{Sheet::Pack::all(slack)}, over = Rule::over_relaxed(slack);
+  add_to_start(sheet, memory, Scalar(Scalar(0) - still));
   int end = 0, cycle = 0;
   bool fast = false;
   for (int i = 0; i < most && (fast || goal < worst); ++i) {
@@ -73,10 +76,10 @@ Scalar sweep_until(const Scalar& goal, Scalar worst, const Sheet& sheet,
       end = cycle < most - end ? end + cycle : most;
     }
     fast = goal < worst && i + kPlain < end;
-    rule.omega = fast ? over : plain;
-    worst = sheet.sweep(rule, SweepOrder::Forward, memory).worst.largest();
+    worst = sheet.sweep(fast ? over : plain, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
+  add_to_start(sheet, memory, still);
   return worst;
 }
 
@@ -92,10 +95,7 @@ void pull_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   if (settings.extra_sweeps < 1) return;
   const Rule measure{Pack::all(goal), Pack::all(Scalar(0))};
   const Scalar worst = sheet.sweep(measure, SweepOrder::Forward, memory).worst.largest();
-  if (!(goal < worst)) return;
-  add_to_start(sheet, memory, Scalar(-1));
-  sweep_until(goal, worst, sheet, memory, settings, report);
-  add_to_start(sheet, memory, Scalar(1));
+  sweep_until(goal, worst, Scalar(1), sheet, memory, settings, report);
 }
 
 /// Returns what the motion of a substep of `h` s is measured against. `held`: vertices.
@@ -146,10 +146,7 @@ void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   // These sweeps correct what all substeps left, so the share of one substep goes into velocities.
   // The whole correction would keep a sheet near its pins in motion for ever.
   const Scalar others = one - one / Scalar(static_cast<double>(settings.substeps));
-  const bool more = goal < worst && settings.extra_sweeps > 0;
-  if (more) add_to_start(sheet, memory, Scalar(zero - others));
-  worst = sweep_until(goal, worst, sheet, memory, settings, report);
-  if (more) add_to_start(sheet, memory, others);
+  worst = sweep_until(goal, worst, others, sheet, memory, settings, report);
   report.residual = zero < worst ? worst / (one - worst) : zero;
   if (relative_stretch(limit) < worst) report.status = StepStatus::IterationLimit;
 }

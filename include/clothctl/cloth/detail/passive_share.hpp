@@ -19,6 +19,7 @@
 
 #include "clothctl/cloth/detail/rigid_motion.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
+#include "clothctl/concepts/executor.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -72,6 +73,16 @@ Scalar passive_share(const PassiveSums<Number>& sums, const Scalar& gift) {
   const Scalar root = sqrt(work * work + square * allowed);
   if (work < Scalar(0)) return (root - work) / square;
   return Scalar(0) < allowed ? allowed / (root + work) : Scalar(0);
+}
+
+/// Moves `points` by the corrections of `levels` as far as they add no kinetic energy but the gift
+/// to the substep that began at `start`.
+template <class Levels, RealScalar Scalar>
+void correct_passively(const Levels& levels, int sweeps, const Scalar& slack,
+                       const PassiveFrame<Scalar>& frame, Scalar* points, const Scalar* start,
+                       typename Levels::Scratch& memory, const ExecutorRef& executor) {
+  levels.correct(sweeps, slack, points, memory, executor);
+  levels.add(levels.share(frame, points, start, memory), points, memory);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

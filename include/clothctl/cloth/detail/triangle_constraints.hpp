@@ -24,8 +24,9 @@
 //   Δλ = -( h² k A_0 C + λ ) / ( h² k A_0 Σ w_i |∇_i C|² + 1 ),   p_i += w_i Δλ ∇_i C,   λ += Δλ
 //
 // w inverse masses, h substep. Elements are corrected one after the other in the order of the
-// network. Where |f_u| or A vanishes, the gradient has no direction; there, and where all
-// corners are held, the constraint is left out and λ stays. References:
+// network, or in a sweep back in the opposite order. Where |f_u| or A vanishes, the gradient has no
+// direction; there, and where all corners are held, the constraint is left out and λ stays.
+// References:
 // Müller, Chentanez, Kim, Macklin, "Strain Based Dynamics", 2014; Macklin, Müller, Chentanez,
 // "XPBD", 2016.
 
@@ -134,8 +135,7 @@ std::vector<TriangleItem<Scalar>> list_triangles(
   return out;
 }
 
-/// Corrects the elements at some places once. `points` has x, y, z and w of a vertex side by
-/// side.
+/// Corrects the elements at some places once. `points` has x, y, z and w of a vertex side by side.
 template <RealScalar Scalar>
 void sweep_triangles(const std::vector<TriangleItem<Scalar>>& triangles, const Scalar& h,
                      std::vector<TriangleMultipliers<Scalar>>& multipliers, Scalar* points,
