@@ -62,7 +62,7 @@ TEST_CASE("a matrix that is not definite in the kept precision is refused", "[cl
   BlockSymmetric<double> matrix = random_spd<double>(graph, random);
   const std::vector<unsigned char> held(9, 0);
   const EliminationTree tree = nested_dissection<double>(matrix, graph.positions);
-  StepPreconditioner<double> kept(matrix, tree), incomplete(matrix);
+  StepPreconditioner<double> kept(matrix, tree), incomplete(matrix, graph.positions);
   matrix.diagonal(4) *= 1e60;  // beyond the range of float
   CHECK_FALSE(kept.factorize(matrix, held));
   CHECK(incomplete.is_incomplete());
@@ -72,16 +72,23 @@ TEST_CASE("a matrix that is not definite in the kept precision is refused", "[cl
   CHECK_FALSE(incomplete.factorize(matrix, held));
 }
 
-TEST_CASE("the incomplete preconditioner applies its factor", "[cloth]") {
+TEST_CASE("the incomplete preconditioner applies its factor and the coarse correction", "[cloth]") {
   std::mt19937 random(3);
-  const BlockSymmetric<double> matrix = random_spd<double>(sheet_graph(4, 4, true), random);
-  const std::vector<unsigned char> held(16, 0);
-  StepPreconditioner<double> incomplete(matrix);
-  IncompleteCholesky<double> factor(matrix);
-  REQUIRE((incomplete.factorize(matrix, held) && factor.factorize(matrix, held)));
-  const Row r = Row::Ones(1, 48);
-  Row z = r, expected = r;
-  incomplete.apply(r, z);
-  factor.solve(expected);
-  CHECK(z == expected);
+  for (const int n : {4, 16}) {
+    const Graph graph = sheet_graph(n, n, true);
+    const BlockSymmetric<double> matrix = random_spd<double>(graph, random);
+    const std::vector<unsigned char> held(static_cast<std::size_t>(n * n), 0);
+    StepPreconditioner<double> incomplete(matrix, graph.positions);
+    IncompleteCholesky<double> factor(matrix);
+    CoarseCorrection<double> coarse(matrix, graph.positions);
+    CHECK((0 < coarse.size()) == (n == 16));
+    REQUIRE((incomplete.factorize(matrix, held) && factor.factorize(matrix, held)));
+    REQUIRE(coarse.factorize(matrix, held));
+    const Row r = Row::Ones(1, 3 * n * n);
+    Row z = r, expected = r;
+    incomplete.apply(r, z);
+    factor.solve(expected);
+    coarse.add(r, expected);
+    CHECK(z == expected);
+  }
 }

@@ -323,7 +323,7 @@ MassSpring<S>::MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scal
                 ? nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)
                 : EliminationTree()) {
   for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
-  structure_ = detail::hash_structure(pattern_.matrix(), tree_);
+  structure_ = detail::hash_structure(pattern_.matrix(), tree_, network_.rest_positions);
 }
 
 template <RealScalar S>

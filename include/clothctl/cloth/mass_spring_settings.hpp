@@ -24,8 +24,8 @@ enum class Integration {
 enum class LinearSolver {
   /// Sparse Cholesky factors. Memory of O(n log n) and time of O(n^1.5) on a sheet of n vertices.
   Factor,
-  /// Conjugate gradients, preconditioned by an incomplete factor without fill. Memory of O(n); for
-  /// sheets whose complete factor is too large.
+  /// Conjugate gradients, preconditioned by an incomplete factor without fill and a coarse
+  /// correction. Memory of O(n); for sheets whose complete factor is too large.
   ConjugateGradient
 };
 

@@ -3,6 +3,7 @@
 // The memory of a mass-spring step, and the hash by which a step tells its own memory from that of
 // another model.
 
+#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -61,7 +62,7 @@ struct MassSpringWorkspace {
     matrix = pattern;
     frozen = pattern;
     if (tree.permutation.empty()) {
-      preconditioner = StepPreconditioner<Scalar>(pattern);
+      preconditioner = StepPreconditioner<Scalar>(pattern, network.rest_positions);
     } else {
       factor = BlockCholesky<Scalar>(pattern, tree);
       preconditioner = StepPreconditioner<Scalar>(pattern, tree);
@@ -95,16 +96,22 @@ struct MassSpringWorkspace {
   bool is_held(Index i) const { return held[static_cast<std::size_t>(i)] != 0; }
 };
 
-/// Returns the hash of a pattern and an order of elimination. Apart from these and from sizes, a
-/// workspace does not depend on the model. Complexity: O(blocks of the pattern).
+/// Returns the hash of a pattern and an order of elimination, without one (conjugate gradients) of
+/// the positions at rest instead. Apart from these and from sizes, a workspace does not depend on
+/// the model. Complexity: O(blocks of the pattern).
 template <RealScalar Scalar>
-std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree) {
+std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree,
+                             const Points<Scalar>& rest_positions) {
   StructureHash hash;
   hash.add(pattern.rows());
   for (Index i = 0; i < pattern.rows(); ++i) hash.add(pattern.row_begin(i));
   for (Index slot = 0; slot < pattern.lower_count(); ++slot) hash.add(pattern.column(slot));
   for (const std::vector<int>* list : {&tree.permutation, &tree.node_begin, &tree.parent}) {
     for (const int value : *list) hash.add(value);
+  }
+  if (tree.permutation.empty()) {
+    for (Index k = 0; k < rest_positions.size(); ++k)
+      hash.add(std::bit_cast<std::int64_t>(static_cast<double>(rest_positions.data()[k])));
   }
   return hash.value;
 }

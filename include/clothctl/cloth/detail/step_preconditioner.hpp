@@ -2,11 +2,13 @@
 
 // The preconditioners of the conjugate gradient method in a mass-spring step: a complete factor of
 // an earlier step matrix, kept in the next lower precision, or an incomplete factor of the present
-// one. A factor in float takes half the time and half the memory of one in double.
+// one with a coarse correction. A factor in float takes half the time and half the memory of one in
+// double.
 
 #include <span>
 #include <type_traits>
 
+#include "clothctl/cloth/detail/coarse_correction.hpp"
 #include "clothctl/cloth/detail/incomplete_cholesky.hpp"
 #include "clothctl/linalg/block_cholesky.hpp"
 
@@ -29,9 +31,10 @@ class StepPreconditioner {
     right_.setZero(1, 3 * pattern.rows());
   }
 
-  /// Makes the memory of incomplete factors. Allocates.
-  explicit StepPreconditioner(const BlockSymmetric<Scalar>& pattern)
-      : incomplete_(pattern), is_incomplete_(true) {}
+  /// Makes the memory of incomplete factors and of the coarse correction of a body with `positions`
+  /// at rest (3×n, m). Allocates.
+  StepPreconditioner(const BlockSymmetric<Scalar>& pattern, const Points<Scalar>& positions)
+      : incomplete_(pattern), coarse_(pattern, positions), is_incomplete_(true) {}
 
   /// True when factors are incomplete, and so cheap that every matrix can have its own.
   bool is_incomplete() const { return is_incomplete_; }
@@ -40,7 +43,10 @@ class StepPreconditioner {
   /// precision of the factor; the preconditioner must then not be used. Never allocates.
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
                                std::span<const unsigned char> held) {
-    if (is_incomplete_) return incomplete_.factorize(matrix, held);
+    if (is_incomplete_) {
+      coarse_.factorize(matrix, held);  // where it has no factor, it corrects nothing
+      return incomplete_.factorize(matrix, held);
+    }
     matrix_.assign(matrix);
     return factor_.factorize(matrix_, held);
   }
@@ -50,6 +56,7 @@ class StepPreconditioner {
     if (is_incomplete_) {
       z = r;
       incomplete_.solve(z);
+      coarse_.add(r, z);
       return;
     }
     // Scaled, so that no number leaves the range of the lower precision.
@@ -70,6 +77,7 @@ class StepPreconditioner {
   BlockCholesky<Low> factor_;
   Lanes<Low, 1> right_;
   IncompleteCholesky<Scalar> incomplete_;
+  CoarseCorrection<Scalar> coarse_;
   bool is_incomplete_ = false;
 };
 
