@@ -74,7 +74,8 @@ TEST_CASE("a workspace with one part of a wrong size does not fit", "[cloth]") {
 
 TEST_CASE("the hash of a structure sees pattern and order, not stiffness", "[cloth]") {
   const Structure sheet(5, 4, false), wide(4, 5, false);
-  const Points<double> rest = Points<double>::Zero(3, 20), moved = Points<double>::Ones(3, 20);
+  SpringNetwork<double> rest;
+  rest.rest_positions.setZero(3, 20);
   const auto hash_of = [&](const BlockSymmetric<double>& pattern, const EliminationTree& tree) {
     return hash_structure(pattern, tree, rest);
   };
@@ -94,8 +95,17 @@ TEST_CASE("the hash of a structure sees pattern and order, not stiffness", "[clo
   const BlockSymmetric<double> first(3, {{0, 1}}), second(3, {{0, 2}}), third(3, {{1, 2}});
   CHECK(hash_of(first, sheet.tree) != hash_of(second, sheet.tree));
   CHECK(hash_of(second, sheet.tree) != hash_of(third, sheet.tree));
-  // The positions at rest place the coarse vertices of conjugate gradients, which have no tree.
-  CHECK(hash == hash_structure(sheet.pattern.matrix(), sheet.tree, moved));
-  CHECK(hash_structure(sheet.pattern.matrix(), {}, rest) !=
-        hash_structure(sheet.pattern.matrix(), {}, moved));
+  // Rest positions, and rest lengths along sides of triangles, place the coarse vertices of
+  // conjugate gradients, which have no tree.
+  SpringNetwork<double> moved = rest, long_side = rest, triangle = rest;
+  moved.rest_positions(1, 7) = 0.5;
+  triangle.springs = {{0, 1, 0.5, 10.0, 0.0}};
+  triangle.triangles = {{0, 1, 2}};
+  long_side = triangle;
+  long_side.springs[0].rest_length = 0.75;
+  const BlockSymmetric<double>& pattern = sheet.pattern.matrix();
+  CHECK(hash == hash_structure(pattern, sheet.tree, moved));
+  CHECK(hash_structure(pattern, {}, rest) != hash_structure(pattern, {}, moved));
+  CHECK(hash_structure(pattern, {}, rest) != hash_structure(pattern, {}, triangle));
+  CHECK(hash_structure(pattern, {}, triangle) != hash_structure(pattern, {}, long_side));
 }

@@ -62,7 +62,7 @@ TEST_CASE("a matrix that is not definite in the kept precision is refused", "[cl
   BlockSymmetric<double> matrix = random_spd<double>(graph, random);
   const std::vector<unsigned char> held(9, 0);
   const EliminationTree tree = nested_dissection<double>(matrix, graph.positions);
-  StepPreconditioner<double> kept(matrix, tree), incomplete(matrix, graph.positions);
+  StepPreconditioner<double> kept(matrix, tree), incomplete(matrix);
   matrix.diagonal(4) *= 1e60;  // beyond the range of float
   CHECK_FALSE(kept.factorize(matrix, held));
   CHECK(incomplete.is_incomplete());
@@ -78,9 +78,11 @@ TEST_CASE("the incomplete preconditioner applies its factor and the coarse corre
     const Graph graph = sheet_graph(n, n, true);
     const BlockSymmetric<double> matrix = random_spd<double>(graph, random);
     const std::vector<unsigned char> held(static_cast<std::size_t>(n * n), 0);
-    StepPreconditioner<double> incomplete(matrix, graph.positions);
+    std::vector<SurfaceEdge> sides;
+    for (const auto& [i, j] : graph.pairs) sides.push_back({i, j, 0.1});
+    StepPreconditioner<double> incomplete(matrix, sides, graph.positions);
     IncompleteCholesky<double> factor(matrix);
-    CoarseCorrection<double> coarse(matrix, graph.positions);
+    CoarseCorrection<double> coarse(matrix, sides, graph.positions);
     CHECK((0 < coarse.size()) == (n == 16));
     REQUIRE((incomplete.factorize(matrix, held) && factor.factorize(matrix, held)));
     REQUIRE(coarse.factorize(matrix, held));

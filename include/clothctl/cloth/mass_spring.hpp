@@ -100,8 +100,8 @@ class MassSpring {
   /// Advances `state` by `dt` (s) under `input`. The iterations of the report are linear solves; of
   /// a step that is one solve by conjugate gradients, their iterations. Never allocates. Fails
   /// when: see StepStatus; the state is then bitwise unchanged, and `check_input` says why.
-  /// Complexity: every linear solve takes one factorisation of the step matrix, O(n^1.5) on a sheet
-  /// of n vertices.
+  /// Complexity: O(n^1.5) a factorisation on a sheet of n vertices, one for a single linear solve
+  /// and a few for Newton; conjugate gradients O(n) an iteration.
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
                                         Workspace& ws) const;
 
@@ -323,7 +323,7 @@ MassSpring<S>::MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scal
                 ? nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)
                 : EliminationTree()) {
   for (const Spring<Scalar>& s : network_.springs) total_stiffness_ += s.stiffness;
-  structure_ = detail::hash_structure(pattern_.matrix(), tree_, network_.rest_positions);
+  structure_ = detail::hash_structure(pattern_.matrix(), tree_, network_);
 }
 
 template <RealScalar S>

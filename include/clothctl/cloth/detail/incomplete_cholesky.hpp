@@ -10,14 +10,15 @@
 //
 //   D_i += α |U_jk|/|U_ik| U_ik D_k⁻¹ U_ikᵀ,   and the same of j with i and j exchanged.
 //
-// With α = 1, P - A is positive semidefinite, so pivots of a positive definite A cannot fail. But P
-// is nearer to A with small α. The factorisation starts with α = 0, and begins again with a larger
-// one where a pivot fails. It costs O(blocks · blocks in a row). Reference: Ajiz and Jennings, A
-// robust incomplete Choleski-conjugate gradient algorithm, Int. J. Numer. Meth. Eng. 20 (1984), who
-// compensate scalars.
+// |U| is the sum of the magnitudes of the entries. With α = 1, P - A is positive semidefinite, so
+// pivots of a positive definite A cannot fail, up to rounding. But P is nearer to A with small α.
+// The factorisation starts with α = 0, and begins again with a larger one where a pivot fails or is
+// hardly above rounding. (A small pivot may be exact, as that of a stiff link between two layers.)
+// It costs O(blocks · blocks in a row). Reference: Ajiz and Jennings, A robust incomplete
+// Choleski-conjugate gradient algorithm, Int. J. Numer. Meth. Eng. 20 (1984), who compensate
+// scalars.
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -59,11 +60,15 @@ class IncompleteCholesky {
   /// part of the matrix is not, up to rounding. Never allocates.
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
                                std::span<const unsigned char> held) {
+    const Scalar rounding = scalar_traits<Scalar>::epsilon();
     for (const double alpha : {0.0, 0.02, 0.1, 0.3}) {
-      if (eliminate(matrix, held, Scalar(alpha), Scalar(1e-3))) return true;
+      if (eliminate(matrix, held, Scalar(alpha), Scalar(1000) * rounding)) return true;
     }
-    return eliminate(matrix, held, Scalar(1), scalar_traits<Scalar>::epsilon());
+    return eliminate(matrix, held, Scalar(1), rounding);
   }
+
+  /// Returns α of the last factorisation.
+  const Scalar& compensation() const { return compensation_; }
 
   /// Replaces x (1×3n) by P⁻¹ x. Entries of held vertices do not change. Never allocates.
   void solve(Lanes<Scalar, 1>& x) const {
@@ -113,12 +118,16 @@ class IncompleteCholesky {
             e[6] * a.x + e[7] * a.y + e[8] * a.z};
   }
 
-  /// Computes L and D. Returns false at the first pivot that `invert` refuses.
+  /// Computes L and D. Returns false at the first pivot that `invert` refuses, or number that is
+  /// not finite.
   bool eliminate(const BlockSymmetric<Scalar>& matrix, std::span<const unsigned char> held,
                  const Scalar& alpha, const Scalar& least) {
+    compensation_ = alpha;
     const auto is_held = [&](Index i) { return held[static_cast<std::size_t>(i)] != 0; };
     for (Index i = 0; i < matrix.rows(); ++i) {
       pivot(i) = matrix.diagonal(i);
+      // `invert` reads the lower triangle only.
+      if (!is_held(i) && !is_finite(Scalar(pivot(i).sum()))) return false;
       for (int s = matrix.row_begin(i); s < matrix.row_begin(i + 1); ++s) {
         const bool coupled = !is_held(i) && !is_held(matrix.column(s));
         lower_.lower(s) = coupled ? matrix.lower(s) : Zero();
@@ -133,50 +142,62 @@ class IncompleteCholesky {
       if (!invert(own, matrix.diagonal(k), least, pivot(k))) return false;
       const std::size_t begin = column_begin_[static_cast<std::size_t>(k)];
       const std::size_t end = column_begin_[static_cast<std::size_t>(k) + 1];
-      eliminate_column({column_.data() + begin, end - begin}, pivot(k), alpha);
+      if (!eliminate_column({column_.data() + begin, end - begin}, pivot(k), alpha)) return false;
     }
     return true;
   }
 
   /// Subtracts the products of the blocks U of a column, compensates for those left out, and turns
-  /// U into L.
-  void eliminate_column(std::span<const ColumnEntry> column, const Matrix3<Scalar>& inverse,
+  /// U into L. Returns false when U is not finite.
+  bool eliminate_column(std::span<const ColumnEntry> column, const Matrix3<Scalar>& inverse,
                         const Scalar& alpha) {
-    using std::sqrt;
     Scalar total = Scalar(0);
     for (std::size_t e = 0; e < column.size(); ++e) {
       Part& part = parts_[e];
       part.upper = lower_.lower(column[e].slot);
-      part.size = sqrt(part.upper.squaredNorm());
+      part.size = part.upper.cwiseAbs().sum();
       part.kept = part.size;
       total += part.size;
       lower_.lower(column[e].slot).noalias() = part.upper * inverse;
     }
+    if (!is_finite(total)) return false;
     for (std::size_t e = 0; e < column.size(); ++e) {
-      if (!(Scalar(0) < parts_[e].size)) continue;
-      // The rows of the column, and the columns of row i, ascend: a merge finds the blocks (i, j).
-      const Index i = column[e].row;
-      int s = column[e].slot + 1;
-      const int end = lower_.row_begin(i + 1);
-      for (std::size_t f = 0; f < e && s < end;) {
-        const int j = column[f].row, present = lower_.column(s);
-        if (j == present) {
-          lower_.lower(s).noalias() -= parts_[e].upper * lower_.lower(column[f].slot).transpose();
-          parts_[e].kept += parts_[f].size;
-          parts_[f].kept += parts_[e].size;
-        }
-        if (j <= present) ++f;
-        if (present <= j) ++s;
-      }
+      if (Scalar(0) < parts_[e].size) subtract_products(column, e);
     }
     for (std::size_t e = 0; e < column.size(); ++e) {
       const Part& part = parts_[e];
       if (!(Scalar(0) < part.size)) continue;
-      const Scalar left_out = total - part.kept;
-      const Scalar share =
-          Scalar(1) - alpha * (Scalar(0) < left_out ? left_out : Scalar(0)) / part.size;
+      const Scalar left_out = part.kept < total ? total - part.kept : Scalar(0);
+      const Scalar share = Scalar(1) - alpha * left_out / part.size;
       pivot(column[e].row).noalias() -=
           share * part.upper * lower_.lower(column[e].slot).transpose();
+    }
+    return true;
+  }
+
+  /// Subtracts the products of entry e of a column and the earlier ones from the blocks of its row.
+  void subtract_products(std::span<const ColumnEntry> column, std::size_t e) {
+    // Rows of the column and columns of the row ascend. The shorter list is searched for in the
+    // other, since a hub has thousands of blocks.
+    const int begin = column[e].slot + 1, end = lower_.row_begin(column[e].row + 1);
+    const auto subtract = [&](std::size_t f, int s) {
+      lower_.lower(s).noalias() -= parts_[e].upper * lower_.lower(column[f].slot).transpose();
+      parts_[e].kept += parts_[f].size;
+      parts_[f].kept += parts_[e].size;
+    };
+    if (static_cast<std::size_t>(end - begin) <= e) {
+      for (int s = begin; s < end; ++s) {
+        const auto found = std::lower_bound(
+            column.begin(), column.begin() + static_cast<std::ptrdiff_t>(e), lower_.column(s),
+            [](const ColumnEntry& entry, Index row) { return entry.row < row; });
+        const std::size_t f = static_cast<std::size_t>(found - column.begin());
+        if (f < e && found->row == lower_.column(s)) subtract(f, s);
+      }
+    } else {
+      for (std::size_t f = 0; f < e; ++f) {
+        const int s = lower_.find(column[e].row, column[f].row);
+        if (0 <= s) subtract(f, s);
+      }
     }
   }
 
@@ -208,6 +229,7 @@ class IncompleteCholesky {
   std::vector<std::size_t> column_begin_;
   std::vector<ColumnEntry> column_;  // the blocks by columns; rows ascend
   std::vector<Part> parts_;          // memory of one column
+  Scalar compensation_ = Scalar(0);
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -10,6 +10,7 @@
 
 #include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/conjugate_gradient.hpp"
+#include "clothctl/cloth/detail/find_grid.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/detail/step_preconditioner.hpp"
 #include "clothctl/linalg/block_cholesky.hpp"
@@ -62,7 +63,12 @@ struct MassSpringWorkspace {
     matrix = pattern;
     frozen = pattern;
     if (tree.permutation.empty()) {
-      preconditioner = StepPreconditioner<Scalar>(pattern, network.rest_positions);
+      if constexpr (HasLevels<Scalar>) {
+        preconditioner = StepPreconditioner<Scalar>(pattern, surface_sides(network),
+                                                    network.rest_positions.template cast<double>());
+      } else {
+        preconditioner = StepPreconditioner<Scalar>(pattern);
+      }
     } else {
       factor = BlockCholesky<Scalar>(pattern, tree);
       preconditioner = StepPreconditioner<Scalar>(pattern, tree);
@@ -96,12 +102,13 @@ struct MassSpringWorkspace {
   bool is_held(Index i) const { return held[static_cast<std::size_t>(i)] != 0; }
 };
 
-/// Returns the hash of a pattern and an order of elimination, without one (conjugate gradients) of
-/// the positions at rest instead. Apart from these and from sizes, a workspace does not depend on
-/// the model. Complexity: O(blocks of the pattern).
+/// Returns the hash of a pattern and an order of elimination; without one (conjugate gradients), of
+/// what places the coarse vertices instead: rest lengths along sides of triangles, and rest
+/// positions. Apart from these and from sizes, a workspace does not depend on the model.
+/// Complexity: O(blocks of the pattern).
 template <RealScalar Scalar>
 std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const EliminationTree& tree,
-                             const Points<Scalar>& rest_positions) {
+                             const SpringNetwork<Scalar>& network) {
   StructureHash hash;
   hash.add(pattern.rows());
   for (Index i = 0; i < pattern.rows(); ++i) hash.add(pattern.row_begin(i));
@@ -109,9 +116,16 @@ std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const Elimin
   for (const std::vector<int>* list : {&tree.permutation, &tree.node_begin, &tree.parent}) {
     for (const int value : *list) hash.add(value);
   }
-  if (tree.permutation.empty()) {
-    for (Index k = 0; k < rest_positions.size(); ++k)
-      hash.add(std::bit_cast<std::int64_t>(static_cast<double>(rest_positions.data()[k])));
+  if constexpr (HasLevels<Scalar>) {
+    if (!tree.permutation.empty()) return hash.value;
+    const auto add_number = [&](double number) { hash.add(std::bit_cast<std::int64_t>(number)); };
+    for (const SurfaceEdge& side : surface_sides(network)) {
+      hash.add(side.a);
+      hash.add(side.b);
+      add_number(side.length);
+    }
+    for (Index k = 0; k < network.rest_positions.size(); ++k)
+      add_number(static_cast<double>(network.rest_positions.data()[k]));
   }
   return hash.value;
 }

@@ -7,6 +7,7 @@
 
 #include <span>
 #include <type_traits>
+#include <vector>
 
 #include "clothctl/cloth/detail/coarse_correction.hpp"
 #include "clothctl/cloth/detail/incomplete_cholesky.hpp"
@@ -31,10 +32,15 @@ class StepPreconditioner {
     right_.setZero(1, 3 * pattern.rows());
   }
 
-  /// Makes the memory of incomplete factors and of the coarse correction of a body with `positions`
-  /// at rest (3×n, m). Allocates.
-  StepPreconditioner(const BlockSymmetric<Scalar>& pattern, const Points<Scalar>& positions)
-      : incomplete_(pattern), coarse_(pattern, positions), is_incomplete_(true) {}
+  /// Makes the memory of incomplete factors and of the coarse correction of a body (arguments:
+  /// CoarseCorrection). Allocates.
+  StepPreconditioner(const BlockSymmetric<Scalar>& pattern, const std::vector<SurfaceEdge>& sides,
+                     const Points<double>& places)
+      : incomplete_(pattern), coarse_(pattern, sides, places), is_incomplete_(true) {}
+
+  /// Makes the memory of incomplete factors alone. Allocates.
+  explicit StepPreconditioner(const BlockSymmetric<Scalar>& pattern)
+      : incomplete_(pattern), is_incomplete_(true) {}
 
   /// True when factors are incomplete, and so cheap that every matrix can have its own.
   bool is_incomplete() const { return is_incomplete_; }
