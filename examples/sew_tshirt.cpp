@@ -110,6 +110,7 @@ clothctl::PatternMesh hang(const Request& r, const clothctl::Garment& garment,
 
 int main(int argc, char** argv) {
   const Request r = read_request(argc, argv);
+  make_folder(r.out);  // before the work, since it may fail
   const clothctl::Material<double> material = read_material(r.material);
   const bool sleeves = r.garment == "tshirt";
   const auto pattern = must(sleeves ? clothctl::tshirt_pattern() : clothctl::tank_top_pattern());

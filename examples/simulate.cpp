@@ -4,7 +4,6 @@
 //                                                           then open out/player.html
 
 #include <cmath>
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "clothctl/core/number_text.hpp"
@@ -40,7 +39,8 @@ SimulateOptions read_options(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--material", o.cloth.material, "Preset name or JSON file")->capture_default_str();
   app.add_option("--pin", o.cloth.pin,
-                 "Vertices that stay: corners (upper), top (edge), none, or indices A,B,...")
+                 "Vertices that stay: corners (upper; shoulders of the shirt), top (edge), none, "
+                 "or A,B,...")
       ->check(named)
       ->capture_default_str();
   app.add_option("--start", o.cloth.start, "hanging, or level: turned about the top edge")
@@ -65,6 +65,9 @@ SimulateOptions read_options(int argc, char** argv) {
       ->check(named);
   parse(app, argc, argv);
   o.cloth.size_given = app.count("--size") > 0;
+  if (o.run.seconds < o.run.dt)
+    refuse("--dt: " + clothctl::number_text(o.run.dt) + " s is longer than --seconds " +
+           clothctl::number_text(o.run.seconds));
   if (o.run.seconds / o.run.dt > 1e7)
     refuse("--seconds: " + clothctl::number_text(o.run.seconds) +
            " s are over 10^7 steps of --dt " + clothctl::number_text(o.run.dt));
@@ -119,11 +122,7 @@ int main(int argc, char** argv) {
   shown.dt = o.run.dt * static_cast<double>(every);
   shown.triangles = scene.network.triangles;
   clothctl::PlayerRecorder page(shown, scene.network.vertex_count(), 0, 0);
-  if (!o.out.empty()) {  // before the work, since it may fail
-    std::error_code failure;
-    std::filesystem::create_directories(o.out, failure);
-    if (failure) refuse(o.out + ": " + failure.message());
-  }
+  make_folder(o.out);  // before the work, since it may fail
   const ClothFigures f = run_cloth(o.run, scene, o.out.empty() ? nullptr : &page, every);
   if (!o.out.empty()) {
     page.scene().figures = {{"Status", f.status},

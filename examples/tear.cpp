@@ -108,7 +108,6 @@ int run(const TearRequest& o) {
     scene.title = "A sheet that tears";
     scene.dt = kStep;
     scene.triangles = sheet.network().triangles;
-    make_folder(o.out);
     history.write(scene, sheet.vertex_count(), o.out, j);
   }
   print_figures(j, o.json);
@@ -120,6 +119,7 @@ int run(const TearRequest& o) {
 
 int main(int argc, char** argv) {
   const TearRequest o = read_tear_request(argc, argv);
+  make_folder(o.out);  // before the work, since it may fail
   return o.model == "pbd"
              ? run<clothctl::PositionBased<double>, clothctl::PositionBasedSettings<double>>(o)
              : run<clothctl::MassSpring<double>, clothctl::MassSpringSettings<double>>(o);

@@ -5,7 +5,9 @@
 #include <random>
 #include <string_view>
 #include <system_error>
+#include <utility>
 
+#include "clothctl/cloth/position_based.hpp"
 #include "clothctl/cloth/settle.hpp"
 #include "clothctl/core/quoted_text.hpp"
 #include "clothctl/io/obj.hpp"
@@ -53,14 +55,21 @@ double largest_extent(const Points& x) {
   return (x.rowwise().maxCoeff() - x.rowwise().minCoeff()).maxCoeff();
 }
 
+/// Leaves the vertices at the middles of the shoulder seams of a shirt in `shoulders`.
 clothctl::SpringNetwork<double> mesh_network(const ClothOptions& o,
-                                             const clothctl::Material<double>& material) {
+                                             const clothctl::Material<double>& material,
+                                             std::vector<int>& shoulders) {
   if (o.mesh.starts_with("grid:")) return grid_network(o, material);
   clothctl::PatternMesh mesh;
   if (o.mesh == "tshirt") {
     const clothctl::Garment panels =
         must(clothctl::make_garment(must(clothctl::tshirt_pattern()), clothctl::kTshirtEdgeLength));
-    mesh = must(clothctl::weld_seams(panels)).mesh;
+    clothctl::SewnGarment sewn = must(clothctl::weld_seams(panels));
+    for (const std::size_t side : {3, 5}) {
+      const std::vector<int>& seam = panels.panels[0].sides[side];
+      shoulders.push_back(sewn.vertex_of[static_cast<std::size_t>(seam[seam.size() / 2])]);
+    }
+    mesh = std::move(sewn.mesh);
   } else if (o.mesh.ends_with(".obj")) {
     mesh = must(clothctl::read_obj(o.mesh));
   } else {
@@ -78,11 +87,15 @@ clothctl::SpringNetwork<double> mesh_network(const ClothOptions& o,
 }
 
 /// Lets a sewn garment come to rest: its panels were cut flat and placed around a body, so that the
-/// cloth near its seams is strained. It hangs from its pins, slowed by strong drag.
+/// cloth near its seams is strained. It hangs from its pins with little stretch, slowed by strong
+/// drag.
 void relax(ClothScene& scene) {
-  Body body;
-  body.network = scene.network;
-  AnyPlant plant = make_plant("xpbd", body, 10.0);
+  auto settings = clothctl::PositionBasedSettings<double>::of(scene.material, false);
+  settings.drag = 10;
+  settings.substeps = 10;
+  settings.stretch_limit = 0.01;
+  settings.pinned = scene.pinned;
+  AnyPlant plant(must(clothctl::PositionBased<double>::create(scene.network, settings)));
   plant.set_state(scene.state);
   if (!clothctl::settle(plant, scene.pinned, 1.0 / 60, 3.0, 0.02).advanced)
     refuse("--mesh: the garment does not settle");
@@ -90,7 +103,8 @@ void relax(ClothScene& scene) {
 }
 
 /// Returns the vertices that --pin names: words by their places in the hanging mesh, or indices.
-std::vector<int> read_pins(const ClothOptions& o, const Points& x) {
+std::vector<int> read_pins(const ClothOptions& o, const Points& x,
+                           const std::vector<int>& shoulders) {
   std::vector<int> pins;
   if (o.pin == "none") return pins;
   if (o.pin == "top") {
@@ -101,6 +115,7 @@ std::vector<int> read_pins(const ClothOptions& o, const Points& x) {
     }
     return pins;
   }
+  if (o.pin == "corners" && !shoulders.empty()) return shoulders;
   if (o.pin == "corners") {
     for (const double side : {-1.0, 1.0}) {
       Index highest = 0;
@@ -137,11 +152,12 @@ Vec read_triple(const std::string& text, const std::string& option) {
 ClothScene make_cloth_scene(const ClothOptions& o) {
   ClothScene scene;
   scene.material = read_material(o.material);
-  scene.network = mesh_network(o, scene.material);
+  std::vector<int> shoulders;
+  scene.network = mesh_network(o, scene.material, shoulders);
   if (!o.wind.empty()) scene.wind = read_triple(o.wind, "--wind");
   const Points& rest = scene.network.rest_positions;
   scene.extent = largest_extent(rest);
-  scene.pinned = read_pins(o, rest);
+  scene.pinned = read_pins(o, rest, shoulders);
   scene.state = {rest, Points::Zero(3, rest.cols())};
   if (o.mesh == "tshirt") relax(scene);
   Points& x = scene.state.positions;

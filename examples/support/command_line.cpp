@@ -1,5 +1,6 @@
 #include "support/command_line.hpp"
 
+#include <new>
 #include <sstream>
 
 namespace program {
@@ -110,6 +111,8 @@ void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
 }
 
 void parse(CLI::App& app, int argc, char** argv) {
+  // Every program comes here before it makes anything large.
+  std::set_new_handler([] { refuse("not enough memory for a body of this size"); });
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {

@@ -3,7 +3,6 @@
 #include <nlohmann/json.hpp>
 
 #include <cstdio>
-#include <filesystem>
 
 #include "support/figure_text.hpp"
 #include "support/options.hpp"
@@ -25,12 +24,6 @@ void print_figures(const nlohmann::ordered_json& figures, bool json) {
 nlohmann::ordered_json known(double value, bool is_known) {
   return is_known && clothctl::is_finite(value) ? nlohmann::ordered_json(value)
                                                 : nlohmann::ordered_json();
-}
-
-void make_folder(const std::string& path) {
-  std::error_code failure;
-  std::filesystem::create_directories(path, failure);
-  if (failure) refuse(path + ": " + failure.message());
 }
 
 std::string millimetres(double metres) {

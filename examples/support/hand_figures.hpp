@@ -17,9 +17,6 @@ void print_figures(const nlohmann::ordered_json& figures, bool json);
 /// Returns a number, or null if it is unknown or not finite.
 nlohmann::ordered_json known(double value, bool is_known = true);
 
-/// Makes a folder for a program's files. Ends the program on failure.
-void make_folder(const std::string& path);
-
 /// Returns a length as text, in millimetres.
 std::string millimetres(double metres);
 

@@ -14,6 +14,10 @@ namespace program {
 /// Ends the program because of bad input.
 [[noreturn]] void refuse(const std::string& reason);
 
+/// Makes the folder of an option --out if there is none; does nothing for an empty name. Ends the
+/// program where that fails.
+void make_folder(const std::string& out);
+
 /// Returns the value of a result, or ends the program with its error.
 template <class T>
 T must(clothctl::Result<T> result) {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 
 #include "clothctl/io/file.hpp"
 
@@ -104,9 +103,7 @@ Points RunRecorder::arrows(const clothctl::PlanResult<double>& result) const {
 }
 
 void RunRecorder::write(const Summary& s) {
-  std::error_code failure;
-  std::filesystem::create_directories(options_.out, failure);
-  if (failure) refuse(options_.out + ": " + failure.message());
+  make_folder(options_.out);
   page_.scene().figures = {
       {"Status", s.status},
       {"Mean error", formatted("%.2f mm", 1000 * s.mean_error_m)},

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstdio>
-#include <filesystem>
 
 #include "clothctl/io/obj.hpp"
 #include "support/figure_text.hpp"
@@ -58,8 +57,6 @@ void Workshop::finish(const std::string& out, bool json, const clothctl::Pattern
     if (!json) std::printf("%-18s %s\n", key.c_str(), text.c_str());
   }
   if (!out.empty()) {
-    std::error_code error;
-    std::filesystem::create_directories(out, error);
     must(page_.write(out + "/player.html"));
     must(clothctl::write_obj(out + "/shirt.obj", mesh));
   }

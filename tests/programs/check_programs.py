@@ -226,6 +226,12 @@ def check_simulate_runs(programs, folder):
               and figures["setup"]["size_m"] == extent, f"simulate --mesh FILE.obj: {figures}")
     code, text, _ = run(simulate, "--mesh", "grid:5x5", "--seconds", 0.1)
     check(code == 0 and "finished: 6 steps of 25 vertices" in text, f"simulate as text: {text!r}")
+    code, _, errors = run(simulate, "--seconds", 0.01, "--dt", 1)
+    check(code == 2 and "--dt: 1 s is longer than --seconds 0.01" in errors,
+          f"simulate --dt over --seconds: {code} {errors!r}")
+    shirt = figures_of("shirt", "--mesh", "tshirt", "--cap", 0.02, "--seconds", 0.1)
+    check(shirt["stretch_max"] < 0.03 and shirt["setup"]["pinned"] == 2,
+          f"simulate --mesh tshirt --cap 0.02: {shirt}")
 
 
 def check_bad_simulate(programs, bad, file):
