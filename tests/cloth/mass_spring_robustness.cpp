@@ -189,10 +189,10 @@ double stiffness_ratio(const Trial& trial) {
   return trial.dt * trial.dt * stiffest / trial.network.mass.minCoeff();
 }
 
-/// Where hands take more energy out of a body in one step than it has, by their forces at the end
-/// of the step, its kinetic energy is not enough to pay for it: of 10⁶ bodies in double 2 gain more
-/// than one percent with single linear solves, of 640,000 with Newton 9 (the worst 180 %, the first
-/// is seed 28447). The quick tier has no such body.
+/// Hands may take energy out of a body in a step, by their forces at the end of it, more than its
+/// whole kinetic energy can pay. So of 10⁶ bodies in double 2 gain more than one percent with
+/// single linear solves, of 640,000 with Newton 9 (the worst 180 %; the first is seed 28447). The
+/// quick tier has no such body.
 template <class S>
 void run_all(int trials, int steps, double allowed, double stiffest, bool folded = false) {
   const bool rare = clothctl_test::full_tier();

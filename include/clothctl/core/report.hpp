@@ -15,8 +15,9 @@ struct StepReport {
   StepStatus status = StepStatus::Converged;
   /// True when the state was advanced to the end of the step; false when it is unchanged.
   bool advanced = false;
-  /// Largest entry of the momentum residual at the end of the step, N s. Methods that solve no
-  /// equation to a tolerance report 0.
+  /// Implicit models: largest entry of the momentum residual at the end of the step, N s, 0 after a
+  /// solve by a factor. Position-based models: with a limit of stretch, the largest stretch l/l0 -
+  /// 1 that the last sweep met, else 0.
   Scalar residual = Scalar(0);
   /// Number of linear solves (implicit models) or of constraint sweeps (position-based models).
   int iterations = 0;
