@@ -96,7 +96,7 @@ class CoarseCorrection {
     return {weight_.data() + begin, begin_[static_cast<std::size_t>(i) + 1] - begin};
   }
   /// Chooses coarse vertices, which it returns, and fills begin_, weight_ and place_.
-  std::vector<int> set_weights(Index n, const std::vector<SurfaceEdge>& sides);
+  std::vector<int> set_weights(Index rows, const std::vector<SurfaceEdge>& sides);
   /// Sets the first `column_count_` of columns_ to the coarse vertices of row i of T (factorize),
   /// and place_ to their places.
   void find_columns(const BlockSymmetric<Scalar>& matrix, Index i);
