@@ -1,5 +1,7 @@
 #include "support/command_line.hpp"
 
+#include <cstdio>
+#include <cstdlib>
 #include <new>
 #include <sstream>
 
@@ -111,8 +113,11 @@ void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
 }
 
 void parse(CLI::App& app, int argc, char** argv) {
-  // Every program comes here before it makes anything large.
-  std::set_new_handler([] { refuse("not enough memory for a body of this size"); });
+  // Every program comes here before it makes anything large. The handler must not allocate.
+  std::set_new_handler([] {
+    std::fputs("error: not enough memory for a body of this size\n", stderr);
+    std::_Exit(2);
+  });
   try {
     app.parse(argc, argv);
   } catch (const CLI::CallForHelp& e) {

@@ -189,15 +189,14 @@ double stiffness_ratio(const Trial& trial) {
   return trial.dt * trial.dt * stiffest / trial.network.mass.minCoeff();
 }
 
-/// Hands may take energy out of a body in a step, by their forces at the end of it, more than its
-/// whole kinetic energy can pay. So of 10⁶ bodies in double 2 gain more than one percent with
-/// single linear solves, of 640,000 with Newton 9 (the worst 180 %; the first is seed 28447). The
-/// quick tier has no such body.
+/// A known failure of the full tier: hands may take energy out of a body in a step, by their forces
+/// at the end of it, more than its whole kinetic energy can pay. So of 10⁶ bodies in double 2 gain
+/// more than one percent with single linear solves, of 640,000 with Newton 9 (the worst 180 %; the
+/// first is seed 28447).
 template <class S>
 void run_all(int trials, int steps, double allowed, double stiffest, bool folded = false) {
-  const bool rare = clothctl_test::full_tier();
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
-    int failed = 0, above = 0;
+    int failed = 0;
     double worst = 0;
     for (int seed = 0; seed < trials; ++seed) {
       Trial trial(static_cast<std::uint64_t>(seed), folded);
@@ -206,16 +205,13 @@ void run_all(int trials, int steps, double allowed, double stiffest, bool folded
       const Outcome out = run<S>(trial, integration, steps);
       const double gain = folded ? std::max(out.gain, out.step_gain) : out.gain;
       worst = std::max(worst, gain);
-      if (!(gain <= allowed)) ++above;
-      const bool good =
-          out.finite && out.bounded && out.refused == 0 && gain <= (rare ? 3.0 : allowed);
+      const bool good = out.finite && out.bounded && out.refused == 0 && gain <= allowed;
       if (good) continue;
       CAPTURE(seed, integration, out.finite, out.bounded, out.refused, gain);
       if (++failed < 10) CHECK(good);
     }
-    CAPTURE(integration, worst, above, trials);
+    CAPTURE(integration, worst, trials);
     CHECK(failed == 0);
-    CHECK(above * 50000.0 <= trials);
   }
 }
 
