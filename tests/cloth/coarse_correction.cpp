@@ -23,10 +23,6 @@ namespace {
 
 using Row = Lanes<double, 1>;
 
-std::vector<unsigned char> none_held(const BlockSymmetric<double>& matrix) {
-  return std::vector<unsigned char>(static_cast<std::size_t>(matrix.rows()), 0);
-}
-
 // The couplings of a graph with their lengths, as sides of triangles.
 std::vector<SurfaceEdge> sides_of(const Graph& graph) {
   std::vector<SurfaceEdge> sides;
@@ -41,14 +37,11 @@ CoarseCorrection<double> make(const BlockSymmetric<double>& matrix, const Graph&
 
 // W A_c⁻¹ Wᵀ as a dense matrix.
 Eigen::MatrixXd correction_of(CoarseCorrection<double>& coarse, Index rows) {
-  Eigen::MatrixXd out(3 * rows, 3 * rows);
-  for (Index k = 0; k < 3 * rows; ++k) {
-    Row r = Row::Zero(1, 3 * rows), z = r;
-    r[k] = 1.0;
-    coarse.add(r, z);
-    out.col(k) = z.transpose();
-  }
-  return out;
+  return dense_map(rows, [&](Row& x) {
+    const Row r = x;
+    x.setZero();
+    coarse.add(r, x);
+  });
 }
 
 // Unit masses and springs along the couplings of a graph, stiff as in a step of 1/60 s.

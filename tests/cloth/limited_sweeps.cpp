@@ -59,7 +59,7 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   StepReport<double> report;
   report.status = StepStatus::Converged;
   sweep_within_limit(
-      RecordingSheet{}, memory, settings, part, {},
+      RecordingSheet{}, memory, settings, part, true, {},
       [&](SweepOrder order) { memory.calls += order == SweepOrder::Forward ? 'e' : '<'; },
       [&] { memory.calls += 'a'; }, report);
   return report;

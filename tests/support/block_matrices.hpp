@@ -121,4 +121,23 @@ Eigen::MatrixXd dense(const clothctl::BlockSymmetric<Scalar>& matrix) {
   return full;
 }
 
+/// No vertex of a matrix is held.
+template <class Scalar>
+std::vector<unsigned char> none_held(const clothctl::BlockSymmetric<Scalar>& matrix) {
+  return std::vector<unsigned char>(static_cast<std::size_t>(matrix.rows()), 0);
+}
+
+/// Returns a linear map of 1×3n vectors as a dense matrix; `apply(x)` replaces x by its image.
+template <class Apply>
+Eigen::MatrixXd dense_map(clothctl::Index rows, Apply&& apply) {
+  Eigen::MatrixXd out(3 * rows, 3 * rows);
+  for (clothctl::Index k = 0; k < 3 * rows; ++k) {
+    clothctl::Lanes<double, 1> x = clothctl::Lanes<double, 1>::Zero(1, 3 * rows);
+    x[k] = 1.0;
+    apply(x);
+    out.col(k) = x.transpose();
+  }
+  return out;
+}
+
 }  // namespace clothctl_test

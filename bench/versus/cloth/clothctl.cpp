@@ -119,7 +119,7 @@ std::unique_ptr<Engine> implicit() { return std::make_unique<Implicit>(); }
 Entry clothctl_entry() {
   return {"clothctl",
           CLOTHCTL_VERSION_STRING,
-          {{"substeps", true, 2, 5, {64, 1}, plain}, {"cap", true, 2, 5, {0, 0}, capped}}};
+          {{"substeps", true, 2, 5, {64, 1}, plain}, {"cap", true, 2, 4, {0, 0}, capped}}};
 }
 
 Entry reference_entry() {

@@ -43,6 +43,7 @@
 #include "clothctl/cloth/detail/batch_sheet.hpp"
 #include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/limited_sweeps.hpp"
+#include "clothctl/cloth/detail/slow_motion.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
 #include "clothctl/concepts/executor.hpp"
@@ -67,6 +68,10 @@ struct PositionBasedWorkspace {
   detail::Attachments<Scalar> attachments;
   /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
   Points<Scalar> positions, velocities;
+  /// What is slow in the step at hand, with a limit of stretch.
+  detail::SlowMotion<Scalar> slow;
+  /// Whether the sets of coarse levels take turns in the step at hand.
+  bool levels_alternate = false;
   /// Data of a grid; unused otherwise.
   typename detail::LaneSheet<Scalar>::Scratch lanes;
   /// Data of any other network; unused for a grid.
@@ -290,13 +295,19 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   report.status = StepStatus::Converged;
   const Scalar h = dt / Scalar(static_cast<double>(settings_.substeps));
   load(sheet, memory, state, input, h, ws);
-  if (limited()) detail::pull_within_limit(sheet, memory, settings_, report);
+  if (limited()) {
+    ws.slow = detail::slow_motion(state, input, ws.held.size(), settings_.gravity, h, dt);
+    ws.levels_alternate = detail::moves(ws.slow, state, ws.inverse_mass);
+    detail::pull_within_limit(sheet, memory, settings_, report);
+  }
   for (int part = 1; part <= settings_.substeps; ++part) {
     if (settings_.air.enabled()) blow(sheet, memory, input, h, ws);
     predict(sheet, memory, state, input, part, h, ws);
     correct(sheet, memory, part, h, ws, report);
   }
   unload(sheet, memory, h, ws);
+  if (limited() && !ws.held.empty())
+    detail::damp_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
   const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
   for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
   for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
@@ -426,8 +437,8 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   ws.attachments.begin_substep();
   if (limited()) {
     const auto frame = detail::substep_frame(sheet, memory, settings_, h, ws.held);
-    return detail::sweep_within_limit(sheet, memory, settings_, part, frame, strain, attach,
-                                      report);
+    return detail::sweep_within_limit(sheet, memory, settings_, part, ws.levels_alternate, frame,
+                                      strain, attach, report);
   }
   report.iterations += settings_.iterations;
   if (verlet) return correct_rigid(sheet, memory, strain, attach);

@@ -60,11 +60,18 @@ class IncompleteCholesky {
   /// part of the matrix is not, up to rounding. Never allocates.
   [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
                                std::span<const unsigned char> held) {
-    const Scalar rounding = scalar_traits<Scalar>::epsilon();
-    for (const double alpha : {0.0, 0.02, 0.1, 0.3}) {
-      if (eliminate(matrix, held, Scalar(alpha), Scalar(1000) * rounding)) return true;
+    for (const double alpha : {0.0, 0.02, 0.1, 0.3, 1.0}) {
+      if (factorize(matrix, held, Scalar(alpha))) return true;
     }
-    return eliminate(matrix, held, Scalar(1), rounding);
+    return false;
+  }
+
+  /// The same with one α.
+  [[nodiscard]] bool factorize(const BlockSymmetric<Scalar>& matrix,
+                               std::span<const unsigned char> held, const Scalar& alpha) {
+    const Scalar rounding = scalar_traits<Scalar>::epsilon();
+    const bool last = !(alpha < Scalar(1));
+    return eliminate(matrix, held, alpha, last ? rounding : Scalar(1000) * rounding);
   }
 
   /// Returns α of the last factorisation.
