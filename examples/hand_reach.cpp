@@ -83,9 +83,7 @@ int main(int argc, char** argv) {
       ->check(between(0, 1e6))
       ->capture_default_str();
   app.add_option("--seed", o.seed, "Seed of targets and starts")
-      ->check([](const std::string& text) {
-        return text.find('-') == std::string::npos ? std::string() : text + " is negative";
-      })
+      ->check(seed_number())
       ->capture_default_str();
   app.add_option("--tips", o.tips,
                  "Links to move to targets, a,b,c (default: the end of each chain)")

@@ -56,9 +56,7 @@ SimulateOptions read_options(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--dt", o.run.dt, "Time step, s")->check(between(1e-5, 1))->capture_default_str();
   app.add_option("--seed", o.cloth.seed, "Seed of the small disturbance at the start")
-      ->check([](const std::string& text) {
-        return text.find('-') == std::string::npos ? std::string() : text + " is negative";
-      })
+      ->check(seed_number())
       ->capture_default_str();
   app.add_flag("--json", o.json, "Print the figures as one JSON object on the last line");
   app.add_option("--out", o.out, "Folder for player.html and summary.json (made if missing)")

@@ -54,8 +54,10 @@ Counts pull_apart(const TearRequest& o, Sheet& sheet, std::vector<int> held, Tea
   Progress progress;
   const long frames = std::lround(o.seconds / kStep);
   for (long frame = 0; frame < frames && !counts.failed; ++frame) {
-    if (frame == frames / 10 && !o.whole)
+    if (frame == frames / 10 && !o.whole) {
       counts.cut_vertices += take(must(sheet.cut_at_rest(cut_line(o))));
+      if (counts.cut_vertices == 0) refuse("--cut: the line opens no edge of the sheet");
+    }
     const double share = static_cast<double>(frame + 1) / static_cast<double>(frames);
     const double moved = 0.5 * o.pull * o.size * smooth_share(share);
     clothctl::ClothInput<double> input;

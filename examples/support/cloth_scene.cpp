@@ -81,9 +81,11 @@ clothctl::SpringNetwork<double> mesh_network(const ClothOptions& o,
     mesh.positions *= scale;
     mesh.pattern *= scale;
   }
-  return must(mesh.has_pattern()
-                  ? clothctl::pattern_network(mesh, material)
-                  : clothctl::sheet_network<double>(mesh.positions, mesh.triangles, material));
+  auto network = mesh.has_pattern()
+                     ? clothctl::pattern_network(mesh, material)
+                     : clothctl::sheet_network<double>(mesh.positions, mesh.triangles, material);
+  if (!network) refuse(o.mesh + ": " + network.error());
+  return std::move(network).value();
 }
 
 /// Lets a sewn garment come to rest: its panels were cut flat and placed around a body, so that the

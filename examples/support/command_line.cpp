@@ -1,9 +1,13 @@
 #include "support/command_line.hpp"
 
+#include <charconv>
+#include <cstdint>
 #include <cstdio>
 #include <cstdlib>
 #include <new>
 #include <sstream>
+#include <string>
+#include <system_error>
 
 namespace program {
 
@@ -19,6 +23,18 @@ CLI::Validator between(double least, double most) {
         return inside ? std::string() : text + " is not within " + shown;
       },
       shown);
+}
+
+CLI::Validator seed_number() {
+  return CLI::Validator(
+      [](const std::string& text) {
+        std::uint64_t value = 0;
+        const char* const end = text.data() + text.size();
+        const auto read = std::from_chars(text.data(), end, value);
+        const bool good = read.ec == std::errc() && read.ptr == end;
+        return good ? std::string() : text + " is not a whole number from 0 to 2^64 - 1";
+      },
+      "");
 }
 
 namespace {
@@ -93,9 +109,7 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
       ->needs(targets);
   add_planner_options(app, o);
   app.add_option("--seed", o.seed, "Seed of the random tasks")
-      ->check([](const std::string& text) {
-        return text.find('-') == std::string::npos ? std::string() : text + " is negative";
-      })
+      ->check(seed_number())
       ->capture_default_str();
   app.add_flag("--json", o.json, "Print the summary as one JSON object on the last line");
   app.add_option("--out", o.out,

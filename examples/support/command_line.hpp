@@ -14,6 +14,9 @@ namespace program {
 /// Accepts numbers from `least` to `most`; --help shows the range.
 CLI::Validator between(double least, double most);
 
+/// Accepts whole numbers from 0 to 2⁶⁴ - 1.
+CLI::Validator seed_number();
+
 /// Adds the options of every program. `tasks`: the built-in motions for --task, an alternative to
 /// --targets.
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,

@@ -17,6 +17,8 @@ std::string said(Change change) {
   return settings.validate();
 }
 
+const std::string kGravity[] = {"gravity x", "gravity y", "gravity z"};
+
 template <class Scalar>
 using Limits = std::numeric_limits<Scalar>;
 
@@ -62,19 +64,21 @@ TEMPLATE_TEST_CASE("mass-spring settings: a bad value is named", "[mass_spring_s
   const Scalar nan = Limits<Scalar>::quiet_NaN(), infinity = Limits<Scalar>::infinity();
   for (Index axis = 0; axis < 3; ++axis) {
     for (const Scalar bad : {nan, infinity, -infinity}) {
-      CHECK(said<Scalar>([&](Settings& s) { s.gravity[axis] = bad; }) == "gravity is not finite");
+      CHECK(said<Scalar>([&](Settings& s) { s.gravity[axis] = bad; }) ==
+            bad_number_line(kGravity[static_cast<std::size_t>(axis)], "is not finite", bad));
     }
   }
   for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1), nan, infinity, -infinity}) {
-    CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) == "drag is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) ==
+          "drag is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.velocity_tolerance = bad; }) ==
-          "velocity_tolerance is negative or not finite");
+          "velocity_tolerance is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) ==
-          "air density is negative or not finite");
+          "air density is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.air.normal_coefficient = bad; }) ==
-          "normal air coefficient is negative or not finite");
+          "normal air coefficient is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.air.tangent_coefficient = bad; }) ==
-          "tangent air coefficient is negative or not finite");
+          "tangent air coefficient is negative or not finite: " + number_text(bad));
   }
   CHECK(said<Scalar>([](Settings& s) { s.max_iterations = 0; }) ==
         "max_iterations is 0, must be at least 1");
@@ -91,11 +95,11 @@ TEST_CASE("mass-spring settings: the first of several bad values is named",
   settings.max_iterations = 0;
   CHECK(settings.validate() == "max_iterations is 0, must be at least 1");
   settings.velocity_tolerance = -1;
-  CHECK(settings.validate() == "velocity_tolerance is negative or not finite");
+  CHECK(settings.validate() == "velocity_tolerance is negative or not finite: -1");
   settings.drag = -1;
-  CHECK(settings.validate() == "drag is negative or not finite");
+  CHECK(settings.validate() == "drag is negative or not finite: -1");
   settings.gravity[2] = std::numeric_limits<double>::quiet_NaN();
-  CHECK(settings.validate() == "gravity is not finite");
+  CHECK(settings.validate() == "gravity z is not finite: nan");
 }
 
 TEST_CASE(

@@ -29,6 +29,8 @@ std::string said(Change change) {
   return settings.validate(row_of_four<Scalar>());
 }
 
+const std::string kGravity[] = {"gravity x", "gravity y", "gravity z"};
+
 template <class Scalar>
 using Limits = std::numeric_limits<Scalar>;
 
@@ -109,35 +111,38 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
   }
   for (Index axis = 0; axis < 3; ++axis) {
     for (const Scalar bad : {nan, infinity, -infinity}) {
-      CHECK(said<Scalar>([&](Settings& s) { s.gravity[axis] = bad; }) == "gravity is not finite");
+      CHECK(said<Scalar>([&](Settings& s) { s.gravity[axis] = bad; }) ==
+            bad_number_line(kGravity[static_cast<std::size_t>(axis)], "is not finite", bad));
     }
   }
   for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1), nan, infinity, -infinity}) {
-    CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) == "drag is negative or not finite");
+    CHECK(said<Scalar>([&](Settings& s) { s.drag = bad; }) ==
+          "drag is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.stretch_limit = bad; }) ==
-          "stretch limit is negative or not finite");
+          "stretch limit is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.air.density = bad; }) ==
-          "air density is negative or not finite");
+          "air density is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.air.normal_coefficient = bad; }) ==
-          "normal air coefficient is negative or not finite");
+          "normal air coefficient is negative or not finite: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.air.tangent_coefficient = bad; }) ==
-          "tangent air coefficient is negative or not finite");
+          "tangent air coefficient is negative or not finite: " + number_text(bad));
   }
   for (const Scalar bad : {-Limits<Scalar>::min(), Scalar(-1),
                            Scalar(1) + Limits<Scalar>::epsilon(), nan, infinity, -infinity}) {
     CHECK(said<Scalar>([&](Settings& s) { s.verlet_damping = bad; }) ==
-          "verlet damping is outside 0 to 1");
+          "verlet damping is outside 0 to 1: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.bend_relaxation = bad; }) ==
-          "bend relaxation is outside 0 to 1");
+          "bend relaxation is outside 0 to 1: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.compression = bad; }) ==
-          "compression is outside 0 to 1");
+          "compression is outside 0 to 1: " + number_text(bad));
     CHECK(said<Scalar>([&](Settings& s) { s.free_compression = bad; }) ==
-          "free compression is not from 0 to less than 1");
+          "free compression is not from 0 to less than 1: " + number_text(bad));
     for (std::size_t e = 0; e < 3; ++e) {
       CHECK(said<Scalar>([&](Settings& s) {
               s.spring_relaxation.assign(3, Scalar(0.5));
               s.spring_relaxation[e] = bad;
-            }) == "relaxation of spring " + std::to_string(e) + " is outside 0 to 1");
+            }) == "relaxation of spring " + std::to_string(e) +
+                      " is outside 0 to 1: " + number_text(bad));
     }
   }
   CHECK(said<Scalar>([](Settings& s) { s.extra_sweeps = -1; }) ==
@@ -167,9 +172,9 @@ TEST_CASE("position-based settings: the first of several bad values is named",
   settings.pinned = {4};
   CHECK(settings.validate(network) == "pinned vertex 4 is off the mesh");
   settings.spring_relaxation = {1.0, 2.0, 3.0};
-  CHECK(settings.validate(network) == "relaxation of spring 1 is outside 0 to 1");
+  CHECK(settings.validate(network) == "relaxation of spring 1 is outside 0 to 1: 2");
   settings.drag = -1;
-  CHECK(settings.validate(network) == "drag is negative or not finite");
+  CHECK(settings.validate(network) == "drag is negative or not finite: -1");
   settings.substeps = 0;
   CHECK(settings.validate(network) == "substeps is 0, must be at least 1");
 }

@@ -262,13 +262,12 @@ TEST_CASE("a shirt with a limit comes to rest on its pins", "[stretch_limit]") {
   const double fastest = state.velocities.colwise().norm().maxCoeff();
   CAPTURE(moved, fastest);
   CHECK(moved < 3e-3);
-  CHECK(fastest < 0.15);  // near the pins
+  CHECK(fastest < 0.08);
 }
 
 TEST_CASE("sheets with a limit come to rest between two corners", "[stretch_limit]") {
-  // Displacements and reported velocities. Without slow_motion.hpp the velocities of the grid are
-  // 2 mm/s, those of the triangles 8 mm/s. A grid whose edges resist every compression rests at
-  // 0.5 mm/s by displacements.
+  // Displacements and reported velocities. Without slow_motion.hpp the velocities of the triangles
+  // are 8 mm/s. A grid whose edges resist every compression rests at 0.5 mm/s.
   const int n = clothctl_test::kSanitized ? 17 : 65, cells = clothctl_test::kSanitized ? 15 : 40;
   constexpr float kStep = 1.0F / 60.0F;
   for (const Sheet<float>& sheet :
@@ -291,8 +290,8 @@ TEST_CASE("sheets with a limit come to rest between two corners", "[stretch_limi
     const double count = 50.0 * static_cast<double>(network.vertex_count());
     const double speed = 60.0 * std::sqrt(moved / count), reported = std::sqrt(fast / count);
     CAPTURE(sheet.name, speed, reported);
-    CHECK(speed < 1e-3);
-    CHECK(reported < 1e-3);
+    CHECK(speed < 3e-4);
+    CHECK(reported < 3e-4);
   }
 }
 

@@ -249,7 +249,7 @@ def check_bad_simulate(programs, bad, file):
                            ("--start", ["up"]),
                            ("--wind", ["1,2", "1,2,nan", "1,2,3,4", "a", "1e9,0,0", "1 2 3"]),
                            ("--cap", [-0.1, 2, "nan"]), ("--seconds", [0, "nan", -3]),
-                           ("--dt", [0, "nan", 2]), ("--seed", [-1])):
+                           ("--dt", [0, "nan", 2]), ("--seed", [-1, 1.5, 18446744073709551616])):
         for value in values:
             bad_value(option, value)
     for option in ("--pin", "--wind", "--out"):
@@ -871,6 +871,7 @@ def check_bad_input(programs, folder):
         file("dt.csv", targets(0.4)), "--out",
         folder / "dt.csv" / "x")
     bad("cut of one point", ["--cut", "got 2"], "--cut", "0.5,0.5", program=programs / "tear")
+    bad("cut that misses", ["--cut", "no edge"], "--cut", "2,2,3,3", program=programs / "tear")
     bad("cut NaN", ["point 1 of the cut"], "--cut", "0.5,0.5,nan,0.5", program=programs / "tear")
     bad("limit below zero", ["--limit", "-1"], "--limit", -1, program=programs / "tear")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")

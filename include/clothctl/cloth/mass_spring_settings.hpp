@@ -91,10 +91,14 @@ struct MassSpringSettings {
 
   /// Returns an empty string when all settings are good, else a line that names the first bad one.
   std::string validate() const {
-    if (!all_finite(gravity)) return "gravity is not finite";
-    if (!is_finite(drag) || drag < Scalar(0)) return "drag is negative or not finite";
+    const std::string sign = "is negative or not finite";
+    for (Index c = 0; c < 3; ++c) {
+      if (!is_finite(gravity[c]))
+        return bad_number_line(std::string("gravity ") + "xyz"[c], "is not finite", gravity[c]);
+    }
+    if (!is_finite(drag) || drag < Scalar(0)) return bad_number_line("drag", sign, drag);
     if (!is_finite(velocity_tolerance) || velocity_tolerance < Scalar(0))
-      return "velocity_tolerance is negative or not finite";
+      return bad_number_line("velocity_tolerance", sign, velocity_tolerance);
     if (max_iterations < 1)
       return "max_iterations is " + std::to_string(max_iterations) + ", must be at least 1";
     if (max_linear_iterations < 1) {

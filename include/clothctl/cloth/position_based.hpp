@@ -297,7 +297,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   load(sheet, memory, state, input, h, ws);
   if (limited()) {
     ws.slow = detail::slow_motion(state, input, ws.held.size(), settings_.gravity, h, dt);
-    ws.levels_alternate = detail::moves(ws.slow, state, ws.inverse_mass);
+    ws.levels_alternate = ws.held.empty() || detail::moves(ws.slow, state, ws.inverse_mass);
     detail::pull_within_limit(sheet, memory, settings_, report);
   }
   for (int part = 1; part <= settings_.substeps; ++part) {
@@ -307,7 +307,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   }
   unload(sheet, memory, h, ws);
   if (limited() && !ws.held.empty())
-    detail::damp_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
+    detail::calm_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
   const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
   for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
   for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/spring_network.hpp"
@@ -90,27 +91,32 @@ struct PositionBasedSettings {
     if (substeps < 1) return "substeps is " + std::to_string(substeps) + ", must be at least 1";
     if (iterations < 1)
       return "iterations is " + std::to_string(iterations) + ", must be at least 1";
-    if (!all_finite(gravity)) return "gravity is not finite";
-    if (negative(drag)) return "drag is negative or not finite";
-    if (negative(stretch_limit)) return "stretch limit is negative or not finite";
+    const std::string sign = "is negative or not finite", part = "is outside 0 to 1";
+    for (Index c = 0; c < 3; ++c) {
+      if (!is_finite(gravity[c]))
+        return bad_number_line(std::string("gravity ") + "xyz"[c], "is not finite", gravity[c]);
+    }
+    if (negative(drag)) return bad_number_line("drag", sign, drag);
+    if (negative(stretch_limit)) return bad_number_line("stretch limit", sign, stretch_limit);
     if (scheme == PositionScheme::Verlet && Scalar(0) < stretch_limit)
       return "stretch limit needs the scheme Xpbd";
     if (!requires(const Scalar& s) { static_cast<double>(s); } && Scalar(0) < stretch_limit)
       return "stretch limit needs a scalar that converts to double";
-    if (no_part(compression)) return "compression is outside 0 to 1";
+    if (no_part(compression)) return bad_number_line("compression", part, compression);
     if (negative(free_compression) || !(free_compression < Scalar(1)))
-      return "free compression is not from 0 to less than 1";
+      return bad_number_line("free compression", "is not from 0 to less than 1", free_compression);
     if (extra_sweeps < 0)
       return "extra_sweeps is " + std::to_string(extra_sweeps) + ", must be at least 0";
-    if (no_part(verlet_damping)) return "verlet damping is outside 0 to 1";
-    if (no_part(bend_relaxation)) return "bend relaxation is outside 0 to 1";
+    if (no_part(verlet_damping)) return bad_number_line("verlet damping", part, verlet_damping);
+    if (no_part(bend_relaxation)) return bad_number_line("bend relaxation", part, bend_relaxation);
     if (!spring_relaxation.empty() && spring_relaxation.size() != spring_count) {
       return std::to_string(spring_relaxation.size()) + " spring relaxations for " +
              std::to_string(spring_count) + " springs";
     }
     for (std::size_t e = 0; e < spring_relaxation.size(); ++e) {
       if (no_part(spring_relaxation[e]))
-        return "relaxation of spring " + std::to_string(e) + " is outside 0 to 1";
+        return bad_number_line("relaxation of spring " + std::to_string(e), part,
+                               spring_relaxation[e]);
     }
     for (int v : pinned) {
       if (v < 0 || v >= network.vertex_count())

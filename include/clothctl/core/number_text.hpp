@@ -30,4 +30,11 @@ std::string number_text(const Scalar& value) {
   }
 }
 
+/// Returns "NAME PROBLEM: VALUE", a message about a bad number. Allocates.
+template <RealScalar Scalar>
+std::string bad_number_line(const std::string& name, const std::string& problem,
+                            const Scalar& value) {
+  return name + ' ' + problem + ": " + number_text(value);
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

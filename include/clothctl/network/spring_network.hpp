@@ -54,9 +54,12 @@ struct AirSettings {
   /// Returns an empty string when all values are good, else a line that names the first bad one.
   std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
-    if (bad(density)) return "air density is negative or not finite";
-    if (bad(normal_coefficient)) return "normal air coefficient is negative or not finite";
-    if (bad(tangent_coefficient)) return "tangent air coefficient is negative or not finite";
+    const std::string sign = "is negative or not finite";
+    if (bad(density)) return bad_number_line("air density", sign, density);
+    if (bad(normal_coefficient))
+      return bad_number_line("normal air coefficient", sign, normal_coefficient);
+    if (bad(tangent_coefficient))
+      return bad_number_line("tangent air coefficient", sign, tangent_coefficient);
     return {};
   }
 };

@@ -4,15 +4,16 @@
 // levels lift it again, but not all vertices alike. So a sheet at rest has velocities of the order
 // g h that sum to no displacement over a step. Two measures let it rest:
 //
-// - The two sets of levels take turns only while the sheet moves: where they disagree, a sheet at
-//   rest would follow one and the other for ever.
-// - A vertex that a step has moved by less than κ g h dt loses part of its velocity:
+// - The two sets of levels take turns only while the sheet moves: where they disagree, an irregular
+//   sheet at rest would follow one and the other for ever. It moves if the root mean square of the
+//   speeds at the start of a step, weighted by the masses, is above g dt/2.
+// - A vertex that a step has moved slowly loses velocity that the motion does not show:
 //
-//     v ← v_h + min(1, |x - x_0 - d|² / (κ g h dt)²) (v - v_h),      v_h = d/dt
+//     v ← u + min(1, |u - u_h|² / (κ g h)²) (v - u),      u = (x - x_0)/dt
 //
-// d mean displacement of the held vertices over the step, x_0 and x position at the start and at
-// the end, κ = 0.2. Kinetic energy relative to the hands only falls. A body that nothing holds
-// keeps its velocities, and so its momentum.
+// x_0 and x position at the start and at the end of the step dt, u_h mean velocity of the held
+// vertices over the step, κ = 0.5. A body that nothing holds is left alone, so it keeps its
+// momentum.
 
 #include <cmath>
 #include <cstddef>
@@ -26,12 +27,12 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// What motion in a step is measured against.
 template <RealScalar Scalar>
 struct SlowMotion {
-  /// Mean displacement of the held vertices over the step, m; zero where nothing is held.
+  /// Mean velocity of the held vertices over the step, m/s; zero where nothing is held.
   Vector3<Scalar> held = Vector3<Scalar>::Zero();
   /// Step, s.
   Scalar dt = Scalar(0);
-  /// g h dt: the way in a step at the speed that gravity gives in a substep, m.
-  Scalar way = Scalar(0);
+  /// g dt/2, the mean speed of a fall from rest in a step, and κ g h, m/s.
+  Scalar fall = Scalar(0), slow = Scalar(0);
 };
 
 /// Returns the measure of a step of `dt` in substeps of `h` (s), at the `gravity` (m/s²).
@@ -46,40 +47,39 @@ SlowMotion<Scalar> slow_motion(const ClothState<Scalar>& state, const ClothInput
     slow.held += input.driven_positions.col(static_cast<Index>(i)) -
                  state.positions.col(input.driven_vertices[i]);
   }
-  if (held_count > 0) slow.held *= Scalar(1) / Scalar(static_cast<double>(held_count));
+  if (held_count > 0) slow.held /= dt * Scalar(static_cast<double>(held_count));
   slow.dt = dt;
-  slow.way = sqrt(gravity.squaredNorm()) * h * dt;
+  const Scalar g = sqrt(gravity.squaredNorm());
+  slow.fall = Scalar(0.5) * g * dt;
+  slow.slow = Scalar(0.5) * g * h;
   return slow;
 }
 
-/// Returns whether the root mean square of the speeds at the start of a step, weighted by the
-/// masses, is above 3 g h. `inverse_mass`: 0 for held vertices, 1/kg.
+/// Returns whether a held sheet moves at the start of a step, as stated above. `inverse_mass`: 0
+/// for held vertices, 1/kg.
 template <RealScalar Scalar>
 bool moves(const SlowMotion<Scalar>& slow, const ClothState<Scalar>& state,
            const VectorX<Scalar>& inverse_mass) {
   Scalar square = Scalar(0), mass = Scalar(0);
   for (Index v = 0; v < inverse_mass.size(); ++v) {
     if (!(Scalar(0) < inverse_mass[v])) continue;
-    const Vector3<Scalar> way = slow.dt * state.velocities.col(v) - slow.held;
-    square = square + way.squaredNorm() / inverse_mass[v];
+    const Vector3<Scalar> relative = state.velocities.col(v) - slow.held;
+    square = square + relative.squaredNorm() / inverse_mass[v];
     mass = mass + Scalar(1) / inverse_mass[v];
   }
-  return Scalar(9) * slow.way * slow.way * mass < square;
+  return slow.fall * slow.fall * mass < square;
 }
 
-/// Damps the `velocities` (3×n, m/s) of a held sheet that a step has moved from `before` to `after`
-/// (3×n, m), as stated above.
+/// Takes velocity that the motion does not show from the `velocities` (3×n, m/s) of a held sheet
+/// that a step has moved from `before` to `after` (3×n, m), as stated above.
 template <RealScalar Scalar>
-void damp_slow_vertices(const SlowMotion<Scalar>& slow, const Points<Scalar>& before,
+void calm_slow_vertices(const SlowMotion<Scalar>& slow, const Points<Scalar>& before,
                         const Points<Scalar>& after, Points<Scalar>& velocities) {
-  const Scalar bound = Scalar(0.2) * slow.way;
-  const Vector3<Scalar> held = slow.held / slow.dt;
+  const Scalar bound = slow.slow * slow.slow;
   for (Index v = 0; v < velocities.cols(); ++v) {
-    const Vector3<Scalar> way = after.col(v) - before.col(v) - slow.held;
-    const Scalar square = way.squaredNorm();
-    if (!(square < bound * bound)) continue;
-    const Scalar share = square / (bound * bound);
-    velocities.col(v) = held + share * (velocities.col(v) - held);
+    const Vector3<Scalar> mean = (after.col(v) - before.col(v)) / slow.dt;
+    const Scalar square = (mean - slow.held).squaredNorm();
+    if (square < bound) velocities.col(v) = mean + (square / bound) * (velocities.col(v) - mean);
   }
 }
 
