@@ -7,13 +7,14 @@
 // - The two sets of levels take turns only while the sheet moves: where they disagree, an irregular
 //   sheet at rest would follow one and the other for ever. It moves if the root mean square of the
 //   speeds at the start of a step, weighted by the masses, is above g dt/2.
-// - A vertex that a step has moved slowly loses velocity that the motion does not show:
+// - A vertex that a step has moved slowly, |u - u_h| < κ g h, is no faster than that:
 //
-//     v ← u + min(1, |u - u_h|² / (κ g h)²) (v - u),      u = (x - x_0)/dt
+//     v ← u_h + min(1, |u - u_h|/|v - u_h|) (v - u_h),      u = (x - x_0)/dt
 //
 // x_0 and x position at the start and at the end of the step dt, u_h mean velocity of the held
-// vertices over the step, κ = 0.5. A body that nothing holds is left alone, so it keeps its
-// momentum.
+// vertices over the step, κ = 0.2. Kinetic energy relative to u_h only falls. From rest u is half
+// of v, so a slow vertex takes up speed at half its acceleration; it never sticks. A body that
+// nothing holds is left alone, so it keeps its momentum.
 
 #include <cmath>
 #include <cstddef>
@@ -51,7 +52,7 @@ SlowMotion<Scalar> slow_motion(const ClothState<Scalar>& state, const ClothInput
   slow.dt = dt;
   const Scalar g = sqrt(gravity.squaredNorm());
   slow.fall = Scalar(0.5) * g * dt;
-  slow.slow = Scalar(0.5) * g * h;
+  slow.slow = Scalar(0.2) * g * h;
   return slow;
 }
 
@@ -75,11 +76,13 @@ bool moves(const SlowMotion<Scalar>& slow, const ClothState<Scalar>& state,
 template <RealScalar Scalar>
 void calm_slow_vertices(const SlowMotion<Scalar>& slow, const Points<Scalar>& before,
                         const Points<Scalar>& after, Points<Scalar>& velocities) {
+  using std::sqrt;
   const Scalar bound = slow.slow * slow.slow;
   for (Index v = 0; v < velocities.cols(); ++v) {
-    const Vector3<Scalar> mean = (after.col(v) - before.col(v)) / slow.dt;
-    const Scalar square = (mean - slow.held).squaredNorm();
-    if (square < bound) velocities.col(v) = mean + (square / bound) * (velocities.col(v) - mean);
+    const Vector3<Scalar> mean = (after.col(v) - before.col(v)) / slow.dt,
+                          relative = velocities.col(v) - slow.held;
+    const Scalar seen = (mean - slow.held).squaredNorm(), told = relative.squaredNorm();
+    if (seen < bound && seen < told) velocities.col(v) = slow.held + sqrt(seen / told) * relative;
   }
 }
 
