@@ -174,13 +174,13 @@ TEST_CASE("air is off by default, and bad settings are named", "[air]") {
   CHECK(air.validate().empty());
   CHECK(forces_of(square(), Points<double>::Zero(3, 4), Vector3<double>(0, 0, 9), air).isZero(0.0));
   air.normal_coefficient = -1;
-  CHECK(air.validate() == "normal air coefficient is negative or not finite");
+  CHECK(air.validate() == "normal air coefficient is negative or not finite: -1");
   air.normal_coefficient = 1;
   CHECK(air.enabled());
   air.tangent_coefficient = std::nan("");
-  CHECK(air.validate() == "tangent air coefficient is negative or not finite");
+  CHECK(air.validate() == "tangent air coefficient is negative or not finite: nan");
   air.tangent_coefficient = 0;
   air.density = -0.5;
-  CHECK(air.validate() == "air density is negative or not finite");
+  CHECK(air.validate() == "air density is negative or not finite: -0.5");
   CHECK_FALSE(air.enabled());
 }
