@@ -10,3 +10,4 @@
 #include "clothctl/contact/mesh_collider.hpp"
 #include "clothctl/contact/moving_collider.hpp"
 #include "clothctl/contact/shapes.hpp"
+#include "clothctl/contact/sheet_contacts.hpp"

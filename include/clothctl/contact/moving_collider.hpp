@@ -48,7 +48,8 @@ struct RigidMotion {
   }
 };
 
-/// A collider that moves as a rigid body; what moves is given in the body's frame. It has one
+/// A collider that moves as a rigid body; what moves is given in the body's frame and must rest
+/// there. (Its surface may slide, as that of a belt does: its velocity is added.) It has one
 /// friction coefficient and one body number, in place of those of `C`. Models Collider.
 template <RealScalar Scalar, Collider<Scalar> C>
 class MovingCollider : public detail::PointQueries<MovingCollider<Scalar, C>, Scalar> {
@@ -128,7 +129,7 @@ template <RealScalar Scalar, Collider<Scalar> C>
 BoundingBox<Scalar> MovingCollider<Scalar, C>::bounds(const Scalar& dt) const {
   using std::abs;
   using std::sqrt;
-  const BoundingBox<Scalar> local = collider_traits<C>::bounds(shape_, dt);
+  const BoundingBox<Scalar> local = collider_traits<C>::bounds(shape_, Scalar(0));
   const Vector3<Scalar> middle = Scalar(0.5) * (local.lower + local.upper);
   const Vector3<Scalar> half = Scalar(0.5) * (local.upper - local.lower);
   const Vector3<Scalar> centre = motion_.position + motion_.R_world_body * middle;
@@ -170,7 +171,7 @@ Scalar MovingCollider<Scalar, C>::sweep_at(const Vector3<Scalar>& from, const Ve
     const Vector3<Scalar> at =
         rotation_exp<Scalar>(turn) * Vector3<Scalar>(start + share * (end - start));
     const Vector3<Scalar> b = motion_.R_world_body.transpose() * at;
-    const Scalar t = detail::sweep_of<Scalar>(shape_, a, b, grown, Scalar(dt / count));
+    const Scalar t = detail::sweep_of<Scalar>(shape_, a, b, grown, Scalar(0));
     if (t <= Scalar(1)) return (Scalar(static_cast<double>(k)) + t) / count;
     a = b;
   }

@@ -49,8 +49,9 @@ class PreparedTriangle {
       inverse_square_[i] = zero < square ? Scalar(Scalar(1) / square) : zero;
       inward_[i] = Vector3<Scalar>::Constant(zero);
     }
-    if (!(Scalar(64) * scalar_traits<Scalar>::epsilon() * longest < doubled_area)) return;
-    normal_ /= doubled_area;
+    const bool flat = Scalar(64) * scalar_traits<Scalar>::epsilon() * longest < doubled_area;
+    normal_ *= flat ? Scalar(Scalar(1) / doubled_area) : zero;
+    if (!flat) return;
     for (std::size_t i = 0; i < 3; ++i)
       inward_[i] = normal_.cross(side_[i]) * sqrt(inverse_square_[i]);
   }
@@ -58,6 +59,12 @@ class PreparedTriangle {
   /// The first corner.
   const Vector3<Scalar>& corner() const { return corner_[0]; }
 
+  /// Returns the squared distance of x from the triangle's plane: no point of the triangle is
+  /// closer. 0 for a triangle that counts as its sides.
+  Scalar plane_square(const Vector3<Scalar>& x) const {
+    const Scalar height = normal_.dot(Vector3<Scalar>(x - corner_[0]));
+    return height * height;
+  }
   /// Returns the way to x from the closest point of the triangle.
   TriangleOffset<Scalar> closest(const Vector3<Scalar>& x) const {
     const std::array<Vector3<Scalar>, 3> p{x - corner_[0], x - corner_[1], x - corner_[2]};
@@ -84,8 +91,8 @@ class PreparedTriangle {
   }
 
  private:
-  std::array<Vector3<Scalar>, 3> corner_, side_;
   Vector3<Scalar> normal_;
+  std::array<Vector3<Scalar>, 3> corner_, side_;
   /// Unit normals of the sides in the plane; zero if the triangle counts as its sides.
   std::array<Vector3<Scalar>, 3> inward_;
   std::array<Scalar, 3> inverse_square_;

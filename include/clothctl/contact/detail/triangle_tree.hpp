@@ -182,7 +182,9 @@ NearestPoint<Scalar> TriangleTree<Scalar>::nearest(const Vector3<Scalar>& x) con
       }
     }
     for (int i = node.first; i < node.first + node.count; ++i) {
-      const Scalar square = triangles_[static_cast<std::size_t>(i)].closest(x).square;
+      const PreparedTriangle<Scalar>& triangle = triangles_[static_cast<std::size_t>(i)];
+      if (!(triangle.plane_square(x) < best_square)) continue;
+      const Scalar square = triangle.closest(x).square;
       if (square < best_square) {
         best_square = square;
         best = static_cast<std::size_t>(i);

@@ -1,0 +1,196 @@
+#pragma once
+
+// A tree of boxes over the parts of a sheet: triangles, edges of no triangle (threads), and
+// vertices of neither. The tree is made once, from the sheet's shape at rest; later only its boxes
+// change.
+
+#include <algorithm>
+#include <array>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/concepts/collider.hpp"
+#include "clothctl/core/longest_axis.hpp"
+#include "clothctl/mesh/topology.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// A part of a sheet.
+struct SheetPart {
+  /// Its vertices; unused entries are -1.
+  std::array<int, 3> vertex{-1, -1, -1};
+  /// Its edges: of a triangle, 0-1, 1-2 and 2-0; unused entries are -1.
+  std::array<int, 3> edge{-1, -1, -1};
+  /// Index of the triangle; -1 for a thread or a vertex.
+  int triangle = -1;
+
+  /// Returns the number of vertices.
+  int count() const { return vertex[1] < 0 ? 1 : (vertex[2] < 0 ? 2 : 3); }
+};
+
+/// Returns the edges of a sheet, ascending: those of its triangles and the threads. Allocates.
+inline std::vector<std::array<int, 2>> sheet_edges(const std::vector<std::array<int, 3>>& triangles,
+                                                   const std::vector<std::array<int, 2>>& threads) {
+  std::vector<std::array<int, 2>> edges;
+  for (const std::array<int, 3>& t : triangles) {
+    for (std::size_t i = 0; i < 3; ++i) edges.push_back({t[i], t[(i + 1) % 3]});
+  }
+  edges.insert(edges.end(), threads.begin(), threads.end());
+  for (std::array<int, 2>& e : edges) {
+    if (e[1] < e[0]) std::swap(e[0], e[1]);
+  }
+  std::sort(edges.begin(), edges.end());
+  edges.erase(std::unique(edges.begin(), edges.end()), edges.end());
+  return edges;
+}
+
+/// Returns the parts of a sheet: triangles, then threads, then single vertices. Allocates.
+inline std::vector<SheetPart> sheet_parts(int vertex_count,
+                                          const std::vector<std::array<int, 3>>& triangles,
+                                          const std::vector<std::array<int, 2>>& edges) {
+  std::vector<SheetPart> parts;
+  std::vector<bool> vertex_used(static_cast<std::size_t>(vertex_count), false);
+  std::vector<bool> edge_used(edges.size(), false);
+  const auto add = [&](SheetPart part) {
+    const int count = part.count();
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i) {
+      vertex_used[static_cast<std::size_t>(part.vertex[i])] = true;
+      if (count == 1 || (count == 2 && i == 1)) continue;
+      std::array<int, 2> key{part.vertex[i], part.vertex[(i + 1) % 3]};
+      if (key[1] < key[0]) std::swap(key[0], key[1]);
+      const auto at = std::lower_bound(edges.begin(), edges.end(), key);
+      const std::size_t e = static_cast<std::size_t>(at - edges.begin());
+      part.edge[i] = static_cast<int>(e);
+      edge_used[e] = true;
+    }
+    parts.push_back(part);
+  };
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    SheetPart part;
+    part.vertex = triangles[t];
+    part.triangle = static_cast<int>(t);
+    add(part);
+  }
+  for (std::size_t e = 0; e < edges.size(); ++e) {
+    SheetPart part;
+    part.vertex = {edges[e][0], edges[e][1], -1};
+    if (!edge_used[e]) add(part);
+  }
+  for (int v = 0; v < vertex_count; ++v) {
+    SheetPart part;
+    part.vertex = {v, -1, -1};
+    if (!vertex_used[static_cast<std::size_t>(v)]) add(part);
+  }
+  return parts;
+}
+
+/// The tree of boxes.
+template <RealScalar Scalar>
+class SheetTree {
+ public:
+  /// Sorts the parts by the sheet's shape `x` (3×n, m). Allocates. Complexity: O(n log n).
+  SheetTree(const PointsView<Scalar>& x, std::vector<SheetPart> parts) : parts_(std::move(parts)) {
+    const int count = static_cast<int>(parts_.size());
+    Points<Scalar> centres(3, count);
+    std::vector<int> order(parts_.size());
+    for (int i = 0; i < count; ++i) {
+      const SheetPart& part = parts_[static_cast<std::size_t>(i)];
+      order[static_cast<std::size_t>(i)] = i;
+      Vector3<Scalar> sum = x.col(part.vertex[0]);
+      for (int k = 1; k < part.count(); ++k) sum += x.col(part.vertex[static_cast<std::size_t>(k)]);
+      centres.col(i) = sum / Scalar(static_cast<double>(part.count()));
+    }
+    nodes_.reserve(2 * parts_.size() + 1);
+    if (count > 0) build(order, 0, count, centres);
+    std::vector<SheetPart> sorted;
+    sorted.reserve(parts_.size());
+    for (const int i : order) sorted.push_back(parts_[static_cast<std::size_t>(i)]);
+    parts_ = std::move(sorted);
+  }
+
+  /// The parts, in the order of the tree.
+  const std::vector<SheetPart>& parts() const { return parts_; }
+
+  /// Fits the boxes to the positions `x` and `y` (3×n, m), the start and the end of a motion. Never
+  /// allocates. Complexity: O(n).
+  void fit(const PointsView<Scalar>& x, const PointsView<Scalar>& y) {
+    for (std::size_t i = nodes_.size(); i-- > 0;) {
+      Node& node = nodes_[i];
+      if (node.count == 0) {
+        node.box = nodes_[i + 1].box;
+        const BoundingBox<Scalar> other = nodes_[static_cast<std::size_t>(node.first)].box;
+        node.box.include(other);
+        continue;
+      }
+      const Vector3<Scalar> start = x.col(parts_[static_cast<std::size_t>(node.first)].vertex[0]);
+      node.box = {start, start};
+      for (int k = node.first; k < node.first + node.count; ++k) {
+        for (const int v : parts_[static_cast<std::size_t>(k)].vertex) {
+          if (v < 0) continue;
+          node.box.include(Vector3<Scalar>(x.col(v)));
+          node.box.include(Vector3<Scalar>(y.col(v)));
+        }
+      }
+    }
+  }
+
+  /// Calls `visit(first, count)` for ranges of parts whose common box overlaps `box`, in the order
+  /// of the tree. Never allocates.
+  template <class Visit>
+  void for_each_overlap(const BoundingBox<Scalar>& box, const Visit& visit) const {
+    std::array<int, 64> stack;
+    std::size_t size = 0;
+    if (!nodes_.empty()) stack[size++] = 0;
+    while (size > 0) {
+      const int at = stack[--size];
+      const Node& node = nodes_[static_cast<std::size_t>(at)];
+      if (!node.box.overlaps(box)) continue;
+      if (node.count > 0) {
+        visit(node.first, node.count);
+        continue;
+      }
+      stack[size++] = node.first;
+      stack[size++] = at + 1;
+    }
+  }
+
+ private:
+  static constexpr int kLeafParts = 4;
+
+  struct Node {
+    BoundingBox<Scalar> box;
+    /// A leaf: its first part. Otherwise the second child; the first is the next node.
+    int first = 0;
+    /// Parts of a leaf; 0 for an inner node.
+    int count = 0;
+  };
+
+  int build(std::vector<int>& order, int begin, int end, const Points<Scalar>& centres) {
+    const int self = static_cast<int>(nodes_.size());
+    nodes_.push_back({});
+    if (end - begin <= kLeafParts) {
+      nodes_.back().first = begin;
+      nodes_.back().count = end - begin;
+      return self;
+    }
+    const std::span<const int> range(order.data() + begin, static_cast<std::size_t>(end - begin));
+    const int axis = longest_axis(centres, range), middle = begin + (end - begin) / 2;
+    std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end,
+                     [&centres, axis](int p, int q) {
+                       const Scalar a = centres(axis, p), b = centres(axis, q);
+                       return a < b || (!(b < a) && p < q);
+                     });
+    build(order, begin, middle, centres);
+    const int second = build(order, middle, end, centres);
+    nodes_[static_cast<std::size_t>(self)].first = second;
+    return self;
+  }
+
+  std::vector<SheetPart> parts_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail
