@@ -27,6 +27,16 @@ TEST_CASE("sizes, points and rotations are checked", "[contact]") {
         std::string::npos);
 }
 
+TEST_CASE("a rotation from single precision is made orthonormal", "[contact]") {
+  const Matrix3<double> R = rotation_exp<float>(Vector3<float>(1, -2, 0.5f)).cast<double>();
+  const Matrix3<double> clean = detail::orthonormal_rotation<double>(R);
+  CHECK(detail::validate_rotation<double>("pose", R).empty());
+  CHECK((clean - R).cwiseAbs().maxCoeff() <= 1e-6);
+  CHECK((clean.transpose() * clean - Matrix3<double>::Identity()).cwiseAbs().maxCoeff() <= 1e-15);
+  CHECK(detail::orthonormal_rotation<double>(Matrix3<double>::Identity()) ==
+        Matrix3<double>::Identity());
+}
+
 TEST_CASE("orthogonal and unit vectors are so for every direction", "[contact]") {
   std::mt19937 random(71);
   std::normal_distribution<double> normal;

@@ -12,6 +12,7 @@
 #include "clothctl/math/rotation.hpp"
 #include "laws/collider_laws.hpp"
 #include "support/catch.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using clothctl_test::exact_laws;
@@ -197,6 +198,46 @@ TEST_CASE("a sweep hits at the analytic time", "[contact]") {
   CHECK(t[1] == 0.0);  // starts inside, and leaves
   CHECK(t[2] == no_impact<double>());
   CHECK(std::abs(t[3] - 0.5) <= 1e-7);  // grazes: the gap is quadratic in time
+}
+
+TEMPLATE_TEST_CASE("shapes and points of absurd sizes have sound answers", "[contact]", float,
+                   double) {
+  using S = TestType;
+  std::mt19937 random(24);
+  const auto uniform = [&](double a, double b) {
+    return a + (b - a) * static_cast<double>(random()) / 4294967296.0;
+  };
+  const auto size = [&] { return S(std::pow(10.0, uniform(-8, 8))); };
+  const auto point = [&] {
+    const S scale = size();
+    return Vector3<S>(scale * S(uniform(-1, 1)), scale * S(uniform(-1, 1)),
+                      scale * S(uniform(-1, 1)));
+  };
+  int bad = 0;
+  const auto check = [&](const auto& made, const char* what) {
+    REQUIRE(made);
+    for (int i = 0; i < 20; ++i) {
+      const Points<S> a = point(), b = i % 4 == 0 ? a : Points<S>(point());
+      std::vector<SurfacePoint<S>> s(1);
+      VectorX<S> t(1);
+      CHECK(made->closest(a, s) == QueryStatus::Answered);
+      CHECK(made->sweep(a, b, size(), S(0), t) == QueryStatus::Answered);
+      const bool sound = is_finite(s[0].distance) && all_finite(s[0].point) &&
+                         std::abs(s[0].normal.norm() - S(1)) <= S(1e-5) &&
+                         (t[0] == no_impact<S>() || (S(0) <= t[0] && t[0] <= S(1)));
+      CAPTURE(what, a, s[0].distance, t[0]);
+      CHECK(sound);
+      bad += !sound;
+    }
+  };
+  for (int trial = 0; trial < clothctl_test::trials(100, 10000, 20) && bad < 5; ++trial) {
+    const Matrix3<S> R = rotation_exp<S>(vec<S>(uniform(-3, 3), uniform(-3, 3), uniform(-3, 3)));
+    check(PlaneCollider<S>::create(point(), point()), "plane");
+    check(SphereCollider<S>::create(point(), size()), "sphere");
+    check(CapsuleCollider<S>::create(point(), point(), size()), "capsule");
+    check(BoxCollider<S>::create(point(), Vector3<S>(size(), size(), size()), R), "box");
+    check(CylinderCollider<S>::create(point(), point(), size()), "cylinder");
+  }
 }
 
 TEST_CASE("what makes no shape is refused by name and value", "[contact]") {

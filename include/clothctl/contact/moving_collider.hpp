@@ -26,7 +26,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// The pose and the velocity of a rigid body.
+/// The pose and the velocity of a rigid body. The orientation may be a rotation to 1e-5 only, as
+/// one from single precision; a collider makes it orthonormal.
 template <RealScalar Scalar>
 struct RigidMotion {
   /// Orientation of the body's frame.
@@ -68,8 +69,10 @@ class MovingCollider : public detail::PointQueries<MovingCollider<Scalar, C>, Sc
   /// motion; nothing is changed then. Allocates only in the second case.
   std::string set_motion(const RigidMotion<Scalar>& motion) {
     std::string bad = motion.validate();
-    if (bad.empty()) motion_ = motion;
-    return bad;
+    if (!bad.empty()) return bad;
+    motion_ = motion;
+    motion_.R_world_body = detail::orthonormal_rotation<Scalar>(motion.R_world_body);
+    return {};
   }
   /// Its motion.
   const RigidMotion<Scalar>& motion() const { return motion_; }
@@ -100,7 +103,9 @@ class MovingCollider : public detail::PointQueries<MovingCollider<Scalar, C>, Sc
  private:
   MovingCollider(C&& shape, const RigidMotion<Scalar>& motion,
                  const ColliderSurface<Scalar>& surface)
-      : shape_(std::move(shape)), motion_(motion), surface_(surface) {}
+      : shape_(std::move(shape)), motion_(motion), surface_(surface) {
+    motion_.R_world_body = detail::orthonormal_rotation<Scalar>(motion.R_world_body);
+  }
 
   Vector3<Scalar> to_body(const Vector3<Scalar>& x) const {
     return motion_.R_world_body.transpose() * Vector3<Scalar>(x - motion_.position);

@@ -179,7 +179,7 @@ class BoxCollider : public detail::BasicShape<BoxCollider<Scalar>, Scalar> {
     if (bad.empty()) bad = detail::validate_rotation("orientation", R_world_box);
     if (bad.empty()) bad = surface.validate();
     if (!bad.empty()) return Error{"the box has " + bad};
-    return BoxCollider(centre, half, R_world_box, surface);
+    return BoxCollider(centre, half, detail::orthonormal_rotation<Scalar>(R_world_box), surface);
   }
 
   /// Returns the closest point of the surface; inside, on the closest face.
@@ -246,7 +246,8 @@ class CylinderCollider : public detail::BasicShape<CylinderCollider<Scalar>, Sca
     using std::sqrt;
     const Vector3<Scalar> y = x - centre_;
     const Scalar z = axis_.dot(y), sign = z < Scalar(0) ? Scalar(-1) : Scalar(1);
-    const Vector3<Scalar> radial = y - z * axis_;
+    Vector3<Scalar> radial = y - z * axis_;
+    radial -= axis_.dot(radial) * axis_;  // far along the axis, the first difference is rounding
     const Scalar s = sqrt(radial.squaredNorm());
     const Vector3<Scalar> side =
         Scalar(0) < s ? Vector3<Scalar>(radial / s) : Vector3<Scalar>(side_);

@@ -66,12 +66,12 @@ std::string validate_point(const char* name, const Vector3<Scalar>& x) {
   return {};
 }
 
-/// Returns an empty string, or why R is not a rotation. `name` is the rotation's.
+/// Returns an empty string, or why R is not a rotation to 1e-5, which a pose from single precision
+/// is. `name` is the rotation's.
 template <RealScalar Scalar>
 std::string validate_rotation(const char* name, const Matrix3<Scalar>& R) {
   using std::abs;
   if (!all_finite(R)) return std::string("the ") + name + " that is not finite";
-  const Scalar slack = Scalar(64) * scalar_traits<Scalar>::epsilon() + Scalar(1e-9);
   const Matrix3<Scalar> product = R.transpose() * R;
   Scalar worst(0);
   for (int i = 0; i < 3; ++i) {
@@ -80,7 +80,7 @@ std::string validate_rotation(const char* name, const Matrix3<Scalar>& R) {
       if (worst < off) worst = off;
     }
   }
-  if (slack < worst)
+  if (Scalar(1e-5) < worst)
     return std::string("the ") + name + " that is no rotation: its columns are off by " +
            number_text(worst);
   const Vector3<Scalar> x = R.col(0), y = R.col(1), z = R.col(2);
@@ -94,6 +94,18 @@ Vector3<Scalar> unit_or_zero(const Vector3<Scalar>& v) {
   using std::sqrt;
   const Scalar length = sqrt(v.squaredNorm());
   return Scalar(0) < length ? Vector3<Scalar>(v / length) : v;
+}
+
+/// Returns the rotation near R whose columns are orthonormal to rounding: its first column keeps
+/// its direction.
+template <RealScalar Scalar>
+Matrix3<Scalar> orthonormal_rotation(const Matrix3<Scalar>& R) {
+  const Vector3<Scalar> x = unit_or_zero<Scalar>(R.col(0)), y = R.col(1);
+  Matrix3<Scalar> out;
+  out.col(0) = x;
+  out.col(1) = unit_or_zero<Scalar>(y - x.dot(y) * x);
+  out.col(2) = x.cross(Vector3<Scalar>(out.col(1)));
+  return out;
 }
 
 /// Returns a unit vector that is orthogonal to the unit vector `u`.
