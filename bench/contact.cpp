@@ -223,6 +223,30 @@ void sheet_on_finger(benchmark::State& state) {
                           .value();
   sheet_contacts(state, ColliderRef<double>(finger));
 }
+/// The hull of 500 points of that ball, and the same as a mesh and as a grid.
+HullCollider<double> rough_ball() {
+  Points<double> x = cloud<double>(4).leftCols(500);
+  for (Index i = 0; i < x.cols(); ++i) x.col(i) *= 0.15 / std::sqrt(x.col(i).squaredNorm());
+  return HullCollider<double>::create(x).value();
+}
+void sheet_on_hull(benchmark::State& state) {
+  const auto hull = rough_ball();
+  sheet_contacts(state, ColliderRef<double>(hull));
+}
+void sheet_on_mesh(benchmark::State& state) {
+  const auto hull = rough_ball();
+  const auto mesh = MeshCollider<double>::create(hull.vertices(), hull.triangles()).value();
+  sheet_contacts(state, ColliderRef<double>(mesh));
+}
+void sheet_on_grid(benchmark::State& state) {
+  const auto hull = rough_ball();
+  const auto mesh = MeshCollider<double>::create(hull.vertices(), hull.triangles()).value();
+  const auto grid = GridCollider<double>::create(mesh, 64, 0.1).value();
+  sheet_contacts(state, ColliderRef<double>(grid));
+}
+BENCHMARK(sheet_on_hull)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
+BENCHMARK(sheet_on_mesh)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
+BENCHMARK(sheet_on_grid)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
 BENCHMARK(sheet_on_ball)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
 BENCHMARK(sheet_on_finger)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
 

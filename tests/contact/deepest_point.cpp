@@ -78,6 +78,23 @@ TEST_CASE("the least distance on a segment is found to the tolerance", "[contact
       detail::search_segment<double>(evaluate, u, evaluate(0.5), evaluate(1), 10.0, 1e-8, best));
 }
 
+TEST_CASE("the deeper of two dents is found", "[contact]") {
+  const V u(1, 0, 0), v(0, 1, 0), wide(0.2, 0.6, 0), deep(0.55, 0.12, 0);
+  int asked = 0;
+  const auto evaluate = [&](double s, double t) {
+    ++asked;
+    const V x = s * u + t * v;
+    const double d_wide = (x - wide).norm() - 0.3, d_deep = (x - deep).norm() - 0.31;
+    return d_wide < d_deep ? Deep{s, t, d_wide, (x - wide).normalized()}
+                           : Deep{s, t, d_deep, (x - deep).normalized()};
+  };
+  Deep best{};
+  REQUIRE(detail::search_pieces<double>(evaluate, u, v, 0.1, 0.0, 1e-5, best));
+  CHECK(best.distance <= -0.31 + 1e-3);
+  CHECK(asked <= 400);
+  CHECK_FALSE(detail::search_pieces<double>(evaluate, u, v, 0.1, -0.4, 1e-5, best));
+}
+
 TEST_CASE("half-planes cut a polygon to nothing", "[contact]") {
   detail::CutPolygon<double> polygon({0, 0}, {1, 0}, {0, 1});
   polygon.cut({0, 1, 0}, 0.5);  // s <= 1/2

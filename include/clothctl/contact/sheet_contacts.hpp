@@ -62,6 +62,9 @@ struct SheetContactSettings {
   Scalar tolerance = Scalar(1e-6);
   /// False: vertices only.
   bool inside = true;
+  /// Features of colliders that are not convex are found inside edges and triangles down to this
+  /// size, but not below 1/32 of a triangle or 1/64 of an edge. Smaller takes longer.
+  Scalar feature = Scalar(0.01);
 
   /// Returns an empty string, or what is wrong.
   std::string validate() const {
@@ -69,6 +72,8 @@ struct SheetContactSettings {
       return "the gain " + number_text(gain) + " m, must be finite and not negative";
     if (!is_finite(tolerance) || !(Scalar(0) < tolerance))
       return "the tolerance " + number_text(tolerance) + " m, must be finite and positive";
+    if (!is_finite(feature) || !(Scalar(0) < feature))
+      return "the feature size " + number_text(feature) + " m, must be finite and positive";
     return {};
   }
 };
@@ -338,9 +343,15 @@ void SheetContactFinder<Scalar>::search_edge(const ColliderRef<Scalar>& collider
   const Deep end{Scalar(1), Scalar(0), at_b.distance, at_b.normal};
   Deep best = low;
   bool found = false;
-  const int pieces = collider.is_convex() ? 1 : 4;
+  const Scalar length = sqrt(u.squaredNorm());
+  int pieces = 1;
+  if (!collider.is_convex()) {
+    while (pieces < 64 && settings_.feature * Scalar(static_cast<double>(pieces)) < length)
+      ++pieces;
+  }
+  const Scalar step = Scalar(1) / Scalar(static_cast<double>(pieces));
   for (int k = 1; k <= pieces; ++k) {
-    const Deep high = k == pieces ? end : at(Scalar(static_cast<double>(k) / pieces));
+    const Deep high = k == pieces ? end : at(Scalar(static_cast<double>(k)) * step);
     if (k < pieces && high.distance < highest) {
       best = high;
       found = true;
@@ -392,30 +403,16 @@ void SheetContactFinder<Scalar>::search_inside(const ColliderRef<Scalar>& collid
   const auto at = [&](const Scalar& s, const Scalar& t) {
     return evaluate(collider, Vector3<Scalar>(a + s * u + t * v), s, t);
   };
-  using Corner = std::array<Scalar, 2>;
-  using Region = std::array<Corner, 3>;
-  const Scalar zero(0), half(0.5), one(1);
+  const Scalar zero(0), one(1);
   Deep best{zero, zero, least, answer(part.vertex[0]).normal};
-  bool found = false;
-  if (collider.is_convex()) {
-    const Region all{Corner{zero, zero}, Corner{one, zero}, Corner{zero, one}};
-    found =
-        detail::search_triangle<Scalar>(at, u, v, all, known, highest, settings_.tolerance, best);
-  } else {
-    for (auto& any : known) any = {Scalar(-1e30), zero, zero};  // bounds that cut nothing
-    const std::array<Region, 4> quarters{
-        Region{Corner{zero, zero}, Corner{half, zero}, Corner{zero, half}},
-        Region{Corner{half, zero}, Corner{one, zero}, Corner{half, half}},
-        Region{Corner{zero, half}, Corner{half, half}, Corner{zero, one}},
-        Region{Corner{half, half}, Corner{zero, half}, Corner{half, zero}}};
-    for (const Region& region : quarters) {
-      if (!detail::search_triangle<Scalar>(at, u, v, region, known, highest, settings_.tolerance,
-                                           best))
-        continue;
-      found = true;
-      highest = best.distance - settings_.tolerance;
-    }
-  }
+  const std::array<std::array<Scalar, 2>, 3> all{std::array<Scalar, 2>{zero, zero},
+                                                 std::array<Scalar, 2>{one, zero},
+                                                 std::array<Scalar, 2>{zero, one}};
+  const bool found = collider.is_convex()
+                         ? detail::search_triangle<Scalar>(at, u, v, all, known, highest,
+                                                           settings_.tolerance, best)
+                         : detail::search_pieces<Scalar>(at, u, v, settings_.feature, highest,
+                                                         settings_.tolerance, best);
   if (!found) return;
   const Vector3<Scalar> x = a + best.s * u + best.t * v;
   add(part.vertex, Vector3<Scalar>(one - best.s - best.t, best.s, best.t), x,

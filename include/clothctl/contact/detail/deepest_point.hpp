@@ -12,10 +12,13 @@
 // point is the minimum to the tolerance. Most triangles need no point beside their corners and
 // sides. Kinks (edges and corners of a box) need no special case.
 //
-// For other colliders the bounds do not hold. The segment or triangle is then divided, and the same
-// search, in each piece, is a local one from the piece's corners and its middle.
+// For other colliders the bounds do not hold, but d changes by no more than the way: no point of a
+// piece with the middle y and the radius R is deeper than d(y) - R. The triangle is divided until
+// that shows that a piece is of no interest, or the piece is as small as the features that shall be
+// found; the search above, in such a piece, is a local one.
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 
 #include "clothctl/core/types.hpp"
@@ -152,6 +155,60 @@ bool search_segment(const Evaluate& evaluate, const Vector3<Scalar>& u, DeepPoin
       low = y;
     else
       high = y;
+  }
+  return found;
+}
+
+/// As `search_triangle` in the whole triangle, for colliders that are not convex: finds the deepest
+/// point where the collider has no features smaller than `feature` (m), or than 1/32 of the
+/// triangle.
+template <RealScalar Scalar, class Evaluate>
+bool search_pieces(const Evaluate& evaluate, const Vector3<Scalar>& u, const Vector3<Scalar>& v,
+                   const Scalar& feature, Scalar highest, const Scalar& tolerance,
+                   DeepPoint<Scalar>& best) {
+  using std::sqrt;
+  using Corner = std::array<Scalar, 2>;
+  struct Piece {
+    std::array<Corner, 3> corner;
+    int level;
+  };
+  constexpr int kMostLevels = 5;
+  constexpr std::size_t kMostPieces = 3 * kMostLevels + 1;  // each level leaves three behind
+  const Scalar zero(0), one(1), half(0.5), third = Scalar(1) / Scalar(3);
+  std::array<DistanceBound<Scalar>, 6> none{};
+  for (DistanceBound<Scalar>& any : none) any = {Scalar(-1e30), zero, zero};  // cut nothing
+  std::array<Piece, kMostPieces> stack{};
+  std::size_t size = 0;
+  stack[size++] = {{Corner{zero, zero}, Corner{one, zero}, Corner{zero, one}}, 0};
+  bool found = false;
+  while (size > 0) {
+    const Piece piece = stack[--size];
+    const auto& [p, q, r] = piece.corner;
+    const Corner middle{third * (p[0] + q[0] + r[0]), third * (p[1] + q[1] + r[1])};
+    Scalar square(0);
+    for (const Corner& c : piece.corner) {
+      const Vector3<Scalar> way = (c[0] - middle[0]) * u + (c[1] - middle[1]) * v;
+      if (square < way.squaredNorm()) square = way.squaredNorm();
+    }
+    const Scalar radius = sqrt(square);
+    const DeepPoint<Scalar> y = evaluate(middle[0], middle[1]);
+    if (!is_finite(y.distance) || highest < y.distance - radius) continue;
+    if (radius <= feature || piece.level == kMostLevels) {
+      if (!search_triangle<Scalar>(evaluate, u, v, piece.corner, none, highest, tolerance, best))
+        continue;
+      found = true;
+      highest = best.distance - tolerance;
+      continue;
+    }
+    const auto mean = [&half](const Corner& c, const Corner& d) {
+      return Corner{half * (c[0] + d[0]), half * (c[1] + d[1])};
+    };
+    const Corner pq = mean(p, q), qr = mean(q, r), rp = mean(r, p);
+    const int level = piece.level + 1;
+    stack[size++] = {{p, pq, rp}, level};
+    stack[size++] = {{q, qr, pq}, level};
+    stack[size++] = {{r, rp, qr}, level};
+    stack[size++] = {{pq, qr, rp}, level};
   }
   return found;
 }
