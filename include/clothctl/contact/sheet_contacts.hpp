@@ -64,7 +64,7 @@ struct SheetContactSettings {
   bool inside = true;
   /// Features of colliders that are not convex are found inside edges and triangles down to this
   /// size, but not below 1/32 of a triangle or 1/64 of an edge. Smaller takes longer.
-  Scalar feature = Scalar(0.01);
+  Scalar feature = Scalar(0.015);
 
   /// Returns an empty string, or what is wrong.
   std::string validate() const {

@@ -175,8 +175,8 @@ bool search_pieces(const Evaluate& evaluate, const Vector3<Scalar>& u, const Vec
   constexpr int kMostLevels = 5;
   constexpr std::size_t kMostPieces = 3 * kMostLevels + 1;  // each level leaves three behind
   const Scalar zero(0), one(1), half(0.5), third = Scalar(1) / Scalar(3);
-  std::array<DistanceBound<Scalar>, 6> none{};
-  for (DistanceBound<Scalar>& any : none) any = {Scalar(-1e30), zero, zero};  // cut nothing
+  std::array<DistanceBound<Scalar>, 6> known{};
+  for (DistanceBound<Scalar>& any : known) any = {Scalar(-1e30), zero, zero};  // cuts nothing
   std::array<Piece, kMostPieces> stack{};
   std::size_t size = 0;
   stack[size++] = {{Corner{zero, zero}, Corner{one, zero}, Corner{zero, one}}, 0};
@@ -193,8 +193,14 @@ bool search_pieces(const Evaluate& evaluate, const Vector3<Scalar>& u, const Vec
     const Scalar radius = sqrt(square);
     const DeepPoint<Scalar> y = evaluate(middle[0], middle[1]);
     if (!is_finite(y.distance) || highest < y.distance - radius) continue;
+    if (y.distance < highest) {
+      best = y;
+      found = true;
+      highest = y.distance - tolerance;
+    }
     if (radius <= feature || piece.level == kMostLevels) {
-      if (!search_triangle<Scalar>(evaluate, u, v, piece.corner, none, highest, tolerance, best))
+      known[0] = bound_at<Scalar>(y, u, v);
+      if (!search_triangle<Scalar>(evaluate, u, v, piece.corner, known, highest, tolerance, best))
         continue;
       found = true;
       highest = best.distance - tolerance;
