@@ -13,11 +13,11 @@
 
 using namespace clothctl;
 using clothctl_test::uniform;
-using detail::LatticePoint;
+using detail::HullLatticePoint;
 
 TEST_CASE("the side of a lattice point is exact", "[contact]") {
   const std::int64_t n = std::int64_t(1) << 28;
-  const LatticePoint a{-n, -n, -n}, b{n, n, -n}, c{-n, n, n};
+  const HullLatticePoint a{-n, -n, -n}, b{n, n, -n}, c{-n, n, n};
   // The plane x + z = y - n through a, b, c; its points, and those beside them.
   for (const std::int64_t x : {-n, std::int64_t(-7), std::int64_t(0), n / 3}) {
     for (const std::int64_t y : {std::int64_t(5), n / 7, n}) {
@@ -31,7 +31,7 @@ TEST_CASE("the side of a lattice point is exact", "[contact]") {
   }
   std::mt19937 random(101);
   for (int i = 0; i < 2000; ++i) {  // small numbers against a plain determinant
-    std::array<LatticePoint, 4> p{};
+    std::array<HullLatticePoint, 4> p{};
     for (auto& point : p) {
       for (auto& x : point) x = static_cast<std::int64_t>(random() % 9) - 4;
     }

@@ -28,7 +28,7 @@
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// A point of the lattice; coordinates from -2^28 to 2^28.
-using LatticePoint = std::array<std::int64_t, 3>;
+using HullLatticePoint = std::array<std::int64_t, 3>;
 
 /// Returns the integer nearest to `x`, |x| <= 2^28, of any scalar type.
 template <RealScalar Scalar>
@@ -48,8 +48,8 @@ std::int64_t to_lattice(const Scalar& x) {
 
 /// Returns the sign of det(b - a, c - a, p - a): positive when p lies on the side of the triangle
 /// a, b, c from which it appears counter-clockwise. Exact.
-inline int lattice_side(const LatticePoint& a, const LatticePoint& b, const LatticePoint& c,
-                        const LatticePoint& p) {
+inline int lattice_side(const HullLatticePoint& a, const HullLatticePoint& b,
+                        const HullLatticePoint& c, const HullLatticePoint& p) {
   std::array<std::int64_t, 3> u{}, v{}, w{};
   for (std::size_t i = 0; i < 3; ++i) {
     u[i] = b[i] - a[i];
@@ -83,7 +83,8 @@ struct HullTriangles {
 class HullBuilder {
  public:
   /// Starts with a tetrahedron whose volume is not zero.
-  HullBuilder(const std::vector<LatticePoint>& points, std::array<int, 4> first) : points_(points) {
+  HullBuilder(const std::vector<HullLatticePoint>& points, std::array<int, 4> first)
+      : points_(points) {
     if (side({first[0], first[1], first[2]}, first[3]) > 0) std::swap(first[1], first[2]);
     faces_ = {{first[0], first[1], first[2]},
               {first[0], first[3], first[1]},
@@ -159,7 +160,7 @@ class HullBuilder {
         points_[static_cast<std::size_t>(face[2])], points_[static_cast<std::size_t>(p)]);
   }
 
-  const std::vector<LatticePoint>& points_;
+  const std::vector<HullLatticePoint>& points_;
   std::vector<std::array<int, 3>> faces_, kept_;
   std::vector<std::array<int, 2>> ring_;
 };
@@ -206,7 +207,7 @@ Result<HullTriangles> convex_hull(const PointsView<Scalar>& x) {
                  number_text(Scalar(height(d))) + " m of a plane, and extend over " +
                  number_text(length) + " m"};
   const Scalar step = length / Scalar(268435456.0);  // 2^28
-  std::vector<LatticePoint> lattice(static_cast<std::size_t>(count));
+  std::vector<HullLatticePoint> lattice(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i) {
     for (int k = 0; k < 3; ++k)
       lattice[static_cast<std::size_t>(i)][static_cast<std::size_t>(k)] =
