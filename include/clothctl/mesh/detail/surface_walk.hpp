@@ -16,7 +16,7 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// A point on a triangle.
 template <RealScalar Scalar>
-struct SurfacePoint {
+struct PointOnTriangle {
   int triangle = -1;
   /// The weights of the corners; those of an edge or corner that the point is on are exactly zero.
   std::array<Scalar, 3> weights{};
@@ -36,9 +36,9 @@ Scalar closest_on_segment(const Vector3<Scalar>& p, const Vector3<Scalar>& a,
 /// Returns the point of a triangle that is closest to p: its projection if that is inside, else the
 /// closest point of the three sides.
 template <RealScalar Scalar>
-SurfacePoint<Scalar> closest_on_triangle(const Vector3<Scalar>& p,
-                                         const std::array<Vector3<Scalar>, 3>& x) {
-  SurfacePoint<Scalar> best;
+PointOnTriangle<Scalar> closest_on_triangle(const Vector3<Scalar>& p,
+                                            const std::array<Vector3<Scalar>, 3>& x) {
+  PointOnTriangle<Scalar> best;
   const Vector3<Scalar> normal = (x[1] - x[0]).cross(x[2] - x[0]);
   const Scalar size = normal.squaredNorm();
   bool inside = Scalar(0) < size;
@@ -135,11 +135,11 @@ class SurfaceWalk {
   /// Returns the vertex that is the point of the surface closest to `point`; inserts it if there is
   /// none nearby. Returns -1 when the point is beside, above or below the mesh.
   int vertex_at(const Vector3<Scalar>& point) {
-    SurfacePoint<Scalar> best;
+    PointOnTriangle<Scalar> best;
     for (std::size_t t = 0; t < mesh_.triangles().size(); ++t) {
       std::array<Vector3<Scalar>, 3> x;
       for (std::size_t i = 0; i < 3; ++i) x[i] = mesh_.position(mesh_.triangles()[t][i]);
-      const SurfacePoint<Scalar> at = closest_on_triangle<Scalar>(point, x);
+      const PointOnTriangle<Scalar> at = closest_on_triangle<Scalar>(point, x);
       if (best.triangle >= 0 && !(at.squared_distance < best.squared_distance)) continue;
       best = at;
       best.triangle = static_cast<int>(t);
@@ -149,7 +149,7 @@ class SurfaceWalk {
   }
 
   /// Returns true when the closest point is on the border and `point` is beside it.
-  bool beside(const Vector3<Scalar>& point, const SurfacePoint<Scalar>& at) const {
+  bool beside(const Vector3<Scalar>& point, const PointOnTriangle<Scalar>& at) const {
     using std::sqrt;
     const std::array<int, 3>& corner = mesh_.triangles()[static_cast<std::size_t>(at.triangle)];
     Vector3<Scalar> place = Vector3<Scalar>::Zero();
@@ -178,7 +178,7 @@ class SurfaceWalk {
 
   /// Returns a vertex at a point of a triangle: a corner or a vertex on a side if the point is
   /// within the snap distance of it, else a new vertex inside.
-  int insert(const SurfacePoint<Scalar>& at) {
+  int insert(const PointOnTriangle<Scalar>& at) {
     const std::array<int, 3> corner = mesh_.triangles()[static_cast<std::size_t>(at.triangle)];
     Vector3<Scalar> place = Vector3<Scalar>::Zero();
     for (std::size_t i = 0; i < 3; ++i) place += at.weights[i] * mesh_.position(corner[i]);
