@@ -165,6 +165,99 @@ TEST_CASE("nothing flies through a thin mesh", "[contact]") {
   CHECK(missed == 0);
 }
 
+TEST_CASE("nothing flies through a mesh whose corners are far from the path", "[contact]") {
+  // Distances from triangles with corners 1 km away have errors above the rounding of the path.
+  PlainMesh mesh = box_mesh({1000, 700, 1e-3});
+  const Matrix3<double> R = rotation_exp<double>(Vector3<double>(0.3, -0.2, 0.5));
+  mesh.positions = R * mesh.positions;
+  const auto plate = mesh_collider<double>(mesh);
+  std::mt19937 random(36);
+  int missed = 0;
+  double wrong = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const Vector3<double> way(uniform(random, -1, 1), uniform(random, -1, 1),
+                              uniform(random, 0.05, 1));
+    const Vector3<double> through(uniform(random, -0.05, 0.05), uniform(random, -0.05, 0.05), 1e-3);
+    const double before = uniform(random, 0.1, 1), after = uniform(random, 0.1, 1);
+    const Points<double> from = R * (through + before * way), to = R * (through - after * way);
+    VectorX<double> t(1);
+    CHECK(plate.sweep(from, to, 0, 0, t) == QueryStatus::Answered);
+    if (t[0] > 1)
+      ++missed;
+    else
+      wrong = std::max(wrong, std::abs(t[0] * (before + after) - before) * way[2]);
+  }
+  CHECK(missed == 0);
+  CHECK(wrong <= 64 * 1000 * std::numeric_limits<double>::epsilon());
+}
+
+TEMPLATE_TEST_CASE("points at any distance from a mesh have sound answers", "[contact]", float,
+                   double) {
+  using S = TestType;
+  using Limits = std::numeric_limits<S>;
+  // From far away, both sides of the plate have the same distance to rounding.
+  const auto plate = mesh_collider<S>(box_mesh({1, 0.5, 1e-3}));
+  const auto mesh = mesh_collider<S>(torus_mesh(12, 8, 0.7, 0.3));
+  std::mt19937 random(37);
+  int unsound = 0;
+  for (int i = 0; i < 500; ++i) {
+    const double size = std::pow(10.0, uniform(random, 0.5, Limits::max_exponent10 - 1));
+    Vector3<S> x;
+    for (int k = 0; k < 3; ++k) x[k] = S(uniform(random, -1, 1) * size);
+    const double length = static_cast<double>(x.template cast<long double>().stableNorm());
+    if (length < 2) continue;
+    const auto s = one_closest<S>(mesh, x);
+    const double d = static_cast<double>(s.distance);
+    unsound += !(length * (1 - 1e-6) - 1.1 <= d && d <= length * (1 + 1e-6)) ||
+               !is_finite(s.point.norm()) || std::abs(s.normal.norm() - S(1)) > S(1e-5);
+    unsound += !(one_distance<S>(plate, x) > S(0));
+  }
+  CHECK(unsound == 0);
+  // A ball from one end of the range to the other.
+  const S far_away = std::numeric_limits<S>::max() / S(4);
+  const Points<S> from = Vector3<S>(-far_away, S(0.7), S(0)), to = -from;
+  VectorX<S> t(1);
+  CHECK(mesh.sweep(from, to, S(0), S(0), t) == QueryStatus::Answered);
+  CHECK(t[0] <= S(0.500001));
+}
+
+TEMPLATE_TEST_CASE("a hull with slivers has the right signs", "[contact]", float, double) {
+  using S = TestType;
+  // Points on common planes and edges; rounding turns them into slivers.
+  std::mt19937 random(38);
+  double worst = 0;
+  int made_hulls = 0;
+  for (int trial = 0; trial < clothctl_test::trials(100, 2000, 20); ++trial) {
+    Points<double> draw(3, 4 + static_cast<Index>(random() % 40));
+    for (Index i = 0; i < draw.size(); ++i) draw(i) = std::round(2 * uniform(random, -1, 1)) / 2;
+    const Vector3<double> turn(uniform(random, -2, 2), uniform(random, -2, 2),
+                               uniform(random, -2, 2));
+    const Points<S> points = (rotation_exp<double>(turn) * draw).cast<S>();
+    const auto made = HullCollider<S>::create(points);
+    if (!made) continue;
+    ++made_hulls;
+    const PlainMesh hull{made->vertices().template cast<double>(), made->triangles()};
+    for (int i = 0; i < 60; ++i) {
+      Vector3<double> x(uniform(random, -1.5, 1.5), uniform(random, -1.5, 1.5),
+                        uniform(random, -1.5, 1.5));
+      if (i % 2 == 0) {  // near a line between two points
+        const Index p = static_cast<Index>(random()) % points.cols(),
+                    q = static_cast<Index>(random()) % points.cols();
+        const double share = uniform(random, 0, 1);
+        x *= std::pow(10.0, uniform(random, -5, -1));
+        x += ((1 - share) * points.col(p).template cast<double>() +
+              share * points.col(q).template cast<double>());
+      }
+      const Vector3<S> at = x.cast<S>();
+      const double exact = static_cast<double>(brute_distance(hull, at.template cast<double>()));
+      worst = std::max(worst, std::abs(static_cast<double>(one_distance<S>(*made, at)) - exact));
+    }
+  }
+  CHECK(made_hulls > 10);
+  // Rounding to the lattice of 1e-8 of the extent may hide a sliver; otherwise rounding of S.
+  CHECK(worst <= std::max(3e-8, 8 * static_cast<double>(std::numeric_limits<S>::epsilon())));
+}
+
 TEST_CASE("a hull holds its points, and a plane through each closest point supports it",
           "[contact]") {
   std::mt19937 random(33);
@@ -324,4 +417,6 @@ TEST_CASE("a grid refuses sizes out of range", "[contact]") {
         "the grid has 1 cells, must be 2 to 512");
   CHECK(GridCollider<double>::create(mesh, 8, -0.5).error() ==
         "the grid has the margin -0.5 m, must be 0 to ten times the longest side of the mesh, 2 m");
+  CHECK(GridCollider<double>::create(mesh, 512, 20).error() ==
+        "the grid has 1243684141064 nodes, must be at most 268435456");
 }

@@ -240,6 +240,82 @@ TEMPLATE_TEST_CASE("shapes and points of absurd sizes have sound answers", "[con
   }
 }
 
+TEMPLATE_TEST_CASE("points at any distance from a shape have sound answers", "[contact]", float,
+                   double) {
+  using S = TestType;
+  using V = Vector3<S>;
+  using Limits = std::numeric_limits<S>;
+  std::mt19937 random(25);
+  const auto uniform = [&](double a, double b) {
+    return a + (b - a) * static_cast<double>(random()) / 4294967296.0;
+  };
+  const auto check = [&](const auto& shape) {
+    double not_unit = 0, off = 0;
+    int missed = 0, not_finite = 0;
+    for (int i = 0; i < 400; ++i) {
+      // The squares of most of these lengths are beyond the range of the scalar.
+      const double size =
+          std::pow(10.0, uniform(Limits::min_exponent10 - 5, Limits::max_exponent10 - 1));
+      V x;
+      for (int k = 0; k < 3; ++k) x[k] = S(uniform(-1, 1) * size);
+      const auto s = one_closest<S>(shape, x);
+      not_finite += !is_finite(s.distance) || !all_finite(s.point);
+      not_unit = std::max(not_unit, std::abs(static_cast<double>(s.normal.norm()) - 1));
+      // All shapes lie between the spheres of radius 1 and 2.
+      const double length = static_cast<double>(x.template cast<long double>().stableNorm());
+      const double d = static_cast<double>(s.distance), slack = 1e-6 * (1 + length);
+      off = std::max({off, d - (length - 1) - slack, length - 2 - d - slack});
+      const Points<S> from = x, to = -x;
+      VectorX<S> t(1);
+      CHECK(shape.sweep(from, to, S(0), S(0), t) == QueryStatus::Answered);
+      missed += !(t[0] <= S(0.500001));
+    }
+    CHECK(not_finite == 0);
+    CHECK(not_unit <= 4 * static_cast<double>(Limits::epsilon()));
+    CHECK(off <= 0);
+    CHECK(missed == 0);
+  };
+  check(*SphereCollider<S>::create(V::Zero(), S(1)));
+  check(*BoxCollider<S>::create(V::Zero(), V::Ones(), tilted<S>()));
+  check(*CylinderCollider<S>::create(vec<S>(0, 0, -1), vec<S>(0, 0, 1), S(1)));
+  // Segments whose squared length is beyond the range, too, or rounds.
+  for (const double length : {0.0, 1e-44, 1e-42, 1e-30, 1e-22, 1e-20, 1e-10, 0.9})
+    check(*CapsuleCollider<S>::create(V::Zero(), vec<S>(length, 0, 0), S(1)));
+  const auto along = CapsuleCollider<S>::create(V::Zero(), vec<S>(1e20, 0, 0), S(1)).value();
+  CHECK(one_distance<S>(along, vec<S>(5e19, 3, 0)) == S(2));
+  for (const double length : {1e-22, 1e20}) {
+    const auto plane = PlaneCollider<S>::create(V::Zero(), vec<S>(0, 0, length)).value();
+    CHECK(one_distance<S>(plane, vec<S>(1, 2, 3)) == S(3));
+  }
+}
+
+TEMPLATE_TEST_CASE("the box of a cylinder nearly along an axis holds it", "[contact]", float,
+                   double) {
+  using S = TestType;
+  std::mt19937 random(26);
+  double out = 0;
+  for (int i = 0; i < 500; ++i) {
+    const auto uniform = [&](double a, double b) {
+      return a + (b - a) * static_cast<double>(random()) / 4294967296.0;
+    };
+    const double off = std::pow(10.0, uniform(-9, 0));
+    Vector3<S> end = vec<S>(off * uniform(-1, 1), off * uniform(-1, 1), 1);
+    std::swap(end[2], end[i % 3]);
+    const auto cylinder = CylinderCollider<S>::create(vec<S>(0, 0, 0), end, S(1)).value();
+    const BoundingBox<S> box = cylinder.bounds(S(0));
+    const Vector3<double> axis = end.template cast<double>().normalized();
+    for (int k = 0; k < 3; ++k) {
+      // The rim of the end reaches this far beyond its centre.
+      const double reach = std::hypot(axis[(k + 1) % 3], axis[(k + 2) % 3]);
+      const double top = std::max(0.0, static_cast<double>(end[k])) + reach;
+      const double bottom = std::min(0.0, static_cast<double>(end[k])) - reach;
+      out = std::max({out, top - static_cast<double>(box.upper[k]),
+                      static_cast<double>(box.lower[k]) - bottom});
+    }
+  }
+  CHECK(out <= 4 * static_cast<double>(std::numeric_limits<S>::epsilon()));
+}
+
 TEST_CASE("what makes no shape is refused by name and value", "[contact]") {
   using V = Vector3<double>;
   const double nan = std::numeric_limits<double>::quiet_NaN();

@@ -26,6 +26,14 @@ TEMPLATE_TEST_CASE("distances from triangles are exact to rounding", "[contact]"
     x.col(2) =
         x.col(0) + S(uniform(random, -0.5, 1.5)) * (x.col(1) - x.col(0)) + S(thin) * x.col(2);
     if (i % 3 == 0) x.col(3) = x.col(0) + S(0.1) * x.col(3);
+    if (i % 3 == 1) {  // over the inside, where the normal of a thin triangle decides
+      const double u = uniform(random, 0, 1), v = uniform(random, 0, 1 - u);
+      const Points<double> t = x.template cast<double>();
+      const Vector3<double> ab = t.col(1) - t.col(0), ac = t.col(2) - t.col(0);
+      const Vector3<double> over =
+          t.col(0) + u * ab + v * ac + uniform(random, -1, 1) * ab.cross(ac).normalized();
+      x.col(3) = over.cast<S>();
+    }
     const detail::PreparedTriangle<S> triangle(x.col(0), x.col(1), x.col(2));
     const auto q = triangle.closest(x.col(3));
     const auto wide = [&](Index k) {

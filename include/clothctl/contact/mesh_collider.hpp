@@ -20,6 +20,7 @@
 #include <cmath>
 #include <concepts>
 #include <cstddef>
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <utility>
@@ -74,8 +75,6 @@ class MeshCollider : public detail::PointQueries<MeshCollider<Scalar>, Scalar> {
   /// Returns the time of impact of a ball with a finite path.
   Scalar sweep_at(const Vector3<Scalar>& from, const Vector3<Scalar>& to, const Scalar& radius,
                   const Scalar&) const {
-    const Scalar gap = tree_->nearest(from).distance - radius;
-    if (gap <= detail::touch_tolerance<Scalar>(from, to, radius)) return Scalar(0);
     return tree_->sweep(from, to, radius);
   }
 
@@ -111,7 +110,8 @@ class HullCollider : public detail::BasicShape<HullCollider<Scalar>, Scalar> {
     if (!topology) return Error{"the hull is no solid: " + topology.error()};
     HullCollider out(surface);
     out.tree_ = std::make_shared<const detail::TriangleTree<Scalar>>(
-        x, hull.triangles, detail::pseudonormals<Scalar>(x, hull.triangles, *topology));
+        x, hull.triangles,
+        detail::pseudonormals<Scalar>(x, hull.triangles, *topology, face_normals(x, hull)));
     out.vertices_ = std::move(x);
     out.triangles_ = std::move(hull.triangles);
     return out;
@@ -130,6 +130,18 @@ class HullCollider : public detail::BasicShape<HullCollider<Scalar>, Scalar> {
   explicit HullCollider(const ColliderSurface<Scalar>& surface)
       : detail::BasicShape<HullCollider, Scalar>(surface) {}
 
+  /// Returns the normals of the triangles. Rounding may have turned a sliver over; on the lattice,
+  /// where the hull was made, it faces outwards.
+  static Points<Scalar> face_normals(const Points<Scalar>& x, const detail::HullTriangles& hull) {
+    Points<Scalar> out = detail::face_normals<Scalar>(x, hull.triangles);
+    for (Index t = 0; t < out.cols(); ++t) {
+      const std::array<int, 3>& c = hull.triangles[static_cast<std::size_t>(t)];
+      if (!detail::triangle_frame<Scalar>(x.col(c[0]), x.col(c[1]), x.col(c[2])).thin()) continue;
+      for (Index k = 0; k < 3; ++k) out(k, t) = Scalar(hull.normals(k, t));
+    }
+    return out;
+  }
+
   std::shared_ptr<const detail::TriangleTree<Scalar>> tree_;
   Points<Scalar> vertices_;
   std::vector<std::array<int, 3>> triangles_;
@@ -142,8 +154,9 @@ class GridCollider : public detail::PointQueries<GridCollider<Scalar>, Scalar> {
  public:
   /// Computes the distances of `mesh` at the nodes of a grid: `cells` cells (2 to 512) along the
   /// longest side of the mesh's box, which is grown by `margin` (m) on all sides. Allocates.
-  /// Complexity: O(cells³ log triangles). Fails when: `cells` is out of range, or the margin is
-  /// negative, not finite or more than ten times the longest side.
+  /// Complexity: O(cells³ log triangles). Fails when: `cells` is out of range, the margin is
+  /// negative, not finite or more than ten times the longest side, or there are more than 2^28
+  /// nodes.
   static Result<GridCollider> create(const MeshCollider<Scalar>& mesh, int cells,
                                      const Scalar& margin) {
     if (cells < 2 || cells > 512)
@@ -157,7 +170,12 @@ class GridCollider : public detail::PointQueries<GridCollider<Scalar>, Scalar> {
       return Error{"the grid has the margin " + number_text(margin) +
                    " m, must be 0 to ten times the longest side of the mesh, " +
                    number_text(longest) + " m"};
-    return GridCollider(mesh, cells, margin, longest);
+    const Scalar spacing = longest / Scalar(static_cast<double>(cells));
+    const Lattice lattice = lattice_of(box.grown(margin), spacing);
+    if (kMostNodes < lattice.size())
+      return Error{"the grid has " + std::to_string(lattice.size()) + " nodes, must be at most " +
+                   std::to_string(kMostNodes)};
+    return GridCollider(mesh, lattice, spacing);
   }
 
   /// Spacing h of the nodes, m.
@@ -219,8 +237,22 @@ class GridCollider : public detail::PointQueries<GridCollider<Scalar>, Scalar> {
     Vector3<Scalar> share;
   };
 
-  GridCollider(const MeshCollider<Scalar>& mesh, int cells, const Scalar& margin,
-               const Scalar& longest);
+  /// The first node, and the number of cells along each axis.
+  struct Lattice {
+    Vector3<Scalar> origin;
+    std::array<int, 3> cells{};
+
+    /// Returns the number of nodes.
+    std::uint64_t size() const {
+      std::uint64_t nodes = 1;
+      for (const int n : cells) nodes *= static_cast<std::uint64_t>(n) + 1;
+      return nodes;
+    }
+  };
+  static constexpr std::uint64_t kMostNodes = std::uint64_t(1) << 28;
+
+  GridCollider(const MeshCollider<Scalar>& mesh, const Lattice& lattice, const Scalar& spacing);
+  static Lattice lattice_of(const BoundingBox<Scalar>& box, const Scalar& spacing);
   bool locate(const Vector3<Scalar>& x, Cell& cell) const;
   static int whole_part(const Scalar& value, int most);
   /// Edge k of a cell along x starts at the node k % 2 along y and k / 2 along z.
@@ -257,23 +289,26 @@ int GridCollider<Scalar>::whole_part(const Scalar& value, int most) {
 }
 
 template <RealScalar Scalar>
-GridCollider<Scalar>::GridCollider(const MeshCollider<Scalar>& mesh, int cells,
-                                   const Scalar& margin, const Scalar& longest)
+typename GridCollider<Scalar>::Lattice GridCollider<Scalar>::lattice_of(
+    const BoundingBox<Scalar>& box, const Scalar& spacing) {
+  Lattice out{box.lower, {}};
+  for (int i = 0; i < 3; ++i)
+    out.cells[static_cast<std::size_t>(i)] =
+        whole_part((box.upper[i] - box.lower[i]) / spacing, 12000) + 1;
+  return out;
+}
+
+template <RealScalar Scalar>
+GridCollider<Scalar>::GridCollider(const MeshCollider<Scalar>& mesh, const Lattice& lattice,
+                                   const Scalar& spacing)
     : mesh_(mesh),
-      spacing_(longest / Scalar(static_cast<double>(cells))),
-      inverse_spacing_(Scalar(1) / spacing_) {
-  const BoundingBox<Scalar> box = mesh.bounds(Scalar(0)).grown(margin);
-  origin_ = box.lower;
-  std::array<std::size_t, 3> nodes{};
-  for (std::size_t i = 0; i < 3; ++i) {
-    const int axis = static_cast<int>(i);
-    const Scalar side = (box.upper[axis] - box.lower[axis]) * inverse_spacing_;
-    cells_[i] = whole_part(side, 12000) + 1;
-    nodes[i] = static_cast<std::size_t>(cells_[i]) + 1;
-  }
-  row_ = nodes[0];
-  layer_ = nodes[0] * nodes[1];
-  std::vector<Scalar> values(layer_ * nodes[2]);
+      origin_(lattice.origin),
+      spacing_(spacing),
+      inverse_spacing_(Scalar(1) / spacing),
+      cells_(lattice.cells) {
+  row_ = static_cast<std::size_t>(cells_[0]) + 1;
+  layer_ = row_ * (static_cast<std::size_t>(cells_[1]) + 1);
+  std::vector<Scalar> values(layer_ * (static_cast<std::size_t>(cells_[2]) + 1));
   for (std::size_t k = 0; k < values.size(); ++k) {
     const std::array<std::size_t, 3> at{k % row_, k % layer_ / row_, k / layer_};
     Vector3<Scalar> x = origin_;

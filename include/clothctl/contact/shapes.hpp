@@ -29,14 +29,13 @@ class PlaneCollider : public detail::BasicShape<PlaneCollider<Scalar>, Scalar> {
   /// friction coefficient is negative.
   static Result<PlaneCollider> create(const Vector3<Scalar>& point, const Vector3<Scalar>& normal,
                                       const ColliderSurface<Scalar>& surface = {}) {
-    using std::sqrt;
     std::string bad = detail::validate_point("point", point);
     if (bad.empty()) bad = detail::validate_point("normal", normal);
-    const Scalar length = sqrt(normal.squaredNorm());
-    if (bad.empty()) bad = detail::validate_size("normal of length", length);
+    const detail::Direction<Scalar> out = detail::direction_of<Scalar>(normal, normal);
+    if (bad.empty()) bad = detail::validate_size("normal of length", out.length);
     if (bad.empty()) bad = surface.validate();
     if (!bad.empty()) return Error{"the plane has " + bad};
-    return PlaneCollider(point, normal / length, surface);
+    return PlaneCollider(point, out.unit, surface);
   }
 
   /// Returns the closest point of the plane.
@@ -81,21 +80,17 @@ class CapsuleCollider : public detail::BasicShape<CapsuleCollider<Scalar>, Scala
 
   /// Returns the closest point of the surface; for a point on the axis one of them.
   detail::NearestPoint<Scalar> nearest(const Vector3<Scalar>& x) const {
-    using std::sqrt;
-    const Vector3<Scalar> from_a = x - a_;
-    Scalar share = from_a.dot(axis_) * inverse_square_;
-    if (share < Scalar(0)) share = Scalar(0);
-    if (Scalar(1) < share) share = Scalar(1);
-    const Vector3<Scalar> centre = a_ + share * axis_, out = x - centre;
-    const Scalar length = sqrt(out.squaredNorm());
-    const Vector3<Scalar> normal =
-        Scalar(0) < length ? Vector3<Scalar>(out / length) : Vector3<Scalar>(side_);
-    return {length - radius_, centre + radius_ * normal, normal};
+    Scalar along = axis_.dot(Vector3<Scalar>(x - a_));
+    if (along < Scalar(0)) along = Scalar(0);
+    if (length_ < along) along = length_;
+    const Vector3<Scalar> centre = a_ + along * axis_;
+    const detail::Direction<Scalar> out = detail::direction_of<Scalar>(x - centre, side_);
+    return {out.length - radius_, centre + radius_ * out.unit, out.unit};
   }
   /// The box of the capsule.
   BoundingBox<Scalar> bounds(const Scalar&) const {
     BoundingBox<Scalar> box{a_, a_};
-    box.include(Vector3<Scalar>(a_ + axis_));
+    box.include(Vector3<Scalar>(a_ + length_ * axis_));
     return box.grown(radius_);
   }
 
@@ -104,23 +99,19 @@ class CapsuleCollider : public detail::BasicShape<CapsuleCollider<Scalar>, Scala
                   const ColliderSurface<Scalar>& surface)
       : detail::BasicShape<CapsuleCollider, Scalar>(surface),
         a_(a),
-        axis_(b - a),
-        side_(Scalar(0), Scalar(0), Scalar(1)),
-        radius_(radius),
-        inverse_square_(Scalar(0)) {
-    using std::sqrt;
-    const Scalar square = axis_.squaredNorm();
-    if (!(Scalar(0) < square)) return;
-    inverse_square_ = Scalar(1) / square;
-    side_ = detail::unit_orthogonal<Scalar>(axis_ / sqrt(square));
+        axis_(Scalar(1), Scalar(0), Scalar(0)),
+        radius_(radius) {
+    const detail::Direction<Scalar> way = detail::direction_of<Scalar>(b - a, axis_);
+    axis_ = way.unit;
+    length_ = way.length;
+    side_ = detail::unit_orthogonal<Scalar>(axis_);
   }
 
+  /// One end, and the unit vector towards the other; any for a capsule that is a ball.
   Vector3<Scalar> a_, axis_;
   /// The normal of points on the axis.
   Vector3<Scalar> side_;
-  Scalar radius_;
-  /// 1/|axis|², 0 for a capsule that is a ball.
-  Scalar inverse_square_;
+  Scalar radius_, length_;
 };
 
 /// A ball. Models Collider.
@@ -140,12 +131,9 @@ class SphereCollider : public detail::BasicShape<SphereCollider<Scalar>, Scalar>
 
   /// Returns the closest point of the surface; the top for the centre.
   detail::NearestPoint<Scalar> nearest(const Vector3<Scalar>& x) const {
-    using std::sqrt;
-    const Vector3<Scalar> out = x - centre_;
-    const Scalar length = sqrt(out.squaredNorm());
-    Vector3<Scalar> normal(Scalar(0), Scalar(0), Scalar(1));
-    if (Scalar(0) < length) normal = out / length;
-    return {length - radius_, centre_ + radius_ * normal, normal};
+    const Vector3<Scalar> top(Scalar(0), Scalar(0), Scalar(1));
+    const detail::Direction<Scalar> out = detail::direction_of<Scalar>(x - centre_, top);
+    return {out.length - radius_, centre_ + radius_ * out.unit, out.unit};
   }
   /// The box of the ball.
   BoundingBox<Scalar> bounds(const Scalar&) const {
@@ -185,21 +173,17 @@ class BoxCollider : public detail::BasicShape<BoxCollider<Scalar>, Scalar> {
   /// Returns the closest point of the surface; inside, on the closest face.
   detail::NearestPoint<Scalar> nearest(const Vector3<Scalar>& x) const {
     using std::abs;
-    using std::sqrt;
     const Vector3<Scalar> y = R_.transpose() * Vector3<Scalar>(x - centre_);
     Vector3<Scalar> closest = y;
     int face = 0;
-    Scalar outside(0);
     for (int i = 0; i < 3; ++i) {
       if (half_[i] < y[i]) closest[i] = half_[i];
       if (y[i] < -half_[i]) closest[i] = -half_[i];
-      outside += (y[i] - closest[i]) * (y[i] - closest[i]);
       if (abs(y[face]) - half_[face] < abs(y[i]) - half_[i]) face = i;
     }
-    if (Scalar(0) < outside) {
-      const Scalar d = sqrt(outside);
-      const Vector3<Scalar> normal = (y - closest) / d;
-      return {d, centre_ + R_ * closest, R_ * normal};
+    if (half_[face] < abs(y[face])) {
+      const detail::Direction<Scalar> out = detail::direction_of<Scalar>(y - closest, y);
+      return {out.length, centre_ + R_ * closest, R_ * out.unit};
     }
     const Scalar sign = y[face] < Scalar(0) ? Scalar(-1) : Scalar(1);
     closest[face] = sign * half_[face];
@@ -229,10 +213,9 @@ class CylinderCollider : public detail::BasicShape<CylinderCollider<Scalar>, Sca
   static Result<CylinderCollider> create(const Vector3<Scalar>& a, const Vector3<Scalar>& b,
                                          const Scalar& radius,
                                          const ColliderSurface<Scalar>& surface = {}) {
-    using std::sqrt;
     std::string bad = detail::validate_point("end a", a);
     if (bad.empty()) bad = detail::validate_point("end b", b);
-    const Scalar length = sqrt(Vector3<Scalar>(b - a).squaredNorm());
+    const Scalar length = detail::length_of<Scalar>(b - a);
     if (bad.empty()) bad = detail::validate_size("length", length);
     if (bad.empty()) bad = detail::validate_size("radius", radius);
     if (bad.empty()) bad = surface.validate();
@@ -243,19 +226,16 @@ class CylinderCollider : public detail::BasicShape<CylinderCollider<Scalar>, Sca
   /// Returns the closest point of the surface; for a point on the axis one of them.
   detail::NearestPoint<Scalar> nearest(const Vector3<Scalar>& x) const {
     using std::abs;
-    using std::sqrt;
     const Vector3<Scalar> y = x - centre_;
     const Scalar z = axis_.dot(y), sign = z < Scalar(0) ? Scalar(-1) : Scalar(1);
     Vector3<Scalar> radial = y - z * axis_;
     radial -= axis_.dot(radial) * axis_;  // far along the axis, the first difference is rounding
-    const Scalar s = sqrt(radial.squaredNorm());
-    const Vector3<Scalar> side =
-        Scalar(0) < s ? Vector3<Scalar>(radial / s) : Vector3<Scalar>(side_);
+    const auto [s, side] = detail::direction_of<Scalar>(radial, side_);
     const Scalar beyond_side = s - radius_, beyond_end = abs(z) - half_;
     if (Scalar(0) < beyond_side && Scalar(0) < beyond_end) {
-      const Scalar d = sqrt(beyond_side * beyond_side + beyond_end * beyond_end);
-      return {d, centre_ + radius_ * side + sign * half_ * axis_,
-              (beyond_side / d) * side + (sign * beyond_end / d) * axis_};
+      const Vector3<Scalar> beyond(beyond_side, sign * beyond_end, Scalar(0));
+      const auto [d, part] = detail::direction_of<Scalar>(beyond, beyond);
+      return {d, centre_ + radius_ * side + sign * half_ * axis_, part[0] * side + part[1] * axis_};
     }
     if (beyond_side < beyond_end)
       return {beyond_end, centre_ + radial + sign * half_ * axis_, sign * axis_};
@@ -267,8 +247,9 @@ class CylinderCollider : public detail::BasicShape<CylinderCollider<Scalar>, Sca
     using std::sqrt;
     Vector3<Scalar> reach;
     for (int i = 0; i < 3; ++i) {
-      const Scalar rest = Scalar(1) - axis_[i] * axis_[i];
-      reach[i] = half_ * abs(axis_[i]) + radius_ * (Scalar(0) < rest ? sqrt(rest) : Scalar(0));
+      // Not √(1 - axis_i²), which is all rounding for an axis that is nearly along i.
+      const Scalar y = axis_[(i + 1) % 3], z = axis_[(i + 2) % 3];
+      reach[i] = half_ * abs(axis_[i]) + radius_ * sqrt(y * y + z * z);
     }
     return {centre_ - reach, centre_ + reach};
   }
@@ -278,12 +259,10 @@ class CylinderCollider : public detail::BasicShape<CylinderCollider<Scalar>, Sca
                    const ColliderSurface<Scalar>& surface)
       : detail::BasicShape<CylinderCollider, Scalar>(surface),
         centre_(Scalar(0.5) * (a + b)),
-        axis_(b - a),
         radius_(radius) {
-    using std::sqrt;
-    const Scalar length = sqrt(axis_.squaredNorm());
-    axis_ /= length;
-    half_ = Scalar(0.5) * length;
+    const detail::Direction<Scalar> way = detail::direction_of<Scalar>(b - a, b - a);
+    axis_ = way.unit;
+    half_ = Scalar(0.5) * way.length;
     side_ = detail::unit_orthogonal<Scalar>(axis_);
   }
 

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "clothctl/contact/detail/convex_sweep.hpp"
+#include "clothctl/contact/detail/direction.hpp"
 #include "clothctl/core/number_text.hpp"
 
 #include <Eigen/Geometry>
@@ -86,14 +87,6 @@ std::string validate_rotation(const char* name, const Matrix3<Scalar>& R) {
   const Vector3<Scalar> x = R.col(0), y = R.col(1), z = R.col(2);
   if (x.cross(y).dot(z) < Scalar(0)) return std::string("the ") + name + " that is a reflection";
   return {};
-}
-
-/// Returns v of length one, or v itself where it is zero.
-template <RealScalar Scalar>
-Vector3<Scalar> unit_or_zero(const Vector3<Scalar>& v) {
-  using std::sqrt;
-  const Scalar length = sqrt(v.squaredNorm());
-  return Scalar(0) < length ? Vector3<Scalar>(v / length) : v;
 }
 
 /// Returns the rotation near R whose columns are orthonormal to rounding: its first column keeps

@@ -20,6 +20,7 @@
 #include <vector>
 
 #include "clothctl/contact/detail/basic_shape.hpp"
+#include "clothctl/contact/detail/triangle_point.hpp"
 #include "clothctl/mesh/topology.hpp"
 
 #include <Eigen/Geometry>
@@ -110,7 +111,7 @@ std::string validate_solid(const Points<Scalar>& x,
     Scalar longest = ab.squaredNorm();
     if (longest < bc.squaredNorm()) longest = bc.squaredNorm();
     if (longest < ca.squaredNorm()) longest = ca.squaredNorm();
-    const Scalar doubled = sqrt(ab.cross(Vector3<Scalar>(c - a)).squaredNorm());
+    const Scalar doubled = length_of<Scalar>(ab.cross(Vector3<Scalar>(c - a)));
     if (!(Scalar(1000) * scalar_traits<Scalar>::epsilon() * longest < doubled))
       return "triangle " + std::to_string(t) + " is degenerate: its area is " +
              number_text(Scalar(Scalar(0.5) * doubled)) + " m^2, its longest side " +
@@ -132,13 +133,26 @@ struct Pseudonormals {
   std::array<Vector3<Scalar>, 3> corner;
 };
 
-/// Returns the pseudonormals of all triangles of a closed mesh. Allocates.
+/// Returns the unit normals (3×triangles) of all triangles. Allocates.
+template <RealScalar Scalar>
+Points<Scalar> face_normals(const Points<Scalar>& x,
+                            const std::vector<std::array<int, 3>>& triangles) {
+  Points<Scalar> out(3, static_cast<Index>(triangles.size()));
+  for (Index t = 0; t < out.cols(); ++t) {
+    const std::array<int, 3>& c = triangles[static_cast<std::size_t>(t)];
+    out.col(t) = triangle_frame<Scalar>(x.col(c[0]), x.col(c[1]), x.col(c[2])).normal;
+  }
+  return out;
+}
+
+/// Returns the pseudonormals of all triangles of a closed mesh, whose unit normals are `face`
+/// (3×triangles). Allocates.
 template <RealScalar Scalar>
 std::vector<Pseudonormals<Scalar>> pseudonormals(const Points<Scalar>& x,
                                                  const std::vector<std::array<int, 3>>& triangles,
-                                                 const Topology& topology) {
+                                                 const Topology& topology,
+                                                 const Points<Scalar>& face) {
   using std::atan2;
-  using std::sqrt;
   std::vector<Pseudonormals<Scalar>> out(triangles.size());
   std::vector<Vector3<Scalar>> vertex(static_cast<std::size_t>(x.cols()),
                                       Vector3<Scalar>::Constant(Scalar(0)));
@@ -146,9 +160,8 @@ std::vector<Pseudonormals<Scalar>> pseudonormals(const Points<Scalar>& x,
     for (std::size_t i = 0; i < 3; ++i) {
       const Index a = triangles[t][i], b = triangles[t][(i + 1) % 3], c = triangles[t][(i + 2) % 3];
       const Vector3<Scalar> ab = x.col(b) - x.col(a), ac = x.col(c) - x.col(a);
-      const Vector3<Scalar> area = ab.cross(ac);
-      if (i == 0) out[t].face = unit_or_zero<Scalar>(area);
-      const Scalar angle = atan2(sqrt(area.squaredNorm()), ab.dot(ac));
+      out[t].face = face.col(static_cast<Index>(t));
+      const Scalar angle = atan2(length_of<Scalar>(ab.cross(ac)), ab.dot(ac));
       vertex[static_cast<std::size_t>(a)] += angle * out[t].face;
     }
   }
@@ -170,6 +183,14 @@ std::vector<Pseudonormals<Scalar>> pseudonormals(const Points<Scalar>& x,
       out[t].corner[i] = vertex[static_cast<std::size_t>(triangles[t][i])];
   }
   return out;
+}
+
+/// As above, with the normals of the positions.
+template <RealScalar Scalar>
+std::vector<Pseudonormals<Scalar>> pseudonormals(const Points<Scalar>& x,
+                                                 const std::vector<std::array<int, 3>>& triangles,
+                                                 const Topology& topology) {
+  return pseudonormals<Scalar>(x, triangles, topology, face_normals<Scalar>(x, triangles));
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -77,6 +77,8 @@ struct HullTriangles {
   std::vector<int> vertices;
   /// Triangles of positions in `vertices`, counter-clockwise from outside.
   std::vector<std::array<int, 3>> triangles;
+  /// Their unit normals, 3×triangles, from the lattice: there they are good for slivers, too.
+  Points<double> normals;
 };
 
 /// Adds the points one by one to a tetrahedron of four of them. Allocates.
@@ -124,6 +126,9 @@ class HullBuilder {
     hull.vertices.erase(std::unique(hull.vertices.begin(), hull.vertices.end()),
                         hull.vertices.end());
     hull.triangles = faces_;
+    hull.normals.resize(3, static_cast<Index>(faces_.size()));
+    for (std::size_t i = 0; i < faces_.size(); ++i)
+      hull.normals.col(static_cast<Index>(i)) = area(faces_[i]).normalized();
     for (std::array<int, 3>& face : hull.triangles) {
       for (int& v : face) {
         const auto at = std::lower_bound(hull.vertices.begin(), hull.vertices.end(), v);
@@ -136,23 +141,31 @@ class HullBuilder {
  private:
   static constexpr double kLeastHeight = 2.0;
 
-  /// Returns the height of point p over a triangle, in steps of the lattice, to rounding.
-  double height(std::size_t face, int p) const {
-    std::array<std::array<double, 3>, 3> e{};  // two sides, and the way to p
-    for (std::size_t k = 0; k < 3; ++k) {
-      const int to = k < 2 ? faces_[face][k + 1] : p;
-      for (std::size_t i = 0; i < 3; ++i)
-        e[k][i] = static_cast<double>(points_[static_cast<std::size_t>(to)][i] -
-                                      points_[static_cast<std::size_t>(faces_[face][0])][i]);
-    }
-    double square = 0, volume = 0;
+  /// Returns the way from one point to another.
+  HullLatticePoint way(int from, int to) const {
+    HullLatticePoint out{};
+    for (std::size_t i = 0; i < 3; ++i)
+      out[i] =
+          points_[static_cast<std::size_t>(to)][i] - points_[static_cast<std::size_t>(from)][i];
+    return out;
+  }
+  /// Returns the cross product of two sides of a triangle. Its components have 61 bits: integers
+  /// lose no digits where they nearly cancel.
+  Vector3<double> area(const std::array<int, 3>& face) const {
+    const HullLatticePoint u = way(face[0], face[1]), v = way(face[0], face[2]);
+    Vector3<double> out;
     for (std::size_t i = 0; i < 3; ++i) {
       const std::size_t j = (i + 1) % 3, k = (i + 2) % 3;
-      const double area = e[0][j] * e[1][k] - e[0][k] * e[1][j];
-      square += area * area;
-      volume += area * e[2][i];
+      out[static_cast<Index>(i)] = static_cast<double>(u[j] * v[k] - u[k] * v[j]);
     }
-    return volume / std::sqrt(square);
+    return out;
+  }
+  /// Returns the height of point p over a triangle, in steps of the lattice, to rounding.
+  double height(std::size_t face, int p) const {
+    const HullLatticePoint w = way(faces_[face][0], p);
+    const Vector3<double> to_p(static_cast<double>(w[0]), static_cast<double>(w[1]),
+                               static_cast<double>(w[2]));
+    return area(faces_[face]).normalized().dot(to_p);
   }
   int side(const std::array<int, 3>& face, int p) const {
     return lattice_side(

@@ -38,13 +38,16 @@ Scalar touch_tolerance(const Vector3<Scalar>& from, const Vector3<Scalar>& to,
 }
 
 /// Returns the time of impact, 0 to `latest`, of a ball with a convex solid, or `no_impact()`.
-/// `nearest(x)` is the NearestPoint of x; its normal must be the gradient of the distance.
+/// `nearest(x)` is the NearestPoint of x; its normal must be the gradient of the distance. Where
+/// the distance is unsigned, `extent` must be the largest coordinate of the solid: rounding of that
+/// size could take a step to the other side, where the ball would seem to leave.
 template <RealScalar Scalar, class Nearest>
 Scalar convex_sweep(const Nearest& nearest, const Vector3<Scalar>& from, const Vector3<Scalar>& to,
-                    const Scalar& radius, const Scalar& latest = Scalar(1)) {
+                    const Scalar& radius, const Scalar& latest = Scalar(1),
+                    const Scalar& extent = Scalar(0)) {
   // A path that grazes halves its gap in each step; after 100 the gap is below rounding.
   constexpr int kMostSteps = 100;
-  const Scalar tolerance = touch_tolerance<Scalar>(from, to, radius);
+  const Scalar tolerance = touch_tolerance<Scalar>(from, to, radius + extent);
   const Vector3<Scalar> v = to - from;
   Scalar t(0);
   for (int step = 0; step < kMostSteps; ++step) {

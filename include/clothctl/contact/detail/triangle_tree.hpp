@@ -31,8 +31,8 @@ class TriangleTree {
 
   /// Returns the closest point of the surface, with the signed distance. Never allocates.
   NearestPoint<Scalar> nearest(const Vector3<Scalar>& x) const;
-  /// Returns the time of impact of a ball that starts outside of the solid, by more than its
-  /// radius. Never allocates.
+  /// Returns the time of impact of a ball; 0 for one that starts inside or closer than its radius.
+  /// Never allocates.
   Scalar sweep(const Vector3<Scalar>& from, const Vector3<Scalar>& to, const Scalar& radius) const;
   /// Returns the box of the mesh.
   BoundingBox<Scalar> bounds() const { return nodes_.front().box; }
@@ -58,11 +58,13 @@ class TriangleTree {
             const std::vector<std::array<int, 3>>& triangles, const Points<Scalar>& centres);
   static Scalar squared_distance(const BoundingBox<Scalar>& box, const Vector3<Scalar>& x);
   NearestPoint<Scalar> signed_point(std::size_t triangle, const Vector3<Scalar>& x) const;
-  static Scalar triangle_sweep(const PreparedTriangle<Scalar>& triangle,
-                               const Vector3<Scalar>& from, const Vector3<Scalar>& to,
-                               const Scalar& radius, const Scalar& latest);
+  Scalar triangle_sweep(const PreparedTriangle<Scalar>& triangle, const Vector3<Scalar>& from,
+                        const Vector3<Scalar>& to, const Scalar& radius,
+                        const Scalar& latest) const;
 
   std::vector<Node> nodes_;
+  /// The largest coordinate of the mesh.
+  Scalar extent_;
   std::vector<PreparedTriangle<Scalar>> triangles_;
   std::vector<Pseudonormals<Scalar>> normals_;
 };
@@ -102,6 +104,7 @@ TriangleTree<Scalar>::TriangleTree(const Points<Scalar>& x,
   }
   nodes_.reserve(2 * triangles.size());
   build(order, 0, count, x, triangles, centres);
+  extent_ = largest_coordinate<Scalar>(nodes_.front().box.lower, nodes_.front().box.upper);
   triangles_.reserve(triangles.size());
   normals_.reserve(triangles.size());
   for (const int t : order) {
@@ -162,7 +165,8 @@ template <RealScalar Scalar>
 NearestPoint<Scalar> TriangleTree<Scalar>::nearest(const Vector3<Scalar>& x) const {
   std::array<Visit, kMostLevels> stack;
   std::size_t size = 0, best = 0;
-  // The answer is never farther than a corner of the first triangle.
+  // The answer is never farther than a corner of the first triangle; far away, that is the answer
+  // to rounding.
   Scalar best_square = Vector3<Scalar>(x - triangles_.front().corner()).squaredNorm();
   int at = 0;
   for (;;) {
@@ -200,39 +204,42 @@ NearestPoint<Scalar> TriangleTree<Scalar>::nearest(const Vector3<Scalar>& x) con
 template <RealScalar Scalar>
 NearestPoint<Scalar> TriangleTree<Scalar>::signed_point(std::size_t triangle,
                                                         const Vector3<Scalar>& x) const {
-  using std::sqrt;
   const PreparedTriangle<Scalar>& t = triangles_[triangle];
   const Pseudonormals<Scalar>& normals = normals_[triangle];
   const TriangleOffset<Scalar> q = t.closest(x);
   const std::size_t feature = static_cast<std::size_t>(q.feature);
-  if (q.feature == TriangleFeature::Face) {
+  // The far side of a thin part of the mesh may be as close, to rounding. Its sign would be wrong.
+  const bool outside = !nodes_.front().box.overlaps({x, x});
+  if (q.feature == TriangleFeature::Face && !t.thin()) {
     // The height over the face is more accurate than the length of a difference of points.
     const Scalar height = normals.face.dot(Vector3<Scalar>(x - t.corner()));
-    return {height, x - height * normals.face, normals.face};
+    const Vector3<Scalar> point = x - height * normals.face;
+    if (outside && height < Scalar(0)) return {-height, point, -normals.face};
+    return {height, point, normals.face};
   }
-  const Vector3<Scalar> pseudo = feature < 3 ? normals.corner[feature] : normals.edge[feature - 3];
-  const Vector3<Scalar> offset = q.offset;
-  const Scalar length = sqrt(offset.squaredNorm());
-  const Scalar sign = offset.dot(pseudo) < Scalar(0) ? Scalar(-1) : Scalar(1);
+  Vector3<Scalar> pseudo = normals.face;
+  if (q.feature != TriangleFeature::Face)
+    pseudo = feature < 3 ? normals.corner[feature] : normals.edge[feature - 3];
+  const auto [length, unit] = direction_of<Scalar>(q.offset, pseudo);
+  const Scalar sign = !outside && unit.dot(pseudo) < Scalar(0) ? Scalar(-1) : Scalar(1);
   // Closer than rounding, the direction of the difference is noise.
   const Scalar noise =
       Scalar(8) * scalar_traits<Scalar>::epsilon() * largest_coordinate<Scalar>(x, t.corner());
   if (length <= noise) return {sign * length, x - sign * length * pseudo, pseudo};
-  const Vector3<Scalar> normal = (sign / length) * offset;
-  return {sign * length, x - offset, normal};
+  return {sign * length, x - q.offset, sign * unit};
 }
 
 template <RealScalar Scalar>
 Scalar TriangleTree<Scalar>::triangle_sweep(const PreparedTriangle<Scalar>& triangle,
                                             const Vector3<Scalar>& from, const Vector3<Scalar>& to,
-                                            const Scalar& radius, const Scalar& latest) {
-  using std::sqrt;
+                                            const Scalar& radius, const Scalar& latest) const {
   // The distance from a triangle is convex, too.
   const auto unsigned_point = [&triangle](const Vector3<Scalar>& x) {
     const TriangleOffset<Scalar> q = triangle.closest(x);
-    return NearestPoint<Scalar>{sqrt(q.square), x - q.offset, unit_or_zero<Scalar>(q.offset)};
+    const Direction<Scalar> way = direction_of<Scalar>(q.offset, q.offset);
+    return NearestPoint<Scalar>{way.length, x - q.offset, way.unit};
   };
-  return convex_sweep<Scalar>(unsigned_point, from, to, radius, latest);
+  return convex_sweep<Scalar>(unsigned_point, from, to, radius, latest, extent_);
 }
 
 template <RealScalar Scalar>
@@ -240,7 +247,9 @@ Scalar TriangleTree<Scalar>::sweep(const Vector3<Scalar>& from, const Vector3<Sc
                                    const Scalar& radius) const {
   std::array<Visit, kMostLevels> stack;
   std::size_t size = 0;
-  const Scalar reach = radius + touch_tolerance<Scalar>(from, to, radius);
+  const Scalar tolerance = touch_tolerance<Scalar>(from, to, radius + extent_);
+  if (nearest(from).distance - radius <= tolerance) return Scalar(0);
+  const Scalar reach = radius + tolerance;
   Scalar best = no_impact<Scalar>(), latest(1);
   const Scalar entry = box_entry<Scalar>(nodes_.front().box.grown(reach), from, to, latest);
   if (latest < entry) return best;
