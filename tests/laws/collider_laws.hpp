@@ -13,8 +13,7 @@
 //   bounds     hold all surface points during the step
 //   again      a batch has the bits of its points one by one, and of its repetition
 //   refusal    a point that is not finite has no answer and a status; a wrong length, radius or
-//   time
-//              writes nothing
+//              time writes nothing
 //   memory     nothing allocates
 //   reference  a ColliderRef answers the same bits
 
@@ -39,7 +38,7 @@ struct ColliderLaws {
   clothctl::Vector3<Scalar> centre = clothctl::Vector3<Scalar>::Zero();
   Scalar extent = Scalar(1);
   /// Largest error of a distance or point, m.
-  Scalar tolerance = Scalar(1e-12);
+  Scalar tolerance = Scalar(1e-14);
   /// Largest error of the normal against the finite difference.
   Scalar gradient_tolerance = Scalar(1e-6);
   /// Step of the finite difference, m.
@@ -47,7 +46,7 @@ struct ColliderLaws {
   /// Distances may differ by this factor times the distance of their points; 1 if exact.
   Scalar lipschitz = Scalar(1);
   /// Largest gap at the time of impact, m.
-  Scalar early = Scalar(1e-9);
+  Scalar early = Scalar(1e-13);
   /// Length of the step, s.
   Scalar dt = Scalar(0);
   /// True if the closest point lies on the surface of the whole; false for overlapping parts.

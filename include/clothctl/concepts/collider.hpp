@@ -32,9 +32,8 @@ enum class QueryStatus {
   /// A coordinate of a point is not finite. That point has the answer "nothing there" (the comments
   /// of the query say how it looks), all others have theirs. Correct the points.
   InvalidPoint,
-  /// Input and output differ in length, or a radius or a time is negative or not finite; nothing
-  /// was
-  /// written. Correct the call.
+  /// Input and output differ in length, or a radius or a time is negative or not finite. Nothing
+  /// was written. Correct the call.
   InvalidArgument
 };
 

@@ -36,7 +36,8 @@ template <RealScalar Scalar>
 class MeshCollider : public detail::PointQueries<MeshCollider<Scalar>, Scalar> {
  public:
   /// Makes a solid of the vertices (3×n, m) and the triangles, counter-clockwise from outside.
-  /// Vertices of no triangle are allowed. Self-intersections are not looked for; near them the sign
+  /// Vertices of no triangle are allowed, and several closed parts; an inverted part inside of
+  /// another is a hollow. Self-intersections are not looked for; near them the sign
   /// may be wrong. Allocates. Complexity: O(triangles log triangles). Fails when: `make_topology`
   /// refuses the mesh, it is open, a triangle is flipped against its neighbour, a vertex joins two
   /// parts, a triangle has no area, a coordinate is not finite, the volume is not positive (the

@@ -6,10 +6,9 @@
 //
 // 1. Broad phase: parts of the sheet whose boxes overlap the collider's (detail/sheet_tree.hpp).
 // 2. The distance d of each vertex of these parts.
-// 3. Inside each edge, and then each triangle, the point where d is least
-// (detail/deepest_point.hpp),
-//    unless bounds show that it is not below the margin, or not deeper than the corners (and sides)
-//    by the `gain`. On a plane, for instance, vertices suffice.
+// 3. The point inside each edge, and then each triangle, where d is least, unless bounds show that
+//    it is not below the margin, or not deeper than corners and sides by the `gain`
+//    (detail/deepest_point.hpp). On a plane, for instance, vertices suffice.
 //
 // A union is searched part by part, so a convex part of it has the certainty of a convex collider.
 
