@@ -38,7 +38,7 @@ struct ColliderLaws {
   clothctl::Vector3<Scalar> centre = clothctl::Vector3<Scalar>::Zero();
   Scalar extent = Scalar(1);
   /// Largest error of a distance or point, m.
-  Scalar tolerance = Scalar(1e-14);
+  Scalar tolerance = Scalar(1e-12);
   /// Largest error of the normal against the finite difference.
   Scalar gradient_tolerance = Scalar(1e-6);
   /// Step of the finite difference, m.
@@ -46,7 +46,7 @@ struct ColliderLaws {
   /// Distances may differ by this factor times the distance of their points; 1 if exact.
   Scalar lipschitz = Scalar(1);
   /// Largest gap at the time of impact, m.
-  Scalar early = Scalar(1e-13);
+  Scalar early = Scalar(1e-9);
   /// Length of the step, s.
   Scalar dt = Scalar(0);
   /// True if the closest point lies on the surface of the whole; false for overlapping parts.
