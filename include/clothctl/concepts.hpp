@@ -8,5 +8,6 @@
 #include "clothctl/concepts/collider.hpp"
 #include "clothctl/concepts/contact_model.hpp"
 #include "clothctl/concepts/executor.hpp"
+#include "clothctl/concepts/impulse_response.hpp"
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/concepts/qp_solver.hpp"
