@@ -1,5 +1,5 @@
 // Colliders: queries a second of each shape, meshes by their tree and by a grid, sweeps, and the
-// contacts of a sheet. `items_per_second` counts points.
+// contacts of a sheet. `items_per_second` counts points. Then the contact solver.
 
 #include <benchmark/benchmark.h>
 
@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "clothctl/contact/collider_union.hpp"
+#include "clothctl/contact/contact_solver.hpp"
+#include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/contact/mesh_collider.hpp"
 #include "clothctl/contact/moving_collider.hpp"
 #include "clothctl/contact/shapes.hpp"
@@ -249,5 +251,79 @@ BENCHMARK(sheet_on_mesh)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
 BENCHMARK(sheet_on_grid)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
 BENCHMARK(sheet_on_ball)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
 BENCHMARK(sheet_on_finger)->Arg(33)->Arg(65)->Unit(benchmark::kMicrosecond);
+
+/// A light plate (20 g) between two fingers (0.4 kg each, as under PD control) with c contacts,
+/// half on each finger; soft as fingertips of 2000 N/m. Gaps, velocities and places are random.
+struct Squeeze {
+  RigidBodyResponse<double> plate = body(0.02, 1e-6), lower = body(0.4, 1e-4),
+                            upper = body(0.4, 1e-4);
+  std::vector<ContactSample<double>> contacts;
+
+  static RigidBodyResponse<double> body(double mass, double inertia) {
+    return RigidBodyResponse<double>::create(mass, inertia * Matrix3<double>::Identity()).value();
+  }
+  Squeeze(int c, unsigned seed) {
+    std::mt19937 random(seed);
+    const auto draw = [&] { return static_cast<double>(random()) / 2147483648.0 - 1; };
+    Points<double> x(3, c);
+    for (int i = 0; i < c; ++i) x.col(i) << 0.006 * draw(), 0.006 * draw(), 0;
+    const int half = c / 2;
+    RigidMotion<double> m;
+    m.velocity << 0.2 * draw(), 0.2 * draw(), 0.24;
+    bool good = lower.set_motion(m).empty();
+    m.velocity << 0.2 * draw(), 0.2 * draw(), -0.24;
+    good = upper.set_motion(m).empty() && good;
+    for (RigidBodyResponse<double>* side : {&plate, &lower, &upper})
+      good = side->set_points(x) == QueryStatus::Answered && good;
+    for (int i = 0; i < c && good; ++i) {
+      ContactSample<double> contact;
+      contact.a.side = 0;
+      contact.b.side = i < half ? 1 : 2;
+      contact.a.point[0] = contact.b.point[0] = i;
+      contact.normal[2] = i < half ? 1 : -1;
+      contact.friction = 0.6;
+      contact.gap = 1e-4 * draw();
+      contact.compliance = contact.tangential_compliance = half / 2000.0;
+      contact.offset << 1e-4 * draw(), 1e-4 * draw(), 0;
+      contacts.push_back(contact);
+    }
+  }
+};
+void solve_contacts(benchmark::State& state, bool warm) {
+  const int c = static_cast<int>(state.range(0));
+  std::vector<Squeeze> all;
+  for (unsigned seed = 1; seed <= 20; ++seed) all.emplace_back(c, seed);
+  ContactSolver<double> solver;
+  solver.reserve(c, c);
+  const auto solve = [&](Squeeze& s, std::vector<ContactSample<double>>& contacts) {
+    return solver.solve(contacts, 0.02, s.plate, s.lower, s.upper);
+  };
+  std::vector<std::vector<ContactSample<double>>> start;
+  for (Squeeze& s : all) {
+    start.push_back(s.contacts);
+    if (!warm) continue;
+    benchmark::DoNotOptimize(solve(s, s.contacts));
+    // The next step is nearly the same.
+    for (std::size_t i = 0; i < s.contacts.size(); ++i) {
+      start.back()[i].impulse = s.contacts[i].impulse;
+      start.back()[i].gap -= 1e-6;
+    }
+  }
+  std::size_t k = 0;
+  double steps = 0, solves = 0;
+  std::vector<ContactSample<double>> contacts;
+  for (auto _ : state) {
+    contacts = start[k];
+    const ContactReport<double> report = solve(all[k], contacts);
+    steps += report.newton_steps;
+    solves += 1;
+    k = (k + 1) % all.size();
+  }
+  state.counters["newton_steps"] = steps / solves;
+}
+void solve_contacts_cold(benchmark::State& state) { solve_contacts(state, false); }
+void solve_contacts_warm(benchmark::State& state) { solve_contacts(state, true); }
+BENCHMARK(solve_contacts_cold)->Arg(4)->Arg(8)->Arg(14)->Arg(30)->Arg(60);
+BENCHMARK(solve_contacts_warm)->Arg(4)->Arg(8)->Arg(14)->Arg(30)->Arg(60);
 
 }  // namespace

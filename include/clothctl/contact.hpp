@@ -3,6 +3,7 @@
 // Friction cones, grips and the patches of cloth that they hold.
 
 #include "clothctl/contact/affine_patch.hpp"
+#include "clothctl/contact/articulated_response.hpp"
 #include "clothctl/contact/collider_union.hpp"
 #include "clothctl/contact/contact_models.hpp"
 #include "clothctl/contact/contact_solver.hpp"

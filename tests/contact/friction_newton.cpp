@@ -46,7 +46,7 @@ TEST_CASE("Newton's method finds what many sweeps find", "[contact]") {
     CHECK(one.solved);
     CHECK(other.solved);
     CHECK(one.newton_steps <= 12);
-    CHECK(one.sweeps == 5);
+    CHECK(one.sweeps <= 5);
     CHECK((newton.impulses().head(n) - sweeps.impulses().head(n)).norm() < 1e-9);
     VectorX<double> u(30);
     problem.velocities(newton.impulses(), u);
@@ -64,7 +64,7 @@ TEST_CASE("the best impulses are kept", "[contact]") {
   newton.reserve(6);
   fill(problem, 6, 3);
   double last = 1e30;
-  for (int steps = 0; steps < 8; ++steps) {
+  for (int steps = 0; steps < 15; ++steps) {
     detail::FrictionLimits<double> limits = kLimits;
     limits.newton_steps = steps;
     limits.rounds = 0;
