@@ -23,6 +23,7 @@ struct Front {
   int vertex_begin = 0;          // begin in `vertices`, one for 3 rows
   int entry_begin = 0, entry_end = 0;  // range in `entries`
   int child_begin = 0, child_end = 0;
+  int parent = -1;  // the front that assembles the update matrix, -1 if there is no border
 };
 
 /// A block of the matrix: its slot (-1 for a diagonal block), its vertices (row > column unless
@@ -56,6 +57,7 @@ struct FrontLayout {
   std::vector<FrontEntry> entries;
   std::vector<FrontChild> children;
   std::vector<FrontRun> runs;
+  std::vector<int> front_of;  // the front that has a vertex as pivot
 
   FrontLayout() = default;
 
@@ -71,6 +73,13 @@ struct FrontLayout {
     lay_out_children(tree);
     lay_out_updates();
     fronts_border_ = {};
+    front_of.resize(at(static_cast<int>(rows)));
+    for (std::size_t k = 0; k < fronts.size(); ++k) {
+      const Front& front = fronts[k];
+      if (front.border > 0) fronts[k].parent = tree.parent[k];
+      for (int v = 0; v < static_cast<int>(front.pivots / 3); ++v)
+        front_of[at(vertices[at(front.vertex_begin + v)])] = static_cast<int>(k);
+    }
   }
 
  private:
