@@ -3,6 +3,7 @@
 // Models of spring networks and their settings.
 
 #include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/cloth/model_plant.hpp"

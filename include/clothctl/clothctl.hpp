@@ -15,3 +15,4 @@
 #include "clothctl/network.hpp"
 #include "clothctl/qp.hpp"
 #include "clothctl/robot.hpp"
+#include "clothctl/sim.hpp"

@@ -3,11 +3,15 @@
 // Random symmetric positive definite matrices of 3×3 blocks, on graphs like those of cloth, and
 // their dense counterparts.
 
+#include <algorithm>
+#include <cstddef>
+#include <numeric>
 #include <random>
 #include <utility>
 #include <vector>
 
 #include "clothctl/linalg/block_symmetric.hpp"
+#include "clothctl/linalg/elimination_tree.hpp"
 
 namespace clothctl_test {
 
@@ -138,6 +142,64 @@ Eigen::MatrixXd dense_map(clothctl::Index rows, Apply&& apply) {
     out.col(k) = x.transpose();
   }
   return out;
+}
+
+/// Bisects the index range, and puts the vertices that couple both halves on top. Valid for any
+/// graph, and written here so that its tests do not need the mesh folder.
+struct IndexDissection {
+  const clothctl::BlockSymmetric<double>& pattern;
+  int leaf;
+  clothctl::EliminationTree tree{{}, {0}, {}};
+
+  int add(const std::vector<int>& vertices, const std::vector<int>& children) {
+    tree.permutation.insert(tree.permutation.end(), vertices.begin(), vertices.end());
+    tree.node_begin.push_back(static_cast<int>(tree.permutation.size()));
+    tree.parent.push_back(-1);
+    const int node = static_cast<int>(tree.parent.size()) - 1;
+    for (int c : children) tree.parent[static_cast<std::size_t>(c)] = node;
+    return node;
+  }
+  std::vector<int> cut(const std::vector<int>& set) {
+    if (set.empty()) return {};
+    if (static_cast<int>(set.size()) <= leaf) return {add(set, {})};
+    const std::size_t half = set.size() / 2;
+    std::vector<int> low, high(set.begin() + static_cast<std::ptrdiff_t>(half), set.end()),
+        separator;
+    for (std::size_t a = 0; a < half; ++a) {
+      const bool couples = std::any_of(high.begin(), high.end(), [&](int b) {
+        return set[a] != b && pattern.find(set[a], b) >= 0;
+      });
+      (couples ? separator : low).push_back(set[a]);
+    }
+    std::vector<int> open = cut(low);
+    for (int node : cut(high)) open.push_back(node);
+    if (separator.empty()) return open;
+    return {add(separator, open)};
+  }
+};
+
+inline clothctl::EliminationTree tree_of(const Graph& graph, int leaf) {
+  const clothctl::BlockSymmetric<double> pattern(graph.size(), graph.pairs);
+  IndexDissection dissection{pattern, leaf};
+  std::vector<int> all(static_cast<std::size_t>(graph.size()));
+  std::iota(all.begin(), all.end(), 0);
+  dissection.cut(all);
+  return dissection.tree;
+}
+
+/// Graphs of many shapes.
+inline std::vector<Graph> graphs(std::mt19937& random) {
+  return {sheet_graph(1, 1, false),
+          sheet_graph(2, 2, false),
+          rope_graph(2),
+          rope_graph(40),
+          sheet_graph(7, 7, true),
+          sheet_graph(12, 9, true),
+          sheet_graph(17, 17, false),
+          random_graph(30, 45, random),
+          random_graph(25, 400, random),
+          cloud_graph(120, 0.3, random),
+          random_graph(20, 0, random)};
 }
 
 }  // namespace clothctl_test

@@ -114,6 +114,14 @@ class MassSpring {
   bool holding_forces(std::span<const int> vertices, Workspace& ws,
                       Eigen::Ref<Points<Scalar>> forces) const;
 
+  /// Makes `ws.factor` the factor of the step matrix of the last step with this workspace, whose
+  /// end is `state`: at its start after a single linear solve, at its end (the projection where
+  /// that is not definite) after Newton's method. What answers to impulses within the step needs it
+  /// (MassSpringImpulses). Never allocates. Returns Converged, or InvalidState (another size),
+  /// InvalidWorkspace (another model's, no step, no factor because the model solves by conjugate
+  /// gradients) or NumericalFailure (not definite).
+  [[nodiscard]] StepStatus factorize_step(const State& state, Workspace& ws) const;
+
   /// Advances `state` by `dt` (s) with at most `newton_steps` Newton steps that start from the end
   /// velocities `guess` (3×n, m/s), whatever integration the settings name. Use it to repeat a
   /// rollout after a small change of its plan. It uses the projected Hessian, whose first step is
@@ -257,6 +265,20 @@ bool MassSpring<S>::holding_forces(std::span<const int> vertices, Workspace& ws,
     forces(2, static_cast<Index>(j)) = force.z;
   }
   return true;
+}
+
+template <RealScalar S>
+StepStatus MassSpring<S>::factorize_step(const State& state, Workspace& ws) const {
+  const Index n = vertex_count();
+  if (!fits(ws) || !(Scalar(0) < ws.dt) || settings_.linear_solver != LinearSolver::Factor)
+    return StepStatus::InvalidWorkspace;
+  if (state.positions.cols() != n || state.velocities.cols() != n) return StepStatus::InvalidState;
+  if (ws.linear) return StepStatus::Converged;
+  for (const Scalar& compression : {Scalar(1), Scalar(0)}) {
+    if (solver(state, ws.dt, ws).factorize_at(state.positions, compression))
+      return StepStatus::Converged;
+  }
+  return StepStatus::NumericalFailure;
 }
 
 template <RealScalar S>

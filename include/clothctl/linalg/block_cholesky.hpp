@@ -90,8 +90,7 @@ class BlockCholesky {
 
   /// Makes room for `inverse_block` of up to `count` vertices, each time. Allocates.
   InverseBlockMemory make_inverse_block_memory(Index count) const {
-    return InverseBlockMemory(layout_.rows, static_cast<Index>(layout_.fronts.size()),
-                                      count);
+    return InverseBlockMemory(layout_.rows, static_cast<Index>(layout_.fronts.size()), count);
   }
 
   /// Writes the rows and columns of A⁻¹ that belong to `vertices` (m of them, each once): out is
@@ -290,8 +289,7 @@ class BlockCholesky {
 
   /// Solves L Z = E for one group of lanes on the fronts of the memory's list, and adds the rows of
   /// Z to the memory.
-  void forward_unit_vectors(std::span<const int> vertices, Index first,
-                            InverseBlockMemory& memory);
+  void forward_unit_vectors(std::span<const int> vertices, Index first, InverseBlockMemory& memory);
 
   detail::FrontLayout layout_;
   VectorX<Scalar> factor_;   // packed columns of all fronts
@@ -301,8 +299,7 @@ class BlockCholesky {
 };
 
 template <RealScalar Scalar>
-bool BlockCholesky<Scalar>::inverse_block(std::span<const int> vertices,
-                                          InverseBlockMemory& memory,
+bool BlockCholesky<Scalar>::inverse_block(std::span<const int> vertices, InverseBlockMemory& memory,
                                           Eigen::Ref<MatrixX<Scalar>> out) {
   const Index columns = 3 * static_cast<Index>(vertices.size());
   if (out.rows() != columns || out.cols() != columns) return false;
@@ -325,8 +322,7 @@ void BlockCholesky<Scalar>::forward_unit_vectors(std::span<const int> vertices, 
   memory.load_unit_vectors(vertices, first, layout_);
   for (const int k : memory.fronts()) {
     for (int lane = 0; lane < kMaxGroup; lane += kGroup)
-      forward<kMaxGroup, kGroup>(layout_.fronts[static_cast<std::size_t>(k)],
-                                 memory.rows(), lane);
+      forward<kMaxGroup, kGroup>(layout_.fronts[static_cast<std::size_t>(k)], memory.rows(), lane);
   }
   memory.keep_rows(first, layout_);
 }

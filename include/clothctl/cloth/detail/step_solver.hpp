@@ -85,6 +85,12 @@ class StepSolver {
     pattern_.add_springs(network_, x, scale, dt_ * dt_, ws_.matrix);
   }
 
+  /// Assembles A at `x` and factorises it. Returns false where it is not definite.
+  [[nodiscard]] bool factorize_at(const Points<Scalar>& x, Scalar compression) {
+    assemble(x, compression);
+    return ws_.factor.factorize(ws_.matrix, ws_.held);
+  }
+
   /// Sets ws.rhs to the right-hand side of the single linear solve; ws.matrix must hold A.
   void load_linear();
 
@@ -135,11 +141,6 @@ class StepSolver {
 
   StepEnergy<Scalar> energy_at(const Points<Scalar>& v) {
     return step_energy(network_, settings_.drag, total_stiffness_, state_, v, dt_, ws_);
-  }
-
-  bool factorize(const Points<Scalar>& x, Scalar compression) {
-    assemble(x, compression);
-    return ws_.factor.factorize(ws_.matrix, ws_.held);
   }
 
   /// Replaces P by a factor of A at the present positions, or of its projection where A is not
@@ -399,7 +400,7 @@ auto StepSolver<S>::newton_direct(const NewtonLimits<Scalar>& limits, int solves
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
     if (converged) report.status = StepStatus::Converged;
     if (converged || enough || iteration == limits.max_iterations) break;
-    while (!factorize(ws_.position, compression)) {
+    while (!factorize_at(ws_.position, compression)) {
       if (!(Scalar(0) < compression))
         return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
       compression = Scalar(0.25) < compression ? Scalar(0.5) * compression : Scalar(0);

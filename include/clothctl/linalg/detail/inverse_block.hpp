@@ -52,11 +52,9 @@ class InverseBlockMemory {
   Scalar* rows() { return rows_.data(); }
 
   /// Sets the right-hand sides on the listed fronts to the unit vectors from number `first` on.
-  void load_unit_vectors(std::span<const int> vertices, Index first,
-                         const FrontLayout& layout) {
-    for_each_pivot(layout, [&](int v) {
-      rows_.template middleCols<3>(3 * static_cast<Index>(v)).setZero();
-    });
+  void load_unit_vectors(std::span<const int> vertices, Index first, const FrontLayout& layout) {
+    for_each_pivot(
+        layout, [&](int v) { rows_.template middleCols<3>(3 * static_cast<Index>(v)).setZero(); });
     const Index end = (std::min)(first + kLanes, 3 * static_cast<Index>(vertices.size()));
     for (Index k = first; k < end; ++k)
       rows_(k - first, 3 * static_cast<Index>(vertices[static_cast<std::size_t>(k / 3)]) + k % 3) =

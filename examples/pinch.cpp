@@ -1,0 +1,143 @@
+// Two soft pads pinch a hanging sheet near its upper left corner, hold it, shake it and turn it.
+//
+//   pinch --out out              then open out/player.html
+//   pinch --force 0.15           too little: the sheet slides out
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "clothctl/cloth/mass_spring_impulses.hpp"
+#include "clothctl/contact/impulse_responses.hpp"
+#include "clothctl/io/html_player.hpp"
+#include "clothctl/math/rotation.hpp"
+#include "clothctl/network/sheet.hpp"
+#include "clothctl/sim/pad_contacts.hpp"
+#include "support/command_line.hpp"
+#include "support/figure_text.hpp"
+#include "support/hand_figures.hpp"
+#include "support/inputs.hpp"
+#include "support/pinch_pads.hpp"
+#include "support/timing.hpp"
+
+namespace {
+
+using namespace program;
+using Points = clothctl::Points<double>;
+
+struct Request {
+  PinchMotion motion;
+  clothctl::PadSettings<double> pad;
+  int cloth = 33;
+  double size = 0.5, dt = 0.02, seconds = 10;
+  std::string material = "handkerchief", integration = "linear-implicit", out;
+  bool json = false;
+};
+
+Request read_request(int argc, char** argv) {
+  Request r;
+  CLI::App app{"Two soft pads pinch a hanging sheet, hold it, shake it and turn it."};
+  const auto add = [&](const char* name, double& value, double least, double most,
+                       const char* help) {
+    app.add_option(name, value, help)->check(between(least, most))->capture_default_str();
+  };
+  add_sheet(app, r.cloth, r.size, r.material);
+  add("--force", r.motion.force, 0.01, 100, "Normal force of each pad, N");
+  add("--friction", r.pad.friction, 0, 10, "Friction coefficient");
+  add("--stiffness", r.pad.stiffness, 1, 1e6, "Stiffness of a pad, N/m");
+  add("--amplitude", r.motion.amplitude, 0, 1, "Amplitude of a shake of 2 Hz, m");
+  add("--twist", r.motion.twist, -10, 10, "Turning of the pads about their normal, rad/s");
+  add("--dt", r.dt, 1e-4, 0.1, "Time step, s");
+  add("--seconds", r.seconds, 0.1, 600, "Length of the run, s");
+  app.add_option("--integration", r.integration, "linear-implicit or newton")
+      ->check(CLI::IsMember({"linear-implicit", "newton"}))
+      ->capture_default_str();
+  app.add_flag("--json", r.json, "Print the figures as one JSON object on the last line");
+  app.add_option("--out", r.out, "Folder for player.html (made if missing)")
+      ->check([](const std::string& t) { return std::string(t.empty() ? "is empty" : ""); });
+  parse(app, argc, argv);
+  r.pad.tangential_stiffness = r.pad.stiffness;
+  return r;
+}
+
+/// What a run counts.
+struct Counts {
+  double slip = 0, residual = 0, force = 0, use = 0;
+  clothctl::Index contacts = 0;
+  bool failed = false, held = true;
+  std::vector<double> sheet_ms, contact_ms;
+};
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const Request r = read_request(argc, argv);
+  make_folder(r.out);  // before the work, since it may fail
+  const auto material = read_material(r.material);
+  const auto grid = must(clothctl::make_grid<double>(r.cloth, r.cloth, r.size, r.size));
+  const auto network = must(clothctl::sheet_network(grid, material));
+  auto settings = clothctl::MassSpringSettings<double>::of(material);
+  settings.integration = r.integration == "newton" ? clothctl::Integration::Newton
+                                                   : clothctl::Integration::LinearlyImplicit;
+  const auto model = must(clothctl::MassSpring<double>::create(network, settings));
+  auto ws = model.make_workspace();
+  clothctl::ClothState<double> state = model.rest_state();
+  auto response = must(clothctl::MassSpringImpulses<double>::create(model, 24));
+  auto pads = must(PinchPads::create(grid, network, r.motion, r.pad));
+
+  clothctl::PlayerScene scene;
+  scene.title = "Two soft pads hold a sheet";
+  scene.subtitle = material.name;
+  scene.dt = r.dt;
+  scene.triangles = network.triangles;
+  clothctl::PlayerRecorder page(scene, network.vertex_count(), 0, PinchPads::kSamples);
+  Counts counts;
+  Progress progress;
+  clothctl::Vector3<double> first = clothctl::Vector3<double>::Zero();
+  const long frames = std::lround(r.seconds / r.dt);
+  for (long frame = 0; frame < frames && !counts.failed && counts.held; ++frame) {
+    const double t = static_cast<double>(frame) * r.dt;
+    const auto pinched = pads.material_point(state.positions, t);
+    counts.held = pinched.has_value();
+    if (!counts.held) break;
+    if (t < 0.3) first = *pinched;
+    counts.slip = std::max(counts.slip, (*pinched - first).norm());
+    const double start = thread_seconds();
+    counts.failed = !pads.find(state.positions, t, r.dt);
+    const double found = thread_seconds();
+    counts.failed = counts.failed || !model.step(state, {}, r.dt, ws).advanced;
+    const double stepped = thread_seconds();
+    counts.failed = counts.failed || !pads.solve(r.dt, state, ws, response);
+    counts.contact_ms.push_back(1000 * (thread_seconds() - stepped + found - start));
+    counts.sheet_ms.push_back(1000 * (stepped - found));
+    counts.residual = std::max(counts.residual, pads.report().force_residual);
+    counts.contacts = std::max(counts.contacts, pads.contact_count());
+    counts.force = pads.normal_force(r.dt);
+    counts.use = pads.friction_use();
+    if (!r.out.empty()) {
+      const Points none(3, 0);
+      page.add_frame(state.positions, none, none, pads.places(), pads.forces(r.dt));
+    }
+    progress.show(frame + 1, frames);
+  }
+  progress.clear();
+  counts.held = counts.held && counts.slip < 0.01;
+  nlohmann::ordered_json j;
+  j["status"] = counts.failed ? "failed" : counts.held ? "held" : "lost";
+  j["vertices"] = network.vertex_count();
+  j["slip_max_mm"] = 1000 * counts.slip;
+  j["normal_force_N"] = counts.force;
+  j["friction_use"] = counts.use;
+  j["contacts_max"] = counts.contacts;
+  j["solver_residual_max_N"] = counts.residual;
+  j["sheet_ms_median"] = quantile(counts.sheet_ms, 0.5);
+  j["contact_ms_median"] = quantile(counts.contact_ms, 0.5);
+  j["contact_ms_p99"] = quantile(counts.contact_ms, 0.99);
+  j["material"] = material.name;
+  for (const auto& [key, value] : j.items())
+    page.scene().figures.emplace_back(key, figure_text(value));
+  if (!r.out.empty()) must(page.write(r.out + "/player.html"));
+  print_figures(j, r.json);
+  if (!r.out.empty() && !r.json) std::printf("open %s/player.html\n", r.out.c_str());
+  return counts.failed ? 1 : 0;
+}

@@ -1,0 +1,5 @@
+#pragma once
+
+// Everything in clothctl/sim.
+
+#include "clothctl/sim/pad_contacts.hpp"

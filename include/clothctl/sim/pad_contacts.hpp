@@ -1,0 +1,340 @@
+#pragma once
+
+// The contacts of a sheet with a soft pad, as that of a fingertip. A pad has samples: points p_i on
+// its undeformed surface with outward normals n_i, which move with the pad's body. Each sample is a
+// contact of its own (ContactSample) with its share of the pad's stiffness. It remembers the
+// material point of the sheet that it touches, x_i = Σ w_k x_k in a triangle with weights w, and
+// how far that point has been pulled along the pad, s_i.
+//
+//   open      the line from p_i along n_i meets the sheet at a gap |g| <= reach: w from there, s =
+//   0 sticking  the triangle and w stay; g = n·(x_i - p_i) sliding   the sheet has moved on: w is
+//   where the line from p_i + s_i meets it, with s_i at the
+//             limit of friction (contact/detail/contact_sample.hpp)
+//   lost      the gap is above `release`, or the line does not meet the sheet; open again
+//
+// A contact without this memory creeps under load, with several millimetres a second, and the more
+// the smaller the step.
+
+#include <array>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/contact/contact_solver.hpp"
+#include "clothctl/contact/moving_collider.hpp"
+#include "clothctl/contact/sheet_contacts.hpp"
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/core/result.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// A point of a pad's surface, in the frame of the pad's body.
+template <RealScalar Scalar>
+struct PadSample {
+  /// The point, m.
+  Vector3<Scalar> position = Vector3<Scalar>::Constant(Scalar(0));
+  /// Outward unit normal.
+  Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
+};
+
+/// What a pad is made of, and when it touches.
+template <RealScalar Scalar>
+struct PadSettings {
+  /// Stiffness of the whole pad along the normal and across it, N/m. That of a fingertip's pulp is
+  /// about 2000.
+  Scalar stiffness = Scalar(2000), tangential_stiffness = Scalar(2000);
+  /// Damping of the whole pad, N s/m.
+  Scalar damping = Scalar(1);
+  /// Friction coefficient.
+  Scalar friction = Scalar(0.6);
+  /// Largest gap at which a sample becomes a contact, and largest overlap at which it does, m.
+  Scalar reach = Scalar(0.005);
+  /// Largest gap of a contact that keeps its memory, m.
+  Scalar release = Scalar(0.002);
+
+  /// Returns an empty string, or what is wrong.
+  std::string validate() const {
+    const std::pair<const char*, Scalar> positive[] = {
+        {"stiffness", stiffness}, {"tangential stiffness", tangential_stiffness}, {"reach", reach}};
+    for (const auto& [name, value] : positive) {
+      if (!is_finite(value) || !(Scalar(0) < value) || is_unbounded(value))
+        return std::string("the ") + name + " " + number_text(value) + ", must be positive";
+    }
+    const std::pair<const char*, Scalar> others[] = {
+        {"damping", damping}, {"friction coefficient", friction}, {"release", release}};
+    for (const auto& [name, value] : others) {
+      if (!is_finite(value) || value < Scalar(0) || is_unbounded(value))
+        return std::string("the ") + name + " " + number_text(value) + ", must not be negative";
+    }
+    return {};
+  }
+};
+
+/// Finds and remembers the contacts of one sheet with one pad. `create` allocates all memory.
+template <RealScalar Scalar>
+class PadContacts {
+ public:
+  /// Makes the contacts of a pad with a sheet of `triangles`. `sheet` and `pad` are the numbers of
+  /// the sides in the calls of the solver. Allocates. Fails when: there are no samples, a number of
+  /// a sample is not finite, a normal is not of length one, a setting is wrong, or a number of a
+  /// side is negative.
+  static Result<PadContacts> create(std::vector<PadSample<Scalar>> samples,
+                                    std::vector<std::array<int, 3>> triangles, int sheet, int pad,
+                                    const PadSettings<Scalar>& settings = {});
+
+  /// Moves the pad to its place at the start of a step, and finds the contacts with the sheet that
+  /// `finder` has been updated with, whose positions are `x` (3×n, m). Never allocates. Fails with
+  /// InvalidArgument when the motion is not valid or the sheet is another one, with InvalidPoint
+  /// when a coordinate is not finite; nothing changes then.
+  [[nodiscard]] QueryStatus update(const RigidMotion<Scalar>& motion, const PointsView<Scalar>& x,
+                                   SheetContactFinder<Scalar>& finder);
+
+  /// The places of the samples (3×samples, m, world): the points of the pad's side, in this order.
+  const Points<Scalar>& places() const { return places_; }
+  /// The contacts of this step, for the solver, with vertices of the sheet as points: `number`
+  /// makes them points of its side.
+  std::span<ContactSample<Scalar>> contacts() { return {active_.data(), active_.size()}; }
+  /// Adds the vertices that the contacts touch to a list, those that it has not yet. Never
+  /// allocates where the list has room for 3 vertices a sample.
+  void add_touched(std::vector<int>& vertices) const;
+  /// Names the points of the sheet's side: `point(vertex)` returns the number of a vertex.
+  template <class F>
+  void number(F point) {
+    for (std::size_t i = 0; i < active_.size(); ++i) {
+      for (std::size_t k = 0; k < 3; ++k)
+        active_[i].a.point[k] = point(memory_[sample_[i]].triangle[k]);
+    }
+  }
+  /// Keeps what the solver wrote to the contacts. Call it after each solve.
+  void keep();
+
+  /// Returns the way that the sheet has slid under sample i since it closed, m.
+  Scalar slid(std::size_t i) const { return memory_[i].slid; }
+  /// Returns whether sample i touches or nearly touches the sheet.
+  bool touches(std::size_t i) const { return memory_[i].triangle[0] >= 0; }
+  /// Returns the force on the sheet in the last step of `dt` (s), N.
+  Vector3<Scalar> force(const Scalar& dt) const;
+
+ private:
+  struct Memory {
+    std::array<int, 3> triangle{-1, -1, -1};
+    Vector3<Scalar> weight = Vector3<Scalar>::Constant(Scalar(0));
+    Vector3<Scalar> offset = Vector3<Scalar>::Constant(Scalar(0));
+    Vector3<Scalar> impulse = Vector3<Scalar>::Constant(Scalar(0));
+    ContactState state = ContactState::Open;
+    Scalar slid = Scalar(0);
+  };
+
+  PadContacts(std::vector<PadSample<Scalar>> samples, std::vector<std::array<int, 3>> triangles,
+              int sheet, int pad, const PadSettings<Scalar>& settings);
+
+  static Vector3<Scalar> point_of(const Memory& memory, const PointsView<Scalar>& x) {
+    Vector3<Scalar> out = Vector3<Scalar>::Constant(Scalar(0));
+    for (std::size_t k = 0; k < 3; ++k)
+      out += memory.weight[static_cast<Index>(k)] * x.col(memory.triangle[k]);
+    return out;
+  }
+  /// Sets triangle and weights to where the line through `from` along `normal` meets the sheet
+  /// nearest to `from`, at most `reach` away. Returns false where it does not.
+  bool cast(const Vector3<Scalar>& from, const Vector3<Scalar>& normal, const PointsView<Scalar>& x,
+            SheetContactFinder<Scalar>& finder, Memory& memory);
+  /// The weights and the height at which the line meets a triangle; false where it does not.
+  static bool meets(const Vector3<Scalar>& from, const Vector3<Scalar>& normal,
+                    const Matrix3<Scalar>& corners, Vector3<Scalar>& weight, Scalar& height);
+  void refresh(std::size_t i, const Vector3<Scalar>& normal, const PointsView<Scalar>& x,
+               SheetContactFinder<Scalar>& finder);
+
+  std::vector<PadSample<Scalar>> samples_;
+  std::vector<std::array<int, 3>> triangles_;
+  PadSettings<Scalar> settings_;
+  int sheet_, pad_;
+  std::vector<Memory> memory_;
+  Points<Scalar> places_;
+  std::vector<ContactSample<Scalar>> active_;
+  std::vector<std::size_t> sample_;  // of each contact
+  SheetOverlap overlap_;
+};
+
+template <RealScalar Scalar>
+auto PadContacts<Scalar>::create(std::vector<PadSample<Scalar>> samples,
+                                 std::vector<std::array<int, 3>> triangles, int sheet, int pad,
+                                 const PadSettings<Scalar>& settings) -> Result<PadContacts> {
+  using std::abs;
+  if (samples.empty()) return Error{"the pad has no samples"};
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const std::string name = "sample " + std::to_string(i) + " of the pad";
+    if (!all_finite(samples[i].position) || !all_finite(samples[i].normal))
+      return Error{name + " is not finite"};
+    if (Scalar(1e-4) < abs(samples[i].normal.squaredNorm() - Scalar(1)))
+      return Error{name + " has a normal that is not of length one"};
+  }
+  if (const std::string bad = settings.validate(); !bad.empty()) return Error{"the pad has " + bad};
+  if (sheet < 0 || pad < -1) return Error{"the pad has a side with a negative number"};
+  return PadContacts(std::move(samples), std::move(triangles), sheet, pad, settings);
+}
+
+template <RealScalar Scalar>
+PadContacts<Scalar>::PadContacts(std::vector<PadSample<Scalar>> samples,
+                                 std::vector<std::array<int, 3>> triangles, int sheet, int pad,
+                                 const PadSettings<Scalar>& settings)
+    : samples_(std::move(samples)),
+      triangles_(std::move(triangles)),
+      settings_(settings),
+      sheet_(sheet),
+      pad_(pad),
+      memory_(samples_.size()),
+      places_(Points<Scalar>::Constant(3, static_cast<Index>(samples_.size()), Scalar(0))) {
+  active_.reserve(samples_.size());
+  sample_.reserve(samples_.size());
+  int vertices = 0;
+  for (const std::array<int, 3>& t : triangles_) {
+    for (const int v : t) vertices = v < vertices ? vertices : v + 1;
+  }
+  overlap_.vertices.reserve(static_cast<std::size_t>(vertices));
+  overlap_.edges.reserve(3 * triangles_.size());
+  overlap_.triangles.reserve(triangles_.size());
+}
+
+template <RealScalar Scalar>
+bool PadContacts<Scalar>::meets(const Vector3<Scalar>& from, const Vector3<Scalar>& normal,
+                                const Matrix3<Scalar>& corners, Vector3<Scalar>& weight,
+                                Scalar& height) {
+  // Cramer's rule for from + height normal = a + u (b - a) + v (c - a).
+  const Vector3<Scalar> ab = corners.col(1) - corners.col(0), ac = corners.col(2) - corners.col(0);
+  const Vector3<Scalar> way = from - corners.col(0), across = normal.cross(ac);
+  const Scalar det = ab.dot(across);
+  if (!(Scalar(0) < det) && !(det < Scalar(0))) return false;
+  const Vector3<Scalar> lifted = way.cross(ab);
+  const Scalar u = way.dot(across) / det, v = normal.dot(lifted) / det;
+  const Scalar slack = Scalar(-64) * scalar_traits<Scalar>::epsilon();  // no gaps between triangles
+  if (!(slack <= u && slack <= v && u + v <= Scalar(1) - slack)) return false;
+  height = ac.dot(lifted) / det;
+  weight = Vector3<Scalar>(Scalar(1) - u - v, u, v);
+  return is_finite(height);
+}
+
+template <RealScalar Scalar>
+bool PadContacts<Scalar>::cast(const Vector3<Scalar>& from, const Vector3<Scalar>& normal,
+                               const PointsView<Scalar>& x, SheetContactFinder<Scalar>& finder,
+                               Memory& memory) {
+  using std::abs;
+  BoundingBox<Scalar> box{from, from};
+  box.include(Vector3<Scalar>(from + settings_.reach * normal));
+  box.include(Vector3<Scalar>(from - settings_.reach * normal));
+  finder.overlaps(box, overlap_);
+  Scalar least = settings_.reach;
+  bool found = false;
+  for (const int t : overlap_.triangles) {
+    const std::array<int, 3>& corner = triangles_[static_cast<std::size_t>(t)];
+    Matrix3<Scalar> corners;
+    for (std::size_t k = 0; k < 3; ++k) corners.col(static_cast<Index>(k)) = x.col(corner[k]);
+    Vector3<Scalar> weight;
+    Scalar height;
+    if (!meets(from, normal, corners, weight, height) || least < abs(height)) continue;
+    least = abs(height);
+    memory.triangle = corner;
+    memory.weight = weight;
+    found = true;
+  }
+  return found;
+}
+
+template <RealScalar Scalar>
+void PadContacts<Scalar>::refresh(std::size_t i, const Vector3<Scalar>& normal,
+                                  const PointsView<Scalar>& x, SheetContactFinder<Scalar>& finder) {
+  using std::sqrt;
+  Memory& memory = memory_[i];
+  const Vector3<Scalar> place = places_.col(static_cast<Index>(i));
+  if (touches(i) && memory.state == ContactState::Slip) {
+    const Vector3<Scalar> before = point_of(memory, x);
+    const Vector3<Scalar> tangential = memory.offset - normal.dot(memory.offset) * normal;
+    if (cast(place + tangential, normal, x, finder, memory)) {
+      const Vector3<Scalar> way = point_of(memory, x) - before;
+      memory.slid += sqrt(way.squaredNorm());
+    } else {
+      memory.state = ContactState::Open;
+    }
+  }
+  const bool closed = touches(i) && memory.state != ContactState::Open;
+  if (closed) {
+    const Scalar gap = normal.dot(point_of(memory, x) - place);
+    if (!(settings_.release < gap)) return;
+  }
+  memory = Memory();
+  if (!cast(place, normal, x, finder, memory)) memory = Memory();
+}
+
+template <RealScalar Scalar>
+QueryStatus PadContacts<Scalar>::update(const RigidMotion<Scalar>& motion,
+                                        const PointsView<Scalar>& x,
+                                        SheetContactFinder<Scalar>& finder) {
+  if (!all_finite(motion.R_world_body) || !all_finite(motion.position))
+    return QueryStatus::InvalidArgument;
+  for (const std::array<int, 3>& t : triangles_) {
+    for (const int v : t) {
+      if (v >= x.cols()) return QueryStatus::InvalidArgument;
+    }
+  }
+  if (!all_finite(x)) return QueryStatus::InvalidPoint;
+  const Scalar count = Scalar(static_cast<double>(samples_.size()));
+  active_.clear();
+  sample_.clear();
+  for (std::size_t i = 0; i < samples_.size(); ++i) {
+    places_.col(static_cast<Index>(i)) =
+        motion.position + motion.R_world_body * samples_[i].position;
+    const Vector3<Scalar> normal = motion.R_world_body * samples_[i].normal;
+    refresh(i, normal, x, finder);
+    if (!touches(i)) continue;
+    const Memory& memory = memory_[i];
+    ContactSample<Scalar> contact;
+    contact.a.side = sheet_;
+    contact.a.point = memory.triangle;
+    contact.a.weight = memory.weight;
+    contact.b.side = pad_;
+    contact.b.point = {static_cast<int>(i), -1, -1};
+    contact.normal = normal;
+    contact.friction = settings_.friction;
+    contact.gap =
+        normal.dot(point_of(memory, x) - Vector3<Scalar>(places_.col(static_cast<Index>(i))));
+    contact.compliance = count / settings_.stiffness;
+    contact.tangential_compliance = count / settings_.tangential_stiffness;
+    contact.damping = settings_.damping / count;
+    contact.offset = memory.offset;
+    contact.impulse = memory.impulse;
+    active_.push_back(contact);
+    sample_.push_back(i);
+  }
+  return QueryStatus::Answered;
+}
+
+template <RealScalar Scalar>
+void PadContacts<Scalar>::add_touched(std::vector<int>& vertices) const {
+  for (const std::size_t i : sample_) {
+    for (const int v : memory_[i].triangle) {
+      bool listed = false;
+      for (const int other : vertices) listed = listed || other == v;
+      if (!listed) vertices.push_back(v);
+    }
+  }
+}
+
+template <RealScalar Scalar>
+void PadContacts<Scalar>::keep() {
+  for (std::size_t k = 0; k < active_.size(); ++k) {
+    Memory& memory = memory_[sample_[k]];
+    memory.offset = active_[k].offset;
+    memory.impulse = active_[k].impulse;
+    memory.state = active_[k].state;
+  }
+}
+
+template <RealScalar Scalar>
+Vector3<Scalar> PadContacts<Scalar>::force(const Scalar& dt) const {
+  Vector3<Scalar> sum = Vector3<Scalar>::Constant(Scalar(0));
+  for (const ContactSample<Scalar>& contact : active_) sum += contact.impulse;
+  return sum / dt;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI
