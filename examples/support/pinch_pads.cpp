@@ -101,8 +101,8 @@ bool PinchPads::solve(double dt, clothctl::ClothState<double>& state, Model::Wor
 std::optional<PinchPads::Vector> PinchPads::material_point(const Points& x, double t) {
   clothctl::PadSettings<double> probe_settings;
   probe_settings.reach = 0.02;
-  auto probe = clothctl::PadContacts<double>::create(
-      {{pose(0, t, 1).position, Vector(0, 1, 0)}}, triangles_, 0, 1, probe_settings);
+  auto probe = clothctl::PadContacts<double>::create({{pose(0, t, 1).position, Vector(0, 1, 0)}},
+                                                     triangles_, 0, 1, probe_settings);
   if (finder_.front().update(x) != QueryStatus::Answered ||
       probe.value().update({}, x, finder_.front()) != QueryStatus::Answered ||
       probe.value().contacts().empty())

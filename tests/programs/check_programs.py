@@ -142,6 +142,18 @@ def check_runs(programs, folder):
               f"tear {model}: exit {code}: {text}")
         check(code == 0 and is_page(out / "player.html"),
               f"tear {model}: player.html is not self-contained")
+    for force, status in ((3.3, "held"), (0.15, "lost")):
+        out = folder / f"pinch-{status}"
+        code, text, _ = run(programs / "pinch", "--cloth", 13, "--seconds", 1.5, "--amplitude",
+                            0.05, "--force", force, "--json", "--out", out)
+        figures = json.loads(text) if code == 0 else {}
+        check(code == 0 and figures["status"] == status
+              and figures["solver_residual_max_N"] < 1e-6,
+              f"pinch {force} N: exit {code}: {text}")
+        check(status == "lost" or figures.get("slip_max_mm", 9) < 2,
+              f"pinch: slip of {figures.get('slip_max_mm')} mm")
+        check(code == 0 and is_page(out / "player.html"),
+              "pinch: player.html is not self-contained")
     for name, material in (("light", '{"area_density": 1e-12}'), ("stiff", '{"bending": 1e6}')):
         path = folder / f"{name}.json"
         path.write_text(material)
@@ -774,6 +786,7 @@ def check_bad_hands(programs, bad, file):
 
 
 def check_sewing(programs, folder):
+    bad("pads without force", ["--force", "0"], "--force", 0, program=programs / "pinch")
     sew = programs / "sew_tshirt"
     keys = ["status", "vertices", "sew_frames", "seam_gap_mm", "vertices_sewn", "boundary_loops",
             "mass_kg", "stretch_max", "stretch_mean", "speed_max", "frame_ms", "real_time_factor"]
@@ -893,7 +906,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own",
-             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear")
+             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
