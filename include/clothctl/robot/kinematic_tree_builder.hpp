@@ -450,7 +450,7 @@ auto KinematicTreeBuilder<Scalar>::fingerprint(const std::vector<Body<Scalar>>& 
   const auto mix = [&hash](std::uint64_t word) {
     for (int k = 0; k < 64; k += 8) hash = (hash ^ ((word >> k) & 0xffu)) * 0x100000001b3u;
   };
-  const auto mix_numbers = [&mix](const Scalar* values, int count) {
+  const auto mix_numbers = [&](const Scalar* values, int count) {
     if constexpr (std::floating_point<Scalar>) {
       for (int k = 0; k < count; ++k)
         mix(std::bit_cast<std::uint64_t>(static_cast<double>(values[k])));
