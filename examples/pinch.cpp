@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
@@ -57,6 +58,10 @@ Request read_request(int argc, char** argv) {
       ->check([](const std::string& t) { return std::string(t.empty() ? "is empty" : ""); });
   parse(app, argc, argv);
   r.pad.tangential_stiffness = r.pad.stiffness;
+  if (r.motion.force > r.pad.stiffness * r.pad.reach)
+    refuse("--force: a pad of this stiffness reaches the sheet with at most " +
+           figure_text(r.pad.stiffness * r.pad.reach) + " N");
+  if (r.size < 0.05) refuse("--size: the pads need a sheet of 0.05 m");
   return r;
 }
 
@@ -89,19 +94,23 @@ int main(int argc, char** argv) {
   scene.title = "Two soft pads hold a sheet";
   scene.subtitle = material.name;
   scene.dt = r.dt;
+  scene.arrow_name = "Forces of the pads on the sheet";
   scene.triangles = network.triangles;
   clothctl::PlayerRecorder page(scene, network.vertex_count(), 0, PinchPads::kSamples);
   Counts counts;
   Progress progress;
-  clothctl::Vector3<double> first = clothctl::Vector3<double>::Zero();
+  // Slip is measured from where the sheet is after 0.3 s; a sheet that is lost falls for 0.5 s.
+  std::optional<clothctl::Vector3<double>> first;
   const long frames = std::lround(r.seconds / r.dt);
-  for (long frame = 0; frame < frames && !counts.failed && counts.held; ++frame) {
+  double lost_at = r.seconds;
+  for (long frame = 0; frame < frames && !counts.failed; ++frame) {
     const double t = static_cast<double>(frame) * r.dt;
-    const auto pinched = pads.material_point(state.positions, t);
+    if (t > lost_at + 0.5) break;
+    const auto pinched = counts.held ? pads.material_point(state.positions, t) : std::nullopt;
+    if (counts.held && !pinched) lost_at = t;
     counts.held = pinched.has_value();
-    if (!counts.held) break;
-    if (t < 0.3) first = *pinched;
-    counts.slip = std::max(counts.slip, (*pinched - first).norm());
+    if (pinched && !first && t >= 0.3) first = pinched;
+    if (pinched && first) counts.slip = std::max(counts.slip, (*pinched - *first).norm());
     const double start = thread_seconds();
     counts.failed = !pads.find(state.positions, t, r.dt);
     const double found = thread_seconds();
@@ -112,8 +121,10 @@ int main(int argc, char** argv) {
     counts.sheet_ms.push_back(1000 * (stepped - found));
     counts.residual = std::max(counts.residual, pads.report().force_residual);
     counts.contacts = std::max(counts.contacts, pads.contact_count());
-    counts.force = pads.normal_force(r.dt);
-    counts.use = pads.friction_use();
+    if (counts.held) {
+      counts.force = pads.normal_force(r.dt);
+      counts.use = pads.friction_use();
+    }
     if (!r.out.empty()) {
       const Points none(3, 0);
       page.add_frame(state.positions, none, none, pads.places(), pads.forces(r.dt));
@@ -125,7 +136,7 @@ int main(int argc, char** argv) {
   nlohmann::ordered_json j;
   j["status"] = counts.failed ? "failed" : counts.held ? "held" : "lost";
   j["vertices"] = network.vertex_count();
-  j["slip_max_mm"] = 1000 * counts.slip;
+  j["slip_max_mm"] = known(1000 * counts.slip, first.has_value());
   j["normal_force_N"] = counts.force;
   j["friction_use"] = counts.use;
   j["contacts_max"] = counts.contacts;

@@ -41,8 +41,8 @@ clothctl::Result<PinchPads> PinchPads::create(const clothctl::GridMesh<double>& 
   if (!finder) return clothctl::Error{finder.error()};
   out.finder_.push_back(std::move(finder).value());
   for (int k = 0; k < 2; ++k) {
-    auto made =
-        clothctl::PadContacts<double>::create(four_samples(), network.triangles, 0, 1 + k, pad);
+    auto made = clothctl::PadContacts<double>::create(four_samples(), network.triangles,
+                                                      out.finder_.front(), 0, 1 + k, pad);
     if (!made) return clothctl::Error{made.error()};
     out.pads_.push_back(std::move(made).value());
     out.bodies_.emplace_back(4);
@@ -70,7 +70,7 @@ bool PinchPads::find(const Points& x, double t, double dt) {
   touched_.clear();
   for (std::size_t k = 0; k < 2; ++k) {
     const auto motion = pose(k, t, dt);
-    if (pads_[k].update(motion, x, finder_.front()) != QueryStatus::Answered) return false;
+    if (pads_[k].update(motion, finder_.front()) != QueryStatus::Answered) return false;
     if (!bodies_[k].set_motion(motion).empty()) return false;
     if (bodies_[k].set_points(pads_[k].places()) != QueryStatus::Answered) return false;
     pads_[k].add_touched(touched_);
@@ -88,7 +88,10 @@ bool PinchPads::solve(double dt, clothctl::ClothState<double>& state, Model::Wor
   }
   const std::span<clothctl::ContactSample<double>> all(contacts_.data(), count_);
   report_ = solver_.solve(all, dt, response, bodies_[0], bodies_[1]);
-  if (solver_.apply(all, response, bodies_[0], bodies_[1]) != clothctl::ContactStatus::Solved)
+  const bool found = report_.status == clothctl::ContactStatus::Solved ||
+                     report_.status == clothctl::ContactStatus::NotConverged;
+  if (!found ||
+      solver_.apply(all, response, bodies_[0], bodies_[1]) != clothctl::ContactStatus::Solved)
     return false;
   std::size_t next = 0;
   for (auto& pad : pads_) {
@@ -101,10 +104,11 @@ bool PinchPads::solve(double dt, clothctl::ClothState<double>& state, Model::Wor
 std::optional<PinchPads::Vector> PinchPads::material_point(const Points& x, double t) {
   clothctl::PadSettings<double> probe_settings;
   probe_settings.reach = 0.02;
-  auto probe = clothctl::PadContacts<double>::create({{pose(0, t, 1).position, Vector(0, 1, 0)}},
-                                                     triangles_, 0, 1, probe_settings);
+  auto probe =
+      clothctl::PadContacts<double>::create({{pose(0, t, 1).position, Vector(0, 1, 0)}}, triangles_,
+                                            finder_.front(), 0, 1, probe_settings);
   if (finder_.front().update(x) != QueryStatus::Answered ||
-      probe.value().update({}, x, finder_.front()) != QueryStatus::Answered ||
+      probe.value().update({}, finder_.front()) != QueryStatus::Answered ||
       probe.value().contacts().empty())
     return std::nullopt;
   const auto& place = probe.value().contacts()[0].a;

@@ -86,6 +86,9 @@ TEMPLATE_TEST_CASE("impulses within a single linear solve act like input forces"
   pushed.force_vertices = scene.touched;
   pushed.forces = Eigen::Map<const Points<S>>(p.data(), 3, p.size() / 3) / scene.dt;
   REQUIRE(model.step(expected, pushed, scene.dt, ws).advanced);
+  Points<S> held_by(3, 2), held_after(3, 2);
+  const std::vector<int> held{42, 48};
+  REQUIRE(model.holding_forces(held, ws, held_by));
 
   ClothState<S> state = scene.start;
   REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
@@ -103,6 +106,10 @@ TEMPLATE_TEST_CASE("impulses within a single linear solve act like input forces"
   CHECK((state.velocities - expected.velocities).cwiseAbs().maxCoeff() < tolerance * change);
   CHECK((state.positions - expected.positions).cwiseAbs().maxCoeff() <
         tolerance * scene.dt * change);
+  REQUIRE(model.holding_forces(held, ws, held_after));
+  // Vertex 48 is driven: its input force is subtracted there, and has no effect here.
+  held_by.col(1) += pushed.forces.col(4);
+  CHECK((held_after - held_by).norm() < S(1e2) * tolerance * held_by.norm());
   CHECK(state.positions.col(42) == free.positions.col(42));  // pinned
   CHECK(state.positions.col(48) == free.positions.col(48));  // driven
 }
@@ -161,6 +168,28 @@ TEST_CASE("impulses change the momentum of a free sheet by their sum", "[cloth]"
   CHECK((momentum() - before - sum).norm() < 1e-13 * p.lpNorm<1>());
 }
 
+TEST_CASE("the velocities of a response are those of the positions", "[cloth]") {
+  // What bounds the energy of a step scales the velocities of the state afterwards.
+  Scene<double> scene;
+  scene.settings.limit_energy = true;
+  scene.start.positions += noise<double>(7, 49, 0.02);
+  const MassSpring<double> model = scene.model();
+  auto ws = model.make_workspace();
+  ClothState<double> state = scene.start;
+  REQUIRE(model.step(state, {}, scene.dt, ws).advanced);
+  auto response = MassSpringImpulses<double>::create(model, 7).value();
+  REQUIRE(response.attach(scene.touched, state, ws) == StepStatus::Converged);
+  response.apply(impulses(scene, 1e-3));
+  VectorX<double> u(21);
+  response.velocities(u);
+  for (std::size_t i = 0; i < 7; ++i) {
+    const int v = scene.touched[i];
+    const Vector3<double> moved =
+        (state.positions.col(v) - scene.start.positions.col(v)) / scene.dt;
+    CHECK((u.segment<3>(3 * static_cast<Index>(i)) - moved).norm() < 1e-11);
+  }
+}
+
 TEST_CASE("a response refuses what is not its step, and changes nothing", "[cloth]") {
   const Scene<double> scene;
   const MassSpring<double> model = scene.model();
@@ -178,6 +207,14 @@ TEST_CASE("a response refuses what is not its step, and changes nothing", "[clot
   CHECK(response.point(4) == -1);
   ClothState<double> small{Points<double>::Zero(3, 4), Points<double>::Zero(3, 4)};
   CHECK(response.attach(std::vector<int>{1}, small, ws) == StepStatus::InvalidState);
+  ClothState<double> far = scene.start;
+  ClothInput<double> absurd;
+  absurd.force_vertices = {5};
+  absurd.forces = Points<double>::Constant(3, 1, 1.7e308);
+  auto failed = model.make_workspace();
+  REQUIRE(model.step(far, scene.input, scene.dt, failed).advanced);
+  REQUIRE_FALSE(model.step(far, absurd, scene.dt, failed).advanced);
+  CHECK(response.attach(std::vector<int>{1}, far, failed) == StepStatus::InvalidWorkspace);
   MassSpring<double>::Workspace none;
   CHECK(response.attach(std::vector<int>{1}, state, none) == StepStatus::InvalidWorkspace);
   CHECK(state.positions == before.positions);

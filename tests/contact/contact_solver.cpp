@@ -650,3 +650,32 @@ TEST_CASE("the statuses of a contact solve have names", "[contact]") {
   CHECK(to_string(ContactStatus::WrongSize) == "wrong_size");
   CHECK(to_string(ContactStatus::Immovable) == "immovable");
 }
+
+TEST_CASE("a damped contact that slipped and stops pulls back along the spring", "[contact]") {
+  // A kinematic body slides at 1 m/s on a pad of 2000 N/m and 10 N s/m, μ 0.5, 5 N, and stops.
+  for (const double h : {0.02, 0.001}) {
+    std::vector<ContactSample<double>> contacts(1);
+    ContactSample<double>& c = contacts[0];
+    c.a.side = 0;
+    c.a.point = {0, -1, -1};
+    c.friction = 0.5;
+    c.compliance = c.tangential_compliance = 1.0 / 2000;
+    c.damping = 10;
+    c.gap = -0.0025;
+    KinematicResponse<double> body(1);
+    REQUIRE(body.set_points(Points<double>::Zero(3, 1)) == QueryStatus::Answered);
+    ContactSolver<double> solver;
+    solver.reserve(1, 1);
+    RigidMotion<double> motion;
+    for (const double speed : {1.0, 0.0}) {
+      motion.velocity = Vector3<double>(speed, 0, 0);
+      REQUIRE(body.set_motion(motion).empty());
+      for (double t = 0; t < 0.2; t += h)
+        REQUIRE(solver.solve(contacts, h, body).status == ContactStatus::Solved);
+      CAPTURE(h, speed);
+      // At the limit of friction, 2.5 N, and after the stop as the spring is left.
+      CHECK(std::abs(c.offset[0] - 0.00125) < 1e-9);
+      CHECK(std::abs(c.impulse[0] / h + 2.5) < 1e-6);
+    }
+  }
+}

@@ -150,7 +150,7 @@ def check_runs(programs, folder):
         check(code == 0 and figures["status"] == status
               and figures["solver_residual_max_N"] < 1e-6,
               f"pinch {force} N: exit {code}: {text}")
-        check(status == "lost" or figures.get("slip_max_mm", 9) < 2,
+        check(status == "lost" or (figures.get("slip_max_mm") or 9) < 2,
               f"pinch: slip of {figures.get('slip_max_mm')} mm")
         check(code == 0 and is_page(out / "player.html"),
               "pinch: player.html is not self-contained")
@@ -787,6 +787,8 @@ def check_bad_hands(programs, bad, file):
 
 def check_sewing(programs, folder):
     bad("pads without force", ["--force", "0"], "--force", 0, program=programs / "pinch")
+    bad("pads that do not reach", ["--force", "10 N"], "--force", 20, program=programs / "pinch")
+    bad("sheet below the pads", ["--size", "0.05"], "--size", 0.02, program=programs / "pinch")
     sew = programs / "sew_tshirt"
     keys = ["status", "vertices", "sew_frames", "seam_gap_mm", "vertices_sewn", "boundary_loops",
             "mass_kg", "stretch_max", "stretch_mean", "speed_max", "frame_ms", "real_time_factor"]

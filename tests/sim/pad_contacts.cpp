@@ -59,11 +59,12 @@ Vec place_of(const ContactSample<double>& c, const Points<double>& x) {
 Vec material_point(Sheet& sheet, const Vec& at, const Points<double>& x) {
   PadSettings<double> settings;
   settings.reach = 0.02;
-  auto probe =
-      PadContacts<double>::create({{at, Vec(0, 1, 0)}}, sheet.network.triangles, 0, 1, settings)
-          .value();
+  auto probe = PadContacts<double>::create({{at, Vec(0, 1, 0)}}, sheet.network.triangles,
+                                           sheet.finder, 0, 1, settings)
+                   .value();
+  sheet.finder.update(x);
   const bool found =
-      probe.update({}, x, sheet.finder) == QueryStatus::Answered && probe.contacts().size() == 1;
+      probe.update({}, sheet.finder) == QueryStatus::Answered && probe.contacts().size() == 1;
   return found ? place_of(probe.contacts()[0], sheet.network.rest_positions)
                : Vec::Constant(std::nan(""));
 }
@@ -101,9 +102,9 @@ struct Pinch {
     std::vector<PadContacts<double>> pads;
     std::vector<KinematicResponse<double>> bodies(2, KinematicResponse<double>(4));
     for (int k = 0; k < 2; ++k)
-      pads.push_back(
-          PadContacts<double>::create(four_samples(), sheet.network.triangles, 0, 1 + k, pulp)
-              .value());
+      pads.push_back(PadContacts<double>::create(four_samples(), sheet.network.triangles,
+                                                 sheet.finder, 0, 1 + k, pulp)
+                         .value());
     auto response = MassSpringImpulses<double>::create(model, 24).value();
     ContactSolver<double> solver;
     solver.reserve(8, 24);
@@ -126,8 +127,7 @@ struct Pinch {
         motion.velocity[0] = (amplitude * (1 - std::cos(omega * (t + dt))) - x) / dt;
         motion.angular_velocity = Vec(0, twist, 0);
         sheet.finder.update(state.positions);
-        if (pads[k].update(motion, state.positions, sheet.finder) != QueryStatus::Answered)
-          outcome.solved = false;
+        if (pads[k].update(motion, sheet.finder) != QueryStatus::Answered) outcome.solved = false;
         outcome.solved = outcome.solved && bodies[k].set_motion(motion).empty() &&
                          bodies[k].set_points(pads[k].places()) == QueryStatus::Answered;
         pads[k].add_touched(touched);
@@ -177,12 +177,14 @@ struct Pinch {
 
 TEST_CASE("a pad finds the points of the sheet in front of its samples", "[sim]") {
   Sheet sheet(5);
-  auto pad = PadContacts<double>::create(four_samples(), sheet.network.triangles, 0, 1).value();
+  auto pad =
+      PadContacts<double>::create(four_samples(), sheet.network.triangles, sheet.finder, 0, 1)
+          .value();
   const Points<double>& x = sheet.network.rest_positions;
   RigidMotion<double> motion;
   for (const double gap : {-0.0019, 0.0, 0.0019}) {
     motion.position = Vec(x.row(0).mean() + 0.03, -gap, x.row(2).mean() + 0.02);
-    REQUIRE(pad.update(motion, x, sheet.finder) == QueryStatus::Answered);
+    REQUIRE(pad.update(motion, sheet.finder) == QueryStatus::Answered);
     REQUIRE(pad.contacts().size() == 4);
     for (std::size_t i = 0; i < 4; ++i) {
       const ContactSample<double>& c = pad.contacts()[i];
@@ -209,13 +211,14 @@ TEST_CASE("a closed sample keeps its point until the sheet is away", "[sim]") {
   PadSettings<double> settings;
   settings.reach = 0.005;
   settings.release = 0.002;
-  auto pad =
-      PadContacts<double>::create(four_samples(), sheet.network.triangles, 0, 1, settings).value();
+  auto pad = PadContacts<double>::create(four_samples(), sheet.network.triangles, sheet.finder, 0,
+                                         1, settings)
+                 .value();
   const Points<double>& x = sheet.network.rest_positions;
   RigidMotion<double> motion;
   const auto at = [&](double dx, double gap) {
     motion.position = Vec(x.row(0).mean() + 0.03 + dx, -gap, x.row(2).mean() + 0.02);
-    REQUIRE(pad.update(motion, x, sheet.finder) == QueryStatus::Answered);
+    REQUIRE(pad.update(motion, sheet.finder) == QueryStatus::Answered);
     return pad.contacts().size();
   };
   const auto end_step = [&](ContactState state, const Vec& offset) {
@@ -230,9 +233,10 @@ TEST_CASE("a closed sample keeps its point until the sheet is away", "[sim]") {
   REQUIRE(at(0, 0.001) == 4);
   const Vec first = place_of(pad.contacts()[0], x);
   end_step(ContactState::Stick, Vec(0.002, 0, 0));
-  CHECK(at(0.003, 0.001) == 4);  // moved along: the same material point, and the same offset
+  CHECK(at(0.003, 0.001) == 4);  // moved along: the same material point, the offset from places
   CHECK((place_of(pad.contacts()[0], x) - first).norm() < 1e-15);
-  CHECK(pad.contacts()[0].offset == Vec(0.002, 0, 0));
+  CHECK((pad.contacts()[0].offset - Vec(-0.003, 0, 0)).norm() < 1e-15);
+  CHECK((Vec(pad.places().col(0)) - first).norm() < 1e-15);
   CHECK(pad.slid(0) == 0);
   end_step(ContactState::Slip, Vec(-0.001, 0, 0));
   CHECK(at(0.003, 0.001) == 4);  // slid: the point that the offset names
@@ -295,8 +299,8 @@ TEST_CASE("a pad refuses bad data and names the item", "[sim]") {
     PadSettings<double> settings;
     int side = 0;
     spoil(samples, settings, side);
-    const auto made =
-        PadContacts<double>::create(samples, sheet.network.triangles, side, 1, settings);
+    const auto made = PadContacts<double>::create(samples, sheet.network.triangles, sheet.finder,
+                                                  side, 1, settings);
     return made ? std::string("accepted") : made.error();
   };
   using Samples = std::vector<PadSample<double>>;
@@ -313,20 +317,111 @@ TEST_CASE("a pad refuses bad data and names the item", "[sim]") {
         "the pad has the friction coefficient -0.5, must not be negative");
   CHECK(error([](Samples&, Set&, int& side) { side = -1; }) ==
         "the pad has a side with a negative number");
-  auto pad = PadContacts<double>::create(four_samples(), sheet.network.triangles, 0, 1).value();
+  const auto triangles_error = [&](auto spoil) {
+    std::vector<std::array<int, 3>> triangles = sheet.network.triangles;
+    spoil(triangles);
+    return PadContacts<double>::create(four_samples(), triangles, sheet.finder, 0, 1).error();
+  };
+  CHECK(triangles_error([](auto& t) { t.pop_back(); }) ==
+        "the pad gets 7 triangles, its finder has 8");
+  CHECK(triangles_error([](auto& t) { t[3][1] = -1; }) ==
+        "triangle 3 holds vertex -1 off the sheet of the finder");
+  CHECK(triangles_error([](auto& t) { t[0][0] = 9; }) ==
+        "triangle 0 holds vertex 9 off the sheet of the finder");
+  auto pad =
+      PadContacts<double>::create(four_samples(), sheet.network.triangles, sheet.finder, 0, 1)
+          .value();
   RigidMotion<double> motion;
-  Points<double> x = sheet.network.rest_positions;
-  CHECK(pad.update(motion, x.leftCols(4), sheet.finder) == QueryStatus::InvalidArgument);
+  Sheet other(4);
+  CHECK(pad.update(motion, other.finder) == QueryStatus::InvalidArgument);
   motion.position[1] = std::nan("");
-  CHECK(pad.update(motion, x, sheet.finder) == QueryStatus::InvalidArgument);
+  CHECK(pad.update(motion, sheet.finder) == QueryStatus::InvalidArgument);
   motion.position[1] = 0;
-  x(0, 3) = std::nan("");
-  CHECK(pad.update(motion, x, sheet.finder) == QueryStatus::InvalidPoint);
+  motion.R_world_body.setZero();
+  CHECK(pad.update(motion, sheet.finder) == QueryStatus::InvalidArgument);
+}
+
+TEST_CASE("a pad and a sheet that turn together do not load the springs across", "[sim]") {
+  // Both kinematic: the sheet's points have no mobility, and the pad overlaps by 1.65 mm.
+  for (const double h : {0.02, 0.002}) {
+    Sheet sheet(5);
+    const Points<double> flat = sheet.network.rest_positions;
+    auto pad =
+        PadContacts<double>::create(four_samples(), sheet.network.triangles, sheet.finder, 0, 1)
+            .value();
+    ParticleResponse<double> particles(25);
+    KinematicResponse<double> body(4);
+    ContactSolver<double> solver;
+    solver.reserve(4, 25);
+    std::vector<int> all(25);
+    for (int v = 0; v < 25; ++v) all[static_cast<std::size_t>(v)] = v;
+    const Vec axis(0.6, 0, 0.8), middle = flat.rowwise().mean();
+    const Eigen::VectorXd held = Eigen::VectorXd::Zero(25);
+    for (double t = 0; t < 1; t += h) {
+      const Matrix3<double> R = rotation_exp<double>(Vec(1.5 * t * axis));
+      const Points<double> x = (R * (flat.colwise() - middle)).colwise() + middle;
+      RigidMotion<double> motion;
+      motion.R_world_body = R;
+      motion.position = middle + R * Vec(0.03, 0.00165, 0.02);
+      motion.angular_velocity = 1.5 * axis;
+      const Vec arm = motion.position - middle;
+      motion.velocity = motion.angular_velocity.cross(arm);
+      Points<double> v(3, 25);
+      for (Index i = 0; i < 25; ++i) {
+        const Vec from = x.col(i) - middle;
+        v.col(i) = motion.angular_velocity.cross(from);
+      }
+      REQUIRE(sheet.finder.update(x) == QueryStatus::Answered);
+      REQUIRE(pad.update(motion, sheet.finder) == QueryStatus::Answered);
+      REQUIRE(pad.contacts().size() == 4);
+      REQUIRE(body.set_motion(motion).empty());
+      REQUIRE(body.set_points(pad.places()) == QueryStatus::Answered);
+      REQUIRE(particles.gather(all, held, v) == QueryStatus::Answered);
+      REQUIRE(solver.solve(pad.contacts(), h, particles, body).status == ContactStatus::Solved);
+      for (const ContactSample<double>& c : pad.contacts()) {
+        const double lift = c.impulse.dot(c.normal);
+        CHECK(std::abs(lift / h - 0.825) < 1e-9);  // a quarter of 2000 N/m · 1.65 mm
+        CHECK((c.impulse - lift * c.normal).norm() < 1e-9 * lift);
+        CHECK(c.state == ContactState::Stick);
+      }
+      pad.keep();
+    }
+    for (std::size_t i = 0; i < 4; ++i) CHECK(pad.slid(i) == 0);
+  }
+}
+
+TEST_CASE("a pad touches the layer that it meets first", "[sim]") {
+  // Two layers: the triangles of two grids, 1 mm apart.
+  const auto grid = make_grid<double>(3, 3, 0.1, 0.1).value();
+  const std::vector<std::array<int, 3>> one =
+      sheet_network(grid, Material<double>{}).value().triangles;
+  Points<double> x(3, 18);
+  x << grid.positions, grid.positions;
+  x.row(1).tail(9).array() += 1e-3;
+  std::vector<std::array<int, 3>> triangles = one;
+  for (const std::array<int, 3>& t : one) triangles.push_back({t[0] + 9, t[1] + 9, t[2] + 9});
+  auto finder = SheetContactFinder<double>::create(x, triangles).value();
+  auto pad = PadContacts<double>::create(four_samples(), triangles, finder, 0, 1).value();
+  RigidMotion<double> motion;
+  motion.position = Vec(x.row(0).mean() + 0.013, 1.6e-3, x.row(2).mean() + 0.011);
+  REQUIRE(pad.update(motion, finder) == QueryStatus::Answered);
+  REQUIRE(pad.contacts().size() == 4);
+  for (ContactSample<double>& c : pad.contacts()) {
+    CHECK(std::abs(c.gap + 1.6e-3) < 1e-15);
+    c.state = ContactState::Slip;
+    c.offset = Vec(1e-4, 0, 0);
+  }
+  pad.keep();
+  REQUIRE(pad.update(motion, finder) == QueryStatus::Answered);  // slides within the same layer
+  REQUIRE(pad.contacts().size() == 4);
+  for (const ContactSample<double>& c : pad.contacts()) CHECK(std::abs(c.gap + 1.6e-3) < 1e-15);
 }
 
 TEST_CASE("finding the contacts of a pad does not allocate", "[sim]") {
   Sheet sheet(9);
-  auto pad = PadContacts<double>::create(four_samples(), sheet.network.triangles, 0, 1).value();
+  auto pad =
+      PadContacts<double>::create(four_samples(), sheet.network.triangles, sheet.finder, 0, 1)
+          .value();
   const Points<double>& x = sheet.network.rest_positions;
   RigidMotion<double> motion;
   std::vector<int> touched;
@@ -334,7 +429,7 @@ TEST_CASE("finding the contacts of a pad does not allocate", "[sim]") {
   const long before = allocations();
   for (const double gap : {0.01, 0.001, 0.01, -0.001}) {
     motion.position = Vec(x.row(0).mean(), -gap, x.row(2).mean());
-    if (pad.update(motion, x, sheet.finder) != QueryStatus::Answered) break;
+    if (pad.update(motion, sheet.finder) != QueryStatus::Answered) break;
     touched.clear();
     pad.add_touched(touched);
     pad.keep();

@@ -118,8 +118,8 @@ class MassSpring {
   /// end is `state`: at its start after a single linear solve, at its end (the projection where
   /// that is not definite) after Newton's method. What answers to impulses within the step needs it
   /// (MassSpringImpulses). Never allocates. Returns Converged, or InvalidState (another size),
-  /// InvalidWorkspace (another model's, no step, no factor because the model solves by conjugate
-  /// gradients) or NumericalFailure (not definite).
+  /// InvalidWorkspace (another model's, its last step did not advance, no factor because the model
+  /// solves by conjugate gradients) or NumericalFailure (not definite).
   [[nodiscard]] StepStatus factorize_step(const State& state, Workspace& ws) const;
 
   /// Advances `state` by `dt` (s) with at most `newton_steps` Newton steps that start from the end
@@ -270,7 +270,7 @@ bool MassSpring<S>::holding_forces(std::span<const int> vertices, Workspace& ws,
 template <RealScalar S>
 StepStatus MassSpring<S>::factorize_step(const State& state, Workspace& ws) const {
   const Index n = vertex_count();
-  if (!fits(ws) || !(Scalar(0) < ws.dt) || settings_.linear_solver != LinearSolver::Factor)
+  if (!fits(ws) || !ws.advanced || settings_.linear_solver != LinearSolver::Factor)
     return StepStatus::InvalidWorkspace;
   if (state.positions.cols() != n || state.velocities.cols() != n) return StepStatus::InvalidState;
   if (ws.linear) return StepStatus::Converged;
@@ -332,7 +332,7 @@ auto MassSpring<S>::finish(State& state, const ClothInput<Scalar>& input, Scalar
     const detail::Triple<Scalar> v = detail::column(ws.velocity, i) - ws.drift;
     detail::set_column(state.velocities, i, ws.drift + v * ws.kept);
   }
-  report.advanced = true;
+  report.advanced = ws.advanced = true;
   return report;
 }
 
@@ -362,6 +362,7 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
   detail::freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air,
                              ws.outer);
   ws.dt = dt;
+  ws.advanced = false;
   ws.kept = Scalar(1);
   ws.frozen.set_zero();
   pattern_.add_bending(network_, x, dt * dt, ws.frozen);

@@ -25,8 +25,8 @@
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// The answer of a mass-spring sheet to impulses at its touched vertices. Models ImpulseResponse.
-/// Driven and pinned vertices do not move. What the step did to bound the energy, and
-/// `holding_forces`, do not take the impulses into account.
+/// Driven and pinned vertices do not move. What the step did to bound the energy does not take the
+/// impulses into account; after a single linear solve, `holding_forces` does.
 template <RealScalar S>
 class MassSpringImpulses {
  public:
@@ -60,11 +60,11 @@ class MassSpringImpulses {
 
   /// Returns the number of points.
   Index point_count() const { return static_cast<Index>(vertices_.size()); }
-  /// Writes the velocities (3n, m/s).
+  /// Writes the velocities (3n, m/s) with which the vertices move during the step.
   void velocities(Eigen::Ref<VectorX<Scalar>> u) const {
     assert(u.size() == 3 * point_count());
     for (Index i = 0; i < point_count(); ++i)
-      u.template segment<3>(3 * i) = state_->velocities.col(vertices_[static_cast<std::size_t>(i)]);
+      u.template segment<3>(3 * i) = ws_->velocity.col(vertices_[static_cast<std::size_t>(i)]);
   }
   /// Adds the mobility to `W` (3n×3n, 1/kg).
   void add_mobility(Eigen::Ref<MatrixX<Scalar>> W) const {
@@ -79,6 +79,7 @@ class MassSpringImpulses {
   MassSpringImpulses(const Model& model, const typename Model::Workspace& ws, Index capacity)
       : model_(&model),
         memory_(ws.factor.make_inverse_block_memory(capacity)),
+        capacity_(static_cast<std::size_t>(capacity)),
         mobility_(MatrixX<Scalar>::Zero(3 * capacity, 3 * capacity)),
         point_(static_cast<std::size_t>(model.vertex_count()), -1),
         change_(Lanes<Scalar, 1>::Zero(1, 3 * model.vertex_count())) {
@@ -94,6 +95,7 @@ class MassSpringImpulses {
 
   const Model* model_;
   typename BlockCholesky<Scalar>::InverseBlockMemory memory_;
+  std::size_t capacity_;
   MatrixX<Scalar> mobility_;
   std::vector<int> vertices_, point_;
   Lanes<Scalar, 1> change_;
@@ -126,8 +128,7 @@ StepStatus MassSpringImpulses<S>::attach(std::span<const int> vertices, ClothSta
                                          typename Model::Workspace& ws) {
   clear();
   StepStatus status = StepStatus::InvalidInput;
-  if (vertices.size() <= vertices_.capacity() && list(vertices))
-    status = model_->factorize_step(state, ws);
+  if (vertices.size() <= capacity_ && list(vertices)) status = model_->factorize_step(state, ws);
   if (status != StepStatus::Converged) {
     clear();
     return status;
@@ -161,6 +162,7 @@ void MassSpringImpulses<S>::apply(const Eigen::Ref<const VectorX<Scalar>>& p) {
   for (Index v = 0; v < model_->vertex_count(); ++v) {
     if (ws_->is_held(v)) continue;
     for (Index c = 0; c < 3; ++c) {
+      ws_->velocity(c, v) += change_[3 * v + c];
       state_->velocities(c, v) += change_[3 * v + c];
       state_->positions(c, v) += ws_->dt * change_[3 * v + c];
     }

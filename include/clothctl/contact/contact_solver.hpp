@@ -155,6 +155,8 @@ class ContactSolver {
   static ContactStatus check(const ContactPlace<Scalar>& place, Sides sides);
   /// Builds the problem. Returns false when a side's answer is not finite.
   bool build(std::span<const Sample> contacts, Sides sides, const Scalar& dt);
+  /// Sums up the impulses p of the contacts on the points of a side.
+  static void gather(std::span<const Sample> contacts, int side, Eigen::Ref<VectorX<Scalar>> p);
   /// Writes what was found to the contacts.
   void write(Contacts contacts, const Scalar& dt, ContactReport<Scalar>& report);
 
@@ -304,13 +306,7 @@ void ContactSolver<Scalar>::write(Contacts contacts, const Scalar& dt,
       ++report.open;
       s.setConstant(Scalar(0));
     } else {
-      for (Index k = 1; k < 3; ++k) {
-        // The velocity without what compliance and offset added.
-        const Scalar slide = u[k] - c * lambda[k] / (dt * soft) - s[k] / soft;
-        s[k] = branch == detail::ContactBranch::Stick
-                   ? Scalar(s[k] + dt * slide)
-                   : Scalar(-c * (lambda[k] / dt + contact.damping * slide));
-      }
+      for (Index k = 1; k < 3; ++k) s[k] = c * (contact.damping * s[k] - lambda[k]) / soft;
       const bool stick = branch == detail::ContactBranch::Stick;
       contact.state = stick ? ContactState::Stick : ContactState::Slip;
       ++(stick ? report.stick : report.slip);
@@ -321,24 +317,32 @@ void ContactSolver<Scalar>::write(Contacts contacts, const Scalar& dt,
 }
 
 template <RealScalar Scalar>
+void ContactSolver<Scalar>::gather(std::span<const Sample> contacts, int side,
+                                   Eigen::Ref<VectorX<Scalar>> p) {
+  p.setConstant(Scalar(0));
+  for (const Sample& c : contacts) {
+    detail::for_each_place<Scalar>(
+        c, side, [&](const ContactPlace<Scalar>& place, const Scalar& sign) {
+          for (std::size_t k = 0; k < 3 && place.point[k] >= 0; ++k) {
+            const Scalar share = sign * place.weight[static_cast<Index>(k)];
+            p.template segment<3>(3 * place.point[k]) += share * c.impulse;
+          }
+        });
+  }
+}
+
+template <RealScalar Scalar>
 ContactStatus ContactSolver<Scalar>::apply(std::span<const Sample> contacts, Sides sides) {
   Index contact = -1;
   const ContactStatus status = check(contacts, sides, contact);
   if (status != ContactStatus::Solved) return status;
-  for (std::size_t s = 0; s < sides.size(); ++s) {
-    const Index n = 3 * sides[s].point_count();
-    Eigen::Ref<VectorX<Scalar>> p = u_.head(n);
-    p.setConstant(Scalar(0));
-    for (const Sample& c : contacts) {
-      detail::for_each_place<Scalar>(
-          c, static_cast<int>(s), [&](const ContactPlace<Scalar>& place, const Scalar& sign) {
-            for (std::size_t k = 0; k < 3 && place.point[k] >= 0; ++k) {
-              const Scalar share = sign * place.weight[static_cast<Index>(k)];
-              p.template segment<3>(3 * place.point[k]) += share * c.impulse;
-            }
-          });
+  for (const bool change : {false, true}) {  // all sums are tested before the first side changes
+    for (std::size_t s = 0; s < sides.size(); ++s) {
+      Eigen::Ref<VectorX<Scalar>> p = u_.head(3 * sides[s].point_count());
+      gather(contacts, static_cast<int>(s), p);
+      if (!all_finite(p)) return ContactStatus::InvalidInput;
+      if (change) sides[s].apply(p);
     }
-    sides[s].apply(p);
   }
   return ContactStatus::Solved;
 }

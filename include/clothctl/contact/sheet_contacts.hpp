@@ -97,6 +97,11 @@ class SheetContactFinder {
   /// The edges, ascending, each with its smaller vertex first.
   const std::vector<std::array<int, 2>>& edges() const { return edges_; }
 
+  /// The positions of the last update, at which contacts are looked for (3×n, m).
+  const Points<Scalar>& positions() const { return x_; }
+  /// Returns the number of triangles of the sheet.
+  Index triangle_count() const { return triangle_count_; }
+
   /// Takes the positions (3×n, m) of the sheet. InvalidArgument: wrong number of vertices.
   /// InvalidPoint: a coordinate is not finite. In both cases nothing changes.
   QueryStatus update(const PointsView<Scalar>& x) { return update(x, x); }
@@ -173,6 +178,7 @@ class SheetContactFinder {
   std::vector<std::array<int, 2>> edges_;
   detail::SheetTree<Scalar> tree_;
   Points<Scalar> x_;
+  Index triangle_count_ = 0;
   std::vector<SheetContact<Scalar>> contacts_;
   bool complete_ = true;
 
@@ -231,6 +237,9 @@ SheetContactFinder<Scalar>::SheetContactFinder(const PointsView<Scalar>& x,
       edge_done_(edges_.size(), false),
       edge_point_(edges_.size()),
       edge_found_(edges_.size(), false) {
+  for (const detail::SheetPart& part : tree_.parts()) {
+    if (part.triangle >= 0) ++triangle_count_;
+  }
   tree_.fit(x, x);
   contacts_.reserve(static_cast<std::size_t>(x.cols()) + edges_.size() + tree_.parts().size());
   near_parts_.reserve(tree_.parts().size());

@@ -3,19 +3,24 @@
 // The contacts of a sheet with a soft pad, as that of a fingertip. A pad has samples: points p_i on
 // its undeformed surface with outward normals n_i, which move with the pad's body. Each sample is a
 // contact of its own (ContactSample) with its share of the pad's stiffness. It remembers the
-// material point of the sheet that it touches, x_i = Σ w_k x_k in a triangle with weights w, and
-// how far that point has been pulled along the pad, s_i.
+// material point x_i = Σ w_k x_k of the sheet that it touches, a triangle and weights w.
 //
-//   open      the line from p_i along n_i meets the sheet at a gap |g| <= reach: w from there, s =
-//   0 sticking  the triangle and w stay; g = n·(x_i - p_i) sliding   the sheet has moved on: w is
-//   where the line from p_i + s_i meets it, with s_i at the
-//             limit of friction (contact/detail/contact_sample.hpp)
-//   lost      the gap is above `release`, or the line does not meet the sheet; open again
+// - Open: the line from p_i along n_i meets the sheet at the height g with |g| <= reach; where
+// there
+//   are several layers, at the least height. w is from there, and s_i = 0.
+// - Sticking: triangle and weights stay. From the places at the start of the step,
+//   g = n_i·(x_i - p_i) and s_i is the part of x_i - p_i across the normal.
+// - Sliding: the sheet has moved on. w is where the line from p_i + s_i along n_i meets it, s_i
+// being
+//   what the solver left at the limit of friction, in the frame of the pad.
+// - Lost: the gap is above `release`, or the line does not meet the sheet. It is open again.
 //
-// A contact without this memory creeps under load, with several millimetres a second, and the more
-// the smaller the step.
+// The impulse acts at x_i on both sides, so that a pad and a sheet that turn together do not load
+// the spring, and moments balance. A contact without memory creeps under load, with several
+// millimetres a second, and the more the smaller the step.
 
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <span>
 #include <string>
@@ -49,7 +54,8 @@ struct PadSettings {
   Scalar damping = Scalar(1);
   /// Friction coefficient.
   Scalar friction = Scalar(0.6);
-  /// Largest gap at which a sample becomes a contact, and largest overlap at which it does, m.
+  /// Largest gap, and largest overlap, at which a sample becomes a contact, m. A pad that moves
+  /// further than this in a step may pass through the sheet.
   Scalar reach = Scalar(0.005);
   /// Largest gap of a contact that keeps its memory, m.
   Scalar release = Scalar(0.002);
@@ -76,22 +82,24 @@ struct PadSettings {
 template <RealScalar Scalar>
 class PadContacts {
  public:
-  /// Makes the contacts of a pad with a sheet of `triangles`. `sheet` and `pad` are the numbers of
-  /// the sides in the calls of the solver. Allocates. Fails when: there are no samples, a number of
-  /// a sample is not finite, a normal is not of length one, a setting is wrong, or a number of a
-  /// side is negative.
+  /// Makes the contacts of a pad with the sheet of `finder`, which has these `triangles`. `sheet`
+  /// and `pad` are the numbers of the sides in the calls of the solver; -1 as `pad` is the resting
+  /// world. Allocates. Fails when: there are no samples, a number of a sample is not finite, a
+  /// normal is not of length one, the triangles are not those of the finder, a setting is wrong, or
+  /// a side has another negative number.
   static Result<PadContacts> create(std::vector<PadSample<Scalar>> samples,
-                                    std::vector<std::array<int, 3>> triangles, int sheet, int pad,
+                                    std::vector<std::array<int, 3>> triangles,
+                                    const SheetContactFinder<Scalar>& finder, int sheet, int pad,
                                     const PadSettings<Scalar>& settings = {});
 
-  /// Moves the pad to its place at the start of a step, and finds the contacts with the sheet that
-  /// `finder` has been updated with, whose positions are `x` (3×n, m). Never allocates. Fails with
-  /// InvalidArgument when the motion is not valid or the sheet is another one, with InvalidPoint
-  /// when a coordinate is not finite; nothing changes then.
-  [[nodiscard]] QueryStatus update(const RigidMotion<Scalar>& motion, const PointsView<Scalar>& x,
+  /// Moves the pad to its place at the start of a step, and finds the contacts with the sheet where
+  /// the finder has it. Never allocates. InvalidArgument: the motion is not valid, or the finder is
+  /// of another sheet; nothing changes then.
+  [[nodiscard]] QueryStatus update(const RigidMotion<Scalar>& motion,
                                    SheetContactFinder<Scalar>& finder);
 
-  /// The places of the samples (3×samples, m, world): the points of the pad's side, in this order.
+  /// The points of the pad's side (3×samples, m, world), in the order of the samples: where the
+  /// sheet is touched, or the sample where it is not.
   const Points<Scalar>& places() const { return places_; }
   /// The contacts of this step, for the solver, with vertices of the sheet as points: `number`
   /// makes them points of its side.
@@ -121,14 +129,16 @@ class PadContacts {
   struct Memory {
     std::array<int, 3> triangle{-1, -1, -1};
     Vector3<Scalar> weight = Vector3<Scalar>::Constant(Scalar(0));
-    Vector3<Scalar> offset = Vector3<Scalar>::Constant(Scalar(0));
+    Vector3<Scalar> offset = Vector3<Scalar>::Constant(Scalar(0));  // after the solve, pad's frame
+    Scalar gap = Scalar(0);
     Vector3<Scalar> impulse = Vector3<Scalar>::Constant(Scalar(0));
     ContactState state = ContactState::Open;
     Scalar slid = Scalar(0);
   };
 
   PadContacts(std::vector<PadSample<Scalar>> samples, std::vector<std::array<int, 3>> triangles,
-              int sheet, int pad, const PadSettings<Scalar>& settings);
+              const SheetContactFinder<Scalar>& finder, int sheet, int pad,
+              const PadSettings<Scalar>& settings);
 
   static Vector3<Scalar> point_of(const Memory& memory, const PointsView<Scalar>& x) {
     Vector3<Scalar> out = Vector3<Scalar>::Constant(Scalar(0));
@@ -136,20 +146,27 @@ class PadContacts {
       out += memory.weight[static_cast<Index>(k)] * x.col(memory.triangle[k]);
     return out;
   }
-  /// Sets triangle and weights to where the line through `from` along `normal` meets the sheet
-  /// nearest to `from`, at most `reach` away. Returns false where it does not.
-  bool cast(const Vector3<Scalar>& from, const Vector3<Scalar>& normal, const PointsView<Scalar>& x,
+  /// Sets triangle and weights to where the line through `from` along `normal` meets the sheet at
+  /// most `reach` away; of several heights the one nearest to `wanted`. Returns false where it does
+  /// not.
+  bool cast(const Vector3<Scalar>& from, const Vector3<Scalar>& normal, const Scalar& wanted,
             SheetContactFinder<Scalar>& finder, Memory& memory);
   /// The weights and the height at which the line meets a triangle; false where it does not.
   static bool meets(const Vector3<Scalar>& from, const Vector3<Scalar>& normal,
                     const Matrix3<Scalar>& corners, Vector3<Scalar>& weight, Scalar& height);
-  void refresh(std::size_t i, const Vector3<Scalar>& normal, const PointsView<Scalar>& x,
+  /// Brings the memory of a sample at `place` up to date.
+  void refresh(std::size_t i, const Vector3<Scalar>& place, const Vector3<Scalar>& normal,
                SheetContactFinder<Scalar>& finder);
+  /// Makes the contact of a sample that touches.
+  void add_contact(std::size_t i, const Vector3<Scalar>& place, const Vector3<Scalar>& normal,
+                   const Points<Scalar>& x);
 
   std::vector<PadSample<Scalar>> samples_;
   std::vector<std::array<int, 3>> triangles_;
   PadSettings<Scalar> settings_;
+  Index vertices_;
   int sheet_, pad_;
+  Matrix3<Scalar> R_world_pad_ = Matrix3<Scalar>::Identity();
   std::vector<Memory> memory_;
   Points<Scalar> places_;
   std::vector<ContactSample<Scalar>> active_;
@@ -159,7 +176,8 @@ class PadContacts {
 
 template <RealScalar Scalar>
 auto PadContacts<Scalar>::create(std::vector<PadSample<Scalar>> samples,
-                                 std::vector<std::array<int, 3>> triangles, int sheet, int pad,
+                                 std::vector<std::array<int, 3>> triangles,
+                                 const SheetContactFinder<Scalar>& finder, int sheet, int pad,
                                  const PadSettings<Scalar>& settings) -> Result<PadContacts> {
   using std::abs;
   if (samples.empty()) return Error{"the pad has no samples"};
@@ -170,31 +188,37 @@ auto PadContacts<Scalar>::create(std::vector<PadSample<Scalar>> samples,
     if (Scalar(1e-4) < abs(samples[i].normal.squaredNorm() - Scalar(1)))
       return Error{name + " has a normal that is not of length one"};
   }
+  if (static_cast<Index>(triangles.size()) != finder.triangle_count())
+    return Error{"the pad gets " + std::to_string(triangles.size()) +
+                 " triangles, its finder has " + std::to_string(finder.triangle_count())};
+  for (std::size_t t = 0; t < triangles.size(); ++t) {
+    for (const int v : triangles[t]) {
+      if (v < 0 || v >= finder.positions().cols())
+        return Error{"triangle " + std::to_string(t) + " holds vertex " + std::to_string(v) +
+                     " off the sheet of the finder"};
+    }
+  }
   if (const std::string bad = settings.validate(); !bad.empty()) return Error{"the pad has " + bad};
   if (sheet < 0 || pad < -1) return Error{"the pad has a side with a negative number"};
-  return PadContacts(std::move(samples), std::move(triangles), sheet, pad, settings);
+  return PadContacts(std::move(samples), std::move(triangles), finder, sheet, pad, settings);
 }
 
 template <RealScalar Scalar>
 PadContacts<Scalar>::PadContacts(std::vector<PadSample<Scalar>> samples,
-                                 std::vector<std::array<int, 3>> triangles, int sheet, int pad,
+                                 std::vector<std::array<int, 3>> triangles,
+                                 const SheetContactFinder<Scalar>& finder, int sheet, int pad,
                                  const PadSettings<Scalar>& settings)
     : samples_(std::move(samples)),
       triangles_(std::move(triangles)),
       settings_(settings),
+      vertices_(finder.positions().cols()),
       sheet_(sheet),
       pad_(pad),
       memory_(samples_.size()),
-      places_(Points<Scalar>::Constant(3, static_cast<Index>(samples_.size()), Scalar(0))) {
+      places_(Points<Scalar>::Constant(3, static_cast<Index>(samples_.size()), Scalar(0))),
+      overlap_(finder.make_overlap()) {
   active_.reserve(samples_.size());
   sample_.reserve(samples_.size());
-  int vertices = 0;
-  for (const std::array<int, 3>& t : triangles_) {
-    for (const int v : t) vertices = v < vertices ? vertices : v + 1;
-  }
-  overlap_.vertices.reserve(static_cast<std::size_t>(vertices));
-  overlap_.edges.reserve(3 * triangles_.size());
-  overlap_.triangles.reserve(triangles_.size());
 }
 
 template <RealScalar Scalar>
@@ -217,23 +241,25 @@ bool PadContacts<Scalar>::meets(const Vector3<Scalar>& from, const Vector3<Scala
 
 template <RealScalar Scalar>
 bool PadContacts<Scalar>::cast(const Vector3<Scalar>& from, const Vector3<Scalar>& normal,
-                               const PointsView<Scalar>& x, SheetContactFinder<Scalar>& finder,
+                               const Scalar& wanted, SheetContactFinder<Scalar>& finder,
                                Memory& memory) {
   using std::abs;
   BoundingBox<Scalar> box{from, from};
   box.include(Vector3<Scalar>(from + settings_.reach * normal));
   box.include(Vector3<Scalar>(from - settings_.reach * normal));
   finder.overlaps(box, overlap_);
-  Scalar least = settings_.reach;
+  Scalar least = scalar_traits<Scalar>::infinity();
   bool found = false;
   for (const int t : overlap_.triangles) {
     const std::array<int, 3>& corner = triangles_[static_cast<std::size_t>(t)];
     Matrix3<Scalar> corners;
-    for (std::size_t k = 0; k < 3; ++k) corners.col(static_cast<Index>(k)) = x.col(corner[k]);
+    for (std::size_t k = 0; k < 3; ++k)
+      corners.col(static_cast<Index>(k)) = finder.positions().col(corner[k]);
     Vector3<Scalar> weight;
     Scalar height;
-    if (!meets(from, normal, corners, weight, height) || least < abs(height)) continue;
-    least = abs(height);
+    if (!meets(from, normal, corners, weight, height) || settings_.reach < abs(height)) continue;
+    if (found && !(abs(height - wanted) < least)) continue;
+    least = abs(height - wanted);
     memory.triangle = corner;
     memory.weight = weight;
     found = true;
@@ -242,69 +268,73 @@ bool PadContacts<Scalar>::cast(const Vector3<Scalar>& from, const Vector3<Scalar
 }
 
 template <RealScalar Scalar>
-void PadContacts<Scalar>::refresh(std::size_t i, const Vector3<Scalar>& normal,
-                                  const PointsView<Scalar>& x, SheetContactFinder<Scalar>& finder) {
+void PadContacts<Scalar>::refresh(std::size_t i, const Vector3<Scalar>& place,
+                                  const Vector3<Scalar>& normal,
+                                  SheetContactFinder<Scalar>& finder) {
   using std::sqrt;
   Memory& memory = memory_[i];
-  const Vector3<Scalar> place = places_.col(static_cast<Index>(i));
   if (touches(i) && memory.state == ContactState::Slip) {
-    const Vector3<Scalar> before = point_of(memory, x);
-    const Vector3<Scalar> tangential = memory.offset - normal.dot(memory.offset) * normal;
-    if (cast(place + tangential, normal, x, finder, memory)) {
-      const Vector3<Scalar> way = point_of(memory, x) - before;
+    const Vector3<Scalar> before = point_of(memory, finder.positions());
+    const Vector3<Scalar> offset = R_world_pad_ * memory.offset;
+    const Vector3<Scalar> from = place + offset - normal.dot(offset) * normal;
+    if (cast(from, normal, memory.gap, finder, memory)) {
+      const Vector3<Scalar> way = point_of(memory, finder.positions()) - before;
       memory.slid += sqrt(way.squaredNorm());
     } else {
       memory.state = ContactState::Open;
     }
   }
-  const bool closed = touches(i) && memory.state != ContactState::Open;
-  if (closed) {
-    const Scalar gap = normal.dot(point_of(memory, x) - place);
-    if (!(settings_.release < gap)) return;
+  if (touches(i) && memory.state != ContactState::Open) {
+    memory.gap = normal.dot(point_of(memory, finder.positions()) - place);
+    if (!(settings_.release < memory.gap)) return;
   }
   memory = Memory();
-  if (!cast(place, normal, x, finder, memory)) memory = Memory();
+  // The least height: of several layers, the one that the pad meets first.
+  if (cast(place, normal, -settings_.reach, finder, memory))
+    memory.gap = normal.dot(point_of(memory, finder.positions()) - place);
+}
+
+template <RealScalar Scalar>
+void PadContacts<Scalar>::add_contact(std::size_t i, const Vector3<Scalar>& place,
+                                      const Vector3<Scalar>& normal, const Points<Scalar>& x) {
+  const Memory& memory = memory_[i];
+  const Scalar count = Scalar(static_cast<double>(samples_.size()));
+  const Vector3<Scalar> at = point_of(memory, x), way = at - place;
+  places_.col(static_cast<Index>(i)) = at;
+  ContactSample<Scalar> contact;
+  contact.a.side = sheet_;
+  contact.a.point = memory.triangle;
+  contact.a.weight = memory.weight;
+  contact.b.side = pad_;
+  contact.b.point = {static_cast<int>(i), -1, -1};
+  contact.normal = normal;
+  contact.friction = settings_.friction;
+  contact.gap = memory.gap;
+  contact.compliance = count / settings_.stiffness;
+  contact.tangential_compliance = count / settings_.tangential_stiffness;
+  contact.damping = settings_.damping / count;
+  if (memory.state != ContactState::Open) contact.offset = way - normal.dot(way) * normal;
+  contact.impulse = memory.impulse;
+  contact.state = memory.state;
+  active_.push_back(contact);
+  sample_.push_back(i);
 }
 
 template <RealScalar Scalar>
 QueryStatus PadContacts<Scalar>::update(const RigidMotion<Scalar>& motion,
-                                        const PointsView<Scalar>& x,
                                         SheetContactFinder<Scalar>& finder) {
-  if (!all_finite(motion.R_world_body) || !all_finite(motion.position))
-    return QueryStatus::InvalidArgument;
-  for (const std::array<int, 3>& t : triangles_) {
-    for (const int v : t) {
-      if (v >= x.cols()) return QueryStatus::InvalidArgument;
-    }
-  }
-  if (!all_finite(x)) return QueryStatus::InvalidPoint;
-  const Scalar count = Scalar(static_cast<double>(samples_.size()));
+  const bool same = finder.positions().cols() == vertices_ &&
+                    finder.triangle_count() == static_cast<Index>(triangles_.size());
+  if (!same || !motion.validate().empty()) return QueryStatus::InvalidArgument;
+  R_world_pad_ = motion.R_world_body;
   active_.clear();
   sample_.clear();
   for (std::size_t i = 0; i < samples_.size(); ++i) {
-    places_.col(static_cast<Index>(i)) =
-        motion.position + motion.R_world_body * samples_[i].position;
-    const Vector3<Scalar> normal = motion.R_world_body * samples_[i].normal;
-    refresh(i, normal, x, finder);
-    if (!touches(i)) continue;
-    const Memory& memory = memory_[i];
-    ContactSample<Scalar> contact;
-    contact.a.side = sheet_;
-    contact.a.point = memory.triangle;
-    contact.a.weight = memory.weight;
-    contact.b.side = pad_;
-    contact.b.point = {static_cast<int>(i), -1, -1};
-    contact.normal = normal;
-    contact.friction = settings_.friction;
-    contact.gap =
-        normal.dot(point_of(memory, x) - Vector3<Scalar>(places_.col(static_cast<Index>(i))));
-    contact.compliance = count / settings_.stiffness;
-    contact.tangential_compliance = count / settings_.tangential_stiffness;
-    contact.damping = settings_.damping / count;
-    contact.offset = memory.offset;
-    contact.impulse = memory.impulse;
-    active_.push_back(contact);
-    sample_.push_back(i);
+    const Vector3<Scalar> place = motion.position + R_world_pad_ * samples_[i].position;
+    const Vector3<Scalar> normal = R_world_pad_ * samples_[i].normal;
+    places_.col(static_cast<Index>(i)) = place;
+    refresh(i, place, normal, finder);
+    if (touches(i)) add_contact(i, place, normal, finder.positions());
   }
   return QueryStatus::Answered;
 }
@@ -324,7 +354,7 @@ template <RealScalar Scalar>
 void PadContacts<Scalar>::keep() {
   for (std::size_t k = 0; k < active_.size(); ++k) {
     Memory& memory = memory_[sample_[k]];
-    memory.offset = active_[k].offset;
+    memory.offset = R_world_pad_.transpose() * active_[k].offset;
     memory.impulse = active_[k].impulse;
     memory.state = active_[k].state;
   }

@@ -53,6 +53,8 @@ struct MassSpringWorkspace {
   Triple<Scalar> drift{Scalar(0), Scalar(0), Scalar(0)};
   /// True when the last step was a single linear solve.
   bool linear = false;
+  /// True when the last step advanced a state.
+  bool advanced = false;
 
   /// Makes room for a network whose step matrix has the sparsity pattern of `pattern`. `air_count`:
   /// number of air matrices. A `tree` without vertices means that no complete factor is made.

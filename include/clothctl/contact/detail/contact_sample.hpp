@@ -6,19 +6,23 @@
 // compliances c_n, c_t (m/N) and the damping d (N s/m), the impulse λ (N s) of a closed contact
 // that sticks is that of an implicit spring and damper,
 //
-//   c_n λ_n = -h (g + h u_n) - h d c_n u_n        ⇔   u_n + c_n λ_n / (h (h + c_n d)) + g/(h + c_n
-//   d) = 0 c_t λ_t = -h (s + h u_t) - h d c_t u_t
+//   c_n λ_n = -h (g + h u_n) - h d c_n u_n
+//   c_t λ_t = -h (s + h u_t) - h d c_t u_t
+//
+// The first is the same as
+//
+//   u_n + c_n λ_n / (h (h + c_n d)) + g / (h + c_n d) = 0
 //
 // so that a compliance adds to the diagonal of the Delassus operator, and the gap to the
 // velocities. c = 0 is a rigid contact: it closes the gap, and removes an overlap, within the step.
 //
-// Once λ is known, the way s at the end of the step is
+// A contact that slips is that spring and damper in series with a slider of the speed w: u_t - w
+// takes the place of u_t. Either way, once λ is known, the spring at the end of the step is
 //
-//   stick   s⁺ = s + h u_t                   the anchor stays where it is on both sides
-//   slip    s⁺ = -c_t (λ_t / h + d u_t)      the spring carries what friction allows, no more
-//   open    s⁺ = 0                           nothing is remembered
+//   s⁺ = c_t (d s - λ_t) / (h + c_t d)
 //
-// (a return mapping, as in plasticity). Without s, contacts would creep under load.
+// (a return mapping, as in plasticity; where it sticks, this is s + h u_t). An open contact
+// remembers nothing, s⁺ = 0. Without s, contacts would creep under load.
 
 #include <array>
 #include <string_view>
@@ -79,7 +83,8 @@ struct ContactSample {
   Scalar damping = Scalar(0);
 
   /// The way s of A on B from where the contact stuck, m (world axes; its part along the normal is
-  /// ignored). At the start of the step; after a solve, at its end.
+  /// ignored). At the start of the step; after a solve, at its end. To solve the same step again,
+  /// start from a copy.
   Vector3<Scalar> offset = Vector3<Scalar>::Constant(Scalar(0));
   /// The impulse on A, N s (world axes); -impulse acts on B. Before a solve a guess, such as that
   /// of the last step; after it the answer.

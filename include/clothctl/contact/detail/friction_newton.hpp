@@ -115,7 +115,10 @@ void FrictionNewton<Scalar>::judge(const FrictionProblem<Scalar>& problem,
                                    FrictionReport<Scalar>& report) {
   const NaturalResidual<Scalar> now =
       problem.residual(lambda_, u_, limits.impulse_tolerance, limits.velocity_tolerance);
-  if (!is_finite(now.excess) || !(now.excess < report.residual.excess)) return;
+  if (!is_finite(now.excess) || !(now.excess < report.residual.excess)) {
+    if (!is_finite(report.residual.excess)) report.residual = now;  // nothing better was seen
+    return;
+  }
   report.residual = now;
   report.solved = now.excess <= Scalar(1);
   best_.head(3 * problem.contacts()) = lambda_.head(3 * problem.contacts());
