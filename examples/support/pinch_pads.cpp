@@ -1,5 +1,6 @@
 #include "support/pinch_pads.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -49,6 +50,7 @@ clothctl::Result<PinchPads> PinchPads::create(const clothctl::GridMesh<double>& 
   }
   out.solver_.reserve(kSamples, 3 * kSamples);
   out.contacts_.resize(kSamples);
+  out.vertices_.resize(kSamples);
   out.touched_.reserve(3 * kSamples);
   return out;
 }
@@ -83,6 +85,8 @@ bool PinchPads::solve(double dt, clothctl::ClothState<double>& state, Model::Wor
   if (response.attach(touched_, state, ws) != clothctl::StepStatus::Converged) return false;
   count_ = 0;
   for (auto& pad : pads_) {
+    for (const auto& contact : pad.contacts()) vertices_[count_++] = contact.a.point;
+    count_ -= pad.contacts().size();
     pad.number([&](int vertex) { return response.point(vertex); });
     for (const auto& contact : pad.contacts()) contacts_[count_++] = contact;
   }
@@ -101,21 +105,50 @@ bool PinchPads::solve(double dt, clothctl::ClothState<double>& state, Model::Wor
   return true;
 }
 
-std::optional<PinchPads::Vector> PinchPads::material_point(const Points& x, double t) {
-  clothctl::PadSettings<double> probe_settings;
-  probe_settings.reach = 0.02;
-  auto probe =
-      clothctl::PadContacts<double>::create({{pose(0, t, 1).position, Vector(0, 1, 0)}}, triangles_,
-                                            finder_.front(), 0, 1, probe_settings);
-  if (finder_.front().update(x) != QueryStatus::Answered ||
-      probe.value().update({}, finder_.front()) != QueryStatus::Answered ||
-      probe.value().contacts().empty())
-    return std::nullopt;
-  const auto& place = probe.value().contacts()[0].a;
-  Vector out = Vector::Zero();
-  for (std::size_t k = 0; k < 3; ++k)
-    out += place.weight[static_cast<Index>(k)] * rest_.col(place.point[k]);
+PinchPads::Points PinchPads::touched_at_rest() const {
+  Points out = Points::Constant(3, kSamples, std::nan(""));
+  for (std::size_t i = 0; i < count_; ++i) {
+    const auto& contact = contacts_[i];
+    Vector at = Vector::Zero();
+    for (std::size_t k = 0; k < 3; ++k)
+      at += contact.a.weight[static_cast<Index>(k)] * rest_.col(vertices_[i][k]);
+    out.col(4 * (contact.b.side - 1) + contact.b.point[0]) = at;
+  }
   return out;
+}
+
+PinchPads::Vector PinchPads::mean_offset() const {
+  Vector sum = Vector::Zero();
+  for (std::size_t i = 0; i < count_; ++i) sum += contacts_[i].offset;
+  return sum / std::max<double>(1, static_cast<double>(count_));
+}
+
+void PinchPads::mark() {
+  marked_ = touched_at_rest();
+  marked_offset_ = mean_offset();
+}
+
+double PinchPads::slip() const {
+  if (marked_.cols() == 0) return 0;
+  const Points ways = touched_at_rest() - marked_;
+  Vector sum = Vector::Zero();
+  double count = 0;
+  for (Index k = 0; k < kSamples; ++k) {
+    if (!ways.col(k).allFinite()) continue;
+    sum += ways.col(k);
+    ++count;
+  }
+  return sum.norm() / std::max(1.0, count) + (mean_offset() - marked_offset_).norm();
+}
+
+double PinchPads::sample_slip() const {
+  if (marked_.cols() == 0) return 0;
+  const Points ways = touched_at_rest() - marked_;
+  double most = 0;
+  for (Index k = 0; k < kSamples; ++k) {
+    if (ways.col(k).allFinite()) most = std::max(most, ways.col(k).norm());
+  }
+  return most;
 }
 
 double PinchPads::normal_force(double dt) const {

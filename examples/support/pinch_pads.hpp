@@ -3,7 +3,6 @@
 // Two pads of four samples that pinch a sheet near its upper left corner, from both sides.
 
 #include <array>
-#include <optional>
 #include <vector>
 
 #include "clothctl/cloth/mass_spring_impulses.hpp"
@@ -41,8 +40,14 @@ class PinchPads {
   /// impulses. Returns whether they could be applied.
   bool solve(double dt, clothctl::ClothState<double>& state, Model::Workspace& ws,
              clothctl::MassSpringImpulses<double>& response);
-  /// Returns the place at rest of the sheet's point between the pads at time t, if there is one.
-  std::optional<Vector> material_point(const Points& x, double t);
+  /// Remembers the points of the sheet that the samples touch now, for `slip`.
+  void mark();
+  /// Returns the way of the sheet between the pads from where it was marked: the mean of the
+  /// samples' ways on the undeformed sheet, and the change of their mean spring; m. 0 before
+  /// `mark`.
+  double slip() const;
+  /// Returns the largest way of the sheet under a single sample, m.
+  double sample_slip() const;
 
   const clothctl::ContactReport<double>& report() const { return report_; }
   clothctl::Index contact_count() const { return static_cast<clothctl::Index>(count_); }
@@ -57,12 +62,17 @@ class PinchPads {
  private:
   PinchPads() = default;
 
+  /// The mean stretch of the samples' springs, m.
+  Vector mean_offset() const;
+  /// The points at rest that the samples touch; not finite for a sample that touches nothing.
+  Points touched_at_rest() const;
   clothctl::RigidMotion<double> pose(std::size_t pad, double t, double dt) const;
 
   PinchMotion motion_;
   clothctl::PadSettings<double> settings_;
   std::vector<std::array<int, 3>> triangles_;
-  Points rest_;
+  Points rest_, marked_;
+  Vector marked_offset_ = Vector::Zero();
   Vector inside_ = Vector::Zero();
   std::vector<clothctl::SheetContactFinder<double>> finder_;
   std::vector<clothctl::PadContacts<double>> pads_;
@@ -70,6 +80,7 @@ class PinchPads {
   clothctl::ContactSolver<double> solver_;
   clothctl::ContactReport<double> report_;
   std::vector<clothctl::ContactSample<double>> contacts_;
+  std::vector<std::array<int, 3>> vertices_;  // of each contact
   std::vector<int> touched_;
   std::size_t count_ = 0;
 };
