@@ -239,7 +239,7 @@ TEST_CASE("two bodies that collide keep their momentum, and friction adds no ene
   solver.reserve(4, 4);
   double drift = 0, turn = 0, gain = -1;
   int solved = 0, slipped = 0;
-  const int runs = clothctl_test::trials(200, 2000);
+  const int runs = clothctl_test::trials(200, 2000, 40);
   for (int k = 0; k < runs; ++k) {
     const auto vector = [&](double size) {
       return Vector3<double>(random(-size, size), random(-size, size), random(-size, size));
@@ -358,7 +358,7 @@ TEMPLATE_TEST_CASE("random pinches obey Coulomb's law", "[contact]", float, doub
         int solved = 0;
         Violation<S> worst;
         ContactReport<S> last;
-        const int runs = clothctl_test::trials(20, 500);
+        const int runs = clothctl_test::trials(20, 500, 5);
         for (int k = 0; k < runs; ++k) {
           PinchSettings settings;
           settings.contacts = count;
