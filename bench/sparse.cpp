@@ -114,6 +114,23 @@ void solve_own(benchmark::State& state) {
   }
 }
 
+/// The rows and columns of the inverse of a square of vertices at a corner.
+template <class Scalar>
+void inverse_block(benchmark::State& state) {
+  const int n = static_cast<int>(state.range(0)), count = static_cast<int>(state.range(1));
+  const Sheet<Scalar> sheet(n, true);
+  BlockCholesky<Scalar> factor(sheet.matrix,
+                               nested_dissection<Scalar>(sheet.matrix, sheet.positions));
+  if (!factor.factorize(sheet.matrix)) state.SkipWithError("not positive definite");
+  int side = 1;
+  while (side * side < count) ++side;
+  std::vector<int> vertices;
+  for (int i = 0; i < count; ++i) vertices.push_back(i / side * n + i % side);
+  auto memory = factor.make_inverse_block_memory(count);
+  MatrixX<Scalar> block(3 * count, 3 * count);
+  for (auto _ : state) benchmark::DoNotOptimize(factor.inverse_block(vertices, memory, block));
+}
+
 template <class Scalar, int kLanes>
 void solve_eigen(benchmark::State& state) {
   const Sheet<Scalar> sheet(static_cast<int>(state.range(0)), state.range(1) != 0);
@@ -227,6 +244,12 @@ BENCHMARK(solve_own<double, 8>)->Apply(grids);
 BENCHMARK(solve_own<double, 16>)->Apply(grids);
 BENCHMARK(solve_eigen<double, 1>)->Apply(grids);
 BENCHMARK(solve_eigen<double, 16>)->Apply(grids);
+BENCHMARK(inverse_block<float>)
+    ->ArgsProduct({{33, 65}, {4, 9, 24, 48}})
+    ->Unit(benchmark::kMillisecond);
+BENCHMARK(inverse_block<double>)
+    ->ArgsProduct({{33, 65}, {4, 9, 24, 48}})
+    ->Unit(benchmark::kMillisecond);
 BENCHMARK(multiply_own<float>)->Apply(grids);
 BENCHMARK(order_and_analyse<float>)->Apply(grids);
 #if defined(CLOTHCTL_CHOLMOD)
