@@ -150,9 +150,9 @@ class ContactSolver {
   using Sample = ContactSample<Scalar>;
 
   /// Returns Solved, or why the contacts and sides are refused, and which contact.
-  ContactStatus check(std::span<const Sample> contacts, Sides sides, Index& contact) const;
+  ContactStatus refusal(std::span<const Sample> contacts, Sides sides, Index& contact) const;
   /// Returns Solved if a place is on a side that exists and its weights are finite.
-  static ContactStatus check(const ContactPlace<Scalar>& place, Sides sides);
+  static ContactStatus refusal(const ContactPlace<Scalar>& place, Sides sides);
   /// Builds the problem. Returns false when a side's answer is not finite.
   bool build(std::span<const Sample> contacts, Sides sides, const Scalar& dt);
   /// Sums up the impulses p of the contacts on the points of a side.
@@ -184,7 +184,7 @@ template <RealScalar Scalar>
 ContactReport<Scalar> ContactSolver<Scalar>::solve(Contacts contacts, const Scalar& dt,
                                                    Sides sides) {
   ContactReport<Scalar> report;
-  report.status = check(contacts, sides, report.contact);
+  report.status = refusal(contacts, sides, report.contact);
   if (!valid_ || !is_finite(dt) || !(Scalar(0) < dt)) report.status = ContactStatus::InvalidInput;
   if (report.status != ContactStatus::Solved) return report;
   if (!build(contacts, sides, dt)) {
@@ -220,7 +220,7 @@ ContactReport<Scalar> ContactSolver<Scalar>::solve(Contacts contacts, const Scal
 }
 
 template <RealScalar Scalar>
-ContactStatus ContactSolver<Scalar>::check(const ContactPlace<Scalar>& place, Sides sides) {
+ContactStatus ContactSolver<Scalar>::refusal(const ContactPlace<Scalar>& place, Sides sides) {
   if (place.side == -1) return ContactStatus::Solved;
   if (place.side < 0 || static_cast<std::size_t>(place.side) >= sides.size())
     return ContactStatus::WrongSize;
@@ -237,8 +237,8 @@ ContactStatus ContactSolver<Scalar>::check(const ContactPlace<Scalar>& place, Si
 }
 
 template <RealScalar Scalar>
-ContactStatus ContactSolver<Scalar>::check(std::span<const Sample> contacts, Sides sides,
-                                           Index& contact) const {
+ContactStatus ContactSolver<Scalar>::refusal(std::span<const Sample> contacts, Sides sides,
+                                             Index& contact) const {
   if (static_cast<Index>(contacts.size()) > problem_.capacity()) return ContactStatus::WrongSize;
   for (const ImpulseResponseRef<Scalar>& side : sides) {
     if (side.point_count() > points_) return ContactStatus::WrongSize;
@@ -247,7 +247,7 @@ ContactStatus ContactSolver<Scalar>::check(std::span<const Sample> contacts, Sid
     const Sample& c = contacts[i];
     contact = static_cast<Index>(i);
     for (const ContactPlace<Scalar>* place : {&c.a, &c.b}) {
-      const ContactStatus status = check(*place, sides);
+      const ContactStatus status = refusal(*place, sides);
       if (status != ContactStatus::Solved) return status;
     }
     bool good = is_finite(c.gap) && all_finite(c.normal) && all_finite(c.drift) &&
@@ -334,7 +334,7 @@ void ContactSolver<Scalar>::gather(std::span<const Sample> contacts, int side,
 template <RealScalar Scalar>
 ContactStatus ContactSolver<Scalar>::apply(std::span<const Sample> contacts, Sides sides) {
   Index contact = -1;
-  const ContactStatus status = check(contacts, sides, contact);
+  const ContactStatus status = refusal(contacts, sides, contact);
   if (status != ContactStatus::Solved) return status;
   for (const bool change : {false, true}) {  // all sums are tested before the first side changes
     for (std::size_t s = 0; s < sides.size(); ++s) {

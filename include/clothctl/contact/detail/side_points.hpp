@@ -49,19 +49,19 @@ template <RealScalar Scalar>
 bool invert_inertia(const Matrix3<Scalar>& inertia, Matrix3<Scalar>& inverse) {
   using std::abs;
   if (!all_finite(inertia)) return false;
-  const Matrix3<Scalar> I = Scalar(0.5) * (inertia + inertia.transpose());
+  const Matrix3<Scalar> J = Scalar(0.5) * (inertia + inertia.transpose());
   Scalar largest(0), skew(0);
   for (int i = 0; i < 3; ++i) {
     for (int j = 0; j < 3; ++j) {
-      if (largest < abs(I(i, j))) largest = abs(I(i, j));
-      if (skew < abs(inertia(i, j) - I(i, j))) skew = abs(inertia(i, j) - I(i, j));
+      if (largest < abs(J(i, j))) largest = abs(J(i, j));
+      if (skew < abs(inertia(i, j) - J(i, j))) skew = abs(inertia(i, j) - J(i, j));
     }
   }
   if (Scalar(1e-5) * largest < skew) return false;
-  const Vector3<Scalar> a = I.col(0), b = I.col(1), c = I.col(2);
+  const Vector3<Scalar> a = J.col(0), b = J.col(1), c = J.col(2);
   const Vector3<Scalar> bc = b.cross(c), ca = c.cross(a), ab = a.cross(b);
   const Scalar det = a.dot(bc), tiny = scalar_traits<Scalar>::epsilon();
-  const bool positive = Scalar(0) < I(0, 0) && Scalar(0) < ab[2] &&
+  const bool positive = Scalar(0) < J(0, 0) && Scalar(0) < ab[2] &&
                         Scalar(8) * tiny * largest * largest * largest < det;
   if (!positive) return false;
   Matrix3<Scalar> out;
