@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "clothctl/contact/contact_solver.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/sheet.hpp"
@@ -169,14 +168,12 @@ TEST_CASE("impulses change the momentum of a free sheet by their sum", "[cloth]"
 }
 
 TEST_CASE("the velocities of a response are those of the positions", "[cloth]") {
-  // What bounds the energy of a step scales the velocities of the state afterwards.
-  Scene<double> scene;
-  scene.settings.limit_energy = true;
-  scene.start.positions += noise<double>(7, 49, 0.02);
+  const Scene<double> scene;
   const MassSpring<double> model = scene.model();
   auto ws = model.make_workspace();
   ClothState<double> state = scene.start;
   REQUIRE(model.step(state, {}, scene.dt, ws).advanced);
+  state.velocities *= 0.5;  // as a step does that takes energy out of the velocities afterwards
   auto response = MassSpringImpulses<double>::create(model, 7).value();
   REQUIRE(response.attach(scene.touched, state, ws) == StepStatus::Converged);
   response.apply(impulses(scene, 1e-3));
@@ -228,120 +225,4 @@ TEST_CASE("a response refuses what is not its step, and changes nothing", "[clot
   CHECK(MassSpringImpulses<double>::create(iterative.model(), 3).error().find("conjugate") !=
         std::string::npos);
   CHECK_FALSE(MassSpringImpulses<double>::create(model, -1));
-}
-
-namespace {
-
-/// Pads of soft fingertips that press a corner of a sheet from both sides and shake it.
-struct Pinch {
-  int n;
-  double pulp = 2000, friction = 0.6, force = 3.3, dt = 0.02;
-  double amplitude = 0;  // of 2 Hz along x, m
-
-  /// What a run shows: the largest way of a contact from where it stuck, m; the share of friction
-  /// that the contacts use in the last step; whether the sheet fell.
-  struct Outcome {
-    double slip = 0, use = 0, fall = 0, residual = 0;
-    bool solved = true;
-  };
-
-  Outcome run(double seconds, Integration integration) const {
-    Outcome outcome;
-    const auto grid = make_grid<double>(n, n, 0.5, 0.5).value();
-    SpringNetwork<double> network = sheet_network(grid, Material<double>{}).value();
-    MassSpringSettings<double> settings;
-    settings.integration = integration;
-    settings.limit_energy = false;
-    settings.drag = 0.5;
-    const auto model = MassSpring<double>::create(network, settings).value();
-    auto ws = model.make_workspace();
-    ClothState<double> state = model.rest_state();
-    // Two pads of four samples in the upper left corner cell; the sheet lies in y = 0, z is up.
-    const int row = n - 2;
-    const std::array<int, 4> cell{grid.vertex(row, 0), grid.vertex(row, 1), grid.vertex(row + 1, 0),
-                                  grid.vertex(row + 1, 1)};
-    auto response = MassSpringImpulses<double>::create(model, 4).value();
-    ContactSolver<double> solver;
-    solver.reserve(8, 4);
-    std::vector<ContactSample<double>> contacts;
-    std::vector<Vector3<double>> samples;
-    const double overlap = force / (4 * pulp);
-    for (const double side : {1.0, -1.0}) {
-      for (const double u : {0.3, 0.7}) {
-        for (const double w : {0.2, 0.6}) {
-          ContactSample<double> c;
-          c.a.side = 0;
-          c.a.point = {0, 1, 2};
-          c.a.weight = {1 - u - w * (1 - u), u, w * (1 - u)};
-          c.normal = {0, side, 0};
-          c.friction = friction;
-          c.compliance = c.tangential_compliance = 1 / pulp;
-          c.damping = 1;
-          Vector3<double> x = Vector3<double>::Zero();
-          for (Index k = 0; k < 3; ++k)
-            x += c.a.weight[k] * state.positions.col(cell[static_cast<std::size_t>(k)]);
-          samples.push_back(x + side * Vector3<double>(0, overlap, 0));
-          contacts.push_back(c);
-        }
-      }
-    }
-    const double omega = 2 * std::acos(-1.0) * 2;
-    const auto shaken = [&](double t) { return amplitude * (1 - std::cos(omega * t)); };
-    const int steps = static_cast<int>(seconds / dt);
-    for (int k = 0; k < steps; ++k) {
-      const double now = k * dt;
-      const Vector3<double> drift((shaken(now + dt) - shaken(now)) / dt, 0, 0);
-      for (std::size_t i = 0; i < contacts.size(); ++i) {
-        Vector3<double> x = Vector3<double>::Zero();
-        for (Index m = 0; m < 3; ++m)
-          x += contacts[i].a.weight[m] * state.positions.col(cell[static_cast<std::size_t>(m)]);
-        const Vector3<double> pad = samples[i] + Vector3<double>(shaken(now), 0, 0);
-        contacts[i].gap = contacts[i].normal.dot(x - pad);
-        contacts[i].drift = drift;
-      }
-      if (!model.step(state, {}, dt, ws).advanced) return outcome;
-      if (response.attach(cell, state, ws) != StepStatus::Converged) return outcome;
-      const auto report = solver.solve(contacts, dt, response);
-      outcome.solved = outcome.solved && report.status == ContactStatus::Solved;
-      outcome.residual = std::max(outcome.residual, report.force_residual);
-      if (solver.apply(contacts, response) != ContactStatus::Solved) return outcome;
-      double tangential = 0, normal = 0;
-      for (const ContactSample<double>& c : contacts) {
-        outcome.slip = std::max(outcome.slip, c.offset.norm());
-        const double lift = c.impulse.dot(c.normal);
-        normal += lift;
-        tangential += (c.impulse - lift * c.normal).norm();
-      }
-      outcome.use = tangential / (friction * std::max(normal, 1e-30));
-    }
-    outcome.fall = network.rest_positions(2, cell[0]) - state.positions(2, cell[0]);
-    return outcome;
-  }
-};
-
-}  // namespace
-
-TEST_CASE("soft pads hold the corner of a sheet that hangs and is shaken", "[cloth]") {
-  for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
-    for (const double dt : {0.02, 0.01}) {
-      Pinch pinch{9};
-      pinch.dt = dt;
-      pinch.amplitude = 0.08;
-      const Pinch::Outcome held = pinch.run(1.5, integration);
-      CHECK(held.solved);
-      CHECK(held.slip < 1e-3);
-      CHECK(held.slip > 1e-5);  // the spring of the pulp carries the load
-      CHECK(held.fall < 2e-3);
-      CHECK(held.use < 1.0);
-    }
-  }
-}
-
-TEST_CASE("a sheet slides out between pads that press too little", "[cloth]") {
-  Pinch pinch{9};
-  pinch.force = 0.2;  // below m g / 2 μ = 0.41 N
-  const Pinch::Outcome lost = pinch.run(0.3, Integration::LinearlyImplicit);
-  CHECK(lost.solved);
-  CHECK(lost.fall > 0.05);
-  CHECK(std::abs(lost.use - 1.0) < 0.01);
 }

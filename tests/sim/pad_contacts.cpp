@@ -263,6 +263,7 @@ TEST_CASE("two soft pads hold a corner of a sheet that is shaken and turned", "[
       CAPTURE(shaken.slid, dt);
       CHECK(shaken.slip < 1e-3);
       CHECK(shaken.stretched > 1e-5);
+      CHECK(shaken.ratio < pinch.friction);
       CHECK(shaken.fall < 2e-3);
     }
   }

@@ -12,7 +12,6 @@
 // p/h. After Newton's method A is the exact step matrix at the end of the step, or its projection
 // where that is not definite, and the answer is one Newton step from there.
 
-#include <algorithm>
 #include <cassert>
 #include <cstddef>
 #include <span>
