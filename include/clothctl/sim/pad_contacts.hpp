@@ -122,8 +122,6 @@ class PadContacts {
   Scalar slid(std::size_t i) const { return memory_[i].slid; }
   /// Returns whether sample i touches or nearly touches the sheet.
   bool touches(std::size_t i) const { return memory_[i].triangle[0] >= 0; }
-  /// Returns the force on the sheet in the last step of `dt` (s), N.
-  Vector3<Scalar> force(const Scalar& dt) const;
 
  private:
   struct Memory {
@@ -358,13 +356,6 @@ void PadContacts<Scalar>::keep() {
     memory.impulse = active_[k].impulse;
     memory.state = active_[k].state;
   }
-}
-
-template <RealScalar Scalar>
-Vector3<Scalar> PadContacts<Scalar>::force(const Scalar& dt) const {
-  Vector3<Scalar> sum = Vector3<Scalar>::Constant(Scalar(0));
-  for (const ContactSample<Scalar>& contact : active_) sum += contact.impulse;
-  return sum / dt;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI
