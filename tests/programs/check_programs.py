@@ -786,9 +786,6 @@ def check_bad_hands(programs, bad, file):
 
 
 def check_sewing(programs, folder):
-    bad("pads without force", ["--force", "0"], "--force", 0, program=programs / "pinch")
-    bad("pads that do not reach", ["--force", "10 N"], "--force", 20, program=programs / "pinch")
-    bad("sheet below the pads", ["--size", "0.05"], "--size", 0.02, program=programs / "pinch")
     sew = programs / "sew_tshirt"
     keys = ["status", "vertices", "sew_frames", "seam_gap_mm", "vertices_sewn", "boundary_loops",
             "mass_kg", "stretch_max", "stretch_mean", "speed_max", "frame_ms", "real_time_factor"]
@@ -889,6 +886,9 @@ def check_bad_input(programs, folder):
     bad("cut that misses", ["--cut", "no edge"], "--cut", "2,2,3,3", program=programs / "tear")
     bad("cut NaN", ["point 1 of the cut"], "--cut", "0.5,0.5,nan,0.5", program=programs / "tear")
     bad("limit below zero", ["--limit", "-1"], "--limit", -1, program=programs / "tear")
+    bad("pads without force", ["--force", "0"], "--force", 0, program=programs / "pinch")
+    bad("pads that do not reach", ["--force", "10 N"], "--force", 20, program=programs / "pinch")
+    bad("sheet below the pads", ["--size", "0.05"], "--size", 0.02, program=programs / "pinch")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     sew = programs / "sew_tshirt"
     bad("edges of no length", ["--edge-length", "0"], "--edge-length", 0, program=sew)
