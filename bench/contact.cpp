@@ -8,13 +8,13 @@
 #include <random>
 #include <vector>
 
-#include "clothctl/contact/collider_union.hpp"
+#include "clothctl/collision/collider_union.hpp"
+#include "clothctl/collision/mesh_collider.hpp"
+#include "clothctl/collision/moving_collider.hpp"
+#include "clothctl/collision/shapes.hpp"
+#include "clothctl/collision/sheet_contacts.hpp"
 #include "clothctl/contact/contact_solver.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
-#include "clothctl/contact/mesh_collider.hpp"
-#include "clothctl/contact/moving_collider.hpp"
-#include "clothctl/contact/shapes.hpp"
-#include "clothctl/contact/sheet_contacts.hpp"
 
 namespace {
 

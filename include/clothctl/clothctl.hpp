@@ -4,6 +4,7 @@
 // library of their own.
 
 #include "clothctl/cloth.hpp"
+#include "clothctl/collision.hpp"
 #include "clothctl/concepts.hpp"
 #include "clothctl/config.hpp"
 #include "clothctl/contact.hpp"

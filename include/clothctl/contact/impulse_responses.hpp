@@ -14,9 +14,9 @@
 #include <span>
 #include <string>
 
+#include "clothctl/collision/moving_collider.hpp"
 #include "clothctl/concepts/impulse_response.hpp"
 #include "clothctl/contact/detail/side_points.hpp"
-#include "clothctl/contact/moving_collider.hpp"
 #include "clothctl/core/result.hpp"
 
 #include <Eigen/Geometry>

@@ -27,9 +27,9 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/collision/moving_collider.hpp"
+#include "clothctl/collision/sheet_contacts.hpp"
 #include "clothctl/contact/contact_solver.hpp"
-#include "clothctl/contact/moving_collider.hpp"
-#include "clothctl/contact/sheet_contacts.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 

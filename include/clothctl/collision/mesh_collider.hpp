@@ -26,8 +26,8 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/contact/detail/convex_hull.hpp"
-#include "clothctl/contact/detail/triangle_tree.hpp"
+#include "clothctl/collision/detail/convex_hull.hpp"
+#include "clothctl/collision/detail/triangle_tree.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

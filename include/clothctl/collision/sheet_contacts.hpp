@@ -20,9 +20,9 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/contact/detail/deepest_point.hpp"
-#include "clothctl/contact/detail/sheet_tree.hpp"
-#include "clothctl/contact/detail/single_query.hpp"
+#include "clothctl/collision/detail/deepest_point.hpp"
+#include "clothctl/collision/detail/sheet_tree.hpp"
+#include "clothctl/collision/detail/single_query.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 

@@ -1,14 +1,14 @@
 // The basic shapes: the laws, analytic distances against dense samples of the surface, degenerate
 // places (centre, axis, faces, corners), sweeps of needles, and what is refused.
 
-#include "clothctl/contact/shapes.hpp"
+#include "clothctl/collision/shapes.hpp"
 
 #include <cmath>
 #include <limits>
 #include <random>
 #include <string>
 
-#include "clothctl/contact/detail/basic_shape.hpp"
+#include "clothctl/collision/detail/basic_shape.hpp"
 #include "clothctl/math/rotation.hpp"
 #include "laws/collider_laws.hpp"
 #include "support/catch.hpp"

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <string>
 
-#include "clothctl/contact/detail/convex_sweep.hpp"
-#include "clothctl/contact/detail/direction.hpp"
+#include "clothctl/collision/detail/convex_sweep.hpp"
+#include "clothctl/collision/detail/direction.hpp"
 #include "clothctl/core/number_text.hpp"
 
 #include <Eigen/Geometry>

@@ -1,6 +1,6 @@
 // Lengths and directions over the whole range of a scalar.
 
-#include "clothctl/contact/detail/direction.hpp"
+#include "clothctl/collision/detail/direction.hpp"
 
 #include <cmath>
 #include <limits>

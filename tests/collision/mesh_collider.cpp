@@ -1,14 +1,14 @@
 // Meshes, hulls and grids: the laws, distances and signs against all triangles in long double, what
 // a hull must satisfy, the stated error of a grid, and what is refused.
 
-#include "clothctl/contact/mesh_collider.hpp"
+#include "clothctl/collision/mesh_collider.hpp"
 
 #include <cmath>
 #include <limits>
 #include <random>
 #include <string>
 
-#include "clothctl/contact/shapes.hpp"
+#include "clothctl/collision/shapes.hpp"
 #include "clothctl/math/rotation.hpp"
 #include "laws/collider_laws.hpp"
 #include "support/catch.hpp"

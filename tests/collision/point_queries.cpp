@@ -1,6 +1,6 @@
 // Batches from single points, and what the surface of a collider may be.
 
-#include "clothctl/contact/detail/point_queries.hpp"
+#include "clothctl/collision/detail/point_queries.hpp"
 
 #include <limits>
 

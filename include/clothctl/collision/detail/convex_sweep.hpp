@@ -13,7 +13,7 @@
 
 #include <cmath>
 
-#include "clothctl/contact/detail/point_queries.hpp"
+#include "clothctl/collision/detail/point_queries.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

@@ -17,7 +17,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "clothctl/contact/detail/direction.hpp"
+#include "clothctl/collision/detail/direction.hpp"
 #include "clothctl/core/types.hpp"
 
 #include <Eigen/Geometry>

@@ -1,12 +1,12 @@
 // Unions: the laws, the least distance of the parts, parts of several types, and what is refused.
 
-#include "clothctl/contact/collider_union.hpp"
+#include "clothctl/collision/collider_union.hpp"
 
 #include <random>
 
 #include "archetypes/collider.hpp"
-#include "clothctl/contact/moving_collider.hpp"
-#include "clothctl/contact/shapes.hpp"
+#include "clothctl/collision/moving_collider.hpp"
+#include "clothctl/collision/shapes.hpp"
 #include "laws/collider_laws.hpp"
 #include "support/catch.hpp"
 #include "support/solids.hpp"

@@ -20,7 +20,7 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/contact/detail/basic_shape.hpp"
+#include "clothctl/collision/detail/basic_shape.hpp"
 #include "clothctl/core/result.hpp"
 
 #include <Eigen/Geometry>

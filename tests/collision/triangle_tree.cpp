@@ -1,7 +1,7 @@
 // The tree of triangles: all triangles are in it, its sweeps pass nothing, its boxes are entered at
 // the right time.
 
-#include "clothctl/contact/detail/triangle_tree.hpp"
+#include "clothctl/collision/detail/triangle_tree.hpp"
 
 #include <cmath>
 #include <random>

@@ -1,7 +1,7 @@
 // The closest point of a triangle: against long double, for thin triangles and far points, and the
 // features that it names.
 
-#include "clothctl/contact/detail/triangle_point.hpp"
+#include "clothctl/collision/detail/triangle_point.hpp"
 
 #include <cmath>
 #include <limits>

@@ -1,6 +1,6 @@
 // Queries of one point: the answers of the batch, without allocation, for any collider.
 
-#include "clothctl/contact/detail/single_query.hpp"
+#include "clothctl/collision/detail/single_query.hpp"
 
 #include <limits>
 

@@ -1,6 +1,6 @@
 // What basic shapes share: checks of sizes, points and rotations, and orthogonal directions.
 
-#include "clothctl/contact/detail/basic_shape.hpp"
+#include "clothctl/collision/detail/basic_shape.hpp"
 
 #include <limits>
 #include <random>

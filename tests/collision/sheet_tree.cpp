@@ -1,6 +1,6 @@
 // The parts of a sheet, each once, and the boxes of the tree over them.
 
-#include "clothctl/contact/detail/sheet_tree.hpp"
+#include "clothctl/collision/detail/sheet_tree.hpp"
 
 #include <algorithm>
 #include <random>

@@ -1,15 +1,15 @@
 // Colliders that move as rigid bodies: the laws, the same answers in every frame, velocities,
 // sweeps against rotating bodies, and what is refused.
 
-#include "clothctl/contact/moving_collider.hpp"
+#include "clothctl/collision/moving_collider.hpp"
 
 #include <cmath>
 #include <limits>
 #include <random>
 
-#include "clothctl/contact/collider_union.hpp"
-#include "clothctl/contact/mesh_collider.hpp"
-#include "clothctl/contact/shapes.hpp"
+#include "clothctl/collision/collider_union.hpp"
+#include "clothctl/collision/mesh_collider.hpp"
+#include "clothctl/collision/shapes.hpp"
 #include "laws/collider_laws.hpp"
 #include "support/catch.hpp"
 #include "support/solids.hpp"

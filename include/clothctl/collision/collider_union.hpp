@@ -13,8 +13,8 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/contact/detail/point_queries.hpp"
-#include "clothctl/contact/detail/single_query.hpp"
+#include "clothctl/collision/detail/point_queries.hpp"
+#include "clothctl/collision/detail/single_query.hpp"
 #include "clothctl/core/result.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {

@@ -14,9 +14,9 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/contact/detail/closed_mesh.hpp"
-#include "clothctl/contact/detail/convex_sweep.hpp"
-#include "clothctl/contact/detail/triangle_point.hpp"
+#include "clothctl/collision/detail/closed_mesh.hpp"
+#include "clothctl/collision/detail/convex_sweep.hpp"
+#include "clothctl/collision/detail/triangle_point.hpp"
 #include "clothctl/core/longest_axis.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {

@@ -1,7 +1,7 @@
 // The time of impact with a convex solid: exact where it is known, never late, and few steps beside
 // a surface.
 
-#include "clothctl/contact/detail/convex_sweep.hpp"
+#include "clothctl/collision/detail/convex_sweep.hpp"
 
 #include <cmath>
 

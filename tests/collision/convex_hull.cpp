@@ -1,7 +1,7 @@
 // Convex hulls: exact sides on the lattice, closed and oriented triangles that hold all points, and
 // points on common planes and lines.
 
-#include "clothctl/contact/detail/convex_hull.hpp"
+#include "clothctl/collision/detail/convex_hull.hpp"
 
 #include <cmath>
 #include <random>

@@ -1,7 +1,7 @@
 // The search for the least distance on a segment and on a triangle: smooth minima, kinks, minima on
 // the border, and how many points it takes.
 
-#include "clothctl/contact/detail/deepest_point.hpp"
+#include "clothctl/collision/detail/deepest_point.hpp"
 
 #include <cmath>
 #include <functional>

@@ -13,7 +13,7 @@
 #include <string>
 #include <utility>
 
-#include "clothctl/contact/detail/basic_shape.hpp"
+#include "clothctl/collision/detail/basic_shape.hpp"
 #include "clothctl/core/result.hpp"
 
 #include <Eigen/Geometry>

@@ -1,6 +1,6 @@
 // Pseudonormals of closed meshes, and the fans of their vertices.
 
-#include "clothctl/contact/detail/closed_mesh.hpp"
+#include "clothctl/collision/detail/closed_mesh.hpp"
 
 #include <cmath>
 

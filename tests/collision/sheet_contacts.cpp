@@ -1,7 +1,7 @@
 // Contacts of sheets: vertices, and points inside edges and triangles, against dense samples of the
 // sheet; the broad phase against all boxes; memory, repetition and refusals.
 
-#include "clothctl/contact/sheet_contacts.hpp"
+#include "clothctl/collision/sheet_contacts.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -9,10 +9,10 @@
 #include <random>
 
 #include "archetypes/collider.hpp"
-#include "clothctl/contact/collider_union.hpp"
-#include "clothctl/contact/mesh_collider.hpp"
-#include "clothctl/contact/moving_collider.hpp"
-#include "clothctl/contact/shapes.hpp"
+#include "clothctl/collision/collider_union.hpp"
+#include "clothctl/collision/mesh_collider.hpp"
+#include "clothctl/collision/moving_collider.hpp"
+#include "clothctl/collision/shapes.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "laws/collider_laws.hpp"
 #include "support/allocations.hpp"

@@ -17,8 +17,8 @@
 #include <string>
 #include <utility>
 
-#include "clothctl/contact/detail/basic_shape.hpp"
-#include "clothctl/contact/detail/single_query.hpp"
+#include "clothctl/collision/detail/basic_shape.hpp"
+#include "clothctl/collision/detail/single_query.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/math/rotation.hpp"
 

@@ -19,8 +19,8 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/contact/detail/basic_shape.hpp"
-#include "clothctl/contact/detail/triangle_point.hpp"
+#include "clothctl/collision/detail/basic_shape.hpp"
+#include "clothctl/collision/detail/triangle_point.hpp"
 #include "clothctl/mesh/topology.hpp"
 
 #include <Eigen/Geometry>
