@@ -89,8 +89,8 @@ class MassSpring {
   /// Returns the state of the undeformed body at rest. Allocates.
   State rest_state() const;
 
-  /// Makes the memory of a step of this model. Allocates.
-  Workspace make_workspace() const;
+  /// Makes the memory of a step of this model, with room for a number of contacts. Allocates.
+  Workspace make_workspace(Index contacts = 0) const;
 
   /// Returns why `step` would refuse these arguments: one line that names the item, its index and
   /// the bad value. Returns an empty string when they are good. Allocates. Complexity: O(vertices).
@@ -103,7 +103,21 @@ class MassSpring {
   /// Complexity: O(n^1.5) a factorisation on a sheet of n vertices, one for a single linear solve
   /// and a few for Newton; conjugate gradients O(n) an iteration.
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
-                                        Workspace& ws) const;
+                                        Workspace& ws) const {
+    return step_with(nullptr, state, input, dt, ws);
+  }
+
+  /// The same with contacts that were listed for `state` and `dt`. They act as implicitly as all
+  /// other forces (detail/contact_springs.hpp). Writes their impulses, states and report. `ws` must
+  /// have room for them. The status is also IterationLimit when their forces have not settled: the
+  /// report says how far. InvalidInput: another step length than theirs, or a vertex off the mesh.
+  /// InvalidWorkspace: no room. Complexity: a single linear solve takes a few solves with its
+  /// factor more while states of contacts change.
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input,
+                                        ObstacleContacts<Scalar>& contacts, Scalar dt,
+                                        Workspace& ws) const {
+    return step_with(&contacts, state, input, dt, ws);
+  }
 
   /// Writes the forces that made `vertices` follow their prescribed motion in the last step with
   /// this workspace, 3×vertices.size(), N: the force that a hand must exert on each. Every vertex
@@ -135,6 +149,13 @@ class MassSpring {
 
  private:
   friend struct detail::StepParts<Scalar>;
+
+  /// A step with contacts, unless they are null.
+  StepReport<Scalar> step_with(ObstacleContacts<Scalar>* contacts, State& state,
+                               const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const;
+  /// Solves a step that `prepare` has prepared.
+  StepReport<Scalar> solve_step(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                                Workspace& ws) const;
 
   /// Returns true when this model, or one of the same structure, made the workspace.
   bool fits(const Workspace& ws) const;
@@ -203,8 +224,9 @@ auto MassSpring<S>::rest_state() const -> State {
 }
 
 template <RealScalar S>
-auto MassSpring<S>::make_workspace() const -> Workspace {
+auto MassSpring<S>::make_workspace(Index contacts) const -> Workspace {
   Workspace ws;
+  ws.contact_springs.reserve(static_cast<std::size_t>(contacts));
   ws.structure = structure_;
   ws.reserve(network_, pattern_.matrix(), tree_, air_count());
   return ws;
@@ -218,11 +240,26 @@ std::string MassSpring<S>::check_input(const State& state, const ClothInput<Scal
 }
 
 template <RealScalar S>
-auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar dt,
-                         Workspace& ws) const -> StepReport<Scalar> {
-  const StepStatus refused = refuse(state, input, dt, ws);
+auto MassSpring<S>::step_with(ObstacleContacts<Scalar>* contacts, State& state,
+                              const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const
+    -> StepReport<Scalar> {
+  StepStatus refused = refuse(state, input, dt, ws);
+  if (refused == StepStatus::Converged && contacts != nullptr)
+    refused = detail::check_contacts(*contacts, dt, vertex_count(), ws.contact_springs.capacity());
   if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
   prepare(state, input, dt, ws);
+  if (contacts == nullptr || contacts->contacts().empty()) return solve_step(state, input, dt, ws);
+  detail::ContactSprings<Scalar> springs(*contacts, ws.contact_springs, network_.mass, dt);
+  ws.contacts = &springs;
+  const StepReport<Scalar> report = solve_step(state, input, dt, ws);
+  ws.contacts = nullptr;
+  if (report.advanced) springs.store(ws.velocity, contacts->report());
+  return report;
+}
+
+template <RealScalar S>
+auto MassSpring<S>::solve_step(State& state, const ClothInput<Scalar>& input, Scalar dt,
+                               Workspace& ws) const -> StepReport<Scalar> {
   detail::StepSolver<Scalar> steps = solver(state, dt, ws);
   const detail::NewtonLimits<Scalar> limits{velocity_tolerance(), settings_.max_iterations,
                                             Scalar(1), Scalar(0)};
@@ -237,6 +274,7 @@ auto MassSpring<S>::step(State& state, const ClothInput<Scalar>& input, Scalar d
     }
     steps.remove_energy(balance);
   }
+  if (advances && !ws.linear) steps.close_contacts();
   return finish(state, input, dt, report, ws);
 }
 
@@ -273,7 +311,10 @@ StepStatus MassSpring<S>::factorize_step(const State& state, Workspace& ws) cons
   if (!fits(ws) || !ws.advanced || settings_.linear_solver != LinearSolver::Factor)
     return StepStatus::InvalidWorkspace;
   if (state.positions.cols() != n || state.velocities.cols() != n) return StepStatus::InvalidState;
-  if (ws.linear) return StepStatus::Converged;
+  if (ws.linear) {
+    if (!ws.factor_is_current) ws.factor_is_current = ws.factor.factorize(ws.matrix, ws.held);
+    return ws.factor_is_current ? StepStatus::Converged : StepStatus::NumericalFailure;
+  }
   for (const Scalar& compression : {Scalar(1), Scalar(0)}) {
     if (solver(state, ws.dt, ws).factorize_at(state.positions, compression))
       return StepStatus::Converged;

@@ -43,6 +43,7 @@
 #include "clothctl/cloth/detail/batch_sheet.hpp"
 #include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/limited_sweeps.hpp"
+#include "clothctl/cloth/detail/position_contacts.hpp"
 #include "clothctl/cloth/detail/slow_motion.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/position_based_settings.hpp"
@@ -66,6 +67,8 @@ struct PositionBasedWorkspace {
   VectorX<Scalar> inverse_mass;
   /// Springs between vertices and points of the input.
   detail::Attachments<Scalar> attachments;
+  /// Room for the contacts of a step.
+  detail::ContactPlaneList<Scalar> contacts;
   /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
   Points<Scalar> positions, velocities;
   /// What is slow in the step at hand, with a limit of stretch.
@@ -113,8 +116,8 @@ class PositionBased {
   /// Returns the state of the undeformed sheet at rest. Allocates.
   State rest_state() const;
 
-  /// Makes the memory of a step of this model. Allocates.
-  Workspace make_workspace() const;
+  /// Makes the memory of a step of this model, with room for a number of contacts. Allocates.
+  Workspace make_workspace(Index contacts = 0) const;
 
   /// Returns why `step` would refuse these arguments: one line that names the item, its index and
   /// the bad value. Returns an empty string when they are good. Allocates. Complexity: O(vertices).
@@ -129,7 +132,7 @@ class PositionBased {
   /// O(substeps × iterations × constraints).
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
                                         Workspace& ws) const {
-    return step_with({}, state, input, dt, ws);
+    return step_with({}, nullptr, state, input, dt, ws);
   }
 
   /// The same with the threads of `executor`, and the same bits. Parts of the sheet run at the same
@@ -139,7 +142,24 @@ class PositionBased {
   template <Executor E>
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input, Scalar dt,
                                         Workspace& ws, E& executor) const {
-    return step_with(ExecutorRef(executor), state, input, dt, ws);
+    return step_with(ExecutorRef(executor), nullptr, state, input, dt, ws);
+  }
+
+  /// A step with contacts that were listed for `state` and `dt`: each substep ends with them
+  /// (detail/position_contacts.hpp). Writes their impulses, states and report. `ws` must have room
+  /// for them. InvalidInput: another step length than theirs, or a vertex off the mesh.
+  /// InvalidWorkspace: no room.
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input,
+                                        ObstacleContacts<Scalar>& contacts, Scalar dt,
+                                        Workspace& ws) const {
+    return step_with({}, &contacts, state, input, dt, ws);
+  }
+  /// The same with the threads of `executor`; the contacts run on the calling thread.
+  template <Executor E>
+  [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input,
+                                        ObstacleContacts<Scalar>& contacts, Scalar dt,
+                                        Workspace& ws, E& executor) const {
+    return step_with(ExecutorRef(executor), &contacts, state, input, dt, ws);
   }
 
  private:
@@ -150,14 +170,16 @@ class PositionBased {
 
   PositionBased(SpringNetwork<Scalar> network, PositionBasedSettings<Scalar> settings);
 
-  StepReport<Scalar> step_with(const ExecutorRef& executor, State& state,
+  /// Contacts may be null.
+  using Contacts = ObstacleContacts<Scalar>;
+  StepReport<Scalar> step_with(const ExecutorRef& executor, Contacts* contacts, State& state,
                                const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const;
 
   /// A step on one of the two layouts.
   template <class Sheet>
-  StepReport<Scalar> advance(const Sheet& sheet, typename Sheet::Scratch& memory, State& state,
-                             const ClothInput<Scalar>& input, const Scalar& dt,
-                             Workspace& ws) const;
+  StepReport<Scalar> advance(const Sheet& sheet, typename Sheet::Scratch& memory,
+                             Contacts* contacts, State& state, const ClothInput<Scalar>& input,
+                             const Scalar& dt, Workspace& ws) const;
 
   /// Copies the state and computes what is constant over the step.
   template <class Sheet>
@@ -174,9 +196,10 @@ class PositionBased {
                const ClothInput<Scalar>& input, int part, const Scalar& h, Workspace& ws) const;
 
   /// Sweeps of a substep. `part` counts them from 1.
-  template <class Sheet>
+  /// `touch()` corrects the points of contact.
+  template <class Sheet, class Touch>
   void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
-               Workspace& ws, StepReport<Scalar>& report) const;
+               Touch touch, Workspace& ws, StepReport<Scalar>& report) const;
   /// `attach()` corrects the attached vertices; `strain()` the triangle elements.
   template <class Sheet, class Strain, class Attach>
   void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory, Strain strain,
@@ -213,9 +236,10 @@ auto PositionBased<S>::rest_state() const -> State {
 }
 
 template <RealScalar S>
-auto PositionBased<S>::make_workspace() const -> Workspace {
+auto PositionBased<S>::make_workspace(Index contacts) const -> Workspace {
   const Index n = vertex_count();
   Workspace ws;
+  ws.contacts.reserve(static_cast<std::size_t>(contacts));
   ws.driven.assign(static_cast<std::size_t>(n), 0);
   ws.held.reserve(static_cast<std::size_t>(n));
   ws.attachments.reserve(n);
@@ -238,16 +262,18 @@ std::string PositionBased<S>::check_input(const State& state, const ClothInput<S
 }
 
 template <RealScalar S>
-auto PositionBased<S>::step_with(const ExecutorRef& executor, State& state,
+auto PositionBased<S>::step_with(const ExecutorRef& executor, Contacts* contacts, State& state,
                                  const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const
     -> StepReport<Scalar> {
   ws.lanes.executor = ws.batches.executor = executor;
   StepReport<Scalar> report;
   report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.driven)
                            : StepStatus::InvalidWorkspace;
+  if (report.status == StepStatus::Converged && contacts != nullptr)
+    report.status = detail::check_contacts(*contacts, dt, vertex_count(), ws.contacts.capacity());
   if (report.status != StepStatus::Converged) return report;
-  return in_lanes_ ? advance(lanes_, ws.lanes, state, input, dt, ws)
-                   : advance(batches_, ws.batches, state, input, dt, ws);
+  return in_lanes_ ? advance(lanes_, ws.lanes, contacts, state, input, dt, ws)
+                   : advance(batches_, ws.batches, contacts, state, input, dt, ws);
 }
 
 template <RealScalar S>
@@ -288,25 +314,39 @@ PositionBased<S>::PositionBased(SpringNetwork<Scalar> network,
 
 template <RealScalar S>
 template <class Sheet>
-auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memory, State& state,
-                               const ClothInput<Scalar>& input, const Scalar& dt,
-                               Workspace& ws) const -> StepReport<Scalar> {
+auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memory,
+                               Contacts* contacts, State& state, const ClothInput<Scalar>& input,
+                               const Scalar& dt, Workspace& ws) const -> StepReport<Scalar> {
   StepReport<Scalar> report;
   report.status = StepStatus::Converged;
   const Scalar h = dt / Scalar(static_cast<double>(settings_.substeps));
   load(sheet, memory, state, input, h, ws);
+  const bool rests = !ws.held.empty() || (contacts != nullptr && contacts->any_closed());
   if (limited()) {
     ws.slow = detail::slow_motion(state, input, ws.held.size(), settings_.gravity, h, dt);
-    ws.levels_alternate = ws.held.empty() || detail::moves(ws.slow, state, ws.inverse_mass);
+    ws.levels_alternate = !rests || detail::moves(ws.slow, state, ws.inverse_mass);
     detail::pull_within_limit(sheet, memory, settings_, report);
   }
+  std::optional<detail::PositionContacts<Scalar, Sheet::kStride>> touching;
+  if (contacts != nullptr) touching.emplace(*contacts, ws.contacts, ws.inverse_mass);
   for (int part = 1; part <= settings_.substeps; ++part) {
     if (settings_.air.enabled()) blow(sheet, memory, input, h, ws);
     predict(sheet, memory, state, input, part, h, ws);
-    correct(sheet, memory, part, h, ws, report);
+    const auto points = [&](int v) { return memory.points.data() + sheet.offset(v); };
+    const auto start = [&](int v) { return memory.start.data() + sheet.offset(v); };
+    if (touching)
+      touching->begin_substep(h, Scalar(h * Scalar(static_cast<double>(part))), points, start);
+    const auto touch = [&] {
+      if (touching) touching->correct(points);
+    };
+    correct(sheet, memory, part, h, touch, ws, report);
+    if (touching) {
+      touching->settle(points);
+      touching->end_substep(points, start);
+    }
   }
   unload(sheet, memory, h, ws);
-  if (limited() && !ws.held.empty())
+  if (limited() && rests)
     detail::calm_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
   const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
   for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
@@ -319,6 +359,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
     report.status = StepStatus::NumericalFailure;
     return report;
   }
+  if (touching) touching->finish(contacts->report());
   state.positions = ws.positions;
   state.velocities = ws.velocities;
   report.advanced = true;
@@ -420,14 +461,16 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
 }
 
 template <RealScalar S>
-template <class Sheet>
+template <class Sheet, class Touch>
 void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
-                               const Scalar& h, Workspace& ws, StepReport<Scalar>& report) const {
+                               const Scalar& h, Touch touch, Workspace& ws,
+                               StepReport<Scalar>& report) const {
   const Scalar slowing = Scalar(1) + h * settings_.drag;
   const auto attach = [&] {
     ws.attachments.correct(
         h, Sheet::kStride, [&](int v) { return memory.points.data() + sheet.offset(v); },
         [&](int v) { return Scalar(ws.inverse_mass[v] / slowing); });
+    touch();
   };
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   using std::sqrt;  // h² k/(1 + h α) with w moves an element as h² k with w/(1 + h α) does

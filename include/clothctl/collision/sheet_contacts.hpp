@@ -64,11 +64,19 @@ struct SheetContactSettings {
   /// Features of colliders that are not convex are found inside edges and triangles down to this
   /// size, but not below 1/32 of a triangle or 1/64 of an edge. Smaller takes longer.
   Scalar feature = Scalar(0.015);
+  /// The gain, if larger, where the collider's normals at the corners differ by less than 25
+  /// degrees. The
+  /// thickness of the sheet is a good value: the chords of a coarse sheet may then dip that far
+  /// towards a round collider, whose contacts move from triangle to triangle and hold the sheet
+  /// less quietly than those of vertices.
+  Scalar smooth_gain = Scalar(0);
 
   /// Returns an empty string, or what is wrong.
   std::string validate() const {
     if (!is_finite(gain) || gain < Scalar(0))
       return "the gain " + number_text(gain) + " m, must be finite and not negative";
+    if (!is_finite(smooth_gain) || smooth_gain < Scalar(0))
+      return "the smooth gain " + number_text(smooth_gain) + " m, must be finite and not negative";
     if (!is_finite(tolerance) || !(Scalar(0) < tolerance))
       return "the tolerance " + number_text(tolerance) + " m, must be finite and positive";
     if (!is_finite(feature) || !(Scalar(0) < feature))
@@ -169,6 +177,11 @@ class SheetContactFinder {
       contacts_.push_back({vertex, weight, position, surface});
     else
       complete_ = false;
+  }
+  /// Returns the gain where the least cosine between normals at corners is `cosine`.
+  const Scalar& gain(const Scalar& cosine) const {
+    const bool smooth = Scalar(0.906) < cosine && settings_.gain < settings_.smooth_gain;
+    return smooth ? settings_.smooth_gain : settings_.gain;
   }
   const SurfacePoint<Scalar>& answer(int vertex) const {
     return answers_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(vertex)])];
@@ -345,7 +358,7 @@ void SheetContactFinder<Scalar>::search_edge(const ColliderRef<Scalar>& collider
   const auto at = [&](const Scalar& s) {
     return evaluate(collider, Vector3<Scalar>(a + s * u), s, Scalar(0));
   };
-  Scalar highest = least - settings_.gain;
+  Scalar highest = least - gain(at_a.normal.dot(at_b.normal));
   if (margin < highest) highest = margin;
   Deep low{Scalar(0), Scalar(0), at_a.distance, at_a.normal};
   const Deep end{Scalar(1), Scalar(0), at_b.distance, at_b.normal};
@@ -406,7 +419,12 @@ void SheetContactFinder<Scalar>::search_inside(const ColliderRef<Scalar>& collid
   // No point of a triangle is farther than longest/√3 from a corner.
   longest = sqrt(longest);
   if (margin < least - Scalar(0.58) * longest) return;
-  Scalar highest = least - settings_.gain;
+  Scalar cosine = Scalar(1);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Scalar turn = answer(part.vertex[i]).normal.dot(answer(part.vertex[(i + 1) % 3]).normal);
+    if (turn < cosine) cosine = turn;
+  }
+  Scalar highest = least - gain(cosine);
   if (margin < highest) highest = margin;
   const auto at = [&](const Scalar& s, const Scalar& t) {
     return evaluate(collider, Vector3<Scalar>(a + s * u + t * v), s, t);

@@ -19,7 +19,7 @@
 // energy than the forces at the end account for; and the springs of a crumpled stiff sheet relax
 // within a small part of a step, so that the mean forces never act. Elements whose vertices are
 // all held have the mean forces in both values. Attachments are not in U; they do the work F·Δx
-// with their forces F at the end of the step (attachments.hpp).
+// with their forces F at the end of the step (attachments.hpp), and so do contacts.
 //
 // Everything is computed in double where the model computes in float: there rounding errors may be
 // as large as ΔE. Other symbols: step_energy.hpp. Reference: Gonzalez, Time integration and
@@ -82,6 +82,7 @@ class EnergyBalancer {
     for (const BendStencil<Scalar>& b : network_.bends) add_bend(b);
     for (std::size_t e = 0; e < ws_.air.size(); ++e) add_air(e);
     add_attachments();
+    add_contacts();
     if (difference_ < Wide(0)) out_.created += difference_;
     return out_;
   }
@@ -201,6 +202,16 @@ class EnergyBalancer {
       out_.size += k * (sqrt(squared_norm(x)) + sqrt(squared_norm(p))) * sqrt(squared_norm(step));
       out_.tension += squared_norm(force) + squared_norm(step * k);
     }
+  }
+
+  void add_contacts() {
+    if (ws_.contacts == nullptr) return;
+    ws_.contacts->for_each_force([&](int v, const Triple<Scalar>& narrow) {
+      if (ws_.is_held(v)) return;
+      const Vec force = wide(narrow);
+      out_.add(Wide(0) - dot(force, moved(v)));
+      out_.tension += squared_norm(force);
+    });
   }
 
   void add_air(std::size_t e) {

@@ -10,6 +10,7 @@
 
 #include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/conjugate_gradient.hpp"
+#include "clothctl/cloth/detail/contact_springs.hpp"
 #include "clothctl/cloth/detail/find_grid.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/detail/step_preconditioner.hpp"
@@ -35,6 +36,9 @@ struct MassSpringWorkspace {
   std::vector<unsigned char> held;
   /// Springs between vertices and points of the input.
   Attachments<Scalar> attachments;
+  /// Room for the contacts of a step, and those of the step at hand; null without.
+  ContactSpringList<Scalar> contact_springs;
+  ContactSprings<Scalar>* contacts = nullptr;
   /// Unit vectors of the springs at the start of the step.
   Points<Scalar> direction;
   /// Forces that are constant over the step (gravity, input, C w), velocities at the end of the
@@ -51,8 +55,10 @@ struct MassSpringWorkspace {
   Scalar kept = Scalar(1);
   /// See `kept`, m/s.
   Triple<Scalar> drift{Scalar(0), Scalar(0), Scalar(0)};
-  /// True when the last step was a single linear solve.
+  /// True when the last step was a single linear solve; its matrix is in `matrix`.
   bool linear = false;
+  /// True when `factor` is that of this matrix.
+  bool factor_is_current = false;
   /// True when the last step advanced a state.
   bool advanced = false;
 

@@ -7,7 +7,8 @@
 //           + ½ h α vᵀM v + ½ h vᵀD v + ½ h vᵀC v
 //   ∇E(v) = M (v - v0 + h α v) - h (f(x0 + h v) + outer) + h (D + C) v
 //
-// U is the energy of springs, stencils and attachments, f their force (detail/attachments.hpp).
+// U is the energy of springs, stencils and attachments, f their force (detail/attachments.hpp);
+// contacts add theirs (detail/contact_springs.hpp).
 // outer: forces that are constant over the step (gravity, input, C w); the other symbols are those
 // of mass_spring.hpp.
 
@@ -92,6 +93,7 @@ StepEnergy<Scalar> step_energy(const SpringNetwork<Scalar>& network, Scalar drag
     size += gain < Scalar(0) ? -gain : gain;
   }
   energy = add_damping(network, v, dt, energy, ws);
+  if (ws.contacts != nullptr) energy += ws.contacts->add_energy(v, ws.gradient);
   return {energy - work, energy + size};
 }
 

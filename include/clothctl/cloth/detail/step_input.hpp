@@ -4,10 +4,12 @@
 // parts that the models share: the load of gravity and the hash that identifies a model's
 // structure.
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
 
+#include "clothctl/contact/obstacle_contacts.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/status.hpp"
 
@@ -82,6 +84,21 @@ template <RealScalar Scalar>
   }
   if (!all_finite(state.positions) || !all_finite(state.velocities))
     return StepStatus::InvalidState;
+  return StepStatus::Converged;
+}
+
+/// Returns Converged when a step of `dt` (s) of a sheet of `vertex_count` vertices can take the
+/// contacts, for which there is room for `capacity`; else InvalidInput or InvalidWorkspace.
+template <RealScalar Scalar>
+StepStatus check_contacts(const ObstacleContacts<Scalar>& contacts, const Scalar& dt,
+                          Index vertex_count, std::size_t capacity) {
+  if (capacity < contacts.contacts().size()) return StepStatus::InvalidWorkspace;
+  if (contacts.step_length() < dt || dt < contacts.step_length()) return StepStatus::InvalidInput;
+  for (const ObstacleContact<Scalar>& contact : contacts.contacts()) {
+    for (const int v : contact.point.vertex) {
+      if (v >= vertex_count) return StepStatus::InvalidInput;
+    }
+  }
   return StepStatus::Converged;
 }
 

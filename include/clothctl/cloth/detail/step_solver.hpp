@@ -83,6 +83,7 @@ class StepSolver {
     scale.compression = compression;
     ws_.matrix = ws_.frozen;
     pattern_.add_springs(network_, x, scale, dt_ * dt_, ws_.matrix);
+    if (ws_.contacts != nullptr) ws_.contacts->add_blocks(ws_.matrix);
   }
 
   /// Assembles A at `x` and factorises it. Returns false where it is not definite.
@@ -91,8 +92,9 @@ class StepSolver {
     return ws_.factor.factorize(ws_.matrix, ws_.held);
   }
 
-  /// Sets ws.rhs to the right-hand side of the single linear solve; ws.matrix must hold A.
-  void load_linear();
+  /// Sets ws.rhs to the right-hand side of the single linear solve; ws.matrix must hold A. Leaves
+  /// the forces at x0 in ws.gradient; with `again`, they are there.
+  void load_linear(bool again = false);
 
   /// Returns the energy balance of the step from the state with velocities ws.velocity at its end.
   EnergyBalance<Scalar> energy_balance();
@@ -115,6 +117,16 @@ class StepSolver {
     return report;
   }
 
+  /// Takes the forces of the contacts where Newton's method has ended, and gives the sheet what its
+  /// momentum lacks.
+  void close_contacts() {
+    if (ws_.contacts == nullptr) return;
+    energy_with_contacts({});
+    Scalar largest = Scalar(0);
+    load_residual(network_, Scalar(0), largest, ws_);
+    balance_momentum();
+  }
+
   /// Newton's method from the end of a rough linear solve. Leaves the best velocities in
   /// ws.velocity.
   StepReport<Scalar> newton(const NewtonLimits<Scalar>& limits);
@@ -131,6 +143,8 @@ class StepSolver {
   static constexpr int kManyIterations = 6;  // of conjugate gradients: then P is replaced
   static constexpr int kMostIterations = 12;
   static constexpr int kMostIncomplete = 300;
+  static constexpr int kContactRounds = 8;
+  static constexpr double kContactTolerance = 1e-3;  // m/s
 
   /// The truncated form, from ws.velocity. `solves` counts the linear solves so far; `renew` is set
   /// when there is no factor yet.
@@ -142,6 +156,26 @@ class StepSolver {
   StepEnergy<Scalar> energy_at(const Points<Scalar>& v) {
     return step_energy(network_, settings_.drag, total_stiffness_, state_, v, dt_, ws_);
   }
+
+  /// Factorises and solves for ws.velocity. Returns false where the matrix is not definite.
+  bool solve_once(Scalar tolerance, StepReport<Scalar>& report);
+  /// The same with contacts: by conjugate gradients, preconditioned by a factor of the matrix with
+  /// predicted states, in rounds until solutions and states agree.
+  bool solve_with_contacts(StepReport<Scalar>& report);
+  /// Gives a sheet that nothing holds the momentum that the residual in ws.rhs lacks, so that it
+  /// receives what the contacts tell, to rounding.
+  void balance_momentum();
+  /// Sets the states of contacts as a free motion would.
+  void predict_contacts();
+  /// Freezes the bounds of friction at ws.velocity and returns the energy there.
+  StepEnergy<Scalar> energy_with_contacts(const StepEnergy<Scalar>& energy) {
+    if (ws_.contacts == nullptr) return energy;
+    ws_.contacts->freeze(ws_.velocity);
+    return energy_at(ws_.velocity);
+  }
+  /// A solve by conjugate gradients, preconditioned by the last factor; only states of contacts
+  /// have changed since. Returns false where they do not converge soon.
+  bool solve_with_last_factor(Scalar tolerance);
 
   /// Replaces P by a factor of A at the present positions, or of its projection where A is not
   /// definite. Leaves the exact A in ws.matrix.
@@ -171,10 +205,12 @@ class StepSolver {
 };
 
 template <RealScalar S>
-void StepSolver<S>::load_linear() {
-  ws_.gradient = ws_.outer;
-  add_spring_forces<Scalar>(network_, state_.positions, ws_.gradient);
-  ws_.attachments.add_forces(state_.positions, ws_.gradient);
+void StepSolver<S>::load_linear(bool again) {
+  if (!again) {
+    ws_.gradient = ws_.outer;
+    add_spring_forces<Scalar>(network_, state_.positions, ws_.gradient);
+    ws_.attachments.add_forces(state_.positions, ws_.gradient);
+  }
   as_points(ws_.rhs) = ws_.velocity;
   ws_.matrix.multiply(ws_.rhs, ws_.product);
   for (Index i = 0; i < network_.vertex_count(); ++i) {
@@ -186,32 +222,97 @@ void StepSolver<S>::load_linear() {
                     point(ws_.product, i));
     }
   }
+  if (ws_.contacts == nullptr) return;
+  ws_.contacts->for_each_constant_force([&](int v, const Triple<Scalar>& force) {
+    if (!ws_.is_held(v)) set_point(ws_.rhs, v, point(ws_.rhs, v) + force * dt_);
+  });
+}
+
+template <RealScalar S>
+bool StepSolver<S>::solve_once(Scalar tolerance, StepReport<Scalar>& report) {
+  const bool iterative = ws_.preconditioner.is_incomplete();
+  assemble(state_.positions, Scalar(0));
+  load_linear();
+  if (!iterative) {
+    if (!ws_.factor.factorize(ws_.matrix, ws_.held)) return false;
+    ws_.factor_is_current = true;
+    report.iterations = 1;
+    ws_.factor.template solve<1>(ws_.rhs);
+    move_along(ws_.velocity, Scalar(1), ws_.rhs, ws_.velocity);
+    return true;
+  }
+  if (!ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return false;
+  const ConjugateGradientReport cg =
+      solve_truncated(Scalar(0), tolerance, settings_.max_linear_iterations);
+  if (!cg.finite || cg.indefinite) return false;
+  if (!cg.converged) report.status = StepStatus::IterationLimit;
+  report.iterations = cg.iterations;
+  report.residual = largest_magnitude(ws_.cg.residual);
+  move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
+  return true;
+}
+
+template <RealScalar S>
+bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
+  const Scalar little = Scalar(kContactTolerance);
+  const ConjugateGradientLimits<Scalar> limits{Scalar(0.3), Scalar(0.1) * little, kMostIterations};
+  predict_contacts();
+  ws_.factor_is_current = false;
+  for (int round = 0; round <= kContactRounds; ++round) {
+    assemble(state_.positions, Scalar(0));
+    load_linear(0 < round);
+    if (round == 0 && !ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return false;
+    if (0 < round && is_small(ws_.rhs, network_.mass, little)) break;
+    if (round == kContactRounds) report.status = StepStatus::IterationLimit;
+    if (round == kContactRounds) break;
+    const ConjugateGradientReport cg = conjugate_gradient<Scalar>(
+        ws_.matrix, ws_.rhs, network_.mass, ws_.held, limits,
+        [&](const Lanes<Scalar, 1>& r, Lanes<Scalar, 1>& z) { ws_.preconditioner.apply(r, z); },
+        ws_.cg);
+    if (!cg.finite || cg.indefinite) return false;
+    report.iterations += cg.iterations;
+    move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
+    ws_.contacts->update(ws_.velocity);
+  }
+  report.residual = largest_magnitude(ws_.rhs);
+  ws_.contacts->take(ws_.velocity);
+  balance_momentum();
+  ws_.contacts->for_each_constant_force([&](int v, const Triple<Scalar>& force) {
+    add_to_column(ws_.gradient, v, force);  // for holding_forces
+  });
+  return true;
+}
+
+template <RealScalar S>
+void StepSolver<S>::balance_momentum() {
+  Triple<Scalar> missing{Scalar(0), Scalar(0), Scalar(0)};
+  Scalar mass = Scalar(0);
+  for (Index i = 0; i < network_.vertex_count(); ++i) {
+    if (ws_.is_held(i)) return;
+    missing = missing + point(ws_.rhs, i);
+    mass += network_.mass[i];
+  }
+  missing = missing / ((Scalar(1) + dt_ * settings_.drag) * mass);
+  for (Index i = 0; i < network_.vertex_count(); ++i) add_to_column(ws_.velocity, i, missing);
+}
+
+template <RealScalar S>
+void StepSolver<S>::predict_contacts() {
+  if (ws_.contacts == nullptr) return;
+  const Triple<Scalar> fall = triple<Scalar>(settings_.gravity) * dt_;
+  ws_.trial = ws_.velocity;
+  for (Index i = 0; i < network_.vertex_count(); ++i) {
+    if (!ws_.is_held(i)) add_to_column(ws_.trial, i, fall);
+  }
+  ws_.contacts->predict(ws_.trial);
 }
 
 template <RealScalar S>
 auto StepSolver<S>::solve_linear(Scalar tolerance) -> StepReport<Scalar> {
-  const StepReport<Scalar> failure{StepStatus::NumericalFailure, false, Scalar(0), 1};
-  StepReport<Scalar> report{StepStatus::Converged, false, Scalar(0), 1};
-  const bool iterative = ws_.preconditioner.is_incomplete();
-  assemble(state_.positions, Scalar(0));
-  if (iterative) {
-    if (!ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return failure;
-  } else if (!ws_.factor.factorize(ws_.matrix, ws_.held)) {
-    return failure;
-  }
-  load_linear();
-  if (iterative) {
-    const ConjugateGradientReport cg =
-        solve_truncated(Scalar(0), tolerance, settings_.max_linear_iterations);
-    if (!cg.finite || cg.indefinite) return failure;
-    if (!cg.converged) report.status = StepStatus::IterationLimit;
-    report.iterations = cg.iterations;
-    report.residual = largest_magnitude(ws_.cg.residual);
-    move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
-  } else {
-    ws_.factor.template solve<1>(ws_.rhs);
-    move_along(ws_.velocity, Scalar(1), ws_.rhs, ws_.velocity);
-  }
+  StepReport<Scalar> report{StepStatus::Converged, false, Scalar(0), 0};
+  const bool solved =
+      ws_.contacts == nullptr ? solve_once(tolerance, report) : solve_with_contacts(report);
+  if (!solved) return {StepStatus::NumericalFailure, false, Scalar(0), 1};
   ws_.trial = state_.velocities;  // for holding_forces
   ws_.linear = true;
   return report;
@@ -307,6 +408,7 @@ S StepSolver<S>::search(const Lanes<Scalar, 1>& d, bool expand, StepEnergy<Scala
 template <RealScalar S>
 auto StepSolver<S>::newton(const NewtonLimits<Scalar>& limits) -> StepReport<Scalar> {
   ws_.linear = false;
+  predict_contacts();
   assemble(state_.positions, Scalar(0));
   if (!ws_.preconditioner.factorize(ws_.matrix, ws_.held)) {
     const StepReport<Scalar> linear = solve_linear(limits.tolerance);
@@ -337,6 +439,7 @@ auto StepSolver<S>::newton_truncated(const NewtonLimits<Scalar>& limits, int sol
   bool exact = false;       // and its solve was tight
   bool enough = false;      // the last step was shorter than step_tolerance
   for (int iteration = 0; iteration <= limits.max_iterations; ++iteration) {
+    energy = energy_with_contacts(energy);
     const Scalar last = report.residual;
     const bool balanced = load_residual(network_, limits.tolerance, report.residual, ws_);
     const bool falls = report.residual < Scalar(0.5) * last;
@@ -392,6 +495,7 @@ auto StepSolver<S>::newton_direct(const NewtonLimits<Scalar>& limits, int solves
   bool small_step = false;  // the last step was full and shorter than the tolerance
   bool enough = false;      // the last step was shorter than step_tolerance
   for (int iteration = 0; iteration <= limits.max_iterations; ++iteration) {
+    energy = energy_with_contacts(energy);
     const Scalar last = report.residual;
     const bool converged = load_residual(network_, limits.tolerance, report.residual, ws_) ||
                            (small_step && !(report.residual < Scalar(0.5) * last)) ||

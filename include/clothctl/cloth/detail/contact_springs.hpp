@@ -1,0 +1,324 @@
+#pragma once
+
+// Contacts with obstacles inside an implicit step of a mass-spring sheet. Contact c acts at the
+// point Σ w_i x_i of up to three vertices, with the unit normal n, the gap g at the start of the
+// step h, the velocity u = Σ w_i v_i - u_s relative to the surface at the end of it, and the force
+// f⁰ that it had in the last step:
+//
+//   f_n = max(0, f⁰_n - k (g + h u_n))
+//   t   = f⁰_t - k_t h u_t,    f_t = t  if |t| <= μ f_n  (it sticks),  else  μ f_n t/|t|  (it
+//   slips)
+//
+// That is one step of the method of multipliers with the penalty k: where nothing changes, the gap
+// goes to 0 and a contact that sticks does not move at all, whatever the load. k = κ m/h², with m
+// the mass of the point, κ = 20, and k_t = k/4: the first step leaves 1/κ of the way that the point
+// would go without contact, and each further step a like share of the rest. Larger penalties take
+// more rounds: 33×33 on a sphere at 60 Hz, 240 contacts, mean of 4 s, steps in multiples of the
+// free one: κ 100 (k_t = k) 6.3, 30 (0.3 k) 2.7, 10 (k) 2.2; depth at impact (1.5 m/s)
+// 0.9, 1.2, 2.4 mm.
+//
+// With the share γ = 1 (sticks) or μ f_n/|t| (slips) the forces of closed contacts are linear in v,
+//
+//   f = f⁰_n n - k g n + γ f⁰_t - h K u,      K = k n nᵀ + γ k_t (I - n nᵀ)
+//
+// so that a step is (A + h² Σ WᵀK W) v = b + h Σ Wᵀ f(0): blocks that couple the vertices of a
+// triangle, which springs couple already. Solving and finding the states and shares again alternate
+// (rounds) until the forces no longer change.
+//
+// Newton's method takes the energy f_n²/(2k) along the normal, and across it Huber's function of t
+// with the bound μ f_n frozen at the last iterate. Reference: Alart and Curnier, 1991.
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+
+#include "clothctl/cloth/detail/reserved_list.hpp"
+#include "clothctl/cloth/detail/spring_forces.hpp"
+#include "clothctl/cloth/detail/triple.hpp"
+#include "clothctl/contact/obstacle_contacts.hpp"
+#include "clothctl/linalg/block_symmetric.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// A contact within a step.
+template <RealScalar Scalar>
+struct ContactSpring {
+  /// n, f⁰ (N), velocity of the surface (m/s), force of the last solve (N).
+  Triple<Scalar> normal, held_force, surface, force;
+  /// g without the part that a step may not push out, and all of it, m; k, N/m; μ; γ; the bound
+  /// μ f_n of Newton's method, N.
+  Scalar gap, true_gap, stiffness, friction, share, bound;
+  /// Whether it is closed, and whether it sticks.
+  bool closed, sticks;
+};
+
+/// Memory of the contacts of a step.
+template <RealScalar Scalar>
+using ContactSpringList = ReservedList<ContactSpring<Scalar>>;
+
+/// The contacts of one step of a sheet.
+template <RealScalar S>
+class ContactSprings {
+ public:
+  /// The scalar type.
+  using Scalar = S;
+  using Vec = Triple<Scalar>;
+  using Contact = ObstacleContact<Scalar>;
+  using Spring = ContactSpring<Scalar>;
+
+  /// κ, and k_t as a share of k.
+  static constexpr double kPenalty = 20, kShare = 0.25;
+
+  /// Refers to the contacts of a step of `h` s of a sheet with these masses, and to memory with
+  /// room for them.
+  ContactSprings(ObstacleContacts<Scalar>& contacts, ContactSpringList<Scalar>& memory,
+                 const VectorX<Scalar>& mass, const Scalar& h)
+      : contacts_(contacts.contacts()), springs_(memory), h_(h) {
+    springs_.clear();
+    for (const Contact& c : contacts_) springs_.push_back(make(c, mass, contacts.settings()));
+  }
+
+  /// Sets states and shares by the velocities `v` (3×n, m/s) and the forces of the last step.
+  void predict(const Points<Scalar>& v) {
+    using std::sqrt;
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      Spring& s = springs_[i];
+      classify(s, relative(i, v));
+      // What the last step found is a better guess of the normal force than that of a free motion.
+      const Scalar known = dot(s.held_force, s.normal);
+      if (!s.closed || s.sticks || !(Scalar(0) < known)) continue;
+      const Scalar across = norm(tangential(s, s.held_force));
+      const Scalar limit = s.friction * known;
+      const bool stuck = across < Scalar(0.999) * limit;
+      s.share = stuck ? Scalar(1) : s.share;
+      s.sticks = stuck;
+    }
+  }
+
+  /// Takes the forces of a solve that gave the velocities, and then sets states and shares by
+  /// these.
+  void update(const Points<Scalar>& v) {
+    force_change_ = velocity_change_ = Scalar(0);
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      Spring& s = springs_[i];
+      const Vec u = relative(i, v);
+      s.force = linear_force(s, u);
+      classify(s, u);
+      const Scalar by = norm(linear_force(s, u) - s.force);
+      const Scalar speed = by * Scalar(kPenalty) / (s.stiffness * h_);
+      if (force_change_ < by) force_change_ = by;
+      if (velocity_change_ < speed) velocity_change_ = speed;
+    }
+    ++rounds_;
+  }
+
+  /// Takes the forces at the velocities that the present states give.
+  void take(const Points<Scalar>& v) {
+    for (std::size_t i = 0; i < springs_.size(); ++i)
+      springs_[i].force = linear_force(springs_[i], relative(i, v));
+  }
+
+  /// Adds h² Σ WᵀK W to the step matrix.
+  void add_blocks(BlockSymmetric<Scalar>& matrix) const {
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      if (springs_[i].closed) add_block_of(i, matrix);
+    }
+  }
+
+  /// Calls add(vertex, Wᵀ f(0)), N, for the vertices of all closed contacts.
+  template <class Add>
+  void for_each_constant_force(Add add) const {
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      if (!springs_[i].closed) continue;
+      const Vec f = linear_force(springs_[i], springs_[i].surface * Scalar(-1));
+      for_each_vertex(i, [&](int vertex, const Scalar& w) { add(vertex, f * w); });
+    }
+  }
+
+  /// Calls add(vertex, Wᵀ f), N, for the vertices of all contacts, with the forces of the last
+  /// solve.
+  template <class Add>
+  void for_each_force(Add add) const {
+    for (std::size_t i = 0; i < springs_.size(); ++i)
+      for_each_vertex(i, [&](int vertex, const Scalar& w) { add(vertex, springs_[i].force * w); });
+  }
+
+  /// Sets states and shares, and freezes the bounds of friction, at an iterate of Newton's method.
+  /// Takes the forces there.
+  void freeze(const Points<Scalar>& v) {
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      Spring& s = springs_[i];
+      const Vec u = relative(i, v);
+      classify(s, u);
+      s.bound = s.closed ? s.friction * normal_force(s, u) : Scalar(0);
+      s.force = linear_force(s, u);
+    }
+  }
+
+  /// Returns the energy of the contacts at `v`, J, with frozen bounds. Adds its gradient to
+  /// `gradient` (3×n, N s).
+  Scalar add_energy(const Points<Scalar>& v, Points<Scalar>& gradient) const {
+    Scalar energy = Scalar(0);
+    const Scalar half = Scalar(0.5);
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      const Spring& s = springs_[i];
+      const Vec u = relative(i, v);
+      const Scalar f_n = normal_force(s, u);
+      Vec f{Scalar(0), Scalar(0), Scalar(0)};
+      if (Scalar(0) < f_n) {
+        f = s.normal * f_n;
+        energy += half * f_n * f_n / s.stiffness;
+      }
+      const Vec t = tangential(s, trial(s, u));
+      const Scalar size = norm(t);
+      if (size < s.bound) {
+        f = f + t;
+        energy += half * size * size / (Scalar(kShare) * s.stiffness);
+      } else if (Scalar(0) < s.bound) {
+        f = f + t * (s.bound / size);
+        energy += s.bound * (size - half * s.bound) / (Scalar(kShare) * s.stiffness);
+      }
+      for_each_vertex(i, [&](int vertex, const Scalar& w) {
+        subtract_from_column(gradient, vertex, f * (h_ * w));
+      });
+    }
+    return energy;
+  }
+
+  /// Writes impulses and states of the last solve, which gave the velocities `v`, to the contacts
+  /// and to their report.
+  void store(const Points<Scalar>& v, ObstacleContactReport<Scalar>& report) {
+    report = {};
+    report.rounds = rounds_;
+    report.force_residual = force_change_;
+    report.velocity_residual = velocity_change_;
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      const Spring& s = springs_[i];
+      Contact& c = contacts_[i];
+      const Scalar gap = s.true_gap + h_ * dot(relative(i, v), s.normal);
+      if (gap < -report.penetration) report.penetration = -gap;
+      const Vec p = s.force * h_;
+      c.impulse = Vector3<Scalar>(p.x, p.y, p.z);
+      if (!(Scalar(0) < squared_norm(s.force))) {
+        c.state = ContactState::Open;
+        c.age = 0;
+        continue;
+      }
+      c.state = s.sticks ? ContactState::Stick : ContactState::Slip;
+      ++c.age;
+      ++report.closed;
+      if (!s.sticks) ++report.slipping;
+    }
+  }
+
+ private:
+  Spring make(const Contact& c, const VectorX<Scalar>& mass,
+              const ObstacleContactSettings<Scalar>& settings) const;
+
+  static Scalar norm(const Vec& a) {
+    using std::sqrt;
+    return sqrt(squared_norm(a));
+  }
+  static Vec tangential(const Spring& s, const Vec& a) { return a - s.normal * dot(a, s.normal); }
+
+  template <class Function>
+  void for_each_vertex(std::size_t i, Function function) const {
+    const SheetContact<Scalar>& p = contacts_[i].point;
+    for (std::size_t k = 0; k < 3 && p.vertex[k] >= 0; ++k)
+      function(p.vertex[k], p.weight[static_cast<Index>(k)]);
+  }
+  Vec relative(std::size_t i, const Points<Scalar>& v) const {
+    Vec u = springs_[i].surface * Scalar(-1);
+    for_each_vertex(i, [&](int vertex, const Scalar& w) { u = u + column(v, vertex) * w; });
+    return u;
+  }
+  /// f⁰ - k h u - k g n, whatever the signs.
+  Vec trial(const Spring& s, const Vec& u) const {
+    const Scalar u_n = dot(u, s.normal), k = s.stiffness, across = Scalar(kShare) * k;
+    return s.held_force - (u - s.normal * u_n) * (across * h_) -
+           s.normal * (k * (s.gap + h_ * u_n));
+  }
+  Scalar normal_force(const Spring& s, const Vec& u) const { return dot(trial(s, u), s.normal); }
+  Vec linear_force(const Spring& s, const Vec& u) const {
+    if (!s.closed) return {Scalar(0), Scalar(0), Scalar(0)};
+    const Vec f = trial(s, u);
+    const Vec along = s.normal * dot(f, s.normal);
+    return along + (f - along) * s.share;
+  }
+  void classify(Spring& s, const Vec& u) const {
+    const Vec f = trial(s, u);
+    const Scalar f_n = dot(f, s.normal);
+    s.closed = Scalar(0) < f_n;
+    s.share = Scalar(1);
+    s.sticks = s.closed;
+    if (!s.closed) return;
+    const Scalar size = norm(f - s.normal * f_n), limit = s.friction * f_n;
+    if (!(limit < size)) return;
+    s.sticks = false;
+    s.share = limit / size;
+  }
+  void add_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix) const;
+
+  std::span<Contact> contacts_;
+  ContactSpringList<Scalar>& springs_;
+  Scalar h_;
+  int rounds_ = 0;
+  Scalar force_change_ = Scalar(0), velocity_change_ = Scalar(0);
+};
+
+template <RealScalar S>
+auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
+                             const ObstacleContactSettings<Scalar>& settings) const -> Spring {
+  const Scalar zero = Scalar(0);
+  Spring s;
+  s.normal = triple<Scalar>(c.point.surface.normal);
+  s.surface = triple<Scalar>(c.point.surface.velocity);
+  s.friction = c.point.surface.friction;
+  s.true_gap = s.gap = c.point.surface.distance - settings.thickness;
+  const Scalar deepest = zero - settings.push_out_speed * h_;
+  if (s.gap < deepest) s.gap = deepest;
+  Scalar inverse = zero;
+  const SheetContact<Scalar>& p = c.point;
+  for (std::size_t k = 0; k < 3 && p.vertex[k] >= 0; ++k) {
+    const Scalar w = p.weight[static_cast<Index>(k)];
+    inverse += w * w / mass[p.vertex[k]];
+  }
+  const Vec before = triple<Scalar>(c.impulse) * (Scalar(1) / h_);
+  const Scalar along = dot(before, s.normal);
+  s.stiffness = Scalar(kPenalty) / (inverse * h_ * h_);
+  // The normal turns from step to step; what would pull is dropped.
+  s.held_force = zero < along ? before : Vec{zero, zero, zero};
+  s.force = Vec{zero, zero, zero};
+  s.share = Scalar(1);
+  s.bound = zero;
+  s.closed = zero < along;
+  s.sticks = c.state == ContactState::Stick;
+  return s;
+}
+
+template <RealScalar S>
+void ContactSprings<S>::add_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix) const {
+  const Spring& s = springs_[i];
+  const SheetContact<Scalar>& p = contacts_[i].point;
+  const Scalar k = h_ * h_ * s.stiffness, across = Scalar(kShare) * k * s.share;
+  Matrix3<Scalar> block = outer_product(s.normal, s.normal * (k - across));
+  add_to_diagonal(block, across);
+  const auto weight = [&](std::size_t a) { return p.weight[static_cast<Index>(a)]; };
+  for (std::size_t a = 0; a < 3 && p.vertex[a] >= 0; ++a) {
+    add_block<Scalar>(matrix.diagonal(p.vertex[a]), block * (weight(a) * weight(a)));
+    for (std::size_t b = 0; b < a; ++b) {
+      const Matrix3<Scalar> product = block * (weight(a) * weight(b));
+      const int slot = matrix.find(p.vertex[a], p.vertex[b]);
+      if (slot >= 0) {
+        add_block<Scalar>(matrix.lower(slot), product);
+        continue;
+      }
+      // No spring couples the two: a larger diagonal takes the place of the coupling.
+      add_block<Scalar>(matrix.diagonal(p.vertex[a]), product);
+      add_block<Scalar>(matrix.diagonal(p.vertex[b]), product);
+    }
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail
