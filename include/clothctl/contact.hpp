@@ -10,3 +10,4 @@
 #include "clothctl/contact/friction_cone.hpp"
 #include "clothctl/contact/grip.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
+#include "clothctl/contact/sheet_impacts.hpp"

@@ -180,8 +180,8 @@ class SelfContactFinder {
                     const SelfContactSettings<Scalar>& settings);
 
   /// Returns "" or why a list of pairs of vertices is wrong.
-  static std::string bad_pairs(const std::string& name, const std::vector<std::array<int, 2>>& pairs,
-                               Index vertices);
+  static std::string bad_pairs(const std::string& name,
+                               const std::vector<std::array<int, 2>>& pairs, Index vertices);
   /// The smallest vertex among those that count as one with each vertex. Allocates.
   static std::vector<int> aliases(Index vertices, const std::vector<std::array<int, 2>>& joined);
 
@@ -309,11 +309,12 @@ template <RealScalar Scalar>
 void SelfContactFinder<Scalar>::consider(bool edges, int a, int b, const Scalar& reach) {
   using std::sqrt;
   const std::array<int, 4> vertex = vertices_of(edges, a, b);
-  const Corners x = corners(x_, vertex);
+  const Corners x = corners(x_, vertex), y = corners(y_, vertex);
+  if (detail::stay_apart<Scalar>(edges, x, y, settings_.thickness + reach)) return;
   const Scalar approach = detail::approach_bound<Scalar>(edges, corners(way_, vertex));
   const Scalar most = settings_.thickness + reach + approach, limit = most * most;
-  const detail::PairOffset<Scalar> o = edges ? detail::edge_edge<Scalar>(x, limit)
-                                             : detail::vertex_triangle<Scalar>(x, limit);
+  const detail::PairOffset<Scalar> o =
+      edges ? detail::edge_edge<Scalar>(x, limit) : detail::vertex_triangle<Scalar>(x, limit);
   if (!(o.square < limit)) return;
   Pair pair;
   pair.distance = sqrt(o.square);
@@ -338,8 +339,9 @@ Scalar SelfContactFinder<Scalar>::pair_thickness(bool edges,
   using std::sqrt;
   const Scalar room = settings_.thickness / Scalar(0.9), limit = room * room;
   const Corners x = corners(rest_, vertex);
-  const detail::PairOffset<Scalar> o = edges ? detail::edge_edge<Scalar>(x, limit)
-                                             : detail::vertex_triangle<Scalar>(x, limit);
+  if (detail::stay_apart<Scalar>(edges, x, x, room)) return settings_.thickness;
+  const detail::PairOffset<Scalar> o =
+      edges ? detail::edge_edge<Scalar>(x, limit) : detail::vertex_triangle<Scalar>(x, limit);
   return o.square < limit ? Scalar(Scalar(0.9) * sqrt(o.square)) : settings_.thickness;
 }
 
@@ -374,8 +376,12 @@ SelfImpact<Scalar> SelfContactFinder<Scalar>::impact(const SelfContact<Scalar>& 
                                                      const PointsView<Scalar>& y) const {
   using std::sqrt;
   const std::array<int, 4>& v = pair.vertex;
-  const Scalar gap = Scalar(0.1) * (std::min)(pair.distance, pair.thickness);
+  const Scalar gap = Scalar(Scalar(0.1) * (std::min)(pair.distance, pair.thickness));
   const Corners end{y.col(v[0]), y.col(v[1]), y.col(v[2]), y.col(v[3])};
+  // The plane across the normal keeps most pairs apart, if the normal is more than rounding.
+  if (Scalar(1e-4) * settings_.thickness < pair.distance &&
+      Scalar(2) * gap < detail::room_along<Scalar>(pair.edges, end, pair.normal))
+    return {pair, Scalar(2)};
   const detail::PairImpact<Scalar> hit =
       detail::advance_pair<Scalar>(pair.edges, corners(x_, v), end, gap);
   SelfImpact<Scalar> out{pair, hit.time};

@@ -43,6 +43,35 @@ Scalar approach_bound(bool edges, const PairPoints<Scalar>& u) {
   return sqrt(most[0]) + sqrt(most[1]);
 }
 
+/// Returns the distance of the sides along m, times |m|: the least of side A less the largest of
+/// side B.
+template <RealScalar Scalar>
+Scalar room_along(bool edges, const PairPoints<Scalar>& x, const Vector3<Scalar>& m) {
+  // From the last vertex on, so that the position in space costs no digits.
+  Scalar low = m.dot(Vector3<Scalar>(x[0] - x[3])), high(0);
+  const Scalar second = m.dot(Vector3<Scalar>(x[1] - x[3]));
+  const Scalar third = m.dot(Vector3<Scalar>(x[2] - x[3]));
+  if (edges && second < low) low = second;
+  if (!edges && high < second) high = second;
+  if (high < third) high = third;
+  return low - high;
+}
+
+/// Returns true when the plane across the line between the middles of the sides shows that they
+/// are never closer than `gap` (m) on their way from x to y; no roots and divisions. (The distance
+/// along a fixed direction is a concave function of time, so both ends suffice.)
+template <RealScalar Scalar>
+bool stay_apart(bool edges, const PairPoints<Scalar>& x, const PairPoints<Scalar>& y,
+                const Scalar& gap) {
+  const Vector3<Scalar> m = edges ? Vector3<Scalar>(x[0] + x[1] - x[2] - x[3])
+                                  : Vector3<Scalar>(Scalar(3) * x[0] - x[1] - x[2] - x[3]);
+  const Scalar limit = gap * gap * m.squaredNorm();
+  const Scalar start = room_along<Scalar>(edges, x, m);
+  if (!(Scalar(0) < start) || !(limit < start * start)) return false;
+  const Scalar end = room_along<Scalar>(edges, y, m);
+  return Scalar(0) < end && limit < end * end;
+}
+
 /// An impact of a pair: the share of the motion, and the closest points there.
 template <RealScalar Scalar>
 struct PairImpact {

@@ -78,8 +78,8 @@ void consider_corner(const PairPoints<Scalar>& x, std::size_t a, std::size_t b, 
 /// the triangle's plane shows that they are further apart than the square root of `limit` (m²), it
 /// may return an infinite distance instead.
 template <RealScalar Scalar>
-PairOffset<Scalar> vertex_triangle(
-    const PairPoints<Scalar>& x, const Scalar& limit = scalar_traits<Scalar>::infinity()) {
+PairOffset<Scalar> vertex_triangle(const PairPoints<Scalar>& x,
+                                   const Scalar& limit = scalar_traits<Scalar>::infinity()) {
   PairOffset<Scalar> best;
   const Vector3<Scalar> e1 = x[2] - x[1], e2 = x[3] - x[1], p = x[0] - x[1];
   const Vector3<Scalar> m = e1.cross(e2);

@@ -16,16 +16,17 @@
 #include <vector>
 
 #include "clothctl/collision/detail/sheet_tree.hpp"
+#include "clothctl/core/simd.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// Returns true when the boxes have a point in common. Without branches: most answers are no.
 template <RealScalar Scalar>
-bool boxes_overlap(const BoundingBox<Scalar>& p, const BoundingBox<Scalar>& q) {
-  const auto meet = [&](int i) {
-    return static_cast<int>(p.lower[i] <= q.upper[i]) & static_cast<int>(q.lower[i] <= p.upper[i]);
-  };
-  return (meet(0) & meet(1) & meet(2)) != 0;
+CLOTHCTL_KERNEL bool boxes_overlap(const BoundingBox<Scalar>& p, const BoundingBox<Scalar>& q) {
+  const bool first = (p.lower[0] <= q.upper[0]) & (q.lower[0] <= p.upper[0]);
+  const bool second = (p.lower[1] <= q.upper[1]) & (q.lower[1] <= p.upper[1]);
+  const bool third = (p.lower[2] <= q.upper[2]) & (q.lower[2] <= p.upper[2]);
+  return first & second & third;
 }
 
 /// A tree of boxes for searches of a sheet in itself. Making it allocates; `fit` and searches never
@@ -121,7 +122,7 @@ class SelfTree {
   }
 
  private:
-  static constexpr int kLeafParts = 4;
+  static constexpr int kLeafParts = 2;
 
   struct Node {
     BoundingBox<Scalar> box;
@@ -140,7 +141,9 @@ class SelfTree {
   };
 
   int alias_of(int v) const { return alias_[static_cast<std::size_t>(v)]; }
-  const BoundingBox<Scalar>& box_of(int v) const { return vertex_box_[static_cast<std::size_t>(v)]; }
+  const BoundingBox<Scalar>& box_of(int v) const {
+    return vertex_box_[static_cast<std::size_t>(v)];
+  }
   static BoundingBox<Scalar> hull(const BoundingBox<Scalar>& p, const BoundingBox<Scalar>& q) {
     return {p.lower.cwiseMin(q.lower), p.upper.cwiseMax(q.upper)};
   }
