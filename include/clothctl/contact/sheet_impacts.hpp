@@ -178,7 +178,7 @@ class SheetImpacts {
   /// Calls `visit` for all impacts of the ways from x to y. Returns their number.
   template <class Visit>
   int for_each_impact(const Visit& visit);
-  bool stop_impacts(SheetImpactReport& report);
+  bool stop_impacts(const Scalar& dt, SheetImpactReport& report);
   void make_zones(SheetImpactReport& report);
 
   SheetImpactSettings<Scalar> settings_;
@@ -233,7 +233,7 @@ SheetImpactReport SheetImpacts<Scalar>::resolve(
   report.complete = finder_.complete();
   hold_layers(dt, report);
   push(dt);
-  bool apart = stop_impacts(report);
+  bool apart = stop_impacts(dt, report);
   if (!apart) make_zones(report);
   apart = report.crossings_left == 0 && report.complete;
   if (report.crossings_before > 0 || !apart) report.crossings_left = finder_.count_crossings(y_);
@@ -375,12 +375,14 @@ int SheetImpacts<Scalar>::for_each_impact(const Visit& visit) {
 }
 
 template <RealScalar Scalar>
-bool SheetImpacts<Scalar>::stop_impacts(SheetImpactReport& report) {
+bool SheetImpacts<Scalar>::stop_impacts(const Scalar& dt, SheetImpactReport& report) {
   zones_.clear();
   for (int round = 0; round < settings_.rounds; ++round) {
     refresh_pairs(report);
-    const int hits = for_each_impact([this](const SelfContact<Scalar>& pair) {
-      const Scalar gap = Scalar(0.5) * (std::min)(pair.thickness, pair.distance);
+    const int hits = for_each_impact([this, &dt](const SelfContact<Scalar>& pair) {
+      // What is nearly closed is opened a little, or the sweeps' error would close it again.
+      const Scalar opened = pair.distance + dt * settings_.push_speed;
+      const Scalar gap = Scalar(Scalar(0.5) * (std::min)(pair.thickness, opened));
       add_row(pair, gap, gap);
     });
     ++report.rounds;
