@@ -378,9 +378,9 @@ SelfImpact<Scalar> SelfContactFinder<Scalar>::impact(const SelfContact<Scalar>& 
   const std::array<int, 4>& v = pair.vertex;
   const Scalar gap = Scalar(Scalar(0.1) * (std::min)(pair.distance, pair.thickness));
   const Corners end{y.col(v[0]), y.col(v[1]), y.col(v[2]), y.col(v[3])};
-  // The plane across the normal keeps most pairs apart, if the normal is more than rounding.
-  if (Scalar(1e-4) * settings_.thickness < pair.distance &&
-      Scalar(2) * gap < detail::room_along<Scalar>(pair.edges, end, pair.normal))
+  // The plane across the normal keeps most pairs apart, unless rounding has turned it.
+  if (Scalar(2) * gap < detail::room_along<Scalar>(pair.edges, end, pair.normal) &&
+      Scalar(0) < detail::room_along<Scalar>(pair.edges, corners(x_, v), pair.normal))
     return {pair, Scalar(2)};
   const detail::PairImpact<Scalar> hit =
       detail::advance_pair<Scalar>(pair.edges, corners(x_, v), end, gap);

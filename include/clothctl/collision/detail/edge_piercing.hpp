@@ -6,8 +6,9 @@
 //
 // Each volume is computed from the vertices in ascending order of their numbers, and the sign
 // follows from the order. So all edges and triangles that meet at the same four vertices use the
-// same bits, and no edge slips between two triangles that share a side. A volume of exactly zero
-// counts as positive.
+// same bits, and no edge slips between two triangles that share a side. (Within rounding of a
+// corner it can: there the volumes of several sides are decided one by one.) A volume of exactly
+// zero counts as positive.
 
 #include <array>
 #include <cmath>

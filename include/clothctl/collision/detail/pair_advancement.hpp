@@ -92,11 +92,9 @@ Scalar separated_time(bool edges, const PairPoints<Scalar>& x, const PairPoints<
     for (std::size_t j = split; j < 4; ++j) {
       const Scalar room = n.dot(Vector3<Scalar>(x[i] - x[j])) - gap;
       const Scalar rate = n.dot(Vector3<Scalar>(u[i] - u[j]));
-      if (!(Scalar(0) < room)) {
-        if (rate < Scalar(0)) return Scalar(0);
-      } else if (room < -time * rate) {
-        time = room / -rate;
-      }
+      // Rounding has turned the plane.
+      if (!(Scalar(0) < room)) return Scalar(0);
+      if (room < -time * rate) time = room / -rate;
     }
   }
   return time;
@@ -104,12 +102,13 @@ Scalar separated_time(bool edges, const PairPoints<Scalar>& x, const PairPoints<
 
 /// Returns the first impact of a pair that moves from `x` to `y` (m): when its distance falls to
 /// between `gap` and 2 `gap` (m, positive). A pair that starts closer than 2 `gap` has an impact at
-/// 0 if its sides approach. A gap below rounding is raised to it.
+/// 0 if its sides approach. A gap below rounding is raised to it. After 100 steps (about one of
+/// 10⁴ random pairs) the time reached so far is returned as an impact, which is early.
 template <RealScalar Scalar>
 PairImpact<Scalar> advance_pair(bool edges, const PairPoints<Scalar>& x,
                                 const PairPoints<Scalar>& y, Scalar gap) {
   using std::sqrt;
-  constexpr int kMostSteps = 64;
+  constexpr int kMostSteps = 100;
   PairPoints<Scalar> u, from;
   const Vector3<Scalar> mean = (y[0] - x[0] + y[1] - x[1] + y[2] - x[2] + y[3] - x[3]) / Scalar(4);
   Scalar extent(0);

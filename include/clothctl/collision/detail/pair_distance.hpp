@@ -105,7 +105,12 @@ PairOffset<Scalar> vertex_triangle(const PairPoints<Scalar>& x,
       best.offset = o;
       best.square = o.squaredNorm();
       best.inside = true;
-      if (Scalar(1e-4) * size < area) return best;
+      if (Scalar(1e-4) * size < area) {
+        // The direction keeps its digits where the distance is small.
+        best.offset = (height / area) * m;
+        best.square = best.offset.squaredNorm();
+        return best;
+      }
     }
   }
   consider_corner<Scalar>(x, 0, 1, 2, Scalar(1), best);
@@ -156,7 +161,11 @@ PairOffset<Scalar> edge_edge(const PairPoints<Scalar>& x,
       best.offset = u * e - v * f - r;
       best.square = best.offset.squaredNorm();
       best.inside = true;
-      if (Scalar(1e-4) * size < sine) return best;
+      if (Scalar(1e-4) * size < sine) {
+        best.offset = (-height / sine) * m;
+        best.square = best.offset.squaredNorm();
+        return best;
+      }
     }
   }
   consider_corner<Scalar>(x, 0, 2, 3, Scalar(1), best);
