@@ -69,7 +69,7 @@ void check_weights(bool edges, const PairPoints<double>& x, const PairOffset<dou
     else
       high = std::max(high, along);
   }
-  CHECK(low - high >= o.square - 1e-13);
+  CHECK(low - high >= o.square - 1e-12);
 }
 
 }  // namespace

@@ -351,7 +351,7 @@ bool SelfContactFinder<Scalar>::opens(int edge, const Vector3<Scalar>& p,
                                       const Vector3<Scalar>& n) const {
   using std::sqrt;
   // In flat sheets the triangles go on at right angles to n: they count as not closer.
-  const Scalar slack(0.1);
+  const Scalar slack = Scalar(0.1);
   for (const int o : edge_opposite_[static_cast<std::size_t>(edge)]) {
     if (o < 0) continue;
     const Vector3<Scalar> way = x_.col(o) - p;
