@@ -5,5 +5,6 @@
 #include "clothctl/collision/collider_union.hpp"
 #include "clothctl/collision/mesh_collider.hpp"
 #include "clothctl/collision/moving_collider.hpp"
+#include "clothctl/collision/self_contacts.hpp"
 #include "clothctl/collision/shapes.hpp"
 #include "clothctl/collision/sheet_contacts.hpp"

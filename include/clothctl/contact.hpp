@@ -11,3 +11,4 @@
 #include "clothctl/contact/grip.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/contact/obstacle_contacts.hpp"
+#include "clothctl/contact/sheet_impacts.hpp"

@@ -1,0 +1,418 @@
+#pragma once
+
+// Layers of sheets that stay apart: a pass over the step of any cloth model. Given the positions x
+// before the step and y after it, it changes y, and the velocities with it, so that no edge passes
+// an edge and no vertex a triangle:
+//
+// 1. Layers. Pairs that come closer than their thickness h get impulses with the masses of the
+//    vertices, inelastic and with Coulomb friction (detail/pair_rows.hpp):
+//    n·Σ w_i y_i >= min(h, d), where d is the distance at x.
+// 2. Push. Pairs that start closer than h are moved to min(h, d + v dt), and crossings that are
+//    there at x the way that shortens them (detail/contour_push.hpp). Positions only: a push adds
+//    no velocity.
+// 3. Impacts. Passages on the straight ways from x to y get impulses too, along the normal at the
+//    impact. All impacts so far are swept together, until a search finds none.
+// 4. Zones. What impulses do not keep apart moves rigidly (detail/impact_zones.hpp).
+//
+// After 3 or 4, a search over all pairs has found no passage. It can fail only where driven
+// vertices are forced through a layer, and the report says so. Pairs that cross at x are left to
+// pass. Reference: Bridson, Fedkiw, Anderson, Robust treatment of collisions, contact and friction
+// for cloth animation, 2002; Harmon et al. 2008 (impacts as a growing set of constraints).
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/collision/self_contacts.hpp"
+#include "clothctl/contact/detail/contour_push.hpp"
+#include "clothctl/contact/detail/impact_zones.hpp"
+#include "clothctl/contact/detail/pair_rows.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/status.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// How layers of sheets act on each other.
+template <RealScalar Scalar>
+struct SheetImpactSettings {
+  /// The distance of the middles of two layers that rest on each other, m.
+  Scalar thickness = Scalar(1e-3);
+  /// Coulomb's coefficient of friction between layers.
+  Scalar friction = Scalar(0.3);
+  /// The speed at which layers that are too close are pushed apart, m/s.
+  Scalar push_speed = Scalar(0.1);
+  /// The speed at which layers that cross each other are pulled apart, m/s.
+  Scalar untangle_speed = Scalar(0.5);
+  /// Sweeps over the pairs of layers.
+  int sweeps = 20;
+  /// Searches for impacts, before zones are made rigid.
+  int rounds = 12;
+  /// Pairs of vertices that count as one where features are tested for a common vertex: seams,
+  /// layers that are stitched together.
+  std::vector<std::array<int, 2>> joined = {};
+
+  /// Returns an empty string, or what is wrong.
+  std::string validate() const {
+    if (!is_finite(thickness) || !(Scalar(0) < thickness))
+      return "the thickness " + number_text(thickness) + " m, must be finite and positive";
+    if (!is_finite(friction) || friction < Scalar(0))
+      return "the friction " + number_text(friction) + ", must be finite and not negative";
+    if (!is_finite(push_speed) || push_speed < Scalar(0))
+      return "the push speed " + number_text(push_speed) + " m/s, must be finite and not negative";
+    if (!is_finite(untangle_speed) || untangle_speed < Scalar(0))
+      return "the untangle speed " + number_text(untangle_speed) +
+             " m/s, must be finite and not negative";
+    if (sweeps < 1) return "sweeps " + std::to_string(sweeps) + ", must be at least 1";
+    if (rounds < 1) return "rounds " + std::to_string(rounds) + ", must be at least 1";
+    return {};
+  }
+};
+
+/// What the pass did.
+struct SheetImpactReport {
+  /// Converged: nothing passed. IterationLimit: edges cross triangles at the end, or there was not
+  /// room for all pairs (`complete`). InvalidInput: a mass or the time is wrong; InvalidState: a
+  /// coordinate is not finite or sizes differ. In both cases nothing changed.
+  StepStatus status = StepStatus::Converged;
+  /// Pairs of layers that were held apart.
+  int contacts = 0;
+  /// Impacts that were found in all searches.
+  int impacts = 0;
+  /// Searches for impacts.
+  int rounds = 0;
+  /// Sets of vertices that were moved rigidly.
+  int zones = 0;
+  /// Edges that cross a triangle before the step.
+  int crossings_before = 0;
+  /// Edges that cross a triangle after it.
+  int crossings_left = 0;
+  /// False when there was not room for all pairs: `reserve` more. Layers may have crossed.
+  bool complete = true;
+};
+
+/// Keeps layers of sheets apart. `create` and `reserve` allocate all memory, the pass never does.
+template <RealScalar Scalar>
+class SheetImpacts {
+ public:
+  /// Makes the pass for sheets with the shape at rest `x` (3×n, m), triangles, and threads (edges
+  /// of no triangle). There is room for 40 pairs a vertex; `reserve` makes more. Allocates. Fails
+  /// when: `SelfContactFinder::create` does, or a setting is wrong.
+  static Result<SheetImpacts> create(const PointsView<Scalar>& x,
+                                     const std::vector<std::array<int, 3>>& triangles,
+                                     const SheetImpactSettings<Scalar>& settings = {},
+                                     const std::vector<std::array<int, 2>>& threads = {}) {
+    if (const std::string bad = settings.validate(); !bad.empty())
+      return Error{"sheet impacts have " + bad};
+    Result<SelfContactFinder<Scalar>> finder = SelfContactFinder<Scalar>::create(
+        x, triangles, threads, {settings.thickness, settings.joined});
+    if (!finder) return Error{finder.error()};
+    return SheetImpacts(std::move(finder).value(), settings);
+  }
+
+  /// Makes room for `count` pairs. Allocates.
+  void reserve(Index count) {
+    finder_.reserve(count);
+    rows_.reserve(static_cast<std::size_t>(count));
+  }
+
+  /// Changes positions and velocities of `state`, the result of a step of `dt` (s) from the
+  /// positions `before` (3×n, m), so that no layer passes another. `inverse_mass` (n, 1/kg) is 0
+  /// for vertices whose motion is prescribed. The same input gives the same bits.
+  SheetImpactReport resolve(const PointsView<Scalar>& before,
+                            const Eigen::Ref<const VectorX<Scalar>>& inverse_mass, Scalar dt,
+                            ClothState<Scalar>& state);
+
+  /// Finds the pairs of layers for `push_apart`: those that are closer than their thickness and
+  /// `reach` (m) at `x` (3×n, m). For the substeps of a position-based sheet: once a step with a
+  /// reach of what the layers may approach, and then `push_apart` many times. Returns the number,
+  /// -1 if an argument is wrong.
+  int find_layers(const PointsView<Scalar>& x, const Scalar& reach,
+                  const Eigen::Ref<const VectorX<Scalar>>& inverse_mass);
+  /// Moves `y` (3×n, m) by one sweep over the pairs of `find_layers` so that layers keep their
+  /// thickness, or the distance that they had if that was less. Friction acts against the way from
+  /// the positions of `find_layers`.
+  void push_apart(Points<Scalar>& y) {
+    detail::sweep_rows<Scalar>(rows_, x_, settings_.friction, y);
+  }
+
+  /// The settings.
+  const SheetImpactSettings<Scalar>& settings() const { return settings_; }
+  /// The search for pairs, with the crossings of the last count.
+  const SelfContactFinder<Scalar>& finder() const { return finder_; }
+
+ private:
+  using Row = detail::PairRow<Scalar>;
+
+  SheetImpacts(SelfContactFinder<Scalar> finder, const SheetImpactSettings<Scalar>& settings)
+      : settings_(settings), finder_(std::move(finder)) {
+    const Index n = finder_.vertex_count();
+    for (Points<Scalar>* points : {&x_, &y_, &found_, &pushes_, &wanted_, &clean_end_})
+      *points = Points<Scalar>::Constant(3, n, Scalar(0));
+    inverse_mass_ = VectorX<Scalar>::Constant(n, Scalar(0));
+    tangled_.resize(static_cast<std::size_t>(n));
+    zones_.resize(static_cast<std::size_t>(n));
+    reserve(Index(40) * n);
+  }
+
+  static StepStatus check_input(const SelfContactFinder<Scalar>& finder,
+                                const PointsView<Scalar>& before,
+                                const Eigen::Ref<const VectorX<Scalar>>& inverse_mass,
+                                const Scalar& dt, const ClothState<Scalar>& state);
+  /// Marks the vertices of edges and triangles that cross at x.
+  int mark_tangles();
+  bool is_tangled(const std::array<int, 4>& v) const {
+    const auto marked = [this](int i) { return tangled_[static_cast<std::size_t>(i)]; };
+    return marked(v[0]) && marked(v[1]) && marked(v[2]) && marked(v[3]);
+  }
+  /// Searches pairs again when a vertex has left the way for which they were found.
+  void refresh_pairs(SheetImpactReport& report);
+  void add_row(const SelfContact<Scalar>& pair, const Scalar& gap, const Scalar& pushed);
+  void hold_layers(const Scalar& dt, SheetImpactReport& report);
+  void push(const Scalar& dt);
+  void sweep(int sweeps);
+  /// Calls `visit` for all impacts of the ways from x to y. Returns their number.
+  template <class Visit>
+  int for_each_impact(const Visit& visit);
+  bool stop_impacts(const Scalar& dt, SheetImpactReport& report);
+  void make_zones(SheetImpactReport& report);
+
+  SheetImpactSettings<Scalar> settings_;
+  SelfContactFinder<Scalar> finder_;
+  Points<Scalar> x_, y_;
+  /// The ends of the ways for which pairs were found; what pushes moved; the ends that zones would
+  /// have; the end of the last pass that left nothing crossed.
+  Points<Scalar> found_, pushes_, wanted_, clean_end_;
+  bool clean_ = false;
+  VectorX<Scalar> inverse_mass_;
+  std::vector<bool> tangled_;
+  std::vector<Row> rows_;
+  detail::ImpactZones<Scalar> zones_;
+};
+
+template <RealScalar Scalar>
+StepStatus SheetImpacts<Scalar>::check_input(const SelfContactFinder<Scalar>& finder,
+                                             const PointsView<Scalar>& before,
+                                             const Eigen::Ref<const VectorX<Scalar>>& inverse_mass,
+                                             const Scalar& dt, const ClothState<Scalar>& state) {
+  const Index n = finder.vertex_count();
+  if (inverse_mass.size() != n || !is_finite(dt) || !(Scalar(0) < dt))
+    return StepStatus::InvalidInput;
+  for (Index i = 0; i < n; ++i) {
+    if (!is_finite(Scalar(inverse_mass[i])) || inverse_mass[i] < Scalar(0))
+      return StepStatus::InvalidInput;
+  }
+  if (before.cols() != n || state.positions.cols() != n || state.velocities.cols() != n ||
+      !all_finite(before) || !all_finite(state.positions) || !all_finite(state.velocities))
+    return StepStatus::InvalidState;
+  return StepStatus::Converged;
+}
+
+template <RealScalar Scalar>
+SheetImpactReport SheetImpacts<Scalar>::resolve(
+    const PointsView<Scalar>& before, const Eigen::Ref<const VectorX<Scalar>>& inverse_mass,
+    Scalar dt, ClothState<Scalar>& state) {
+  SheetImpactReport report;
+  report.status = check_input(finder_, before, inverse_mass, dt, state);
+  if (report.status != StepStatus::Converged) return report;
+  x_ = before;
+  y_ = state.positions;
+  inverse_mass_ = inverse_mass;
+  rows_.clear();
+  // What the last pass left is known.
+  const bool known = clean_ && x_ == clean_end_;
+  std::fill(tangled_.begin(), tangled_.end(), false);
+  if (!known) report.crossings_before = mark_tangles();
+  found_ = y_;
+  finder_.update(x_, y_);
+  finder_.find(settings_.thickness);
+  report.complete = finder_.complete();
+  hold_layers(dt, report);
+  push(dt);
+  bool apart = stop_impacts(dt, report);
+  if (!apart) make_zones(report);
+  apart = report.crossings_left == 0 && report.complete;
+  if (report.crossings_before > 0 || !apart) report.crossings_left = finder_.count_crossings(y_);
+  clean_ = report.crossings_left == 0 && report.complete;
+  clean_end_ = y_;
+  if (!clean_) report.status = StepStatus::IterationLimit;
+  state.velocities += (y_ - state.positions - pushes_) / dt;
+  state.positions = y_;
+  return report;
+}
+
+template <RealScalar Scalar>
+int SheetImpacts<Scalar>::find_layers(const PointsView<Scalar>& x, const Scalar& reach,
+                                      const Eigen::Ref<const VectorX<Scalar>>& inverse_mass) {
+  if (inverse_mass.size() != finder_.vertex_count()) return -1;
+  if (finder_.update(x) != QueryStatus::Answered) return -1;
+  if (finder_.find(reach) != QueryStatus::Answered) return -1;
+  x_ = x;
+  inverse_mass_ = inverse_mass;
+  clean_ = false;
+  rows_.clear();
+  for (const SelfContact<Scalar>& pair : finder_.contacts()) {
+    const Scalar gap = (std::min)(pair.thickness, pair.distance);
+    if (pair.facing) add_row(pair, gap, gap);
+  }
+  return static_cast<int>(rows_.size());
+}
+
+template <RealScalar Scalar>
+int SheetImpacts<Scalar>::mark_tangles() {
+  const int count = finder_.count_crossings(x_);
+  for (const EdgeCrossing& crossing : finder_.crossings()) {
+    for (const int v : finder_.edges()[static_cast<std::size_t>(crossing.edge)])
+      tangled_[static_cast<std::size_t>(v)] = true;
+    for (const int v : finder_.triangles()[static_cast<std::size_t>(crossing.triangle)])
+      tangled_[static_cast<std::size_t>(v)] = true;
+  }
+  return count;
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::refresh_pairs(SheetImpactReport& report) {
+  // Two vertices that leave their ways by half of the reach each use it up.
+  const Scalar limit = settings_.thickness * settings_.thickness / Scalar(4);
+  for (Index v = 0; v < y_.cols(); ++v) {
+    if (!(limit < Vector3<Scalar>(y_.col(v) - found_.col(v)).squaredNorm())) continue;
+    found_ = y_;
+    finder_.update(x_, y_);
+    finder_.find(settings_.thickness);
+    report.complete = report.complete && finder_.complete();
+    return;
+  }
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::add_row(const SelfContact<Scalar>& pair, const Scalar& gap,
+                                   const Scalar& pushed) {
+  Row row;
+  row.vertex = pair.vertex;
+  row.weight = pair.weight;
+  row.normal = pair.normal;
+  row.gap = gap;
+  row.pushed = pushed;
+  if (rows_.size() < rows_.capacity() && detail::weigh<Scalar>(inverse_mass_, row))
+    rows_.push_back(row);
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::sweep(int sweeps) {
+  const Scalar tolerance = Scalar(1e-4) * settings_.thickness;
+  for (int k = 0; k < sweeps; ++k) {
+    if (!(tolerance < detail::sweep_rows<Scalar>(rows_, x_, settings_.friction, y_))) return;
+  }
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::hold_layers(const Scalar& dt, SheetImpactReport& report) {
+  const Scalar h = settings_.thickness;
+  for (const SelfContact<Scalar>& pair : finder_.contacts()) {
+    // Planes at far pairs say little about where they would touch: impacts take care of them.
+    if (!pair.facing || Scalar(3) * h < pair.distance || is_tangled(pair.vertex)) continue;
+    const Scalar gap = (std::min)(pair.thickness, pair.distance);
+    const Scalar pushed = (std::min)(pair.thickness, pair.distance + dt * settings_.push_speed);
+    Row row;
+    row.vertex = pair.vertex;
+    row.weight = pair.weight;
+    if (pair.normal.dot(row.way(y_)) < gap + Scalar(0.25) * h) add_row(pair, gap, pushed);
+  }
+  report.contacts = static_cast<int>(rows_.size());
+  sweep(settings_.sweeps);
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::push(const Scalar& dt) {
+  using std::sqrt;
+  constexpr int kSweeps = 4;
+  pushes_ = y_;
+  const Scalar way = dt * settings_.untangle_speed;
+  bool tangled = false;
+  for (const bool marked : tangled_) tangled = tangled || marked;
+  for (std::size_t i = 0; tangled && i < finder_.crossings().size(); ++i) {
+    const EdgeCrossing& crossing = finder_.crossings()[i];
+    std::array<int, 2> opposite{-1, -1};
+    const std::array<int, 2>& edge = finder_.edges()[static_cast<std::size_t>(crossing.edge)];
+    for (std::size_t k = 0; k < 2; ++k) {
+      const int t = finder_.triangles_of(crossing.edge)[k];
+      if (t < 0) continue;
+      for (const int v : finder_.triangles()[static_cast<std::size_t>(t)]) {
+        if (v != edge[0] && v != edge[1]) opposite[k] = v;
+      }
+    }
+    Row row = detail::contour_row<Scalar>(
+        x_, edge, finder_.triangles()[static_cast<std::size_t>(crossing.triangle)], opposite);
+    if (detail::weigh<Scalar>(inverse_mass_, row))
+      row.apply(Vector3<Scalar>(row.mass * way * row.normal), y_);
+  }
+  // Where many cross, what pulls at a vertex adds up.
+  for (Index v = 0; tangled && v < y_.cols(); ++v) {
+    const Vector3<Scalar> moved = y_.col(v) - pushes_.col(v);
+    const Scalar length = sqrt(moved.squaredNorm());
+    if (way < length) y_.col(v) = pushes_.col(v) + (way / length) * moved;
+  }
+  for (int k = 0; k < kSweeps; ++k) detail::push_rows<Scalar>(rows_, y_);
+  pushes_ = y_ - pushes_;
+}
+
+template <RealScalar Scalar>
+template <class Visit>
+int SheetImpacts<Scalar>::for_each_impact(const Visit& visit) {
+  int count = 0;
+  for (const SelfContact<Scalar>& pair : finder_.contacts()) {
+    if (zones_.rigid(pair.vertex) || is_tangled(pair.vertex)) continue;
+    const SelfImpact<Scalar> hit = finder_.impact(pair, y_);
+    if (!(hit.time <= Scalar(1))) continue;
+    ++count;
+    visit(hit.pair);
+  }
+  return count;
+}
+
+template <RealScalar Scalar>
+bool SheetImpacts<Scalar>::stop_impacts(const Scalar& dt, SheetImpactReport& report) {
+  zones_.clear();
+  for (int round = 0; round < settings_.rounds; ++round) {
+    refresh_pairs(report);
+    const int hits = for_each_impact([this, &dt](const SelfContact<Scalar>& pair) {
+      // What is nearly closed is opened a little, or the sweeps' error would close it again.
+      const Scalar opened = pair.distance + dt * settings_.push_speed;
+      const Scalar gap = Scalar(Scalar(0.5) * (std::min)(pair.thickness, opened));
+      add_row(pair, gap, gap);
+    });
+    ++report.rounds;
+    report.impacts += hits;
+    if (hits == 0) return true;
+    sweep(settings_.sweeps);
+  }
+  return false;
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::make_zones(SheetImpactReport& report) {
+  for (Index v = 0; v < inverse_mass_.size(); ++v) {
+    if (!(Scalar(0) < inverse_mass_[v])) zones_.hold(static_cast<int>(v));
+  }
+  wanted_ = y_;
+  // Each round unites two zones at least, or is the last.
+  for (bool changed = true; changed;) {
+    refresh_pairs(report);
+    changed = false;
+    const int hits = for_each_impact([this, &changed](const SelfContact<Scalar>& pair) {
+      changed = zones_.merge(pair.vertex) || changed;
+    });
+    ++report.rounds;
+    report.impacts += hits;
+    if (changed) zones_.move(x_, wanted_, inverse_mass_, y_);
+    // Only driven vertices can be left.
+    if (hits > 0 && !changed) report.crossings_left = 1;
+  }
+  report.zones = zones_.count();
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI
