@@ -59,11 +59,11 @@ BodyContacts<Scalar> find_body_contacts(const ConvexShape<Scalar>& A, const Matr
   return out;
 }
 
-/// Returns the points of the contact of a shape, which has the pose (R, p), and a collider whose gap
-/// is at most `margin` (m, not negative). Up to 8; normals point to the shape. The parts of a union
-/// are asked one by one. The shape's inside is known by its surface only: a collider that lies
-/// wholly within a box, touching no edge and no face, is not found. Never allocates. Needs a finite
-/// pose.
+/// Returns the points of the contact of a shape, which has the pose (R, p), and a collider whose
+/// gap is at most `margin` (m, not negative). Up to 8; normals point to the shape. The parts of a
+/// union are asked one by one. The shape's inside is known by its surface only: a collider that
+/// lies wholly within a box, touching no edge and no face, is not found. Never allocates. Needs a
+/// finite pose.
 template <RealScalar Scalar>
 BodyContacts<Scalar> find_collider_contacts(const ConvexShape<Scalar>& shape,
                                             const Matrix3<Scalar>& R, const Vector3<Scalar>& p,

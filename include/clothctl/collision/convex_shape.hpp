@@ -76,13 +76,6 @@ class ConvexShape {
   BoundingBox<Scalar> bounds(const Matrix3<Scalar>& R_world_body,
                              const Vector3<Scalar>& position) const;
 
-  /// A collider of the shape at rest at the origin, one of four types.
-  using Collider = std::variant<SphereCollider<Scalar>, CapsuleCollider<Scalar>,
-                                BoxCollider<Scalar>, HullCollider<Scalar>>;
-  /// Returns a collider of the shape. Allocates. Fails when: the shape is too small or large for
-  /// it.
-  Result<Collider> collider() const;
-
  private:
   using Core = detail::Polytope<Scalar>;
 
@@ -134,7 +127,8 @@ Result<ConvexShape<Scalar>> ConvexShape<Scalar>::capsule(const Scalar& half_leng
   core.corners(2, 1) = half_length;
   detail::SolidMoments<Scalar> m;
   const Scalar pi(3.14159265358979323846), square = radius * radius, l = half_length;
-  const Scalar tube = pi * square * Scalar(2) * l, ball = Scalar(4) / Scalar(3) * pi * square * radius;
+  const Scalar tube = pi * square * Scalar(2) * l,
+               ball = Scalar(4) / Scalar(3) * pi * square * radius;
   m.volume = tube + ball;
   const Scalar across = tube * (square / Scalar(4) + l * l / Scalar(3)) +
                         ball * (Scalar(0.4) * square + l * l + Scalar(0.75) * l * radius);
@@ -187,22 +181,64 @@ BoundingBox<Scalar> ConvexShape<Scalar>::bounds(const Matrix3<Scalar>& R_world_b
   return {position + box.lower - reach, position + box.upper + reach};
 }
 
+/// A convex shape as a collider that moves, for sheets and sweeps.
 template <RealScalar Scalar>
-auto ConvexShape<Scalar>::collider() const -> Result<Collider> {
-  const Points<Scalar>& x = core_->corners;
-  const auto wrap = [](auto&& made) -> Result<Collider> {
-    if (!made) return Error{made.error()};
-    return Collider(std::move(*made));
-  };
-  switch (kind_) {
-    case ShapeKind::Sphere: return wrap(SphereCollider<Scalar>::create(x.col(0), radius_));
-    case ShapeKind::Capsule:
-      return wrap(CapsuleCollider<Scalar>::create(x.col(0), x.col(1), radius_));
-    case ShapeKind::Box:
-      return wrap(BoxCollider<Scalar>::create(Vector3<Scalar>::Constant(Scalar(0)), x.col(7)));
-    case ShapeKind::Hull: break;
+class MovingShape {
+ public:
+  /// Makes the shape move. Allocates. Fails when: see MovingCollider.
+  static Result<MovingShape> create(const ConvexShape<Scalar>& shape,
+                                    const RigidMotion<Scalar>& motion,
+                                    const ColliderSurface<Scalar>& surface = {}) {
+    const Points<Scalar>& x = shape.core().corners;
+    switch (shape.kind()) {
+      case ShapeKind::Sphere:
+        return make(SphereCollider<Scalar>::create(x.col(0), shape.radius()), motion, surface);
+      case ShapeKind::Capsule:
+        return make(CapsuleCollider<Scalar>::create(x.col(0), x.col(1), shape.radius()), motion,
+                    surface);
+      case ShapeKind::Box: {
+        const Vector3<Scalar> centre = Vector3<Scalar>::Constant(Scalar(0));
+        return make(BoxCollider<Scalar>::create(centre, x.col(7)), motion, surface);
+      }
+      case ShapeKind::Hull: break;
+    }
+    return make(HullCollider<Scalar>::create(x), motion, surface);
   }
-  return wrap(HullCollider<Scalar>::create(x));
-}
+
+  /// Gives it the motion of the next step. Returns an empty string, or what is wrong.
+  std::string set_motion(const RigidMotion<Scalar>& motion) {
+    if (Sphere* s = std::get_if<Sphere>(&shape_)) return s->set_motion(motion);
+    if (Capsule* s = std::get_if<Capsule>(&shape_)) return s->set_motion(motion);
+    if (Box* s = std::get_if<Box>(&shape_)) return s->set_motion(motion);
+    return std::get_if<Hull>(&shape_)->set_motion(motion);
+  }
+  /// Refers to the collider; valid while this lives where it is.
+  ColliderRef<Scalar> collider() const {
+    if (const Sphere* s = std::get_if<Sphere>(&shape_)) return ColliderRef<Scalar>(*s);
+    if (const Capsule* s = std::get_if<Capsule>(&shape_)) return ColliderRef<Scalar>(*s);
+    if (const Box* s = std::get_if<Box>(&shape_)) return ColliderRef<Scalar>(*s);
+    return ColliderRef<Scalar>(*std::get_if<Hull>(&shape_));
+  }
+
+ private:
+  using Sphere = MovingCollider<Scalar, SphereCollider<Scalar>>;
+  using Capsule = MovingCollider<Scalar, CapsuleCollider<Scalar>>;
+  using Box = MovingCollider<Scalar, BoxCollider<Scalar>>;
+  using Hull = MovingCollider<Scalar, HullCollider<Scalar>>;
+  using Shape = std::variant<Sphere, Capsule, Box, Hull>;
+
+  explicit MovingShape(Shape&& shape) : shape_(std::move(shape)) {}
+  template <class C>
+  static Result<MovingShape> make(Result<C>&& shape, const RigidMotion<Scalar>& motion,
+                                  const ColliderSurface<Scalar>& surface) {
+    if (!shape) return Error{shape.error()};
+    Result<MovingCollider<Scalar, C>> made =
+        MovingCollider<Scalar, C>::create(std::move(*shape), motion, surface);
+    if (!made) return Error{made.error()};
+    return MovingShape(Shape(std::move(*made)));
+  }
+
+  Shape shape_;
+};
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -149,8 +149,7 @@ class ColliderContacts {
     while (count_ > 0 && out.count < kMostBodyContacts) {
       int deepest = 0;
       for (int i = 1; i < count_; ++i) {
-        if (found_[static_cast<std::size_t>(i)].gap <
-            found_[static_cast<std::size_t>(deepest)].gap)
+        if (found_[static_cast<std::size_t>(i)].gap < found_[static_cast<std::size_t>(deepest)].gap)
           deepest = i;
       }
       const Vector3<Scalar> n = found_[static_cast<std::size_t>(deepest)].normal;

@@ -77,13 +77,15 @@ class ContactReduction {
     }
     const Scalar step = Scalar(1e-3) * size_;
     const int a = first(step);
-    const int b = best(step * step, [&](int i) { return (at(i) - at(a)).squaredNorm(); }, a, a, a);
+    const int b = best(
+        step * step, [&](int i) { return (at(i) - at(a)).squaredNorm(); }, a, a, a);
     const auto area = [&](int i) {
       const Vector3<Scalar> u = at(b) - at(a), v = at(i) - at(a);
       return u.cross(v).dot(n_);
     };
     const int c = best(step * size_, area, a, b, b);
-    const int d = best(step * size_, [&](int i) { return Scalar(-area(i)); }, a, b, c);
+    const int d = best(
+        step * size_, [&](int i) { return Scalar(-area(i)); }, a, b, c);
     int n = 0;
     for (const int i : {a, b, c, d}) {
       if (i >= 0) chosen[static_cast<std::size_t>(n++)] = i;
