@@ -109,7 +109,7 @@ Result<ConvexShape<Scalar>> ConvexShape<Scalar>::sphere(const Scalar& radius) {
   Core core;
   core.corners.setConstant(3, 1, Scalar(0));
   detail::SolidMoments<Scalar> m;
-  const Scalar pi(3.14159265358979323846), square = radius * radius;
+  const Scalar pi = Scalar(3.14159265358979323846), square = radius * radius;
   m.volume = Scalar(4) / Scalar(3) * pi * square * radius;
   for (int i = 0; i < 3; ++i) m.inertia(i, i) = Scalar(0.4) * m.volume * square;
   return ConvexShape(ShapeKind::Sphere, radius, std::move(core), m);
@@ -126,7 +126,7 @@ Result<ConvexShape<Scalar>> ConvexShape<Scalar>::capsule(const Scalar& half_leng
   core.corners(2, 0) = -half_length;
   core.corners(2, 1) = half_length;
   detail::SolidMoments<Scalar> m;
-  const Scalar pi(3.14159265358979323846), square = radius * radius, l = half_length;
+  const Scalar pi = Scalar(3.14159265358979323846), square = radius * radius, l = half_length;
   const Scalar tube = pi * square * Scalar(2) * l,
                ball = Scalar(4) / Scalar(3) * pi * square * radius;
   m.volume = tube + ball;

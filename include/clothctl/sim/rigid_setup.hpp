@@ -165,7 +165,7 @@ std::string validate_within(const char* name, const Scalar& x, const Scalar& low
 
 template <RealScalar Scalar>
 std::string RigidBodySetup<Scalar>::validate() const {
-  const Scalar zero(0), most(1e15);
+  const Scalar zero = Scalar(0), most = Scalar(1e15);
   std::string bad = detail::validate_within<Scalar>("mass (kg)", mass, zero, most);
   if (bad.empty()) bad = detail::validate_within<Scalar>("density (kg/m³)", density, zero, most);
   if (bad.empty() && kind == BodyKind::Free && !(zero < mass) && !(zero < density))
@@ -179,7 +179,7 @@ std::string RigidBodySetup<Scalar>::validate() const {
 
 template <RealScalar Scalar>
 std::string RigidBodiesSettings<Scalar>::validate() const {
-  const Scalar zero(0), most(1e15), tiny(1e-12);
+  const Scalar zero = Scalar(0), most = Scalar(1e15), tiny = Scalar(1e-12);
   using detail::validate_within;
   std::string bad;
   if (!all_finite(gravity)) bad = "a gravity that is not finite";

@@ -111,7 +111,7 @@ class ColliderContacts {
     Vector3<Scalar> x = Vector3<Scalar>::Constant(Scalar(0));
     for (int k = 0; k < n; ++k)
       x += body_.x(body_.shape.face_corner(f, k)) / Scalar(static_cast<double>(n));
-    Scalar lower(1e30), reach(0);
+    Scalar lower = Scalar(1e30), reach = Scalar(0);
     for (int k = 0; k < n; ++k) {
       const int c = body_.shape.face_corner(f, k);
       const Scalar d = depth_[static_cast<std::size_t>(c)];

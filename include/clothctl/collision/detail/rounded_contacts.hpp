@@ -146,7 +146,7 @@ class SegmentOnPolytope {
   }
   /// The closest points p of the segment and q of the polytope, which are apart.
   Direction<Scalar> closest(Vector3<Scalar>& p, Vector3<Scalar>& q) const {
-    Scalar least(1e30);
+    Scalar least = Scalar(1e30);
     const auto take = [&](const Vector3<Scalar>& x, const Vector3<Scalar>& y) {
       const Scalar square = (x - y).squaredNorm();
       if (!(square < least)) return;

@@ -257,7 +257,6 @@ void IslandSolver<Scalar>::prepare(const IslandRules<Scalar>& rules, const Scala
     const Scalar across = c.sample.normal.dot(W * c.sample.normal);
     Scalar softness = Scalar(1) / (rules.stiffness * heaviest);
     const Scalar least = Scalar(64) * scalar_traits<Scalar>::epsilon() * across;
-    if (softness < least) softness = least;
     Scalar gap = Scalar(0) < c.gap ? Scalar(c.gap / beta) : c.gap;
     const Scalar deepest = -rules.push_speed * h / beta;
     if (gap < deepest) gap = deepest;
@@ -267,6 +266,10 @@ void IslandSolver<Scalar>::prepare(const IslandRules<Scalar>& rules, const Scala
       gap = c.restitution * approach * h / beta;
       softness *= Scalar(0.01);
     }
+    // A hard impact leaves the speed of the approach times softness / mobility.
+    const Scalar hard = Scalar(-10) * rules.push_speed;
+    if (approach < hard) softness *= hard / approach;
+    if (softness < least) softness = least;
     const Scalar compliance = softness * h * h / beta, old = c.sample.compliance;
     if (Scalar(0) < old) c.sample.offset *= compliance / old;  // the load of its spring stays
     c.sample.compliance = c.sample.tangential_compliance = compliance;
