@@ -100,7 +100,7 @@ struct RigidBodiesSettings {
   /// Islands with up to so many contacts are solved by Newton's method, larger ones by `sweeps`.
   int newton_contacts = 60;
   /// See `newton_contacts`.
-  int sweeps = 60;
+  int sweeps = 100;
   /// Whether bodies that move by more than half their inner radius in a step stop at what they hit.
   bool continuous = true;
 

@@ -9,7 +9,9 @@
 //   (c·ba)(d·ba) < 0,   (a·dc)(b·dc) < 0,   (c·ba)(b·dc) > 0,      ba = b × a,  dc = d × c
 //
 // For a face, the most opposite face of the other is clipped by its sides (Sutherland, Hodgman,
-// 1974); an edge pair gives one point. Faces are preferred where both are as good. Where the
+// 1974); an edge pair gives one point. Faces are preferred where both are as good,
+// and where their normal is within 8° of that of the edges: faces that lie on each other tilted
+// have the least overlap where edges cross, but one such point does not hold them. Where the
 // polytopes are apart, the separation is at most their distance. It is that distance for faces and
 // edges that face each other; where the clipped polygon is empty nothing touches along that axis.
 
@@ -49,7 +51,8 @@ template <RealScalar Scalar>
 struct SeparatingAxis {
   Scalar separation = Scalar(-1e30);
   int a = -1, b = -1;
-  Vector3<Scalar> axis;  // of edges: from the first polytope to the second
+  /// Of edges: from the first polytope to the second.
+  Vector3<Scalar> axis = Vector3<Scalar>::Constant(Scalar(0));
 };
 
 /// Returns the face of P that separates Q best.
@@ -234,7 +237,10 @@ void polytope_contacts(const PosedPolytope<Scalar>& A, const PosedPolytope<Scala
   const Scalar better = Scalar(1e-4) * size;
   const bool face_b = of_a.separation + better < of_b.separation;
   const SeparatingAxis<Scalar>& face = face_b ? of_b : of_a;
-  if (!(face.separation + better < edges.separation)) {
+  const Vector3<Scalar>& n = face_b ? B.n(of_b.a) : A.n(of_a.a);
+  const Scalar along = (face_b ? Scalar(-1) : Scalar(1)) * n.dot(edges.axis);
+  const bool alike = edges.a < 0 || Scalar(0.99) < along;
+  if (alike || !(face.separation + better < edges.separation)) {
     if (face_b)
       add_face_contact<Scalar>(B, A, face.a, face.separation, margin, true, out);
     else

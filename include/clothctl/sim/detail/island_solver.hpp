@@ -19,6 +19,7 @@
 // make the many contacts of a face a regular problem. A weight m g sinks by g h²/(β κ) if it rests
 // on one contact.
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -237,11 +238,12 @@ IslandReport<Scalar> IslandSolver<Scalar>::solve(
   bodies_ = &bodies;
   all_contacts_ = &all_contacts;
   all_joints_ = &all_joints;
+  joint_rows_ = 0;
+  for (std::size_t k = 0; k < joints_.size(); ++k) joint_rows_ += joint(k).rows();
+  const Index most = (std::min)(newton_room_, static_cast<Index>(rules.newton_contacts));
+  const bool room = static_cast<Index>(contacts.size()) <= most && joint_rows_ <= joint_room_;
   prepare(rules, heaviest);
   IslandReport<Scalar> report;
-  const bool room = static_cast<Index>(contacts.size()) <= newton_room_ &&
-                    joint_rows_ <= joint_room_ &&
-                    static_cast<int>(contacts.size()) <= rules.newton_contacts;
   if (!room || !newton(rules, report)) sweep_all(rules, report);
   return report;
 }
@@ -276,8 +278,6 @@ void IslandSolver<Scalar>::prepare(const IslandRules<Scalar>& rules, const Scala
     c.sample.damping = h * (Scalar(1) / beta - Scalar(1)) / compliance;
     c.sample.gap = gap;
   }
-  joint_rows_ = 0;
-  for (std::size_t k = 0; k < joints_.size(); ++k) joint_rows_ += joint(k).rows();
 }
 
 template <RealScalar Scalar>
