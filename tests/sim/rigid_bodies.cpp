@@ -521,10 +521,10 @@ namespace {
 /// Bodies of all shapes that fall into a corner of a floor and two walls.
 struct Pile {
   explicit Pile(unsigned seed, int count, double friction = 0.5) : random(seed) {
-    for (const V& n : {V(0, 0, 1), V(1, 0, 0), V(0, 1, 0)})
-      planes.push_back(
-          PlaneCollider<double>::create(-1.5 * (V(1, 1, 0).cwiseProduct(n)), n, {friction, 0})
-              .value());
+    for (const V& n : {V(0, 0, 1), V(1, 0, 0), V(0, 1, 0), V(-1, 0, 0), V(0, -1, 0)}) {
+      const V point = -1.5 * n + V(0, 0, 1.5 * n[2]);
+      planes.push_back(PlaneCollider<double>::create(point, n, {friction, 0}).value());
+    }
     RigidBodiesSettings<double> settings;
     settings.sleep_time = 0;
     bodies = RigidBodies<double>(settings);
