@@ -130,19 +130,25 @@ class ColliderContacts {
     }
     take(x, s, feature);
   }
-  /// A point of the face near y: its foot, pulled back inside one side after the other.
+  /// The point of the face closest to y: its foot, or else the closest of the sides' points.
   Vector3<Scalar> onto_face(int f, const Vector3<Scalar>& y) const {
-    Vector3<Scalar> x = y - body_.above(f, y) * body_.n(f);
-    for (int round = 0; round < 3; ++round) {
-      for (int k = 0; k < body_.shape.face_size(f); ++k) {
-        const Vector3<Scalar>& a = body_.x(body_.shape.face_corner(f, k));
-        const Vector3<Scalar> way = body_.x(body_.shape.face_corner(f, k + 1)) - a;
-        const Vector3<Scalar> out = unit_or_zero<Scalar>(way.cross(body_.n(f)));
-        const Scalar beyond = out.dot(Vector3<Scalar>(x - a));
-        if (Scalar(0) < beyond) x -= beyond * out;
-      }
+    const Vector3<Scalar> foot = y - body_.above(f, y) * body_.n(f);
+    Vector3<Scalar> best = foot;
+    Scalar nearest = Scalar(1e30);
+    bool inside = true;
+    for (int k = 0; k < body_.shape.face_size(f); ++k) {
+      const Vector3<Scalar>& a = body_.x(body_.shape.face_corner(f, k));
+      const Vector3<Scalar> way = body_.x(body_.shape.face_corner(f, k + 1)) - a, from = foot - a;
+      inside = inside && !(Scalar(0) < way.cross(body_.n(f)).dot(from));
+      Scalar t = way.dot(from) / way.squaredNorm();
+      t = t < Scalar(0) ? Scalar(0) : (Scalar(1) < t ? Scalar(1) : t);
+      const Vector3<Scalar> x = a + t * way;
+      const Scalar square = (x - foot).squaredNorm();
+      if (!(square < nearest)) continue;
+      nearest = square;
+      best = x;
     }
-    return x;
+    return inside ? foot : best;
   }
   /// Hands on the points, those with like normals together, the deepest first.
   void cluster(BodyContacts<Scalar>& out) {
