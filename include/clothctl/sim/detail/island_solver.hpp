@@ -539,6 +539,15 @@ void IslandSolver<Scalar>::judge_sweeps(const IslandRules<Scalar>& rules,
     if (s.state == ContactState::Open) way.setConstant(Scalar(0));
     s.offset = block.F.transpose() * way;
   }
+  for (std::size_t k = 0; k < joints_.size(); ++k) {
+    const Joint& j = joint(k);
+    const typename Joint::Column r =
+        j.velocity(body(j.a), body(j.b)) + j.bias + j.softness * j.impulse;
+    for (int i = 0; i < j.rows(); ++i) {
+      if (report.velocity < r[i]) report.velocity = r[i];
+      if (report.velocity < -r[i]) report.velocity = -r[i];
+    }
+  }
   report.solved = report.velocity < rules.velocity_tolerance;
 }
 
