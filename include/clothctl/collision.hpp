@@ -2,7 +2,9 @@
 
 // Collision geometry: shapes, meshes, unions and moving colliders, and where a sheet touches them.
 
+#include "clothctl/collision/body_contacts.hpp"
 #include "clothctl/collision/collider_union.hpp"
+#include "clothctl/collision/convex_shape.hpp"
 #include "clothctl/collision/mesh_collider.hpp"
 #include "clothctl/collision/moving_collider.hpp"
 #include "clothctl/collision/self_contacts.hpp"

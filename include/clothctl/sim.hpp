@@ -3,3 +3,5 @@
 // Everything in clothctl/sim.
 
 #include "clothctl/sim/pad_contacts.hpp"
+#include "clothctl/sim/rigid_bodies.hpp"
+#include "clothctl/sim/rigid_setup.hpp"
