@@ -5,3 +5,4 @@
 #include "clothctl/sim/pad_contacts.hpp"
 #include "clothctl/sim/rigid_bodies.hpp"
 #include "clothctl/sim/rigid_setup.hpp"
+#include "clothctl/sim/world.hpp"

@@ -81,7 +81,8 @@ struct ObstacleContactReport {
   /// Largest violation of the laws of contact and friction, as a force (N) and as the velocity
   /// (m/s) that it gives the point; 0 where the model solves one contact after the other.
   Scalar force_residual = Scalar(0), velocity_residual = Scalar(0);
-  /// Solves of the step.
+  /// Solves of the step, or iterations of Newton's method; 0 where the model solves one contact
+  /// after the other.
   int rounds = 0;
 };
 
@@ -116,6 +117,8 @@ class ObstacleContacts {
   std::span<ObstacleContact<Scalar>> contacts() { return contacts_; }
   /// The contacts.
   std::span<const ObstacleContact<Scalar>> contacts() const { return contacts_; }
+  /// The number of contacts that there is room for.
+  std::size_t capacity() const { return contacts_.capacity(); }
   /// False when the last update found more contacts than there was room for.
   bool complete() const { return complete_; }
   /// True when a contact was closed in the last step.

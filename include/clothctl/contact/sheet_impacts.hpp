@@ -95,6 +95,22 @@ struct SheetImpactReport {
   bool complete = true;
 };
 
+/// A point of a sheet that an obstacle holds up: the pass does not push it through.
+template <RealScalar Scalar>
+struct SheetSupport {
+  /// The vertices that carry the point, and their weights; unused entries are -1 and come last.
+  std::array<int, 3> vertex{-1, -1, -1};
+  /// The weights.
+  Vector3<Scalar> weight = Vector3<Scalar>::Constant(Scalar(0));
+  /// Outward unit normal of the obstacle.
+  Vector3<Scalar> normal = Vector3<Scalar>::Constant(Scalar(0));
+  /// n·x of a point x that touches, at the end of the step, m. A point that is below it may stay
+  /// where it is.
+  Scalar level = Scalar(0);
+  /// After the pass: the impulse on the sheet, N s. The obstacle received the opposite.
+  Vector3<Scalar> impulse = Vector3<Scalar>::Constant(Scalar(0));
+};
+
 /// Keeps layers of sheets apart. `create` and `reserve` allocate all memory, the pass never does.
 template <RealScalar Scalar>
 class SheetImpacts {
@@ -126,6 +142,17 @@ class SheetImpacts {
   SheetImpactReport resolve(const PointsView<Scalar>& before,
                             const Eigen::Ref<const VectorX<Scalar>>& inverse_mass, Scalar dt,
                             ClothState<Scalar>& state);
+
+  /// The same with points that obstacles hold up. Writes the impulses of these. Never allocates
+  /// while there are not more of them than there is room for pairs.
+  SheetImpactReport resolve(const PointsView<Scalar>& before,
+                            const Eigen::Ref<const VectorX<Scalar>>& inverse_mass, Scalar dt,
+                            ClothState<Scalar>& state, std::span<SheetSupport<Scalar>> supports) {
+    supports_ = supports;
+    const SheetImpactReport report = resolve(before, inverse_mass, dt, state);
+    supports_ = {};
+    return report;
+  }
 
   /// Finds the pairs of layers for `push_apart`: those that are closer than their thickness and
   /// `reach` (m) at `x` (3×n, m). For the substeps of a position-based sheet: once a step with a
@@ -173,6 +200,9 @@ class SheetImpacts {
   void refresh_pairs(SheetImpactReport& report);
   void add_row(const SelfContact<Scalar>& pair, const Scalar& gap, const Scalar& pushed);
   void hold_layers(const Scalar& dt, SheetImpactReport& report);
+  /// Adds the rows of the supports, which come first.
+  void add_supports();
+  void tell_supports(const Scalar& dt);
   void push(const Scalar& dt);
   void sweep(int sweeps);
   /// Calls `visit` for all impacts of the ways from x to y. Returns their number.
@@ -191,6 +221,7 @@ class SheetImpacts {
   VectorX<Scalar> inverse_mass_;
   std::vector<bool> tangled_;
   std::vector<Row> rows_;
+  std::span<SheetSupport<Scalar>> supports_;
   detail::ImpactZones<Scalar> zones_;
 };
 
@@ -231,6 +262,7 @@ SheetImpactReport SheetImpacts<Scalar>::resolve(
   finder_.update(x_, y_);
   finder_.find(settings_.thickness);
   report.complete = finder_.complete();
+  add_supports();
   hold_layers(dt, report);
   push(dt);
   bool apart = stop_impacts(dt, report);
@@ -242,7 +274,38 @@ SheetImpactReport SheetImpacts<Scalar>::resolve(
   if (!clean_) report.status = StepStatus::IterationLimit;
   state.velocities += (y_ - state.positions - pushes_) / dt;
   state.positions = y_;
+  tell_supports(dt);
   return report;
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::add_supports() {
+  std::size_t count = 0;
+  for (const SheetSupport<Scalar>& support : supports_) {
+    Row row;
+    row.normal = support.normal;
+    for (std::size_t k = 0; k < 3 && support.vertex[k] >= 0; ++k) {
+      row.vertex[k] = support.vertex[k];
+      row.weight[k] = support.weight[static_cast<Index>(k)];
+    }
+    const Scalar now = row.normal.dot(row.way(y_));
+    row.gap = row.pushed = now < support.level ? now : support.level;
+    // A point whose vertices are all held keeps its place in the list, and moves nothing.
+    if (!detail::weigh<Scalar>(inverse_mass_, row)) {
+      row.answer = {};
+      row.mass = Scalar(0);
+    }
+    if (rows_.size() == rows_.capacity()) break;
+    rows_.push_back(row);
+    ++count;
+  }
+  supports_ = supports_.first(count);
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::tell_supports(const Scalar& dt) {
+  for (std::size_t i = 0; i < supports_.size(); ++i)
+    supports_[i].impulse = (rows_[i].impulse * rows_[i].normal + rows_[i].friction) / dt;
 }
 
 template <RealScalar Scalar>
@@ -322,7 +385,7 @@ void SheetImpacts<Scalar>::hold_layers(const Scalar& dt, SheetImpactReport& repo
     row.weight = pair.weight;
     if (pair.normal.dot(row.way(y_)) < gap + Scalar(0.25) * h) add_row(pair, gap, pushed);
   }
-  report.contacts = static_cast<int>(rows_.size());
+  report.contacts = static_cast<int>(rows_.size() - supports_.size());
   sweep(settings_.sweeps);
 }
 

@@ -147,6 +147,7 @@ class ContactSprings {
   /// Sets states and shares, and freezes the bounds of friction, at an iterate of Newton's method.
   /// Takes the forces there.
   void freeze(const Points<Scalar>& v) {
+    ++rounds_;
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       Spring& s = springs_[i];
       const Vec u = relative(i, v);

@@ -1,0 +1,103 @@
+#pragma once
+
+// A sheet of any model within a world: the model, its state, and the memory of its steps.
+
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "clothctl/contact/obstacle_contacts.hpp"
+#include "clothctl/contact/sheet_impacts.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/report.hpp"
+#include "clothctl/network/spring_network.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// A sheet whose model is not known.
+template <RealScalar Scalar>
+class WorldSheet {
+ public:
+  virtual ~WorldSheet() = default;
+  /// Makes a step with `contacts`.
+  virtual StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) = 0;
+  /// The network of the model, and its pinned vertices.
+  virtual const SpringNetwork<Scalar>& network() const = 0;
+  virtual const std::vector<int>& pinned() const = 0;
+
+  /// Lists the contacts of a step of `dt` s.
+  QueryStatus find_contacts(const Scalar& dt) {
+    const QueryStatus status = finder.update(state.positions);
+    if (status != QueryStatus::Answered) return status;
+    return contacts.update(obstacles, state.velocities, dt, finder);
+  }
+  /// Writes the inverse masses (n, 1/kg): 0 for what is prescribed.
+  template <class Out>
+  void write_inverse_masses(Out&& out) const {
+    const VectorX<Scalar>& mass = network().mass;
+    for (Index v = 0; v < mass.size(); ++v) out[v] = Scalar(1) / mass[v];
+    for (const int v : pinned()) out[v] = Scalar(0);
+    for (const int v : input.driven_vertices) out[v] = Scalar(0);
+  }
+  /// Adds what the obstacles of a step of `dt` s hold up.
+  void add_supports(const Scalar& dt, std::vector<SheetSupport<Scalar>>& list) const {
+    const Scalar thickness = contacts.settings().thickness;
+    for (const ObstacleContact<Scalar>& c : contacts.contacts()) {
+      if (list.size() == list.capacity()) return;
+      SheetSupport<Scalar> support;
+      const SurfacePoint<Scalar>& there = c.point.surface;
+      for (std::size_t k = 0; k < 3; ++k)
+        support.vertex[k] =
+            c.point.vertex[k] < 0 ? -1 : static_cast<int>(first) + c.point.vertex[k];
+      support.weight = c.point.weight;
+      support.normal = there.normal;
+      support.level =
+          there.normal.dot(Vector3<Scalar>(there.point + dt * there.velocity)) + thickness;
+      list.push_back(support);
+    }
+  }
+
+  ClothState<Scalar> state;
+  /// The input as the user gives it, and that of a part of a step.
+  ClothInput<Scalar> input, part;
+  SheetContactFinder<Scalar> finder;
+  ObstacleContacts<Scalar> contacts;
+  /// The obstacles that it may touch, and the number of each in the world's list.
+  std::vector<ColliderRef<Scalar>> obstacles;
+  std::vector<int> obstacle_number;
+  /// Number of its first vertex among those of all sheets that meet each other; -1 if it does not.
+  Index first = -1;
+
+ protected:
+  WorldSheet(ClothState<Scalar> s, SheetContactFinder<Scalar> f, ObstacleContacts<Scalar> c)
+      : state(std::move(s)), finder(std::move(f)), contacts(std::move(c)) {
+    input.clear();
+    part.clear();
+  }
+};
+
+/// A sheet of a model.
+template <class Model>
+class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
+ public:
+  using Scalar = typename Model::Scalar;
+
+  WorldSheetOf(Model m, ClothState<Scalar> s, SheetContactFinder<Scalar> f,
+               ObstacleContacts<Scalar> c, Index room)
+      : WorldSheet<Scalar>(std::move(s), std::move(f), std::move(c)),
+        model_(std::move(m)),
+        ws_(model_.make_workspace(room)) {}
+
+  StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) override {
+    return model_.step(this->state, now, this->contacts, dt, ws_);
+  }
+  const SpringNetwork<Scalar>& network() const override { return model_.network(); }
+  const std::vector<int>& pinned() const override { return model_.settings().pinned; }
+
+ private:
+  Model model_;
+  typename Model::Workspace ws_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

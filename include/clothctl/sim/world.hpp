@@ -1,0 +1,548 @@
+#pragma once
+
+// Sheets, rigid bodies and obstacles in one step h:
+//
+//   1. bodies   free velocities, and their contacts (sim/rigid_bodies.hpp)
+//   2. sheets   each with its contacts with obstacles and bodies, which move as at the start of the
+//               step (contact/obstacle_contacts.hpp). Bodies receive the opposite impulses.
+//   3. layers   sheets that meet themselves or each other are kept apart
+//               (contact/sheet_impacts.hpp)
+//   4. bodies   contacts and joints; all move
+//
+// A body is as heavy as you like for the sheets in 2: it learns of them in 4. That is sound as long
+// as the part of a sheet that touches a body weighs less than the body.
+//
+// The world owns what is added to it, no thread and no main loop. The same calls give the same
+// bits.
+
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/collision/moving_collider.hpp"
+#include "clothctl/contact/sheet_impacts.hpp"
+#include "clothctl/math/rotation.hpp"
+#include "clothctl/sim/detail/world_sheet.hpp"
+#include "clothctl/sim/rigid_bodies.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// How a sheet lives in a world.
+template <RealScalar Scalar>
+struct WorldSheetSetup {
+  /// Thickness, m: layers rest that far from each other, and half as far from obstacles.
+  Scalar thickness = Scalar(2e-3);
+  /// Whether it meets itself, and other sheets that have this set.
+  bool meets_sheets = false;
+  /// Pairs of vertices that count as one for that: seams, stitched layers.
+  std::vector<std::array<int, 2>> joined = {};
+  /// Equal parts that a step of the world is divided into, at least; those of the sheet that asks
+  /// for most count. A thin sheet that a thin obstacle hits fast may need 2 to 4.
+  int substeps = 1;
+  /// Which obstacles and bodies it touches.
+  CollisionGroups groups = {};
+  /// Room for contacts; 0: 4 for each vertex.
+  Index contacts = 0;
+
+  /// Returns an empty string, or what is wrong.
+  std::string validate() const {
+    if (!is_finite(thickness) || !(Scalar(0) < thickness))
+      return "the thickness " + number_text(thickness) + " m, must be finite and positive";
+    if (substeps < 1 || substeps > 1000)
+      return std::to_string(substeps) + " substeps, must be 1 to 1000";
+    if (contacts < 0) return "room for " + std::to_string(contacts) + " contacts";
+    return {};
+  }
+};
+
+/// Settings of a world.
+template <RealScalar Scalar>
+struct WorldSettings {
+  /// Settings of the rigid bodies. Gravity acts on bodies only: sheets have that of their models.
+  RigidBodiesSettings<Scalar> bodies = {};
+  /// Friction of sheets on sheets.
+  Scalar sheet_friction = Scalar(0.3);
+};
+
+/// What a step of a world did.
+template <RealScalar Scalar>
+struct WorldReport {
+  /// Converged; IterationLimit: advanced, but a sheet, a body or the layers have not settled: see
+  /// the other entries. Any other status is that of sheet `sheet`, or of the bodies where that is
+  /// -1; everything then is as before the step.
+  StepStatus status = StepStatus::Converged;
+  /// The sheet that `status` is about.
+  int sheet = -1;
+  /// Whether the world was advanced.
+  bool advanced = false;
+  /// Contacts of sheets with obstacles and bodies that transmit a force, and pairs of layers.
+  Index contacts = 0, layers = 0;
+  /// Largest depth of a sheet below its distance from obstacles, m.
+  Scalar penetration = Scalar(0);
+  /// Largest residual of the contacts of sheets, N.
+  Scalar force_residual = Scalar(0);
+  /// Edges that cross a triangle of a sheet.
+  int crossings = 0;
+  /// False when there was not room for all contacts of a sheet.
+  bool complete = true;
+  /// The bodies.
+  RigidStepReport<Scalar> bodies = {};
+};
+
+/// A world of sheets, rigid bodies and obstacles.
+template <RealScalar S>
+class World {
+ public:
+  /// The scalar type.
+  using Scalar = S;
+  /// The settings.
+  using Settings = WorldSettings<Scalar>;
+  /// The set-up of a sheet.
+  using SheetSetup = WorldSheetSetup<Scalar>;
+
+  /// Makes an empty world. When a setting is wrong, every step returns InvalidInput.
+  explicit World(const Settings& settings = {}) : settings_(settings), bodies_(settings.bodies) {}
+
+  /// Adds a sheet: a MassSpring, a PositionBased, or any model like them, and its state. Returns
+  /// its number. Allocates. Fails when: the set-up is not valid, the state is of another size or
+  /// not finite, or the mesh of its network is not sound.
+  template <class Model>
+  Result<int> add_sheet(Model model, ClothState<Scalar> state, const SheetSetup& setup = {});
+  /// Adds an obstacle that may move, and returns its number. Its motion goes on with its velocities
+  /// until you set another. Allocates. Fails when: `MovingCollider::create` does.
+  template <Collider<S> C>
+  Result<int> add_obstacle(C shape, const RigidMotion<Scalar>& motion = {},
+                           const ColliderSurface<Scalar>& surface = {},
+                           const CollisionGroups& groups = {});
+  /// Adds a body (RigidBodies::add) and returns its number. Allocates.
+  Result<int> add_body(const RigidBodySetup<Scalar>& setup);
+  /// The bodies: add joints, read and set their motion, read contacts and events. Add bodies to the
+  /// world, not here.
+  RigidBodies<Scalar>& bodies() { return bodies_; }
+  /// The bodies.
+  const RigidBodies<Scalar>& bodies() const { return bodies_; }
+
+  /// Advances everything by `dt` (s). Driven vertices of the inputs go straight to their positions.
+  /// Allocates only in the first step after something was added.
+  [[nodiscard]] WorldReport<Scalar> step(const Scalar& dt, const ExecutorRef& executor = {});
+
+  /// Number of sheets.
+  int sheet_count() const { return static_cast<int>(sheets_.size()); }
+  /// Number of obstacles.
+  int obstacle_count() const { return static_cast<int>(obstacles_.size()); }
+  /// The input of a sheet in the steps to come; change it at will.
+  ClothInput<Scalar>& input(int sheet) { return at(sheet).input; }
+  /// The state of a sheet.
+  const ClothState<Scalar>& state(int sheet) const { return at(sheet).state; }
+  /// Puts a sheet elsewhere; its contacts are forgotten. Returns false, and changes nothing, when
+  /// the state is of another size or not finite.
+  bool set_state(int sheet, const ClothState<Scalar>& state);
+  /// The contacts of a sheet in the last step (its last part): `obstacle` is the number of an
+  /// obstacle, or -1 - b for body b.
+  std::span<const ObstacleContact<Scalar>> contacts(int sheet) const { return told_[index(sheet)]; }
+  /// The motion of an obstacle.
+  const RigidMotion<Scalar>& motion(int obstacle) const {
+    return obstacles_[index(obstacle)]->motion();
+  }
+  /// Gives an obstacle a motion. Returns an empty string, or what is wrong.
+  std::string set_motion(int obstacle, const RigidMotion<Scalar>& motion) {
+    return obstacles_[index(obstacle)]->set_motion(motion);
+  }
+
+ private:
+  using Sheet = detail::WorldSheet<Scalar>;
+
+  /// An obstacle of unknown shape.
+  struct Obstacle {
+    virtual ~Obstacle() = default;
+    virtual const RigidMotion<Scalar>& motion() const = 0;
+    virtual std::string set_motion(const RigidMotion<Scalar>& motion) = 0;
+    virtual ColliderRef<Scalar> collider() const = 0;
+    CollisionGroups groups;
+  };
+  template <class C>
+  struct ObstacleOf : Obstacle {
+    explicit ObstacleOf(MovingCollider<Scalar, C> c) : moving(std::move(c)) {}
+    const RigidMotion<Scalar>& motion() const override { return moving.motion(); }
+    std::string set_motion(const RigidMotion<Scalar>& m) override { return moving.set_motion(m); }
+    ColliderRef<Scalar> collider() const override { return ColliderRef<Scalar>(moving); }
+    MovingCollider<Scalar, C> moving;
+  };
+
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+  Sheet& at(int sheet) { return *sheets_[index(sheet)]; }
+  const Sheet& at(int sheet) const { return *sheets_[index(sheet)]; }
+
+  /// Makes what depends on all that was added. Returns an empty string, or what is wrong.
+  std::string prepare();
+  std::string prepare_layers();
+  /// A part of a step.
+  bool advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
+               WorldReport<Scalar>& report);
+  bool step_sheet(Sheet& sheet, const Scalar& dt, const Scalar& share, WorldReport<Scalar>& report);
+  void push_bodies(const Sheet& sheet, const Scalar& dt);
+  /// Gives bodies the opposite impulses of what they held up.
+  void push_supports();
+  void keep_layers_apart(const Scalar& dt, WorldReport<Scalar>& report);
+  void move_obstacles(const Scalar& dt);
+  void save();
+  void restore();
+
+  Settings settings_;
+  RigidBodies<Scalar> bodies_;
+  std::vector<CollisionGroups> body_groups_;
+  std::vector<std::unique_ptr<Obstacle>> obstacles_;
+  std::vector<std::unique_ptr<Sheet>> sheets_;
+  std::vector<SheetSetup> setups_;
+  bool prepared_ = false;
+  int substeps_ = 1;
+
+  std::optional<SheetImpacts<Scalar>> layers_;
+  Points<Scalar> before_;
+  VectorX<Scalar> inverse_mass_;
+  ClothState<Scalar> layered_;
+  std::vector<SheetSupport<Scalar>> supports_;
+  std::vector<std::vector<ObstacleContact<Scalar>>> told_;
+  std::vector<Vector3<Scalar>> body_impulse_;
+
+  /// What a failed step goes back to.
+  std::vector<ClothState<Scalar>> saved_states_;
+  std::vector<RigidMotion<Scalar>> saved_motions_;
+  RigidBodiesState<Scalar> saved_bodies_;
+};
+
+template <RealScalar S>
+template <class Model>
+Result<int> World<S>::add_sheet(Model model, ClothState<Scalar> state, const SheetSetup& setup) {
+  const std::string name = "sheet " + std::to_string(sheets_.size());
+  if (const std::string bad = setup.validate(); !bad.empty()) return Error{name + " has " + bad};
+  const Index n = model.vertex_count();
+  if (state.positions.cols() != n || state.velocities.cols() != n)
+    return Error{name + ": the state is not of the " + std::to_string(n) +
+                 " vertices of the model"};
+  if (!all_finite(state.positions) || !all_finite(state.velocities))
+    return Error{name + ": the state is not finite"};
+  const SpringNetwork<Scalar>& network = model.network();
+  SheetContactSettings<Scalar> inside;
+  inside.smooth_gain = Scalar(0.5) * setup.thickness;
+  Result<SheetContactFinder<Scalar>> finder =
+      SheetContactFinder<Scalar>::create(network.rest_positions, network.triangles, {}, inside);
+  if (!finder) return Error{name + ": " + finder.error()};
+  ObstacleContactSettings<Scalar> touch;
+  touch.thickness = Scalar(0.5) * setup.thickness;
+  if (!(touch.thickness < touch.reach)) touch.reach = Scalar(2) * touch.thickness;
+  const Index room = setup.contacts > 0 ? setup.contacts : 4 * n;
+  Result<ObstacleContacts<Scalar>> contacts = ObstacleContacts<Scalar>::create(room, touch);
+  if (!contacts) return Error{name + ": " + contacts.error()};
+  sheets_.push_back(std::make_unique<detail::WorldSheetOf<Model>>(
+      std::move(model), std::move(state), std::move(finder).value(), std::move(contacts).value(),
+      room));
+  setups_.push_back(setup);
+  told_.emplace_back().reserve(static_cast<std::size_t>(room));
+  prepared_ = false;
+  return static_cast<int>(sheets_.size()) - 1;
+}
+
+template <RealScalar S>
+template <Collider<S> C>
+Result<int> World<S>::add_obstacle(C shape, const RigidMotion<Scalar>& motion,
+                                   const ColliderSurface<Scalar>& surface,
+                                   const CollisionGroups& groups) {
+  Result<MovingCollider<Scalar, C>> moving =
+      MovingCollider<Scalar, C>::create(std::move(shape), motion, surface);
+  if (!moving) return Error{moving.error()};
+  auto obstacle = std::make_unique<ObstacleOf<C>>(std::move(moving).value());
+  obstacle->groups = groups;
+  const Result<int> added = bodies_.add_obstacle(obstacle->collider(), Scalar(0), groups);
+  if (!added) return added;
+  obstacles_.push_back(std::move(obstacle));
+  prepared_ = false;
+  return static_cast<int>(obstacles_.size()) - 1;
+}
+
+template <RealScalar S>
+Result<int> World<S>::add_body(const RigidBodySetup<Scalar>& setup) {
+  const Result<int> added = bodies_.add(setup);
+  if (!added) return added;
+  body_groups_.push_back(setup.groups);
+  prepared_ = false;
+  return added;
+}
+
+template <RealScalar S>
+bool World<S>::set_state(int sheet, const ClothState<Scalar>& state) {
+  Sheet& s = at(sheet);
+  if (state.positions.cols() != s.state.positions.cols() ||
+      state.velocities.cols() != s.state.positions.cols() || !all_finite(state.positions) ||
+      !all_finite(state.velocities))
+    return false;
+  s.state = state;
+  s.contacts.clear();
+  return true;
+}
+
+template <RealScalar S>
+std::string World<S>::prepare() {
+  if (body_groups_.size() != index(bodies_.body_count())) return "a body was added elsewhere";
+  substeps_ = 1;
+  for (std::size_t i = 0; i < sheets_.size(); ++i) {
+    Sheet& sheet = *sheets_[i];
+    sheet.obstacles.clear();
+    sheet.obstacle_number.clear();
+    const auto add = [&](const ColliderRef<Scalar>& collider, const CollisionGroups& groups,
+                         int number) {
+      if (!groups.meets(setups_[i].groups)) return;
+      sheet.obstacles.push_back(collider);
+      sheet.obstacle_number.push_back(number);
+    };
+    for (std::size_t k = 0; k < obstacles_.size(); ++k)
+      add(obstacles_[k]->collider(), obstacles_[k]->groups, static_cast<int>(k));
+    for (int b = 0; b < bodies_.body_count(); ++b)
+      add(bodies_.collider(b), body_groups_[index(b)], -1 - b);
+    if (substeps_ < setups_[i].substeps) substeps_ = setups_[i].substeps;
+  }
+  body_impulse_.resize(index(bodies_.body_count()));
+  saved_motions_.resize(obstacles_.size());
+  saved_states_.resize(sheets_.size());
+  const std::size_t room = 32 * (body_groups_.size() + 1);
+  bodies_.reserve(room);
+  saved_bodies_ = bodies_.state();
+  saved_bodies_.contacts.reserve(room);
+  return prepare_layers();
+}
+
+template <RealScalar S>
+std::string World<S>::prepare_layers() {
+  std::vector<std::array<int, 3>> triangles;
+  SheetImpactSettings<Scalar> settings;
+  settings.thickness = Scalar(0);
+  settings.friction = settings_.sheet_friction;
+  Index count = 0;
+  const auto moved = [](auto list, int by) {
+    for (int& v : list) v += by;
+    return list;
+  };
+  for (std::size_t i = 0; i < sheets_.size(); ++i) {
+    Sheet& sheet = *sheets_[i];
+    sheet.first = setups_[i].meets_sheets ? count : Index(-1);
+    if (!setups_[i].meets_sheets) continue;
+    for (const auto& t : sheet.network().triangles)
+      triangles.push_back(moved(t, static_cast<int>(count)));
+    for (const auto& p : setups_[i].joined)
+      settings.joined.push_back(moved(p, static_cast<int>(count)));
+    if (settings.thickness < setups_[i].thickness) settings.thickness = setups_[i].thickness;
+    count += sheet.network().vertex_count();
+  }
+  layers_.reset();
+  before_.resize(3, count);
+  if (count == 0) return {};
+  for (const auto& sheet : sheets_) {
+    if (sheet->first >= 0)
+      before_.middleCols(sheet->first, sheet->state.positions.cols()) =
+          sheet->network().rest_positions;
+  }
+  Result<SheetImpacts<Scalar>> made = SheetImpacts<Scalar>::create(before_, triangles, settings);
+  if (!made) return made.error();
+  layers_.emplace(std::move(made).value());
+  std::size_t room = 0;
+  for (const auto& sheet : sheets_) room += sheet->contacts.capacity();
+  supports_.reserve(room);
+  layers_->reserve(Index(40) * count + static_cast<Index>(room));
+  layered_ = {before_, before_};
+  inverse_mass_.setConstant(count, Scalar(0));
+  return {};
+}
+
+template <RealScalar S>
+void World<S>::save() {
+  for (std::size_t i = 0; i < sheets_.size(); ++i) saved_states_[i] = sheets_[i]->state;
+  for (std::size_t i = 0; i < obstacles_.size(); ++i) saved_motions_[i] = obstacles_[i]->motion();
+  if (substeps_ > 1 || !sheets_.empty()) saved_bodies_ = bodies_.state();
+}
+
+template <RealScalar S>
+void World<S>::restore() {
+  for (std::size_t i = 0; i < sheets_.size(); ++i) {
+    sheets_[i]->state = saved_states_[i];
+    sheets_[i]->contacts.clear();
+  }
+  for (std::size_t i = 0; i < obstacles_.size(); ++i)
+    (void)obstacles_[i]->set_motion(saved_motions_[i]);
+  (void)bodies_.restore(saved_bodies_);
+}
+
+template <RealScalar S>
+WorldReport<S> World<S>::step(const Scalar& dt, const ExecutorRef& executor) {
+  WorldReport<Scalar> report;
+  report.status = StepStatus::InvalidInput;
+  if (!is_finite(dt) || !(Scalar(0) < dt) || !settings_.bodies.validate().empty()) return report;
+  if (!prepared_) {
+    if (!prepare().empty()) return report;
+    prepared_ = true;
+  }
+  report.status = StepStatus::Converged;
+  save();
+  for (int part = 0; part < substeps_; ++part) {
+    // Driven vertices go an equal part of what is left of their way.
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(substeps_ - part));
+    if (!advance(dt / Scalar(static_cast<double>(substeps_)), share, executor, report)) {
+      restore();
+      report.advanced = false;
+      return report;
+    }
+  }
+  for (std::size_t i = 0; i < sheets_.size(); ++i) {
+    const auto list = sheets_[i]->contacts.contacts();
+    told_[i].assign(list.begin(), list.end());
+    for (ObstacleContact<Scalar>& c : told_[i])
+      c.obstacle = sheets_[i]->obstacle_number[index(c.obstacle)];
+  }
+  report.advanced = true;
+  return report;
+}
+
+template <RealScalar S>
+bool World<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
+                       WorldReport<Scalar>& report) {
+  report.contacts = report.layers = 0;
+  const StepStatus predicted = bodies_.predict(dt);
+  if (predicted != StepStatus::Converged) {
+    report.status = predicted;
+    return false;
+  }
+  if (layers_) {
+    for (const auto& sheet : sheets_) {
+      if (sheet->first >= 0)
+        before_.middleCols(sheet->first, sheet->state.positions.cols()) = sheet->state.positions;
+    }
+  }
+  for (std::size_t i = 0; i < sheets_.size(); ++i) {
+    report.sheet = static_cast<int>(i);
+    if (!step_sheet(*sheets_[i], dt, share, report)) return false;
+    push_bodies(*sheets_[i], dt);
+  }
+  report.sheet = -1;
+  if (layers_) keep_layers_apart(dt, report);
+  bodies_.solve(executor);
+  report.bodies = bodies_.finish();
+  if (!report.bodies.advanced) {
+    report.status = report.bodies.status;
+    return false;
+  }
+  if (report.bodies.status != StepStatus::Converged) report.status = report.bodies.status;
+  move_obstacles(dt);
+  return true;
+}
+
+template <RealScalar S>
+bool World<S>::step_sheet(Sheet& sheet, const Scalar& dt, const Scalar& share,
+                          WorldReport<Scalar>& report) {
+  const QueryStatus found = sheet.find_contacts(dt);
+  if (found != QueryStatus::Answered) {
+    report.status = StepStatus::InvalidState;
+    return false;
+  }
+  report.complete = report.complete && sheet.contacts.complete();
+  const ClothInput<Scalar>* now = &sheet.input;
+  if (share < Scalar(1)) {
+    sheet.part = sheet.input;
+    for (std::size_t k = 0; k < sheet.part.driven_vertices.size(); ++k) {
+      const int v = sheet.part.driven_vertices[k];
+      if (v < 0 || v >= sheet.state.positions.cols()) continue;  // the model refuses it
+      const Vector3<Scalar> from = sheet.state.positions.col(v);
+      auto to = sheet.part.driven_positions.col(static_cast<Index>(k));
+      to = from + share * (to - from);
+    }
+    now = &sheet.part;
+  }
+  const StepReport<Scalar> made = sheet.step(dt, *now);
+  if (made.status != StepStatus::Converged) report.status = made.status;
+  const ObstacleContactReport<Scalar>& told = sheet.contacts.report();
+  report.contacts += told.closed;
+  if (report.penetration < told.penetration) report.penetration = told.penetration;
+  if (report.force_residual < told.force_residual) report.force_residual = told.force_residual;
+  return made.advanced;
+}
+
+template <RealScalar S>
+void World<S>::push_bodies(const Sheet& sheet, const Scalar& dt) {
+  using std::sqrt;
+  for (Vector3<Scalar>& sum : body_impulse_) sum.setConstant(Scalar(0));
+  const auto for_each = [&](auto visit) {
+    for (const ObstacleContact<Scalar>& c : sheet.contacts.contacts()) {
+      const int number = sheet.obstacle_number[index(c.obstacle)];
+      if (number < 0 && c.state != ContactState::Open) visit(-1 - number, c);
+    }
+  };
+  for_each([&](int b, const ObstacleContact<Scalar>& c) { body_impulse_[index(b)] -= c.impulse; });
+  for_each([&](int b, const ObstacleContact<Scalar>& c) {
+    // A sheet that lies on a sleeping body does not wake it.
+    const Scalar gain = bodies_.inverse_mass(b) * sqrt(body_impulse_[index(b)].squaredNorm());
+    const Scalar fall = dt * sqrt(settings_.bodies.gravity.squaredNorm());
+    if (bodies_.asleep(b) && gain < fall + settings_.bodies.sleep_speed) return;
+    bodies_.apply_impulse(b, Vector3<Scalar>(Scalar(-1) * c.impulse), c.point.surface.point);
+  });
+}
+
+template <RealScalar S>
+void World<S>::push_supports() {
+  std::size_t i = 0;
+  for (const auto& sheet : sheets_) {
+    if (sheet->first < 0) continue;
+    for (const ObstacleContact<Scalar>& c : sheet->contacts.contacts()) {
+      if (i == supports_.size()) return;
+      const SheetSupport<Scalar>& support = supports_[i++];
+      const int body = -1 - sheet->obstacle_number[index(c.obstacle)];
+      if (body < 0 || !(Scalar(0) < support.impulse.squaredNorm()) || bodies_.asleep(body))
+        continue;
+      bodies_.apply_impulse(body, Vector3<Scalar>(Scalar(-1) * support.impulse),
+                            c.point.surface.point);
+    }
+  }
+}
+
+template <RealScalar S>
+void World<S>::keep_layers_apart(const Scalar& dt, WorldReport<Scalar>& report) {
+  supports_.clear();
+  for (const auto& sheet : sheets_) {
+    if (sheet->first < 0) continue;
+    const Index n = sheet->state.positions.cols();
+    sheet->add_supports(dt, supports_);
+    layered_.positions.middleCols(sheet->first, n) = sheet->state.positions;
+    layered_.velocities.middleCols(sheet->first, n) = sheet->state.velocities;
+    sheet->write_inverse_masses(inverse_mass_.segment(sheet->first, n));
+  }
+  const SheetImpactReport told = layers_->resolve(before_, inverse_mass_, dt, layered_, supports_);
+  push_supports();
+  report.layers = told.contacts;
+  report.crossings = told.crossings_left;
+  report.complete = report.complete && told.complete;
+  if (told.status != StepStatus::Converged) report.status = StepStatus::IterationLimit;
+  for (const auto& sheet : sheets_) {
+    if (sheet->first < 0) continue;
+    const Index n = sheet->state.positions.cols();
+    sheet->state.positions = layered_.positions.middleCols(sheet->first, n);
+    sheet->state.velocities = layered_.velocities.middleCols(sheet->first, n);
+  }
+}
+
+template <RealScalar S>
+void World<S>::move_obstacles(const Scalar& dt) {
+  for (const auto& obstacle : obstacles_) {
+    RigidMotion<Scalar> motion = obstacle->motion();
+    const Scalar turn = motion.angular_velocity.squaredNorm();
+    if (!(Scalar(0) < turn) && !(Scalar(0) < motion.velocity.squaredNorm())) continue;
+    motion.position += dt * motion.velocity;
+    motion.R_world_body =
+        rotation_exp<Scalar>(Vector3<Scalar>(dt * motion.angular_velocity)) * motion.R_world_body;
+    (void)obstacle->set_motion(motion);
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI
