@@ -10,6 +10,7 @@
 #include "clothctl/io/file.hpp"
 #include "support/cloth_run.hpp"
 #include "support/command_line.hpp"
+#include "support/contact_options.hpp"
 
 namespace {
 
@@ -51,6 +52,7 @@ SimulateOptions read_options(int argc, char** argv) {
   app.add_option("--cap", o.run.cap, "Largest stretch of an edge, 0.02 for 2 %; 0: no cap")
       ->check(between(0, 1))
       ->capture_default_str();
+  add_contact_options(app, o.run);
   app.add_option("--seconds", o.run.seconds, "Simulated time, s")
       ->check(between(1e-3, 1e5))
       ->capture_default_str();
@@ -84,6 +86,7 @@ std::string to_json(const ClothFigures& f, const SimulateOptions& o, const Cloth
   j["solves_per_second"] = f.solves_per_second;
   j["nonfinite"] = f.nonfinite;
   j["energy_rise_max"] = f.energy_rise_max;
+  if (o.run.touches()) j.update(contact_figures(f));
   j["steps"] = f.steps;
   j["unconverged_steps"] = f.unconverged_steps;
   j["setup"] = {{"model", o.run.model},
@@ -94,6 +97,8 @@ std::string to_json(const ClothFigures& f, const SimulateOptions& o, const Cloth
                 {"pinned", scene.pinned.size()},
                 {"wind_m_s", {scene.wind[0], scene.wind[1], scene.wind[2]}},
                 {"cap", o.run.cap},
+                {"obstacles", o.run.obstacles},
+                {"self", o.run.self},
                 {"seconds", o.run.seconds},
                 {"dt_s", o.run.dt},
                 {"seed", o.cloth.seed}};

@@ -3,10 +3,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/core/number_text.hpp"
+#include "support/obstacles.hpp"
 #include "support/timing.hpp"
 
 namespace program {
@@ -61,9 +64,9 @@ class ClothMeter {
   long long stretch_count_ = 0, nonfinite_ = 0;
 };
 
-}  // namespace
-
-AnyPlant make_cloth_plant(const ClothRunOptions& run, const ClothScene& scene) {
+/// Calls visit(model) with the model called `run.model`: pbd, xpbd or mass-spring.
+template <class Visit>
+void visit_model(const ClothRunOptions& run, const ClothScene& scene, Visit visit) {
   const bool windy = !scene.wind.isZero(0);
   if (run.cap > 0 && run.model != "xpbd")
     refuse("--cap: " + run.model + " has no limit of stretch; take xpbd");
@@ -71,7 +74,7 @@ AnyPlant make_cloth_plant(const ClothRunOptions& run, const ClothScene& scene) {
     auto settings = clothctl::MassSpringSettings<double>::of(scene.material, windy);
     settings.integration = clothctl::Integration::Newton;
     settings.pinned = scene.pinned;
-    return AnyPlant(must(clothctl::MassSpring<double>::create(scene.network, settings)));
+    return visit(must(clothctl::MassSpring<double>::create(scene.network, settings)));
   }
   const auto of = clothctl::PositionBasedSettings<double>::of(scene.material, windy);
   auto settings = run.model == "pbd" ? clothctl::PositionBasedSettings<double>::verlet() : of;
@@ -79,8 +82,77 @@ AnyPlant make_cloth_plant(const ClothRunOptions& run, const ClothScene& scene) {
   settings.air = of.air;
   settings.pinned = scene.pinned;
   settings.stretch_limit = run.cap;
-  return AnyPlant(must(clothctl::PositionBased<double>::create(scene.network, settings)));
+  visit(must(clothctl::PositionBased<double>::create(scene.network, settings)));
 }
+
+/// A sheet alone, or in a world with what it touches.
+class SimulatedSheet {
+ public:
+  SimulatedSheet(const ClothRunOptions& run, const ClothScene& scene)
+      : mass_(scene.network.mass),
+        balanced_(scene.pinned.empty() && scene.wind.isZero(0) && !run.self &&
+                  !(scene.material.drag > 0) && run.model != "pbd") {
+    clothctl::ClothInput<double> input;
+    input.wind = scene.wind;
+    if (run.touches()) solids_ = add_obstacles(run.obstacles, run.friction, world_);
+    visit_model(run, scene, [&](auto model) {
+      if (!run.touches()) {
+        plant_.emplace(std::move(model));
+        plant_->set_state(scene.state);
+        return plant_->apply(input);
+      }
+      clothctl::WorldSheetSetup<double> setup;
+      setup.thickness = run.thickness;
+      setup.meets_sheets = run.self;
+      must(world_.add_sheet(std::move(model), scene.state, setup));
+      world_.input(0) = input;
+    });
+  }
+
+  const Points& positions() const { return plant_ ? plant_->positions() : state().positions; }
+  const Points& velocities() const { return plant_ ? plant_->velocities() : state().velocities; }
+  const Points& solids() const { return solids_; }
+
+  clothctl::StepReport<double> advance(double dt) {
+    if (plant_) return plant_->advance(dt);
+    const Vec before = momentum();
+    told_ = world_.step(dt);
+    Vec rest = momentum() - before + Vec(0, 0, kGravity * dt * mass_.sum());
+    for (const auto& contact : world_.contacts(0)) rest -= contact.impulse;
+    missing_ = rest.norm();
+    clothctl::StepReport<double> report;
+    report.status = told_.status;
+    report.advanced = told_.advanced;
+    return report;
+  }
+
+  /// Adds what the last step did at contacts.
+  void measure(ClothFigures& f) const {
+    if (plant_) return;
+    const double unknown = std::numeric_limits<double>::quiet_NaN();  // "null" in JSON
+    f.contacts_max = std::max(f.contacts_max, static_cast<long>(told_.contacts + told_.layers));
+    f.self_crossings = told_.crossings;
+    f.penetration_max_m = std::max(f.penetration_max_m, told_.penetration);
+    f.momentum_residual = balanced_ ? std::max(f.momentum_residual, missing_) : unknown;
+    f.solver_residual_max = std::max(f.solver_residual_max, told_.force_residual);
+  }
+
+ private:
+  const clothctl::ClothState<double>& state() const { return world_.state(0); }
+  Vec momentum() const { return state().velocities * mass_; }
+
+  std::optional<AnyPlant> plant_;
+  clothctl::World<double> world_;
+  clothctl::WorldReport<double> told_;
+  Points solids_ = Points(3, 0);
+  clothctl::VectorX<double> mass_;
+  /// Whether gravity and the contacts with obstacles are all that changes the momentum; by how much
+  /// they miss that in the last step, N s.
+  bool balanced_ = false;
+  double missing_ = 0;
+};
+
+}  // namespace
 
 double cloth_energy(const ClothRunOptions& run, const ClothScene& scene, const Points& x,
                     const Points& v) {
@@ -104,11 +176,8 @@ double cloth_energy(const ClothRunOptions& run, const ClothScene& scene, const P
 
 ClothFigures run_cloth(const ClothRunOptions& run, const ClothScene& scene,
                        clothctl::PlayerRecorder* page, long every) {
-  AnyPlant plant = make_cloth_plant(run, scene);
-  plant.set_state(scene.state);
-  clothctl::ClothInput<double> input;
-  input.wind = scene.wind;
-  plant.apply(input);
+  SimulatedSheet plant(run, scene);
+  if (page != nullptr) page->scene().solids = plant.solids();
   const Points none(3, 0);
   const auto record = [&](long step) {
     if (page != nullptr && step % every == 0)
@@ -137,6 +206,7 @@ ClothFigures run_cloth(const ClothRunOptions& run, const ClothScene& scene,
     ++figures.steps;
     figures.unconverged_steps += report.status == clothctl::StepStatus::Converged ? 0 : 1;
     solves += constraints * report.iterations;
+    plant.measure(figures);
     meter.add(plant.positions(), plant.velocities());
     record(step);
   }

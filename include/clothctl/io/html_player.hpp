@@ -120,6 +120,9 @@ class PlayerRecorder {
     append_data("positions", quantised(low, size), text);
     append_data("triangles", index_bytes(scene_.triangles), text);
     append_data("segments", index_bytes(scene_.segments), text);
+    std::vector<float> solids;
+    append(scene_.solids, solids);
+    append_data("solids", float_bytes(solids), text);
     append_data("actual", float_bytes(actual_), text);
     append_data("target", float_bytes(target_), text);
     append_data("origins", float_bytes(origins_), text);
@@ -154,6 +157,9 @@ class PlayerRecorder {
     if (!is_finite(scene_.dt) || !(scene_.dt > 0))
       return "dt is " + number_text(scene_.dt) + ", expected a positive number";
     if (std::string wrong = bad_index(scene_.triangles, "triangle"); !wrong.empty()) return wrong;
+    if (scene_.solids.cols() % 3 != 0 || !all_finite(scene_.solids))
+      return "the solids have " + std::to_string(scene_.solids.cols()) +
+             " corners, expected three finite ones a triangle";
     return bad_index(scene_.segments, "segment");
   }
 

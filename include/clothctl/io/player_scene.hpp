@@ -24,6 +24,9 @@ struct PlayerScene {
   std::vector<std::array<int, 3>> triangles{};
   /// Segments of a rope as vertex indices, drawn as thick lines; may be empty.
   std::vector<std::array<int, 2>> segments{};
+  /// Corners of the triangles of what does not move (3×3t, m, three columns a triangle, in the
+  /// order that makes normals point outwards): a table, a body. Drawn as solids; may be empty.
+  Points<double> solids = Points<double>(3, 0);
   /// Rows of the table of figures: a name and a value, shown unchanged.
   std::vector<std::pair<std::string, std::string>> figures{};
   /// Names of the features. Features without a name get a number.

@@ -23,6 +23,7 @@ const dt = scene.dt;
 const quantised = new Uint16Array(decode('positions'));   // F × N × 3
 const triangles = new Uint32Array(decode('triangles'));   // 3 indices each
 const segments = new Uint32Array(decode('segments'));     // 2 indices each
+const solids = new Float32Array(decode('solids'));        // 9 coordinates a triangle
 const actual = new Float32Array(decode('actual'));        // F × K × 3
 const target = new Float32Array(decode('target'));        // F × K × 3
 const origins = new Float32Array(decode('origins'));      // F × A × 3

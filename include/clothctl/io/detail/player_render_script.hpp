@@ -69,6 +69,12 @@ const build = () => {
       grid.push(cx + j * cell, cy + i * cell, z, cx + (j + 1) * cell, cy + i * cell, z);
     }
   }
+  const solid = [];
+  for (let i = 0; i < solids.length; i += 9) {
+    const [a, b, c] = [0, 3, 6].map(k => Array.from(solids.subarray(i + k, i + k + 3)));
+    const n = unit(cross(sub(b, a), sub(c, a)));
+    for (const p of [a, b, c]) solid.push(...p, ...n);
+  }
   const keep = lines => {
     return { buffer: buffer(lines.data.subarray(0, lines.count * 60)), count: lines.count };
   };
@@ -80,6 +86,7 @@ const build = () => {
     inner: buffer(new Indices(inner), gl.STATIC_DRAW, gl.ELEMENT_ARRAY_BUFFER),
     grid: buffer(new Float32Array(grid)), gridCount: grid.length / 3,
     gridReach: Math.min(reach, 2.6 * diagonal),
+    solid: buffer(new Float32Array(solid)), solidCount: solid.length / 6,
     scratch: gl.createBuffer(),
     border: new Lines(border.length / 2),
     rope: new Lines(segments.length / 2),
@@ -181,6 +188,13 @@ const paintView = () => {
   };
 
   gl.depthMask(true);
+  if (gpu.solidCount) {
+    const colour = dark ? [.36, .39, .44] : [.58, .61, .66];
+    const program = use('surface', { ...lit, gloss: .03, front: colour, back: colour });
+    bind(program, 'position', gpu.solid, 3, 24, 0);
+    bind(program, 'normal', gpu.solid, 3, 24, 12);
+    gl.drawArrays(gl.TRIANGLES, 0, gpu.solidCount);
+  }
   if (show.surface && triangles.length) {
     computeNormals();
     gl.bindBuffer(gl.ARRAY_BUFFER, gpu.normal);
