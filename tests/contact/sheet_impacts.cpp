@@ -1,5 +1,3 @@
-#include <cstdio>
-#include <cstdlib>
 // Layers that stay layers: free vertices and mass-spring sheets, momentum and energy, fast motion,
 // forced crossings, tangles, memory and refusals.
 
@@ -10,7 +8,6 @@
 #include <random>
 
 #include "clothctl/cloth/mass_spring.hpp"
-#include "clothctl/cloth/position_based.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -349,7 +346,7 @@ TEST_CASE("a corner that is through a sheet comes back", "[self_contact]") {
     // Nothing but the pass moves it: a tangle that is left alone.
     flight.state.velocities *= 0;
     last = flight.step().crossings_left;
-    if (getenv("DBG")) printf("%d ", last);
+   
     REQUIRE(last <= 2 * start);
   }
   CHECK(last == 0);

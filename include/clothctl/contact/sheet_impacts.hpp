@@ -155,6 +155,7 @@ class SheetImpacts {
       *points = Points<Scalar>::Constant(3, n, Scalar(0));
     inverse_mass_ = VectorX<Scalar>::Constant(n, Scalar(0));
     tangled_.resize(static_cast<std::size_t>(n));
+    ring_.resize(static_cast<std::size_t>(n));
     degree_.resize(static_cast<std::size_t>(n), 0);
     pierced_.resize(static_cast<std::size_t>(n), 0);
     for (const std::array<int, 2>& edge : finder_.edges()) {
@@ -200,7 +201,7 @@ class SheetImpacts {
   Points<Scalar> found_, pushes_, wanted_, clean_end_;
   bool clean_ = false;
   VectorX<Scalar> inverse_mass_;
-  std::vector<bool> tangled_;
+  std::vector<bool> tangled_, ring_;
   /// The edges at each vertex, and those of them that pierce a triangle at x.
   std::vector<int> degree_, pierced_;
   std::vector<Row> rows_;
@@ -288,6 +289,13 @@ int SheetImpacts<Scalar>::mark_tangles() {
     last = crossing.edge;
     for (const int v : finder_.triangles()[static_cast<std::size_t>(crossing.triangle)])
       tangled_[static_cast<std::size_t>(v)] = true;
+  }
+  // A tip may lie over the triangle beside the pierced one: the neighbours are free, too.
+  if (count > 0) ring_ = tangled_;
+  for (const std::array<int, 2>& edge : finder_.edges()) {
+    if (count == 0) break;
+    const std::size_t a = static_cast<std::size_t>(edge[0]), b = static_cast<std::size_t>(edge[1]);
+    if (ring_[a] || ring_[b]) tangled_[a] = tangled_[b] = true;
   }
   return count;
 }
