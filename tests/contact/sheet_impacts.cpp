@@ -346,7 +346,7 @@ TEST_CASE("a corner that is through a sheet comes back", "[self_contact]") {
     // Nothing but the pass moves it: a tangle that is left alone.
     flight.state.velocities *= 0;
     last = flight.step().crossings_left;
-   
+
     REQUIRE(last <= 2 * start);
   }
   CHECK(last == 0);
