@@ -303,7 +303,7 @@ TEST_CASE("a sheet folded in four is pulled open without a crossing", "[self_con
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
   // Coarse sheets need more room in their folds.
-  state.positions = clothctl_test::fold_in_four(mesh.positions, size, 0.02);
+  state.positions = clothctl_test::fold_in_four(mesh.positions, size, 0.0325);
   auto finder = SelfContactFinder<double>::create(mesh.positions, mesh.triangles).value();
   REQUIRE(finder.count_crossings(state.positions) == 0);
   auto impacts =
