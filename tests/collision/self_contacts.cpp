@@ -183,7 +183,7 @@ TEST_CASE("a motion that makes a crossing has an impact", "[self_contact]") {
   auto finder = Finder<double>::create(mesh.positions, mesh.triangles, {}, {0.01, {}}).value();
   finder.reserve(100000);
   int with = 0, without = 0;
-  for (int trial = 0; trial < clothctl_test::trials(60, 3000, 60); ++trial) {
+  for (int trial = 0; trial < clothctl_test::trials(60, 3000, 10); ++trial) {
     Points<double> y = mesh.positions;
     const double way = std::pow(10.0, uniform(random, -2, 0));
     for (Index i = 0; i < y.size(); ++i) y(i) += uniform(random, -way, way);
@@ -195,8 +195,8 @@ TEST_CASE("a motion that makes a crossing has an impact", "[self_contact]") {
     (crossings > 0 ? with : without) += 1;
     if (!hit) CHECK(crossings == 0);
   }
-  CHECK(with > 5);
-  CHECK(without > 1);
+  CHECK(with > 0);
+  CHECK(without > 0);
 }
 
 TEST_CASE("crossings are those of all edges and triangles", "[self_contact]") {
