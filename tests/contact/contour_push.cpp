@@ -67,3 +67,14 @@ TEST_CASE("a straight contour through an edge pulls nowhere", "[self_contact]") 
   // Threads have no contour.
   CHECK(detail::contour_row<double>(x, {3, 4}, {0, 1, 2}, {-1, -1}).normal.norm() == 0);
 }
+
+TEST_CASE("a tip goes back to the side of its edge", "[self_contact]") {
+  const Points<double> x = pierced();
+  const auto up = detail::tip_row<double>(x, 3, 4, {0, 1, 2});
+  CHECK(up.normal[2] == 1);
+  CHECK(up.vertex == std::array<int, 4>{3, 0, 1, 2});
+  CHECK(detail::tip_row<double>(x, 4, 3, {0, 1, 2}).normal[2] == -1);
+  double sum = 0;
+  for (const double w : up.weight) sum += w;
+  CHECK(sum == 0);
+}

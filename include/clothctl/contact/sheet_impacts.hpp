@@ -182,6 +182,12 @@ class SheetImpacts {
       *points = Points<Scalar>::Constant(3, n, Scalar(0));
     inverse_mass_ = VectorX<Scalar>::Constant(n, Scalar(0));
     tangled_.resize(static_cast<std::size_t>(n));
+    ring_.resize(static_cast<std::size_t>(n));
+    degree_.resize(static_cast<std::size_t>(n), 0);
+    pierced_.resize(static_cast<std::size_t>(n), 0);
+    for (const std::array<int, 2>& edge : finder_.edges()) {
+      for (const int v : edge) ++degree_[static_cast<std::size_t>(v)];
+    }
     zones_.resize(static_cast<std::size_t>(n));
     reserve(Index(40) * n);
   }
@@ -190,6 +196,9 @@ class SheetImpacts {
                                 const PointsView<Scalar>& before,
                                 const Eigen::Ref<const VectorX<Scalar>>& inverse_mass,
                                 const Scalar& dt, const ClothState<Scalar>& state);
+  /// How much further than their thickness apart pairs are looked for, so that the list holds while
+  /// impulses change the ways. A larger reach needs fewer searches, but finds more pairs.
+  Scalar reach() const { return Scalar(0.5) * settings_.thickness; }
   /// Marks the vertices of edges and triangles that cross at x.
   int mark_tangles();
   bool is_tangled(const std::array<int, 4>& v) const {
@@ -204,6 +213,9 @@ class SheetImpacts {
   void add_supports();
   void tell_supports(const Scalar& dt);
   void push(const Scalar& dt);
+  /// Moves crossings by at most `way` in the direction that shortens them.
+  void untangle(const Scalar& way);
+  Row untangling_row(const EdgeCrossing& crossing) const;
   void sweep(int sweeps);
   /// Calls `visit` for all impacts of the ways from x to y. Returns their number.
   template <class Visit>
@@ -219,7 +231,9 @@ class SheetImpacts {
   Points<Scalar> found_, pushes_, wanted_, clean_end_;
   bool clean_ = false;
   VectorX<Scalar> inverse_mass_;
-  std::vector<bool> tangled_;
+  std::vector<bool> tangled_, ring_;
+  /// The edges at each vertex, and those of them that pierce a triangle at x.
+  std::vector<int> degree_, pierced_;
   std::vector<Row> rows_;
   std::span<SheetSupport<Scalar>> supports_;
   detail::ImpactZones<Scalar> zones_;
@@ -257,10 +271,11 @@ SheetImpactReport SheetImpacts<Scalar>::resolve(
   // What the last pass left is known.
   const bool known = clean_ && x_ == clean_end_;
   std::fill(tangled_.begin(), tangled_.end(), false);
+  std::fill(pierced_.begin(), pierced_.end(), 0);
   if (!known) report.crossings_before = mark_tangles();
   found_ = y_;
   finder_.update(x_, y_);
-  finder_.find(settings_.thickness);
+  finder_.find(reach());
   report.complete = finder_.complete();
   add_supports();
   hold_layers(dt, report);
@@ -328,11 +343,22 @@ int SheetImpacts<Scalar>::find_layers(const PointsView<Scalar>& x, const Scalar&
 template <RealScalar Scalar>
 int SheetImpacts<Scalar>::mark_tangles() {
   const int count = finder_.count_crossings(x_);
+  int last = -1;
   for (const EdgeCrossing& crossing : finder_.crossings()) {
-    for (const int v : finder_.edges()[static_cast<std::size_t>(crossing.edge)])
+    for (const int v : finder_.edges()[static_cast<std::size_t>(crossing.edge)]) {
       tangled_[static_cast<std::size_t>(v)] = true;
+      if (crossing.edge != last) ++pierced_[static_cast<std::size_t>(v)];
+    }
+    last = crossing.edge;
     for (const int v : finder_.triangles()[static_cast<std::size_t>(crossing.triangle)])
       tangled_[static_cast<std::size_t>(v)] = true;
+  }
+  // A tip may lie over the triangle beside the pierced one: the neighbours are free, too.
+  if (count > 0) ring_ = tangled_;
+  for (const std::array<int, 2>& edge : finder_.edges()) {
+    if (count == 0) break;
+    const std::size_t a = static_cast<std::size_t>(edge[0]), b = static_cast<std::size_t>(edge[1]);
+    if (ring_[a] || ring_[b]) tangled_[a] = tangled_[b] = true;
   }
   return count;
 }
@@ -340,12 +366,12 @@ int SheetImpacts<Scalar>::mark_tangles() {
 template <RealScalar Scalar>
 void SheetImpacts<Scalar>::refresh_pairs(SheetImpactReport& report) {
   // Two vertices that leave their ways by half of the reach each use it up.
-  const Scalar limit = settings_.thickness * settings_.thickness / Scalar(4);
+  const Scalar limit = reach() * reach() / Scalar(4);
   for (Index v = 0; v < y_.cols(); ++v) {
     if (!(limit < Vector3<Scalar>(y_.col(v) - found_.col(v)).squaredNorm())) continue;
     found_ = y_;
     finder_.update(x_, y_);
-    finder_.find(settings_.thickness);
+    finder_.find(reach());
     report.complete = report.complete && finder_.complete();
     return;
   }
@@ -366,9 +392,12 @@ void SheetImpacts<Scalar>::add_row(const SelfContact<Scalar>& pair, const Scalar
 
 template <RealScalar Scalar>
 void SheetImpacts<Scalar>::sweep(int sweeps) {
-  const Scalar tolerance = Scalar(1e-4) * settings_.thickness;
+  const Scalar tolerance = Scalar(1e-3) * settings_.thickness;
+  // Friction needs normal impulses that are about right: they come first.
+  const int first = sweeps / 4;
   for (int k = 0; k < sweeps; ++k) {
-    if (!(tolerance < detail::sweep_rows<Scalar>(rows_, x_, settings_.friction, y_))) return;
+    const Scalar friction = k < first ? Scalar(0) : settings_.friction;
+    if (!(tolerance < detail::sweep_rows<Scalar>(rows_, x_, friction, y_)) && k >= first) return;
   }
 }
 
@@ -390,35 +419,49 @@ void SheetImpacts<Scalar>::hold_layers(const Scalar& dt, SheetImpactReport& repo
 }
 
 template <RealScalar Scalar>
-void SheetImpacts<Scalar>::push(const Scalar& dt) {
-  using std::sqrt;
-  constexpr int kSweeps = 4;
-  pushes_ = y_;
-  const Scalar way = dt * settings_.untangle_speed;
-  bool tangled = false;
-  for (const bool marked : tangled_) tangled = tangled || marked;
-  for (std::size_t i = 0; tangled && i < finder_.crossings().size(); ++i) {
-    const EdgeCrossing& crossing = finder_.crossings()[i];
-    std::array<int, 2> opposite{-1, -1};
-    const std::array<int, 2>& edge = finder_.edges()[static_cast<std::size_t>(crossing.edge)];
-    for (std::size_t k = 0; k < 2; ++k) {
-      const int t = finder_.triangles_of(crossing.edge)[k];
-      if (t < 0) continue;
-      for (const int v : finder_.triangles()[static_cast<std::size_t>(t)]) {
-        if (v != edge[0] && v != edge[1]) opposite[k] = v;
-      }
+detail::PairRow<Scalar> SheetImpacts<Scalar>::untangling_row(const EdgeCrossing& crossing) const {
+  const std::array<int, 2>& edge = finder_.edges()[static_cast<std::size_t>(crossing.edge)];
+  const std::array<int, 3>& triangle =
+      finder_.triangles()[static_cast<std::size_t>(crossing.triangle)];
+  // A vertex most of whose edges are pierced is a tip that goes back the way it came.
+  for (std::size_t k = 0; k < 2; ++k) {
+    const std::size_t v = static_cast<std::size_t>(edge[k]);
+    if (2 * pierced_[v] > degree_[v])
+      return detail::tip_row<Scalar>(x_, edge[k], edge[1 - k], triangle);
+  }
+  std::array<int, 2> opposite{-1, -1};
+  for (std::size_t k = 0; k < 2; ++k) {
+    const int t = finder_.triangles_of(crossing.edge)[k];
+    if (t < 0) continue;
+    for (const int v : finder_.triangles()[static_cast<std::size_t>(t)]) {
+      if (v != edge[0] && v != edge[1]) opposite[k] = v;
     }
-    Row row = detail::contour_row<Scalar>(
-        x_, edge, finder_.triangles()[static_cast<std::size_t>(crossing.triangle)], opposite);
+  }
+  return detail::contour_row<Scalar>(x_, edge, triangle, opposite);
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::untangle(const Scalar& way) {
+  using std::sqrt;
+  for (const EdgeCrossing& crossing : finder_.crossings()) {
+    Row row = untangling_row(crossing);
     if (detail::weigh<Scalar>(inverse_mass_, row))
       row.apply(Vector3<Scalar>(row.mass * way * row.normal), y_);
   }
   // Where many cross, what pulls at a vertex adds up.
-  for (Index v = 0; tangled && v < y_.cols(); ++v) {
+  for (Index v = 0; v < y_.cols(); ++v) {
     const Vector3<Scalar> moved = y_.col(v) - pushes_.col(v);
     const Scalar length = sqrt(moved.squaredNorm());
     if (way < length) y_.col(v) = pushes_.col(v) + (way / length) * moved;
   }
+}
+
+template <RealScalar Scalar>
+void SheetImpacts<Scalar>::push(const Scalar& dt) {
+  constexpr int kSweeps = 4;
+  pushes_ = y_;
+  if (std::find(tangled_.begin(), tangled_.end(), true) != tangled_.end())
+    untangle(dt * settings_.untangle_speed);
   for (int k = 0; k < kSweeps; ++k) detail::push_rows<Scalar>(rows_, y_);
   pushes_ = y_ - pushes_;
 }

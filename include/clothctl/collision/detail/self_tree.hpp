@@ -23,10 +23,10 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// Returns true when the boxes have a point in common. Without branches: most answers are no.
 template <RealScalar Scalar>
 CLOTHCTL_KERNEL bool boxes_overlap(const BoundingBox<Scalar>& p, const BoundingBox<Scalar>& q) {
-  const bool first = (p.lower[0] <= q.upper[0]) & (q.lower[0] <= p.upper[0]);
-  const bool second = (p.lower[1] <= q.upper[1]) & (q.lower[1] <= p.upper[1]);
-  const bool third = (p.lower[2] <= q.upper[2]) & (q.lower[2] <= p.upper[2]);
-  return first & second & third;
+  const auto meet = [&](int i) CLOTHCTL_KERNEL_LAMBDA {
+    return static_cast<int>(p.lower[i] <= q.upper[i]) & static_cast<int>(q.lower[i] <= p.upper[i]);
+  };
+  return (meet(0) & meet(1) & meet(2)) != 0;
 }
 
 /// A tree of boxes for searches of a sheet in itself. Making it allocates; `fit` and searches never

@@ -10,8 +10,9 @@
 // is the rate at which the curve becomes shorter when the edge's triangles move: the end of the
 // curve on the edge moves by δ - e (n·δ)/(e·n) for a translation by δ. No side has to be known,
 // and a corner that went through a sheet comes back over its border. Where the curve runs straight
-// through the edge, g is zero. Reference: Volino, Magnenat-Thalmann, Resolving surface collisions
-// through intersection contour minimization, 2006.
+// through the edge, g is zero. Where only the tip at a vertex is through, g hardly points back: it
+// goes back along the normal of the triangle. Reference: Volino, Magnenat-Thalmann, Resolving
+// surface collisions through intersection contour minimization, 2006.
 
 #include <array>
 #include <cmath>
@@ -62,6 +63,24 @@ PairRow<Scalar> contour_row(const Points<Scalar>& x, const std::array<int, 2>& e
   }
   row.normal = g / sqrt(Scalar(1) + g.squaredNorm());
   row.weight = {Scalar(1) - s, s, Scalar(-0.5), Scalar(-0.5)};
+  return row;
+}
+
+/// Returns the row of a vertex `tip` that an edge from `other` took through a triangle: its normal
+/// is that of the triangle, towards the side of `other`.
+template <RealScalar Scalar>
+PairRow<Scalar> tip_row(const Points<Scalar>& x, int tip, int other,
+                        const std::array<int, 3>& triangle) {
+  const Vector3<Scalar> a = x.col(triangle[0]);
+  const Vector3<Scalar> ab = x.col(triangle[1]) - a, ac = x.col(triangle[2]) - a;
+  const Vector3<Scalar> back = x.col(other) - x.col(tip);
+  PairRow<Scalar> row;
+  row.vertex = {tip, triangle[0], triangle[1], triangle[2]};
+  const Scalar third = Scalar(-1) / Scalar(3);
+  row.weight = {Scalar(1), third, third, Scalar(-1) - third - third};
+  row.gap = row.pushed = Scalar(0);
+  row.normal = of_length_one<Scalar>(Vector3<Scalar>(ab.cross(ac)));
+  if (row.normal.dot(back) < Scalar(0)) row.normal = -row.normal;
   return row;
 }
 

@@ -54,9 +54,11 @@ struct PairRow {
 };
 
 /// Fills answers and mass of a row from inverse masses (1/kg). Returns false when no vertex with a
-/// weight can move.
+/// weight can move, or, beside held vertices, only one that would move more than four times as far
+/// as the pair.
 template <RealScalar Scalar>
 bool weigh(const VectorX<Scalar>& inverse_mass, PairRow<Scalar>& row) {
+  using std::abs;
   Scalar sum(0);
   for (std::size_t i = 0; i < 4; ++i) {
     row.answer[i] = row.weight[i] * inverse_mass[row.vertex[i]];
@@ -64,6 +66,9 @@ bool weigh(const VectorX<Scalar>& inverse_mass, PairRow<Scalar>& row) {
   }
   if (!(Scalar(0) < sum)) return false;
   row.mass = Scalar(1) / sum;
+  for (const Scalar& answer : row.answer) {
+    if (Scalar(4) < abs(answer) * row.mass) return false;
+  }
   return true;
 }
 
