@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "clothctl/collision/detail/single_query.hpp"
 #include "clothctl/sim/detail/rigid_world.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {

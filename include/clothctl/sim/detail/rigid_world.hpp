@@ -14,7 +14,7 @@
 
 #include "clothctl/collision/body_contacts.hpp"
 #include "clothctl/concepts/executor.hpp"
-#include "clothctl/contact/detail/side_points.hpp"
+#include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/sim/detail/broad_phase.hpp"
 #include "clothctl/sim/detail/contact_memory.hpp"
 #include "clothctl/sim/detail/free_rotation.hpp"
