@@ -134,7 +134,7 @@ class RigidBodies {
   }
   /// The contacts of the last step, valid until the next.
   std::span<const RigidContact<Scalar>> contacts() const { return world_.state.contacts; }
-  /// The events of the last step, valid until the next.
+  /// The events of the last step, and of bodies that were woken since; valid until the next.
   std::span<const RigidEvent> events() const { return world_.events; }
 
   /// The state, to be copied and restored.
