@@ -391,6 +391,37 @@ TEST_CASE("a moving platform carries and wakes; what it leaves falls") {
   CHECK(w.motion(b).velocity[2] < -5);
 }
 
+TEST_CASE(
+    "a pinned body that is put into a sleeping one wakes it, and a restored sleeper sleeps on") {
+  Floor<double> floor(0.5);
+  RigidBodiesSettings<double> settings;
+  RigidBodies<double> w(settings);
+  w.add_obstacle(ColliderRef<double>(floor.plane)).value();
+  const int b = w.add(at<double>(cube(), V(0, 0, 0.5))).value();
+  RigidBodySetup<double> post = at<double>(cube(), V(9, 0, 0.5));
+  post.kind = BodyKind::Pinned;
+  const int p = w.add(post).value();
+  for (int k = 0; k < 60; ++k) REQUIRE(w.step(1.0 / 60).advanced);
+  REQUIRE(w.asleep(b));
+  const RigidBodiesState<double> asleep = w.state();
+  RigidMotion<double> m = w.motion(p);
+  m.position = V(0.9, 0, 0.5);
+  REQUIRE(w.set_motion(p, m).empty());
+  for (int k = 0; k < 30; ++k) REQUIRE(w.step(1.0 / 60).advanced);
+  CHECK(w.motion(b).position[0] < -0.05);
+  REQUIRE(w.restore(asleep));
+  for (int k = 0; k < 10; ++k) REQUIRE(w.step(1.0 / 60).advanced);
+  CHECK(w.asleep(b));
+  CHECK(w.motion(b).position == asleep.bodies[0].motion.position);
+  CHECK(w.apply_impulse(b, V(1, 0, 0), V(0, 0, 0.5)));
+  REQUIRE(w.events().size() == 1);
+  CHECK(w.events()[0].kind == RigidEventKind::Woke);
+  REQUIRE(w.step(1.0 / 60).advanced);
+  CHECK(w.events().size() == 1);
+  REQUIRE(w.step(1.0 / 60).advanced);
+  CHECK(w.events().empty());
+}
+
 TEST_CASE("events tell when bodies begin and end to touch") {
   Floor<double> floor(0.5);
   RigidBodySetup<double> setup = at<double>(ball(0.1), V(0, 0, 0.3));

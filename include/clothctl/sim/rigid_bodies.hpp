@@ -36,11 +36,15 @@ namespace clothctl::inline CLOTHCTL_ABI {
 template <RealScalar Scalar>
 class RigidBodies {
  public:
-  /// The types of set-up, settings, state and report.
+  /// The set-up of a body.
   using BodySetup = RigidBodySetup<Scalar>;
+  /// The set-up of a joint.
   using JointSetup = RigidJointSetup<Scalar>;
+  /// The settings.
   using Settings = RigidBodiesSettings<Scalar>;
+  /// The state.
   using State = RigidBodiesState<Scalar>;
+  /// What a step reports.
   using Report = RigidStepReport<Scalar>;
 
   /// Makes an empty system. When the text of `settings.validate()` is not empty, every step returns
@@ -65,9 +69,11 @@ class RigidBodies {
   /// Makes room for `contacts` contacts and four times as many close pairs. Allocates.
   void reserve(std::size_t contacts) { world_.reserve(contacts); }
 
-  /// Numbers of bodies, obstacles and joints.
+  /// Number of bodies.
   int body_count() const { return static_cast<int>(world_.bodies.size()); }
+  /// Number of obstacles.
   int obstacle_count() const { return static_cast<int>(world_.obstacles.size()); }
+  /// Number of joints.
   int joint_count() const { return static_cast<int>(world_.joints.size()); }
   /// The settings.
   const Settings& settings() const { return world_.settings; }
@@ -102,9 +108,10 @@ class RigidBodies {
   const ConvexShape<Scalar>& shape(int body) const { return world_.body(body).shape; }
   /// Mass, kg; 0 for a body that impulses do not move.
   const Scalar& mass(int body) const { return world_.body(body).mass; }
-  /// 1/mass (1/kg) and the inverse of the inertia about the centre of mass in world axes; 0 for a
-  /// body that impulses do not move.
+  /// 1/mass, 1/kg; 0 for a body that impulses do not move.
   const Scalar& inverse_mass(int body) const { return world_.body(body).lightness; }
+  /// The inverse of the inertia about the centre of mass, 1/(kg m²), world axes; 0 for a body that
+  /// impulses do not move.
   Matrix3<Scalar> inverse_inertia(int body) const { return world_.inverse_inertia(body); }
   /// Inertia about the centre of mass in body axes, kg m².
   const Matrix3<Scalar>& inertia(int body) const { return world_.body(body).inertia; }
@@ -119,14 +126,15 @@ class RigidBodies {
 
   /// Whether a body is asleep.
   bool asleep(int body) const { return world_.body_state(body).asleep >= 0; }
-  /// Wakes a body and its island, or all.
+  /// Wakes a body and its island.
   void wake(int body) { world_.wake(body); }
+  /// Wakes all bodies.
   void wake_all() {
     for (int i = 0; i < body_count(); ++i) wake(i);
   }
   /// The contacts of the last step, valid until the next.
   std::span<const RigidContact<Scalar>> contacts() const { return world_.state.contacts; }
-  /// The events of the last step, valid until the next.
+  /// The events of the last step, and of bodies that were woken since; valid until the next.
   std::span<const RigidEvent> events() const { return world_.events; }
 
   /// The state, to be copied and restored.

@@ -7,6 +7,7 @@
 // that does not get closer is halved. (On a convex collider d is convex, and the search ends at the
 // least value; elsewhere at a local one.) Points with like normals are reduced to four.
 
+#include <algorithm>
 #include <cstdint>
 
 #include "clothctl/collision/detail/polytope_contacts.hpp"
@@ -53,7 +54,7 @@ class ColliderContacts {
   }
 
  private:
-  static constexpr int kRoom = 128;
+  static constexpr int kRoom = 64;
 
   int corners() const { return body_.shape.corner_count(); }
   void take(const Vector3<Scalar>& x, const SurfacePoint<Scalar>& s, std::uint32_t feature) {
@@ -159,17 +160,15 @@ class ColliderContacts {
           deepest = i;
       }
       const Vector3<Scalar> n = found_[static_cast<std::size_t>(deepest)].normal;
-      std::array<Point, static_cast<std::size_t>(kRoom)> like;
-      int same = 0, rest = 0;
+      int same = 0;
       for (int i = 0; i < count_; ++i) {
-        const Point p = found_[static_cast<std::size_t>(i)];
-        if (Scalar(0.97) < p.normal.dot(n))
-          like[static_cast<std::size_t>(same++)] = p;
-        else
-          found_[static_cast<std::size_t>(rest++)] = p;
+        if (!(Scalar(0.97) < found_[static_cast<std::size_t>(i)].normal.dot(n))) continue;
+        std::rotate(found_.begin() + same, found_.begin() + i, found_.begin() + i + 1);
+        ++same;
       }
-      count_ = rest;
-      add_reduced<Scalar>(like.data(), same, n, out);
+      add_reduced<Scalar>(found_.data(), same, n, out);
+      std::rotate(found_.begin(), found_.begin() + same, found_.begin() + count_);
+      count_ -= same;
     }
   }
 

@@ -29,8 +29,9 @@ struct BodyContactPoint {
   Scalar gap = Scalar(0);
   /// What touches what: the same corner, edge or face has the same number in the next step.
   std::uint32_t feature = 0;
-  /// Velocity and friction of the surface of a collider B; 0 and -1 for a body B.
+  /// Velocity of the surface of a collider B, m/s; 0 for a body B.
   Vector3<Scalar> drift = Vector3<Scalar>::Constant(Scalar(0));
+  /// Friction coefficient of a collider B; -1 for a body B.
   Scalar friction = Scalar(-1);
 };
 

@@ -15,6 +15,7 @@
 // polytopes are apart, the separation is at most their distance. It is that distance for faces and
 // edges that face each other; where the clipped polygon is empty nothing touches along that axis.
 
+#include <algorithm>
 #include <cstdint>
 
 #include "clothctl/collision/detail/contact_manifold.hpp"
@@ -166,7 +167,8 @@ class FaceClip {
   Corner& point(int k) { return points_[static_cast<std::size_t>(k)]; }
   void cut(const Vector3<Scalar>& out, const Scalar& level, unsigned plane) {
     const int n = count_;
-    const std::array<Corner, kRoom> old = points_;
+    std::array<Corner, kRoom> old;
+    std::copy(points_.begin(), points_.begin() + n, old.begin());
     count_ = 0;
     for (int k = 0; k < n; ++k) {
       const Corner& p = old[static_cast<std::size_t>(k)];
@@ -186,21 +188,15 @@ class FaceClip {
   int count_;
 };
 
-/// The points of a face contact: face `f` of P against Q, n_P pointing to Q. `flip` is true when P
-/// is the body B.
-template <RealScalar Scalar>
-void add_face_contact(const PosedPolytope<Scalar>& P, const PosedPolytope<Scalar>& Q, int f,
-                      const Scalar& separation, const Scalar& margin, bool flip,
-                      BodyContacts<Scalar>& out) {
+/// The points of a clipped polygon of Q above face `f` of P. `flip` is true when P is the body B.
+/// Most polygons have few corners, and need little room.
+template <int kRoom, RealScalar Scalar>
+void add_polygon(const PosedPolytope<Scalar>& P, const PosedPolytope<Scalar>& Q, int f,
+                 const FaceClip<Scalar>& polygon, const Scalar& separation, const Scalar& margin,
+                 bool flip, BodyContacts<Scalar>& out) {
   const Vector3<Scalar>& n = P.n(f);
-  int incident = 0;
-  for (int g = 1; g < Q.shape.face_count(); ++g) {
-    if (n.dot(Q.n(g)) < n.dot(Q.n(incident))) incident = g;
-  }
-  FaceClip<Scalar> polygon(Q, incident);
-  polygon.clip(P, f);
   const Vector3<Scalar> normal = flip ? n : Vector3<Scalar>(-n);
-  std::array<BodyContactPoint<Scalar>, static_cast<std::size_t>(2 * kMostCorners + 2)> found;
+  std::array<BodyContactPoint<Scalar>, static_cast<std::size_t>(kRoom)> found;
   int count = 0;
   const std::uint32_t label = (flip ? 0x80000000u : 0u) | (static_cast<std::uint32_t>(f) << 24);
   const auto keep = [&](const Vector3<Scalar>& x, std::uint32_t feature) {
@@ -221,6 +217,23 @@ void add_face_contact(const PosedPolytope<Scalar>& P, const PosedPolytope<Scalar
     keep(Q.x(deepest), static_cast<std::uint32_t>(deepest));
   }
   add_reduced<Scalar>(found.data(), count, normal, out);
+}
+
+/// The points of a face contact: face `f` of P against Q, n_P pointing to Q.
+template <RealScalar Scalar>
+void add_face_contact(const PosedPolytope<Scalar>& P, const PosedPolytope<Scalar>& Q, int f,
+                      const Scalar& separation, const Scalar& margin, bool flip,
+                      BodyContacts<Scalar>& out) {
+  int incident = 0;
+  for (int g = 1; g < Q.shape.face_count(); ++g) {
+    if (P.n(f).dot(Q.n(g)) < P.n(f).dot(Q.n(incident))) incident = g;
+  }
+  FaceClip<Scalar> polygon(Q, incident);
+  polygon.clip(P, f);
+  if (polygon.count() <= 12)
+    add_polygon<12, Scalar>(P, Q, f, polygon, separation, margin, flip, out);
+  else
+    add_polygon<2 * kMostCorners + 2, Scalar>(P, Q, f, polygon, separation, margin, flip, out);
 }
 
 /// Adds the points of the contact of polytopes A and B whose gap is at most `margin`. `size` (m) is

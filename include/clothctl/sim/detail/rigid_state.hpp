@@ -16,9 +16,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "clothctl/collision/detail/basic_shape.hpp"
 #include "clothctl/collision/moving_collider.hpp"
-#include "clothctl/contact/detail/contact_sample.hpp"
+#include "clothctl/contact/contact_solver.hpp"
 #include "clothctl/math/rotation.hpp"
 
 #include <Eigen/Geometry>

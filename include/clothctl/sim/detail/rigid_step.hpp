@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cstddef>
 
-#include "clothctl/collision/detail/single_query.hpp"
 #include "clothctl/sim/detail/rigid_world.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -15,7 +14,8 @@ StepStatus RigidWorld<Scalar>::predict(const Scalar& dt) {
   if (!valid || !is_finite(dt) || !(Scalar(0) < dt) || is_unbounded(dt))
     return StepStatus::InvalidInput;
   h_ = dt;
-  events.clear();
+  events.erase(events.begin(), events.begin() + static_cast<std::ptrdiff_t>(reported_));
+  reported_ = 0;
   before_ = state.bodies;
   for (int i = 0; i < count(); ++i) {
     if (active(i)) body_state(i).motion.velocity += dt * settings.gravity;
@@ -23,15 +23,6 @@ StepStatus RigidWorld<Scalar>::predict(const Scalar& dt) {
   find_contacts();
   group();
   return StepStatus::Converged;
-}
-
-template <RealScalar Scalar>
-Scalar RigidWorld<Scalar>::margin(int i) const {
-  // Contacts are looked for as far as bodies may come in the step, at most half the inner radius;
-  // farther is for the sweep.
-  const Scalar reach = Scalar(0.5) * body(i).shape.inner_radius();
-  const Scalar way = h_ * speed(i);
-  return Scalar(0.02) * body(i).shape.inner_radius() + (way < reach ? way : reach);
 }
 
 template <RealScalar Scalar>
@@ -264,6 +255,8 @@ RigidStepReport<Scalar> RigidWorld<Scalar>::finish() {
   for (int k = 0; k < islands_.count(); ++k) fall_asleep(k);
   for (std::size_t k = 0; k < joints.size(); ++k) state.joints[k] = joints[k].impulse;
   note_contacts();
+  reported_ = events.size();
+  std::fill(jumped_.begin(), jumped_.end(), char(0));
   report.advanced = true;
   report.contacts = static_cast<int>(state.contacts.size());
   report.islands = islands_.count();

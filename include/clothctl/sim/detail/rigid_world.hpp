@@ -14,7 +14,7 @@
 
 #include "clothctl/collision/body_contacts.hpp"
 #include "clothctl/concepts/executor.hpp"
-#include "clothctl/contact/detail/side_points.hpp"
+#include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/sim/detail/broad_phase.hpp"
 #include "clothctl/sim/detail/contact_memory.hpp"
 #include "clothctl/sim/detail/free_rotation.hpp"
@@ -87,9 +87,10 @@ struct RigidWorld {
   bool free(int n) const { return n >= 0 && body(n).kind == BodyKind::Free; }
   /// Whether a body is awake and impulses move it.
   bool active(int n) const { return free(n) && body_state(n).asleep < 0; }
-  /// Whether a kinematic body moves.
+  /// Whether a body that no impulse moves moves nevertheless.
   bool driven(int n) const {
-    if (n < 0 || body(n).kind != BodyKind::Kinematic) return false;
+    if (n < 0 || free(n)) return false;
+    if (jumped_[static_cast<std::size_t>(n)] != 0) return true;
     const RigidMotion<Scalar>& m = body_state(n).motion;
     return Scalar(0) < m.velocity.squaredNorm() + m.angular_velocity.squaredNorm();
   }
@@ -133,6 +134,8 @@ struct RigidWorld {
 
   Scalar h_ = Scalar(0);
   bool woken_ = false;
+  std::vector<char> jumped_;  // bodies that were given another pose before this step
+  std::size_t reported_ = 0;  // events that the last step reported
   std::vector<typename State::Body> before_;
   std::vector<SolverBody<Scalar>> solver_;
   std::vector<BoundingBox<Scalar>> boxes_;
@@ -184,6 +187,7 @@ Result<int> RigidWorld<Scalar>::add(const RigidBodySetup<Scalar>& setup) {
   bodies.push_back(std::move(data));
   state.bodies.push_back(now);
   before_.reserve(bodies.capacity());
+  jumped_.push_back(0);
   solver_.resize(bodies.size());
   boxes_.resize(bodies.size() + obstacles.size());
   reserve(8 * bodies.size());
@@ -280,6 +284,7 @@ std::string RigidWorld<Scalar>::set_motion(int n, const RigidMotion<Scalar>& mot
     if (c.a == n) wake(c.b);
   }
   body_state(n).motion = now;
+  jumped_[static_cast<std::size_t>(n)] = 1;
   const std::string moved = bodies[static_cast<std::size_t>(n)].moving->set_motion(now);
   assert(moved.empty());
   return moved;
@@ -319,6 +324,15 @@ void RigidWorld<Scalar>::wake(int n) {
 }
 
 template <RealScalar Scalar>
+Scalar RigidWorld<Scalar>::margin(int i) const {
+  // Contacts are looked for as far as bodies may come in the step, at most half the inner radius;
+  // farther is for the sweep.
+  const Scalar reach = Scalar(0.5) * body(i).shape.inner_radius();
+  const Scalar way = h_ * speed(i);
+  return Scalar(0.02) * body(i).shape.inner_radius() + (way < reach ? way : reach);
+}
+
+template <RealScalar Scalar>
 bool RigidWorld<Scalar>::restore(const State& from) {
   if (from.bodies.size() != bodies.size() || from.joints.size() != joints.size()) return false;
   state = from;
@@ -326,13 +340,18 @@ bool RigidWorld<Scalar>::restore(const State& from) {
   for (std::size_t i = 0; i < bodies.size(); ++i) {
     const std::string bad = bodies[i].moving->set_motion(from.bodies[i].motion);
     if (!bad.empty()) return false;
+    const RigidMotion<Scalar>& m = from.bodies[i].motion;
+    const int n = static_cast<int>(i);
+    boxes_[i] = body(n).shape.bounds(m.R_world_body, m.position).grown(margin(n));
   }
+  std::fill(jumped_.begin(), jumped_.end(), char(0));
   touching_.clear();
   for (const Contact& c : state.contacts) {
     if (c.touches() && (touching_.empty() || touching_.back() != BoxPair(c.a, c.b)))
       touching_.push_back({c.a, c.b});
   }
   events.clear();
+  reported_ = 0;
   woken_ = true;
   return true;
 }
