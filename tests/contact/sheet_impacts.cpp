@@ -258,7 +258,7 @@ TEST_CASE("coincident layers and vertices do no harm", "[self_contact]") {
 }
 
 TEST_CASE("two sheets fall on each other and come to rest as layers", "[self_contact]") {
-  const int n = clothctl_test::trials(9, 33);
+  const int n = clothctl_test::trials(9, 33, 5);
   auto upper = clothctl_test::layer(n, 0.3, 0.03);
   upper.positions.row(0).array() += 0.0041;
   const auto both = clothctl_test::together(clothctl_test::layer(n, 0.3), upper);
@@ -292,7 +292,7 @@ TEST_CASE("two sheets fall on each other and come to rest as layers", "[self_con
 }
 
 TEST_CASE("a sheet folded in four is pulled open without a crossing", "[self_contact]") {
-  const int n = clothctl_test::trials(13, 65);
+  const int n = clothctl_test::trials(13, 65, 7);
   const double size = 0.5, h = 0.002;
   const auto mesh = clothctl_test::layer(n, size);
   const auto network =

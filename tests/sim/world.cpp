@@ -251,7 +251,7 @@ TEMPLATE_TEST_CASE("a world repeats bit for bit and a step does not allocate", "
 
 TEST_CASE("random worlds stay finite", "[sim]") {
   std::mt19937 random(15);
-  for (int trial = 0; trial < trials(30, 100000, 5); ++trial) {
+  for (int trial = 0; trial < trials(30, 100000, 3); ++trial) {
     World<double> world;
     const double scale = std::pow(10, uniform(random, -2, 1));
     if (trial % 3 != 0) (void)world.add_obstacle(floor_at(uniform(random, -0.2, 0.1)));
