@@ -132,6 +132,7 @@ int main(int argc, char** argv) {
                             {"Largest stretch", formatted("%.2f %%", 100 * f.stretch_max)},
                             {"Mean stretch", formatted("%.3f %%", 100 * f.stretch_mean)},
                             {"Times real time", formatted("%.1f", f.real_time_factor)}};
+    if (o.run.touches()) add_contact_rows(f, page.scene().figures);
     must(page.write(o.out + "/player.html"));
     must(clothctl::write_file(o.out + "/summary.json", to_json(f, o, scene, 2) + "\n"));
   }

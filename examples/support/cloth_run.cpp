@@ -73,8 +73,8 @@ void visit_model(const ClothRunOptions& run, const ClothScene& scene, Visit visi
   if (run.model == "mass-spring") {
     auto settings = clothctl::MassSpringSettings<double>::of(scene.material, windy);
     // With contacts, one linear solve a step is several times as fast and rests as well.
-    settings.integration = run.touches() ? clothctl::Integration::LinearlyImplicit
-                                         : clothctl::Integration::Newton;
+    settings.integration =
+        run.touches() ? clothctl::Integration::LinearlyImplicit : clothctl::Integration::Newton;
     settings.pinned = scene.pinned;
     return visit(must(clothctl::MassSpring<double>::create(scene.network, settings)));
   }

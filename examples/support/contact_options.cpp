@@ -1,5 +1,7 @@
 #include "support/contact_options.hpp"
 
+#include <cstdio>
+
 #include "support/obstacles.hpp"
 
 namespace program {
@@ -23,6 +25,15 @@ nlohmann::ordered_json contact_figures(const ClothFigures& f) {
   j["momentum_residual"] = f.momentum_residual;
   j["solver_residual_max"] = f.solver_residual_max;
   return j;
+}
+
+void add_contact_rows(const ClothFigures& f,
+                      std::vector<std::pair<std::string, std::string>>& rows) {
+  char depth[32];
+  std::snprintf(depth, sizeof depth, "%.2f mm", 1000 * f.penetration_max_m);
+  rows.emplace_back("Contacts at most", std::to_string(f.contacts_max));
+  rows.emplace_back("Largest depth", depth);
+  rows.emplace_back("Crossings left", std::to_string(f.self_crossings));
 }
 
 }  // namespace program

@@ -225,6 +225,20 @@ def check_simulate_runs(programs, folder):
     # Steps h of a free fall lose ½ g² h² each: over t, ½ g h t of m g · 1 m, 0.5 % if h is 1 ms.
     check(-0.006 < falling["energy_drift"] <= 0 and falling["stretch_max"] < 1e-4,
           f"simulate --pin none: {falling}")
+    for model in ("xpbd", "mass-spring"):
+        touching = figures_of(f"{model} on obstacles", "--model", model, "--mesh", "grid:9x9", "--size",
+                              0.4, "--pin", "none", "--start", "level", "--seconds", 1.5, "--material",
+                              still, "--obstacle", "sphere:0,-0.2,-0.12,0.1", "--obstacle",
+                              "box:0,-0.2,-0.32,1,1,0.1", "--friction", 0.6, "--out", folder / "touch")
+        check(touching["contacts_max"] >= 10 and touching["nonfinite"] == 0
+              and touching["penetration_max_m"] < 0.02 and touching["self_crossings"] == 0,
+              f"simulate --obstacle {model}: {touching}")
+        check(0 <= touching["momentum_residual"] < 1e-9, f"simulate --obstacle {model}: {touching}")
+        check(is_page(folder / "touch" / "player.html"), f"simulate --obstacle {model}: page")
+        layers = figures_of(f"{model} --self", "--model", model, "--mesh", "grid:9x9", "--size", 0.4,
+                            "--pin", "none", "--seconds", 1, "--obstacle", "floor:-0.5", "--self")
+        check(layers["self_crossings"] == 0 and layers["momentum_residual"] is None
+              and layers["contacts_max"] > 0, f"simulate --self {model}: {layers}")
     windy = figures_of("wind", "--mesh", "grid:7x7", "--pin", "top", "--wind", "0,2,0", "--seconds", 1)
     check(windy["energy_drift"] is None and windy["setup"]["pinned"] == 7
           and windy["setup"]["wind_m_s"] == [0, 2, 0], f"simulate --wind: {windy}")
@@ -277,6 +291,14 @@ def check_bad_simulate(programs, bad, file):
     bad("OBJ file that is missing", ["none.obj"], "--mesh", "none.obj", program=simulate)
     bad("OBJ file with a bad index", ["bad.obj", "4", "9"], "--mesh",
         file("bad.obj", "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 9\n"), program=simulate)
+    for value in ("ball:0,0,0,1", "sphere:0,0,0", "sphere:0,0,0,x", "sphere:0,0,0,-1", "box:0,0,0,1,1,0",
+                  "sphere:0,0,0,nan", "floor:1,2", ""):
+        bad(f"simulate --obstacle {value}", ["--obstacle"], "--obstacle", value, program=simulate)
+    bad("obstacle that is missing", ["none.obj"], "--obstacle", "none.obj", program=simulate)
+    bad("open obstacle", ["open.obj"], "--obstacle",
+        file("open.obj", "v 0 0 0\nv 1 0 0\nv 0 0 1\nf 1 2 3\n"), program=simulate)
+    bad("friction below zero", ["--friction", "-1"], "--friction", -1, program=simulate)
+    bad("sheet without thickness", ["--thickness", "0"], "--thickness", 0, program=simulate)
     bad("simulate, unknown option", ["--colour"], "--colour", "red", program=simulate)
 
 

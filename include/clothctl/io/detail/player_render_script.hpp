@@ -193,7 +193,11 @@ const paintView = () => {
     const program = use('surface', { ...lit, gloss: .03, front: colour, back: colour });
     bind(program, 'position', gpu.solid, 3, 24, 0);
     bind(program, 'normal', gpu.solid, 3, 24, 12);
+    // A coarse sheet dips into round solids by a fraction of its thickness.
+    gl.enable(gl.POLYGON_OFFSET_FILL);
+    gl.polygonOffset(2, 800);
     gl.drawArrays(gl.TRIANGLES, 0, gpu.solidCount);
+    gl.disable(gl.POLYGON_OFFSET_FILL);
   }
   if (show.surface && triangles.length) {
     computeNormals();
