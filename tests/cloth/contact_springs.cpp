@@ -34,10 +34,11 @@ struct Fixture {
     (void)contacts.update(list, Points<double>::Zero(3, 3), kStep, finder);
     springs.reserve(10);
   }
-  detail::ContactSprings<double> make() { return {contacts, springs, mass, kStep}; }
+  detail::ContactSprings<double> make() { return {contacts, springs, mass, held, kStep}; }
 
   Points<double> x;
   VectorX<double> mass{3};
+  std::vector<unsigned char> held{0, 0, 0};
   std::optional<PlaneCollider<double>> floor;
   std::vector<ColliderRef<double>> list;
   ObstacleContacts<double> contacts = ObstacleContacts<double>::create(10).value();
@@ -136,4 +137,18 @@ TEST_CASE("forces of contacts obey Coulomb's law and start from the last ones", 
   springs.store(leave, report);
   CHECK(report.closed == 0);
   CHECK(f.contacts.contacts()[0].impulse.norm() == 0);
+}
+
+TEST_CASE("points of held vertices have no force, however deep", "[cloth]") {
+  Fixture f;
+  f.held = {1, 0, 1};
+  for (auto& c : f.contacts.contacts()) c.impulse = Vector3<double>(0.006, 0, 0.008);
+  ObstacleContactReport<double> report;
+  auto springs = f.make();
+  springs.update(Points<double>::Zero(3, 3));
+  springs.take(Points<double>::Zero(3, 3));
+  springs.store(Points<double>::Zero(3, 3), report);
+  CHECK(report.closed == 0);
+  CHECK(is_finite(report.velocity_residual));
+  for (const auto& c : f.contacts.contacts()) CHECK(c.impulse.norm() == 0);
 }

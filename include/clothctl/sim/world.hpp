@@ -36,7 +36,8 @@ namespace clothctl::inline CLOTHCTL_ABI {
 /// How a sheet lives in a world.
 template <RealScalar Scalar>
 struct WorldSheetSetup {
-  /// Thickness, m: layers rest that far from each other, and half as far from obstacles.
+  /// Thickness, m: layers rest that far from each other, and half as far from obstacles. Of sheets
+  /// that meet each other, the largest counts for their layers.
   Scalar thickness = Scalar(2e-3);
   /// Whether it meets itself, and other sheets that have this set.
   bool meets_sheets = false;
@@ -75,7 +76,8 @@ template <RealScalar Scalar>
 struct WorldReport {
   /// Converged; IterationLimit: advanced, but a sheet, a body or the layers have not settled: see
   /// the other entries. Any other status is that of sheet `sheet`, or of the bodies where that is
-  /// -1; everything then is as before the step.
+  /// -1; sheets, bodies and obstacles then are as before the step, and contacts of sheets are
+  /// forgotten.
   StepStatus status = StepStatus::Converged;
   /// The sheet that `status` is about.
   int sheet = -1;
@@ -152,7 +154,9 @@ class World {
   }
   /// Gives an obstacle a motion. Returns an empty string, or what is wrong.
   std::string set_motion(int obstacle, const RigidMotion<Scalar>& motion) {
-    return obstacles_[index(obstacle)]->set_motion(motion);
+    std::string bad = obstacles_[index(obstacle)]->set_motion(motion);
+    if (bad.empty()) bodies_.wake_all();
+    return bad;
   }
 
  private:
@@ -191,6 +195,8 @@ class World {
   void push_supports();
   void keep_layers_apart(const Scalar& dt, WorldReport<Scalar>& report);
   void move_obstacles(const Scalar& dt);
+  /// Wakes bodies that a moving obstacle may touch within a step of `dt` s.
+  void wake_bodies(const Scalar& dt);
   void save();
   void restore();
 
@@ -259,7 +265,7 @@ Result<int> World<S>::add_obstacle(C shape, const RigidMotion<Scalar>& motion,
   if (!moving) return Error{moving.error()};
   auto obstacle = std::make_unique<ObstacleOf<C>>(std::move(moving).value());
   obstacle->groups = groups;
-  const Result<int> added = bodies_.add_obstacle(obstacle->collider(), Scalar(0), groups);
+  Result<int> added = bodies_.add_obstacle(obstacle->collider(), Scalar(0), groups);
   if (!added) return added;
   obstacles_.push_back(std::move(obstacle));
   prepared_ = false;
@@ -268,7 +274,7 @@ Result<int> World<S>::add_obstacle(C shape, const RigidMotion<Scalar>& motion,
 
 template <RealScalar S>
 Result<int> World<S>::add_body(const RigidBodySetup<Scalar>& setup) {
-  const Result<int> added = bodies_.add(setup);
+  Result<int> added = bodies_.add(setup);
   if (!added) return added;
   body_groups_.push_back(setup.groups);
   prepared_ = false;
@@ -363,7 +369,7 @@ template <RealScalar S>
 void World<S>::save() {
   for (std::size_t i = 0; i < sheets_.size(); ++i) saved_states_[i] = sheets_[i]->state;
   for (std::size_t i = 0; i < obstacles_.size(); ++i) saved_motions_[i] = obstacles_[i]->motion();
-  if (substeps_ > 1 || !sheets_.empty()) saved_bodies_ = bodies_.state();
+  saved_bodies_ = bodies_.state();
 }
 
 template <RealScalar S>
@@ -411,6 +417,7 @@ template <RealScalar S>
 bool World<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
                        WorldReport<Scalar>& report) {
   report.contacts = report.layers = 0;
+  wake_bodies(dt);
   const StepStatus predicted = bodies_.predict(dt);
   if (predicted != StepStatus::Converged) {
     report.status = predicted;
@@ -452,9 +459,11 @@ bool World<S>::step_sheet(Sheet& sheet, const Scalar& dt, const Scalar& share,
   const ClothInput<Scalar>* now = &sheet.input;
   if (share < Scalar(1)) {
     sheet.part = sheet.input;
+    const Index given = sheet.part.driven_positions.cols();
     for (std::size_t k = 0; k < sheet.part.driven_vertices.size(); ++k) {
       const int v = sheet.part.driven_vertices[k];
-      if (v < 0 || v >= sheet.state.positions.cols()) continue;  // the model refuses it
+      // The model refuses these.
+      if (v < 0 || v >= sheet.state.positions.cols() || given <= static_cast<Index>(k)) continue;
       const Vector3<Scalar> from = sheet.state.positions.col(v);
       auto to = sheet.part.driven_positions.col(static_cast<Index>(k));
       to = from + share * (to - from);
@@ -542,6 +551,21 @@ void World<S>::move_obstacles(const Scalar& dt) {
     motion.R_world_body =
         rotation_exp<Scalar>(Vector3<Scalar>(dt * motion.angular_velocity)) * motion.R_world_body;
     (void)obstacle->set_motion(motion);
+  }
+}
+
+template <RealScalar S>
+void World<S>::wake_bodies(const Scalar& dt) {
+  for (const auto& obstacle : obstacles_) {
+    const RigidMotion<Scalar>& motion = obstacle->motion();
+    const Scalar moving = motion.velocity.squaredNorm() + motion.angular_velocity.squaredNorm();
+    if (!(Scalar(0) < moving)) continue;
+    const BoundingBox<Scalar> box = obstacle->collider().bounds(dt);
+    for (int b = 0; b < bodies_.body_count(); ++b) {
+      if (bodies_.asleep(b) && obstacle->groups.meets(body_groups_[index(b)]) &&
+          box.overlaps(bodies_.collider(b).bounds(Scalar(0))))
+        bodies_.wake(b);
+    }
   }
 }
 

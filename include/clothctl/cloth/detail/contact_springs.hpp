@@ -11,11 +11,11 @@
 //
 // That is one step of the method of multipliers with the penalty k: where nothing changes, the gap
 // goes to 0 and a contact that sticks does not move at all, whatever the load. k = κ m/h², with m
-// the mass of the point, κ = 20, and k_t = k/4: the first step leaves 1/κ of the way that the point
-// would go without contact, and each further step a like share of the rest. Larger penalties take
-// more rounds: 33×33 on a sphere at 60 Hz, 240 contacts, mean of 4 s, steps in multiples of the
-// free one: κ 100 (k_t = k) 6.3, 30 (0.3 k) 2.7, 10 (k) 2.2; depth at impact (1.5 m/s)
-// 0.9, 1.2, 2.4 mm.
+// the mass of the point, κ = 20 (400 inside edges and triangles), and k_t = k/4: the first step
+// leaves 1/κ of the way that the point would go without contact, and each further step a like share
+// of the rest. Larger penalties take more rounds: 33×33 on a sphere at 60 Hz, 240 contacts, mean of
+// 4 s, steps in multiples of the free one: κ 100 (k_t = k) 6.3, 30 (0.3 k) 2.7, 10 (k) 2.2; depth
+// at impact (1.5 m/s) 0.9, 1.2, 2.4 mm.
 //
 // With the share γ = 1 (sticks) or μ f_n/|t| (slips) the forces of closed contacts are linear in v,
 //
@@ -32,6 +32,7 @@
 #include <cmath>
 #include <cstddef>
 #include <span>
+#include <vector>
 
 #include "clothctl/cloth/detail/reserved_list.hpp"
 #include "clothctl/cloth/detail/spring_forces.hpp"
@@ -46,6 +47,8 @@ template <RealScalar Scalar>
 struct ContactSpring {
   /// n, f⁰ (N), velocity of the surface (m/s), force of the last solve (N).
   Triple<Scalar> normal, held_force, surface, force;
+  /// 1/m, 1/kg.
+  Scalar lightness;
   /// g without the part that a step may not push out, and all of it, m; k, N/m; μ; γ; the bound
   /// μ f_n of Newton's method, N.
   Scalar gap, true_gap, stiffness, friction, share, bound;
@@ -67,16 +70,19 @@ class ContactSprings {
   using Contact = ObstacleContact<Scalar>;
   using Spring = ContactSpring<Scalar>;
 
-  /// κ, and k_t as a share of k.
-  static constexpr double kPenalty = 20, kShare = 0.25;
+  /// κ of vertices and of points inside edges and triangles, and k_t as a share of k. The latter
+  /// points are on sharp obstacles, which few of them keep from piercing the sheet.
+  static constexpr double kPenalty = 20, kSharpPenalty = 400, kShare = 0.25;
 
   /// Refers to the contacts of a step of `h` s of a sheet with these masses, and to memory with
   /// room for them.
+  /// `held`: 1 for vertices whose motion is prescribed.
   ContactSprings(ObstacleContacts<Scalar>& contacts, ContactSpringList<Scalar>& memory,
-                 const VectorX<Scalar>& mass, const Scalar& h)
+                 const VectorX<Scalar>& mass, const std::vector<unsigned char>& held,
+                 const Scalar& h)
       : contacts_(contacts.contacts()), springs_(memory), h_(h) {
     springs_.clear();
-    for (const Contact& c : contacts_) springs_.push_back(make(c, mass, contacts.settings()));
+    for (const Contact& c : contacts_) springs_.push_back(make(c, mass, held, contacts.settings()));
   }
 
   /// Sets states and shares by the velocities `v` (3×n, m/s) and the forces of the last step.
@@ -105,8 +111,9 @@ class ContactSprings {
       const Vec u = relative(i, v);
       s.force = linear_force(s, u);
       classify(s, u);
+      if (!(Scalar(0) < s.stiffness)) continue;
       const Scalar by = norm(linear_force(s, u) - s.force);
-      const Scalar speed = by * Scalar(kPenalty) / (s.stiffness * h_);
+      const Scalar speed = by * h_ * s.lightness;
       if (force_change_ < by) force_change_ = by;
       if (velocity_change_ < speed) velocity_change_ = speed;
     }
@@ -148,12 +155,17 @@ class ContactSprings {
   /// Takes the forces there.
   void freeze(const Points<Scalar>& v) {
     ++rounds_;
+    force_change_ = velocity_change_ = Scalar(0);
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       Spring& s = springs_[i];
-      const Vec u = relative(i, v);
+      const Vec u = relative(i, v), before = s.force;
       classify(s, u);
       s.bound = s.closed ? s.friction * normal_force(s, u) : Scalar(0);
       s.force = linear_force(s, u);
+      if (!(Scalar(0) < s.stiffness)) continue;
+      const Scalar by = norm(s.force - before), speed = by * h_ * s.lightness;
+      if (force_change_ < by) force_change_ = by;
+      if (velocity_change_ < speed) velocity_change_ = speed;
     }
   }
 
@@ -164,6 +176,7 @@ class ContactSprings {
     const Scalar half = Scalar(0.5);
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       const Spring& s = springs_[i];
+      if (!(Scalar(0) < s.stiffness)) continue;
       const Vec u = relative(i, v);
       const Scalar f_n = normal_force(s, u);
       Vec f{Scalar(0), Scalar(0), Scalar(0)};
@@ -214,7 +227,7 @@ class ContactSprings {
   }
 
  private:
-  Spring make(const Contact& c, const VectorX<Scalar>& mass,
+  Spring make(const Contact& c, const VectorX<Scalar>& mass, const std::vector<unsigned char>& held,
               const ObstacleContactSettings<Scalar>& settings) const;
 
   static Scalar norm(const Vec& a) {
@@ -270,6 +283,7 @@ class ContactSprings {
 
 template <RealScalar S>
 auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
+                             const std::vector<unsigned char>& held,
                              const ObstacleContactSettings<Scalar>& settings) const -> Spring {
   const Scalar zero = Scalar(0);
   Spring s;
@@ -279,21 +293,29 @@ auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
   s.true_gap = s.gap = c.point.surface.distance - settings.thickness;
   const Scalar deepest = zero - settings.push_out_speed * h_;
   if (s.gap < deepest) s.gap = deepest;
-  Scalar inverse = zero;
+  Scalar inverse = zero, most = zero;
   const SheetContact<Scalar>& p = c.point;
   for (std::size_t k = 0; k < 3 && p.vertex[k] >= 0; ++k) {
-    const Scalar w = p.weight[static_cast<Index>(k)];
-    inverse += w * w / mass[p.vertex[k]];
+    if (held[static_cast<std::size_t>(p.vertex[k])] != 0) continue;
+    const Scalar w = p.weight[static_cast<Index>(k)], answer = w / mass[p.vertex[k]];
+    inverse += w * answer;
+    if (most < answer) most = answer;
   }
+  // Where all vertices are held, or the free ones would have to move more than four times as far as
+  // the point, no force is right: it has none.
+  const bool moves = zero < inverse && !(Scalar(4) * inverse < most);
+  if (!moves) inverse = Scalar(1) / mass[p.vertex[0]];
   const Vec before = triple<Scalar>(c.impulse) * (Scalar(1) / h_);
   const Scalar along = dot(before, s.normal);
-  s.stiffness = Scalar(kPenalty) / (inverse * h_ * h_);
+  const Scalar penalty = Scalar(p.vertex[1] < 0 ? kPenalty : kSharpPenalty);
+  s.stiffness = moves ? Scalar(penalty / (inverse * h_ * h_)) : zero;
   // The normal turns from step to step; what would pull is dropped.
-  s.held_force = zero < along ? before : Vec{zero, zero, zero};
+  s.held_force = moves && zero < along ? before : Vec{zero, zero, zero};
   s.force = Vec{zero, zero, zero};
+  s.lightness = inverse;
   s.share = Scalar(1);
   s.bound = zero;
-  s.closed = zero < along;
+  s.closed = moves && zero < along;
   s.sticks = c.state == ContactState::Stick;
   return s;
 }

@@ -53,7 +53,7 @@ struct Polytope {
   /// Corner k of face f, counted around.
   int face_corner(int f, int k) const {
     const int first = loop_start[static_cast<std::size_t>(f)];
-    return loop[static_cast<std::size_t>(first + k % face_size(f))];
+    return loop[static_cast<std::size_t>(first) + static_cast<std::size_t>(k % face_size(f))];
   }
   /// Returns the face whose normal is closest to the direction.
   int face_towards(const Vector3<Scalar>& direction) const {

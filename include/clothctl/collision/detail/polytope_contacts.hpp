@@ -162,7 +162,7 @@ class FaceClip {
     Vector3<Scalar> x;
     std::uint32_t feature, side;
   };
-  static constexpr std::size_t kRoom = static_cast<std::size_t>(2 * kMostCorners + 2);
+  static constexpr std::size_t kRoom = std::size_t{2} * kMostCorners + 2;
 
   Corner& point(int k) { return points_[static_cast<std::size_t>(k)]; }
   void cut(const Vector3<Scalar>& out, const Scalar& level, unsigned plane) {

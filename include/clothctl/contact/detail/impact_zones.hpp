@@ -78,7 +78,7 @@ class ImpactZones {
   int count() const {
     int sum = 0;
     for (std::size_t v = 0; v < root_.size(); ++v)
-      sum += root_[v] == static_cast<int>(v) && size_[v] > 1;
+      sum += root_[v] == static_cast<int>(v) && size_[v] > 1 ? 1 : 0;
     return sum;
   }
 

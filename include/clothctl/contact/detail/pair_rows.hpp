@@ -60,14 +60,17 @@ template <RealScalar Scalar>
 bool weigh(const VectorX<Scalar>& inverse_mass, PairRow<Scalar>& row) {
   using std::abs;
   Scalar sum(0);
+  bool held = false;
   for (std::size_t i = 0; i < 4; ++i) {
-    row.answer[i] = row.weight[i] * inverse_mass[row.vertex[i]];
-    sum += row.weight[i] * row.answer[i];
+    const Scalar& w = row.weight[i];
+    row.answer[i] = w * inverse_mass[row.vertex[i]];
+    sum += w * row.answer[i];
+    held = held || (Scalar(0) < abs(w) && !(Scalar(0) < inverse_mass[row.vertex[i]]));
   }
   if (!(Scalar(0) < sum)) return false;
   row.mass = Scalar(1) / sum;
   for (const Scalar& answer : row.answer) {
-    if (Scalar(4) < abs(answer) * row.mass) return false;
+    if (held && Scalar(4) < abs(answer) * row.mass) return false;
   }
   return true;
 }

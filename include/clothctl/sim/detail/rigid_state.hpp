@@ -101,8 +101,8 @@ struct JointState {
   Column impulse = Column::Constant(Scalar(0));
 
   /// Of this step: J = (point, turn_a, -point, -turn_b), bias β e/h, softness β c/h².
-  Rows point, turn_a, turn_b;
-  Column bias;
+  Rows point = Rows::Constant(Scalar(0)), turn_a = point, turn_b = point;
+  Column bias = Column::Constant(Scalar(0));
   Scalar softness = Scalar(0);
 
   int rows() const { return kind == JointKind::Ball ? 3 : (kind == JointKind::Hinge ? 5 : 6); }

@@ -285,7 +285,7 @@ std::string RigidWorld<Scalar>::set_motion(int n, const RigidMotion<Scalar>& mot
   }
   body_state(n).motion = now;
   jumped_[static_cast<std::size_t>(n)] = 1;
-  const std::string moved = bodies[static_cast<std::size_t>(n)].moving->set_motion(now);
+  std::string moved = bodies[static_cast<std::size_t>(n)].moving->set_motion(now);
   assert(moved.empty());
   return moved;
 }
