@@ -8,22 +8,22 @@
 #include "support/sweeps.hpp"
 
 using namespace clothctl;
-using detail::ContactBranch;
+using detail::ContactState;
 
 TEST_CASE("the equations hold where a contact obeys Coulomb's law", "[contact]") {
-  const auto size = [](const Vector3<double>& l, const Vector3<double>& u, ContactBranch branch) {
+  const auto size = [](const Vector3<double>& l, const Vector3<double>& u, ContactState branch) {
     const auto e = detail::contact_equation<double>(l, u, 0.5, 0.3, 0.7);
     CHECK(e.branch == branch);
     return e.F.norm();
   };
-  CHECK(size({0, 0, 0}, {0.1, 2, 3}, ContactBranch::Open) == 0);
-  CHECK(size({2, 0, -1}, {0, 0, 0}, ContactBranch::Stick) == 0);  // on the cone's edge
-  CHECK(size({2, 0.1, 0.2}, {0, 0, 0}, ContactBranch::Stick) == 0);
-  CHECK(size({2, 0.6, -0.8}, {0, -1.2, 1.6}, ContactBranch::Slip) < 1e-15);
-  CHECK(size({0, 0, 0}, {-0.1, 0, 0}, ContactBranch::Stick) > 0.01);      // sinks in
-  CHECK(size({2, 0, 0}, {0.1, 0, 0}, ContactBranch::Stick) > 0.01);       // pushed off
-  CHECK(size({2, 0.6, 0.8}, {0, 1.2, 1.6}, ContactBranch::Stick) > 0.1);  // slips backwards
-  CHECK(size({2, 0.1, 0.1}, {0, -1.2, 1.6}, ContactBranch::Slip) > 0.1);  // too little friction
+  CHECK(size({0, 0, 0}, {0.1, 2, 3}, ContactState::Open) == 0);
+  CHECK(size({2, 0, -1}, {0, 0, 0}, ContactState::Stick) == 0);  // on the cone's edge
+  CHECK(size({2, 0.1, 0.2}, {0, 0, 0}, ContactState::Stick) == 0);
+  CHECK(size({2, 0.6, -0.8}, {0, -1.2, 1.6}, ContactState::Slip) < 1e-15);
+  CHECK(size({0, 0, 0}, {-0.1, 0, 0}, ContactState::Stick) > 0.01);      // sinks in
+  CHECK(size({2, 0, 0}, {0.1, 0, 0}, ContactState::Stick) > 0.01);       // pushed off
+  CHECK(size({2, 0.6, 0.8}, {0, 1.2, 1.6}, ContactState::Stick) > 0.1);  // slips backwards
+  CHECK(size({2, 0.1, 0.1}, {0, -1.2, 1.6}, ContactState::Slip) > 0.1);  // too little friction
   CHECK(detail::contact_equation<double>({2, 0, 0}, {0, 1, 1}, 0.0, 0.3, 0.7).F.norm() == 0);
 }
 

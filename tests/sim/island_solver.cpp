@@ -101,21 +101,3 @@ TEST_CASE("an island without contacts solves its joints") {
   REQUIRE(scene.solve().solved);
   CHECK(scene.joints[0].velocity(scene.bodies[0], scene.bodies[1]).norm() < 1e-8);
 }
-
-TEST_CASE("the dense factor solves, and refuses what is not positive") {
-  DenseFactor<double> A;
-  A.reserve(8);
-  A.resize(6);
-  const MatrixX<double> B = MatrixX<double>::NullaryExpr(
-      6, 6, [](Index i, Index j) { return std::sin(3.0 * static_cast<double>(i * 7 + j)); });
-  const MatrixX<double> S = B * B.transpose() + MatrixX<double>::Identity(6, 6);
-  A.matrix() = S;
-  REQUIRE(A.factor());
-  VectorX<double> x = VectorX<double>::LinSpaced(6, 1, 2);
-  const VectorX<double> r = x;
-  A.solve_lower(x);
-  A.solve_upper(x);
-  CHECK((S * x - r).norm() < 1e-12);
-  A.matrix() = -S;
-  CHECK(!A.factor());
-}

@@ -266,13 +266,16 @@ auto MassSpring<S>::solve_step(State& state, const ClothInput<Scalar>& input, Sc
   const bool newton = settings_.integration == Integration::Newton;
   StepReport<Scalar> report = newton ? steps.newton(limits) : steps.solve_linear(limits.tolerance);
   const bool advances = report.status != StepStatus::NumericalFailure;
-  if (settings_.limit_energy && advances) {
-    if (!newton && steps.creates_energy(steps.energy_balance()))
-      report = steps.bound_energy(limits);
-    if (!ws.linear) steps.close_contacts();
-    steps.remove_energy(steps.energy_balance());
-  } else if (advances && !ws.linear) {
-    steps.close_contacts();
+  const bool bounds = settings_.limit_energy && advances;
+  detail::EnergyBalance<Scalar> balance;
+  if (bounds && !newton) {
+    balance = steps.energy_balance();
+    if (detail::creates_energy(balance, ws)) report = steps.bound_energy(limits);
+  }
+  if (advances && !ws.linear) steps.close_contacts();
+  if (bounds) {
+    if (!ws.linear) balance = steps.energy_balance();
+    detail::remove_energy(balance, network_.mass, ws);
   }
   return finish(state, input, dt, report, ws);
 }

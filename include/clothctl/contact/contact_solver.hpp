@@ -294,25 +294,13 @@ void ContactSolver<Scalar>::write(Contacts contacts, const Scalar& dt,
     const Matrix3<Scalar> F = frames_.template middleCols<3>(3 * i);
     const Vector3<Scalar> lambda = newton_.impulses().template segment<3>(3 * i);
     const Vector3<Scalar> u = newton_.velocities().template segment<3>(3 * i);
-    const detail::ContactBranch branch =
+    const ContactState state =
         detail::contact_equation<Scalar>(lambda, u, contact.friction, problem_.rho_n(i),
                                          problem_.rho_t(i))
             .branch;
-    const Scalar c = contact.tangential_compliance, soft = dt + c * contact.damping;
-    Vector3<Scalar> s = F * contact.offset;
-    s[0] = Scalar(0);
-    if (branch == detail::ContactBranch::Open) {
-      contact.state = ContactState::Open;
-      ++report.open;
-      s.setConstant(Scalar(0));
-    } else {
-      for (Index k = 1; k < 3; ++k) s[k] = c * (contact.damping * s[k] - lambda[k]) / soft;
-      const bool stick = branch == detail::ContactBranch::Stick;
-      contact.state = stick ? ContactState::Stick : ContactState::Slip;
-      ++(stick ? report.stick : report.slip);
-    }
-    contact.offset = F.transpose() * s;
-    contact.impulse = F.transpose() * lambda;
+    detail::end_contact<Scalar>(F, lambda, state, dt, contact);
+    ++(state == ContactState::Open ? report.open
+                                   : (state == ContactState::Stick ? report.stick : report.slip));
   }
 }
 

@@ -2,7 +2,10 @@
 
 // The longest extent of some points: where to cut them into halves.
 
+#include <algorithm>
+#include <cstddef>
 #include <span>
+#include <vector>
 
 #include "clothctl/core/types.hpp"
 
@@ -28,6 +31,23 @@ int longest_axis(const Positions& points, std::span<const int> vertices) {
     }
   }
   return longest;
+}
+
+/// Sorts the entries begin to end of `order` into two halves along the longest axis of their
+/// `centres` (3×n, m; of equal ones the smaller entry first) and returns where the second begins.
+/// Complexity: O(end - begin).
+template <class Positions>
+int split_along_longest_axis(const Positions& centres, std::vector<int>& order, int begin,
+                             int end) {
+  using Scalar = typename Positions::Scalar;
+  const std::span<const int> range(order.data() + begin, static_cast<std::size_t>(end - begin));
+  const int axis = longest_axis(centres, range), middle = begin + (end - begin) / 2;
+  std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end,
+                   [&centres, axis](int p, int q) {
+                     const Scalar a = centres(axis, p), b = centres(axis, q);
+                     return a < b || (!(b < a) && p < q);
+                   });
+  return middle;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -233,4 +233,44 @@ class EnergyBalancer {
   Wide difference_ = Wide(0);  // what the mean forces add to ΔE
 };
 
+/// Returns true when ΔE of a step that ends at ws.position is above what rounding can cause and a
+/// thousandth of the kinetic energy: too much to be taken out of the velocities alone.
+template <RealScalar Scalar>
+bool creates_energy(const EnergyBalance<Scalar>& balance, const MassSpringWorkspace<Scalar>& ws) {
+  using std::sqrt;
+  using Wide = WideScalar<Scalar>;
+  const Wide rounding = static_cast<Wide>(scalar_traits<Scalar>::epsilon());
+  const Wide place = static_cast<Wide>(largest_magnitude(ws.position));
+  const Wide noise = Wide(4) * rounding * (place * sqrt(balance.tension) + balance.size);
+  return noise + Wide(1e-3) * balance.kinetic < balance.created;
+}
+
+/// Sets ws.kept and ws.drift to take ΔE out of the kinetic energy after a step of a body with the
+/// vertex masses `mass` (n, kg).
+template <RealScalar Scalar>
+void remove_energy(const EnergyBalance<Scalar>& balance, const VectorX<Scalar>& mass,
+                   MassSpringWorkspace<Scalar>& ws) {
+  using std::sqrt;
+  using Wide = WideScalar<Scalar>;
+  const Wide noise = Wide(64) * scalar_traits<Wide>::epsilon() * balance.size;
+  if (!(noise < balance.created)) return;
+  Triple<Scalar> momentum{Scalar(0), Scalar(0), Scalar(0)};
+  Scalar total = Scalar(0);
+  Wide kinetic = Wide(0);
+  bool free = ws.attachments.empty();
+  for (Index i = 0; i < mass.size(); ++i) {
+    free = free && !ws.is_held(i);
+    momentum = momentum + column(ws.velocity, i) * mass[i];
+    total += mass[i];
+  }
+  ws.drift = momentum * (free ? Scalar(1) / total : Scalar(0));
+  for (Index i = 0; i < mass.size(); ++i) {
+    if (ws.is_held(i)) continue;
+    const Triple<Scalar> v = column(ws.velocity, i) - ws.drift;
+    kinetic += static_cast<Wide>(Scalar(0.5) * mass[i] * squared_norm(v));
+  }
+  const bool enough = balance.created < kinetic;
+  ws.kept = enough ? static_cast<Scalar>(sqrt(Wide(1) - balance.created / kinetic)) : Scalar(0);
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -98,13 +98,6 @@ class StepSolver {
 
   /// Returns the energy balance of the step from the state with velocities ws.velocity at its end.
   EnergyBalance<Scalar> energy_balance();
-  /// Returns true when ΔE is above what rounding can cause and a thousandth of the kinetic energy:
-  /// too much to be taken out of the velocities alone.
-  bool creates_energy(const EnergyBalance<Scalar>& balance) const;
-
-  /// Sets ws.kept and ws.drift to take ΔE out of the kinetic energy after the step.
-  void remove_energy(const EnergyBalance<Scalar>& balance);
-
   /// Newton steps from the single linear solve in ws.velocity until the step creates no energy or
   /// Newton's method converges. Where a matrix has no factor, the status is IterationLimit:
   /// ws.velocity is as good as the linear solve at least.
@@ -173,15 +166,12 @@ class StepSolver {
     ws_.contacts->freeze(ws_.velocity);
     return energy_at(ws_.velocity);
   }
-  /// A solve by conjugate gradients, preconditioned by the last factor; only states of contacts
-  /// have changed since. Returns false where they do not converge soon.
-  bool solve_with_last_factor(Scalar tolerance);
 
   /// Replaces P by a factor of A at the present positions, or of its projection where A is not
   /// definite. Leaves the exact A in ws.matrix.
   bool refresh();
 
-  /// Solves A d = -∇E by conjugate gradients.
+  /// Solves A d = ws.rhs by conjugate gradients.
   ConjugateGradientReport solve_truncated(Scalar forcing, Scalar tolerance, int max_iterations) {
     const ConjugateGradientLimits<Scalar> limits{forcing, tolerance, max_iterations};
     return conjugate_gradient<Scalar>(
@@ -255,7 +245,6 @@ bool StepSolver<S>::solve_once(Scalar tolerance, StepReport<Scalar>& report) {
 template <RealScalar S>
 bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
   const Scalar little = Scalar(kContactTolerance);
-  const ConjugateGradientLimits<Scalar> limits{Scalar(0.3), Scalar(0.1) * little, kMostIterations};
   predict_contacts();
   ws_.factor_is_current = false;
   for (int round = 0; round <= kContactRounds; ++round) {
@@ -265,10 +254,8 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
     if (0 < round && is_small(ws_.rhs, network_.mass, little)) break;
     if (round == kContactRounds) report.status = StepStatus::IterationLimit;
     if (round == kContactRounds) break;
-    const ConjugateGradientReport cg = conjugate_gradient<Scalar>(
-        ws_.matrix, ws_.rhs, network_.mass, ws_.held, limits,
-        [&](const Lanes<Scalar, 1>& r, Lanes<Scalar, 1>& z) { ws_.preconditioner.apply(r, z); },
-        ws_.cg);
+    const ConjugateGradientReport cg =
+        solve_truncated(Scalar(0.3), Scalar(0.1) * little, kMostIterations);
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
     move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
@@ -322,41 +309,6 @@ template <RealScalar S>
 auto StepSolver<S>::energy_balance() -> EnergyBalance<Scalar> {
   move_along(state_.positions, dt_, ws_.velocity, ws_.position);
   return EnergyBalancer<Scalar>(network_, settings_.drag, state_, ws_).balance();
-}
-
-template <RealScalar S>
-bool StepSolver<S>::creates_energy(const EnergyBalance<Scalar>& balance) const {
-  using std::sqrt;
-  using Wide = WideScalar<Scalar>;
-  const Wide rounding = static_cast<Wide>(scalar_traits<Scalar>::epsilon());
-  const Wide place = static_cast<Wide>(largest_magnitude(ws_.position));
-  const Wide noise = Wide(4) * rounding * (place * sqrt(balance.tension) + balance.size);
-  return noise + Wide(1e-3) * balance.kinetic < balance.created;
-}
-
-template <RealScalar S>
-void StepSolver<S>::remove_energy(const EnergyBalance<Scalar>& balance) {
-  using std::sqrt;
-  using Wide = WideScalar<Scalar>;
-  const Wide noise = Wide(64) * scalar_traits<Wide>::epsilon() * balance.size;
-  if (!(noise < balance.created)) return;
-  Triple<Scalar> momentum{Scalar(0), Scalar(0), Scalar(0)};
-  Scalar mass = Scalar(0);
-  Wide kinetic = Wide(0);
-  bool free = ws_.attachments.empty();
-  for (Index i = 0; i < network_.vertex_count(); ++i) {
-    free = free && !ws_.is_held(i);
-    momentum = momentum + column(ws_.velocity, i) * network_.mass[i];
-    mass += network_.mass[i];
-  }
-  ws_.drift = momentum * (free ? Scalar(1) / mass : Scalar(0));
-  for (Index i = 0; i < network_.vertex_count(); ++i) {
-    if (ws_.is_held(i)) continue;
-    const Triple<Scalar> v = column(ws_.velocity, i) - ws_.drift;
-    kinetic += static_cast<Wide>(Scalar(0.5) * network_.mass[i] * squared_norm(v));
-  }
-  const bool enough = balance.created < kinetic;
-  ws_.kept = enough ? static_cast<Scalar>(sqrt(Wide(1) - balance.created / kinetic)) : Scalar(0);
 }
 
 template <RealScalar S>
@@ -445,7 +397,7 @@ auto StepSolver<S>::newton_truncated(const NewtonLimits<Scalar>& limits, int sol
     const bool falls = report.residual < Scalar(0.5) * last;
     if (!is_finite(report.residual) || !is_finite(energy.value))
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
-    const bool bounded = limits.until_bounded && !creates_energy(energy_balance());
+    const bool bounded = limits.until_bounded && !creates_energy(energy_balance(), ws_);
     const bool converged = balanced || bounded || (exact && !falls);
     if (converged) report.status = StepStatus::Converged;
     if (converged || enough || iteration == limits.max_iterations) return report;
@@ -499,7 +451,7 @@ auto StepSolver<S>::newton_direct(const NewtonLimits<Scalar>& limits, int solves
     const Scalar last = report.residual;
     const bool converged = load_residual(network_, limits.tolerance, report.residual, ws_) ||
                            (small_step && !(report.residual < Scalar(0.5) * last)) ||
-                           (limits.until_bounded && !creates_energy(energy_balance()));
+                           (limits.until_bounded && !creates_energy(energy_balance(), ws_));
     if (!is_finite(report.residual) || !is_finite(energy.value))
       return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
     if (converged) report.status = StepStatus::Converged;

@@ -11,7 +11,7 @@
 #include <array>
 #include <cstddef>
 #include <cstdint>
-#include <span>
+#include <numeric>
 #include <utility>
 #include <vector>
 
@@ -43,16 +43,9 @@ class SelfTree {
         vertex_box_(static_cast<std::size_t>(x.cols())),
         edge_box_(edges.size()),
         part_box_(parts.size()) {
-    Points<Scalar> centres(3, static_cast<Index>(parts.size()));
+    const Points<Scalar> centres = part_centres<Scalar>(x, parts);
     std::vector<int> order(parts.size());
-    for (std::size_t i = 0; i < parts.size(); ++i) {
-      order[i] = static_cast<int>(i);
-      Vector3<Scalar> sum = Vector3<Scalar>::Constant(Scalar(0));
-      for (const int v : parts[i].vertex) {
-        if (v >= 0) sum += x.col(v);
-      }
-      centres.col(static_cast<Index>(i)) = sum / Scalar(parts[i].count());
-    }
+    std::iota(order.begin(), order.end(), 0);
     if (!parts.empty()) build(order, 0, static_cast<int>(parts.size()), centres);
     for (const std::array<int, 2>& e : edges)
       edge_alias_.push_back({alias_of(e[0]), alias_of(e[1])});
@@ -254,13 +247,7 @@ class SelfTree {
       nodes_[self].count = end - begin;
       return;
     }
-    const std::span<const int> range(order.data() + begin, static_cast<std::size_t>(end - begin));
-    const int axis = longest_axis(centres, range), middle = begin + (end - begin) / 2;
-    std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end,
-                     [&centres, axis](int p, int q) {
-                       const Scalar a = centres(axis, p), b = centres(axis, q);
-                       return a < b || (!(b < a) && p < q);
-                     });
+    const int middle = split_along_longest_axis(centres, order, begin, end);
     build(order, begin, middle, centres);
     nodes_[self].first = static_cast<int>(nodes_.size());
     build(order, middle, end, centres);

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <span>
+#include <numeric>
 #include <string>
 #include <utility>
 #include <vector>
@@ -87,6 +87,20 @@ inline std::vector<SheetPart> sheet_parts(int vertex_count,
   return parts;
 }
 
+/// Returns the means of the vertices of the parts of a sheet with positions `x` (3×n, m).
+/// Allocates.
+template <RealScalar Scalar>
+Points<Scalar> part_centres(const PointsView<Scalar>& x, const std::vector<SheetPart>& parts) {
+  Points<Scalar> centres(3, static_cast<Index>(parts.size()));
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    const SheetPart& part = parts[i];
+    Vector3<Scalar> sum = x.col(part.vertex[0]);
+    for (int k = 1; k < part.count(); ++k) sum += x.col(part.vertex[static_cast<std::size_t>(k)]);
+    centres.col(static_cast<Index>(i)) = sum / Scalar(static_cast<double>(part.count()));
+  }
+  return centres;
+}
+
 /// The tree of boxes.
 template <RealScalar Scalar>
 class SheetTree {
@@ -94,15 +108,9 @@ class SheetTree {
   /// Sorts the parts by the sheet's shape `x` (3×n, m). Allocates. Complexity: O(n log n).
   SheetTree(const PointsView<Scalar>& x, std::vector<SheetPart> parts) : parts_(std::move(parts)) {
     const int count = static_cast<int>(parts_.size());
-    Points<Scalar> centres(3, count);
+    const Points<Scalar> centres = part_centres<Scalar>(x, parts_);
     std::vector<int> order(parts_.size());
-    for (int i = 0; i < count; ++i) {
-      const SheetPart& part = parts_[static_cast<std::size_t>(i)];
-      order[static_cast<std::size_t>(i)] = i;
-      Vector3<Scalar> sum = x.col(part.vertex[0]);
-      for (int k = 1; k < part.count(); ++k) sum += x.col(part.vertex[static_cast<std::size_t>(k)]);
-      centres.col(i) = sum / Scalar(static_cast<double>(part.count()));
-    }
+    std::iota(order.begin(), order.end(), 0);
     nodes_.reserve(2 * parts_.size() + 1);
     if (count > 0) build(order, 0, count, centres);
     std::vector<SheetPart> sorted;
@@ -176,13 +184,7 @@ class SheetTree {
       nodes_.back().count = end - begin;
       return self;
     }
-    const std::span<const int> range(order.data() + begin, static_cast<std::size_t>(end - begin));
-    const int axis = longest_axis(centres, range), middle = begin + (end - begin) / 2;
-    std::nth_element(order.begin() + begin, order.begin() + middle, order.begin() + end,
-                     [&centres, axis](int p, int q) {
-                       const Scalar a = centres(axis, p), b = centres(axis, q);
-                       return a < b || (!(b < a) && p < q);
-                     });
+    const int middle = split_along_longest_axis(centres, order, begin, end);
     build(order, begin, middle, centres);
     const int second = build(order, middle, end, centres);
     nodes_[static_cast<std::size_t>(self)].first = second;

@@ -121,7 +121,6 @@ int TriangleTree<Scalar>::build(std::vector<int>& order, int begin, int end,
                                 const Points<Scalar>& centres) {
   const int self = static_cast<int>(nodes_.size());
   nodes_.push_back({});
-  const auto at = [&order](int i) { return order.begin() + i; };
   const Vector3<Scalar> start =
       x.col(triangles[static_cast<std::size_t>(order[static_cast<std::size_t>(begin)])][0]);
   BoundingBox<Scalar> box{start, start};
@@ -136,12 +135,7 @@ int TriangleTree<Scalar>::build(std::vector<int>& order, int begin, int end,
     node.count = end - begin;
     return self;
   }
-  const std::span<const int> part(order.data() + begin, static_cast<std::size_t>(end - begin));
-  const int axis = longest_axis(centres, part), middle = begin + (end - begin) / 2;
-  std::nth_element(at(begin), at(middle), at(end), [&centres, axis](int p, int q) {
-    const Scalar a = centres(axis, p), b = centres(axis, q);
-    return a < b || (!(b < a) && p < q);
-  });
+  const int middle = split_along_longest_axis(centres, order, begin, end);
   build(order, begin, middle, x, triangles, centres);
   const int second = build(order, middle, end, x, triangles, centres);
   nodes_[static_cast<std::size_t>(self)].first = second;

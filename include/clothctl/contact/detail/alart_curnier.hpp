@@ -16,17 +16,15 @@
 // Reference: Alart, Curnier, A mixed formulation for frictional contact problems prone to Newton
 // like solution methods, Comput. Methods Appl. Mech. Engrg. 92 (1991).
 
+#include "clothctl/contact/detail/contact_sample.hpp"
 #include "clothctl/contact/detail/friction_problem.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// What a contact does.
-enum class ContactBranch { Open, Stick, Slip };
-
 /// F of a contact.
 template <RealScalar Scalar>
 struct ContactEquation {
-  ContactBranch branch = ContactBranch::Open;
+  ContactState branch = ContactState::Open;
   Vector3<Scalar> F;
 };
 
@@ -42,31 +40,31 @@ ContactEquation<Scalar> contact_equation(const Vector3<Scalar>& l, const Vector3
                                          const Scalar& mu, const Scalar& rho_n,
                                          const Scalar& rho_t) {
   const Scalar z = l[0] - rho_n * u[0];
-  if (!(Scalar(0) < z)) return {ContactBranch::Open, l};
+  if (!(Scalar(0) < z)) return {ContactState::Open, l};
   const Vector3<Scalar> y(Scalar(0), l[1] - rho_t * u[1], l[2] - rho_t * u[2]);
   const Scalar length = tangential_length<Scalar>(y), limit = mu * z;
   // Without friction the contact slips, even where y is 0.
   if (Scalar(0) < mu && length <= limit)
-    return {ContactBranch::Stick, {rho_n * u[0], rho_t * u[1], rho_t * u[2]}};
+    return {ContactState::Stick, {rho_n * u[0], rho_t * u[1], rho_t * u[2]}};
   const Scalar share = Scalar(0) < length ? Scalar(limit / length) : Scalar(0);
-  return {ContactBranch::Slip, {rho_n * u[0], l[1] - share * y[1], l[2] - share * y[2]}};
+  return {ContactState::Slip, {rho_n * u[0], l[1] - share * y[1], l[2] - share * y[2]}};
 }
 
 /// Returns the derivative in the branch that `contact_equation` found.
 template <RealScalar Scalar>
-ContactDerivative<Scalar> contact_derivative(ContactBranch branch, const Vector3<Scalar>& l,
+ContactDerivative<Scalar> contact_derivative(ContactState branch, const Vector3<Scalar>& l,
                                              const Vector3<Scalar>& u, const Scalar& mu,
                                              const Scalar& rho_n, const Scalar& rho_t) {
   const Scalar zero(0), one(1);
   ContactDerivative<Scalar> d;
   d.A.setConstant(zero);
   d.G.setConstant(zero);
-  if (branch == ContactBranch::Open) {
+  if (branch == ContactState::Open) {
     for (int k = 0; k < 3; ++k) d.A(k, k) = one;
     return d;
   }
   d.G(0, 0) = rho_n;
-  if (branch == ContactBranch::Stick) {
+  if (branch == ContactState::Stick) {
     d.G(1, 1) = d.G(2, 2) = rho_t;
     return d;
   }

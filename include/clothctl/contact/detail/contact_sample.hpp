@@ -93,4 +93,23 @@ struct ContactSample {
   ContactState state = ContactState::Open;
 };
 
+namespace detail {
+
+/// Gives a contact the state and the impulse λ (n, t1, t2) that a step of h (s) found, and its
+/// spring the length s⁺ at the end of the step (see the top of this header). `F`: rows n, t1, t2.
+template <RealScalar Scalar>
+void end_contact(const Matrix3<Scalar>& F, const Vector3<Scalar>& lambda, ContactState state,
+                 const Scalar& h, ContactSample<Scalar>& contact) {
+  const Scalar c = contact.tangential_compliance, soft = h + c * contact.damping;
+  Vector3<Scalar> s = F * contact.offset;
+  s[0] = Scalar(0);
+  for (Index k = 1; k < 3; ++k) s[k] = c * (contact.damping * s[k] - lambda[k]) / soft;
+  if (state == ContactState::Open) s.setConstant(Scalar(0));
+  contact.state = state;
+  contact.offset = F.transpose() * s;
+  contact.impulse = F.transpose() * lambda;
+}
+
+}  // namespace detail
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -52,7 +52,7 @@ class FrictionNewton {
     lu_.reserve(3 * c);
     for (Vector* v : {&lambda_, &u_, &best_, &step_, &push_, &right_, &trial_, &trial_u_})
       v->setConstant(3 * c, Scalar(0));
-    branch_.assign(static_cast<std::size_t>(c), ContactBranch::Open);
+    branch_.assign(static_cast<std::size_t>(c), ContactState::Open);
     place_.assign(static_cast<std::size_t>(c), -1);
   }
 
@@ -82,7 +82,7 @@ class FrictionNewton {
 
   PivotedLu<Scalar> lu_;
   Vector lambda_, u_, best_, step_, push_, right_, trial_, trial_u_;
-  std::vector<ContactBranch> branch_;
+  std::vector<ContactState> branch_;
   std::vector<Index> place_;  // of a contact in the system, -1 if open
 };
 
@@ -193,7 +193,7 @@ bool FrictionNewton<Scalar>::find_step(const FrictionProblem<Scalar>& problem) {
   push_.head(3 * c).setConstant(Scalar(0));
   Index closed = 0;
   for (Index i = 0; i < c; ++i) {
-    const bool open = branch_[static_cast<std::size_t>(i)] == ContactBranch::Open;
+    const bool open = branch_[static_cast<std::size_t>(i)] == ContactState::Open;
     place_[static_cast<std::size_t>(i)] = open ? Index(-1) : closed++;
     if (!open) continue;
     step_.template segment<3>(3 * i) = right_.template segment<3>(3 * i);

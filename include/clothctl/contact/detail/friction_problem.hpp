@@ -41,6 +41,17 @@ Vector3<Scalar> project_to_cone(const Vector3<Scalar>& x, const Scalar& mu) {
   return {n, share * x[1], share * x[2]};
 }
 
+/// Returns the natural map of a contact with the impulse l and the velocity u, l - P_K(l - ρ û),
+/// which is 0 for a solution, N s.
+template <RealScalar Scalar>
+Vector3<Scalar> natural_map(const Vector3<Scalar>& l, const Vector3<Scalar>& u, const Scalar& mu,
+                            const Scalar& rho) {
+  Vector3<Scalar> v = u;
+  v[0] += mu * tangential_length<Scalar>(u);
+  const Vector3<Scalar> moved = l - rho * v;
+  return l - project_to_cone<Scalar>(moved, mu);
+}
+
 /// How far impulses are from a solution: the largest natural map of a contact.
 template <RealScalar Scalar>
 struct NaturalResidual {
@@ -143,11 +154,8 @@ NaturalResidual<Scalar> FrictionProblem<Scalar>::residual(const VectorX<Scalar>&
   const Scalar terms = Scalar(8) * scalar_traits<Scalar>::epsilon();
   for (Index i = 0; i < c_; ++i) {
     const Vector3<Scalar> l = lambda.template segment<3>(3 * i);
-    Vector3<Scalar> v = u.template segment<3>(3 * i);
-    v[0] += friction(i) * tangential_length<Scalar>(v);
-    const Vector3<Scalar> moved = l - rho(i) * v;
-    const Vector3<Scalar> off = l - project_to_cone<Scalar>(moved, friction(i));
-    const Scalar size = sqrt(off.squaredNorm());
+    const Vector3<Scalar> v = u.template segment<3>(3 * i);
+    const Scalar size = sqrt(natural_map<Scalar>(l, v, friction(i), rho(i)).squaredNorm());
     if (!is_finite(size)) {
       out.impulse = out.velocity = out.excess = scalar_traits<Scalar>::infinity();
       return out;

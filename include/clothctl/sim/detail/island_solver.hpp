@@ -25,6 +25,8 @@
 #include <vector>
 
 #include "clothctl/contact/contact_solver.hpp"
+#include "clothctl/linalg/small_cholesky.hpp"
+#include "clothctl/linalg/tiled_cholesky.hpp"
 #include "clothctl/sim/detail/rigid_state.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -44,66 +46,6 @@ struct IslandReport {
   int newton_steps = 0, sweeps = 0;
 };
 
-/// A dense symmetric positive definite matrix and its factor L Lᵀ, without allocation.
-template <RealScalar Scalar>
-class DenseFactor {
- public:
-  using Matrix = Eigen::Map<MatrixX<Scalar>>;
-
-  /// Makes room for n rows. Allocates.
-  void reserve(Index n) { entries_.setConstant(n * n, Scalar(0)); }
-  /// Sets the size, at most the reserved one, and all entries to 0.
-  void resize(Index n) {
-    n_ = n;
-    matrix().setConstant(Scalar(0));
-  }
-  Matrix matrix() { return Matrix(entries_.data(), n_, n_); }
-  Index rows() const { return n_; }
-
-  /// Replaces the lower half by L. Returns false when a pivot is not positive.
-  bool factor() {
-    using std::sqrt;
-    Matrix A = matrix();
-    for (Index k = 0; k < n_; ++k) {
-      if (!(Scalar(0) < A(k, k)) || !is_finite(A(k, k))) return false;
-      const Scalar root = sqrt(A(k, k));
-      A(k, k) = root;
-      const Index rest = n_ - k - 1;
-      A.col(k).tail(rest) /= root;
-      for (Index j = k + 1; j < n_; ++j) {
-        const Scalar a = A(j, k);
-        A.col(j).tail(n_ - j) -= a * A.col(k).tail(n_ - j);
-      }
-    }
-    return true;
-  }
-  /// x ← L⁻¹ x.
-  template <class Vector>
-  void solve_lower(Vector&& x) {
-    Matrix A = matrix();
-    for (Index k = 0; k < n_; ++k) {
-      x[k] /= A(k, k);
-      const Scalar x_k = x[k];
-      x.segment(k + 1, n_ - k - 1) -= x_k * A.col(k).tail(n_ - k - 1);
-    }
-  }
-  /// x ← L⁻ᵀ x.
-  template <class Vector>
-  void solve_upper(Vector&& x) {
-    Matrix A = matrix();
-    for (Index k = n_; k-- > 0;) {
-      const Index rest = n_ - k - 1;
-      Scalar sum = x[k];
-      for (Index i = 0; i < rest; ++i) sum -= A(k + 1 + i, k) * x[k + 1 + i];
-      x[k] = sum / A(k, k);
-    }
-  }
-
- private:
-  VectorX<Scalar> entries_;
-  Index n_ = 0;
-};
-
 /// Solves islands one after the other with its own memory.
 template <RealScalar Scalar>
 class IslandSolver {
@@ -118,12 +60,14 @@ class IslandSolver {
     if (contacts != newton_room_ || joint_rows != joint_room_) {
       solver_.reserve(contacts, contacts);
       samples_.resize(static_cast<std::size_t>(contacts));
-      A_.reserve(joint_rows);
+      A_.setConstant(joint_rows, joint_rows, Scalar(0));
+      scale_.setConstant(joint_rows, Scalar(0));
       X_.setConstant(joint_rows, 3 * contacts, Scalar(0));
       mu_.setConstant(joint_rows, Scalar(0));
       newton_room_ = contacts;
       joint_room_ = joint_rows;
     }
+    own_.reserve(kJointRows);
     arms_.reserve(all);
     blocks_.reserve(all);
   }
@@ -191,6 +135,9 @@ class IslandSolver {
     if (moves(c.b)) body(c.b).add_mobility(arms_[i].b, arms_[i].b, Scalar(1), W);
     return W;
   }
+  /// The couplings of two joints through the bodies that they share, with softness where they are
+  /// the same joint.
+  typename Joint::Block joint_block(const Joint& j, const Joint& other) const;
   bool factor_joints();
   void correct_joints();
   void couple_joints();
@@ -214,9 +161,10 @@ class IslandSolver {
     return out;
   }
   std::vector<ContactSample<Scalar>> samples_;
-  DenseFactor<Scalar> A_;
-  MatrixX<Scalar> X_;
-  VectorX<Scalar> mu_;
+  /// A, then its factor; the diagonal of A; the block of one joint.
+  MatrixX<Scalar> A_, X_;
+  VectorX<Scalar> scale_, mu_;
+  SmallCholesky<Scalar> own_;
   std::vector<Arms> arms_;
   std::vector<Block> blocks_;
   Index newton_room_ = -1, joint_room_ = -1, joint_rows_ = 0;
@@ -281,29 +229,36 @@ void IslandSolver<Scalar>::prepare(const IslandRules<Scalar>& rules, const Scala
 }
 
 template <RealScalar Scalar>
+auto IslandSolver<Scalar>::joint_block(const Joint& j, const Joint& other) const ->
+    typename Joint::Block {
+  typename Joint::Block block = Joint::Block::Constant(Scalar(0));
+  for (const int n : {j.a, j.b}) {
+    if (moves(n)) Joint::add_coupling(j, other, n, body(n), block);
+  }
+  if (&j != &other) return block;
+  const Scalar calm = Scalar(1e4) * scalar_traits<Scalar>::epsilon();
+  for (int r = 0; r < j.rows(); ++r) block(r, r) += calm * block(r, r) + j.softness;
+  return block;
+}
+
+template <RealScalar Scalar>
 bool IslandSolver<Scalar>::factor_joints() {
-  A_.resize(joint_rows_);
-  typename DenseFactor<Scalar>::Matrix A = A_.matrix();
+  Eigen::Ref<MatrixX<Scalar>> A = A_.topLeftCorner(joint_rows_, joint_rows_);
   Index row = 0;
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const Joint& j = joint(k);
     Index col = 0;
     for (std::size_t l = 0; l <= k; ++l) {
       const Joint& other = joint(l);
-      typename Joint::Block block = Joint::Block::Constant(Scalar(0));
-      for (const int n : {j.a, j.b}) {
-        if (moves(n)) Joint::add_coupling(j, other, n, body(n), block);
-      }
-      A.block(row, col, j.rows(), other.rows()) = block.topLeftCorner(j.rows(), other.rows());
+      A.block(row, col, j.rows(), other.rows()) =
+          joint_block(j, other).topLeftCorner(j.rows(), other.rows());
       col += other.rows();
-    }
-    for (int r = 0; r < j.rows(); ++r) {
-      const Scalar calm = Scalar(1e4) * scalar_traits<Scalar>::epsilon();
-      A(row + r, row + r) += calm * A(row + r, row + r) + j.softness;
     }
     row += j.rows();
   }
-  return A_.factor();
+  scale_.head(joint_rows_) = A.diagonal();
+  return all_finite(scale_.head(joint_rows_)) &&
+         cholesky_in_place<Scalar>(A, scale_.head(joint_rows_), Scalar(0)) == joint_rows_;
 }
 
 template <RealScalar Scalar>
@@ -317,9 +272,8 @@ void IslandSolver<Scalar>::correct_joints() {
       mu_.segment(row, j.rows()) = -r.head(j.rows());
       row += j.rows();
     }
-    Eigen::Map<VectorX<Scalar>> mu(mu_.data(), joint_rows_);
-    A_.solve_lower(mu);
-    A_.solve_upper(mu);
+    solve_lower<Scalar>(A_.data(), A_.rows(), joint_rows_, mu_.data());
+    solve_upper<Scalar>(A_.data(), A_.rows(), joint_rows_, mu_.data());
     row = 0;
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       Joint& j = joint(k);
@@ -356,7 +310,8 @@ void IslandSolver<Scalar>::couple_joints() {
       row += j.rows();
     }
   }
-  for (Index col = 0; col < 3 * point_count(); ++col) A_.solve_lower(X_.col(col).head(joint_rows_));
+  for (Index col = 0; col < 3 * point_count(); ++col)
+    solve_lower<Scalar>(A_.data(), A_.rows(), joint_rows_, X_.col(col).data());
 }
 
 template <RealScalar Scalar>
@@ -464,27 +419,20 @@ template <RealScalar Scalar>
 Scalar IslandSolver<Scalar>::sweep_joint(std::size_t k) {
   using std::abs;
   Joint& j = joint(k);
-  typename Joint::Block block = Joint::Block::Constant(Scalar(0));
-  for (const int n : {j.a, j.b}) {
-    if (moves(n)) Joint::add_coupling(j, j, n, body(n), block);
-  }
+  const typename Joint::Block block = joint_block(j, j);
   const typename Joint::Column r =
       j.velocity(body(j.a), body(j.b)) + j.bias + j.softness * j.impulse;
-  A_.resize(j.rows());
-  A_.matrix() = block.topLeftCorner(j.rows(), j.rows());
-  for (int i = 0; i < j.rows(); ++i) {
-    const Scalar calm = Scalar(1e4) * scalar_traits<Scalar>::epsilon();
-    A_.matrix()(i, i) += calm * A_.matrix()(i, i) + j.softness;
+  own_.resize(j.rows());
+  for (int c = 0; c < j.rows(); ++c) {
+    for (int i = c; i < j.rows(); ++i) own_(i, c) = block(i, c);
   }
-  if (!A_.factor()) return Scalar(0);
   typename Joint::Column change = Joint::Column::Constant(Scalar(0));
   Scalar worst(0);
   for (int i = 0; i < j.rows(); ++i) {
     change[i] = -r[i];
     if (worst < abs(r[i])) worst = abs(r[i]);
   }
-  A_.solve_lower(change.head(j.rows()));
-  A_.solve_upper(change.head(j.rows()));
+  if (own_.solve(change.head(j.rows())) >= 0 || !all_finite(change)) return Scalar(0);
   j.impulse += change;
   push_joint(k, change);
   return worst;
@@ -521,23 +469,12 @@ void IslandSolver<Scalar>::judge_sweeps(const IslandRules<Scalar>& rules,
     const Scalar rho_n = Scalar(1) / block.D(0, 0);
     const Scalar rho_t = Scalar(2) / (block.D(1, 1) + block.D(2, 2));
     const Scalar rho = rho_n < rho_t ? rho_n : rho_t;
-    Vector3<Scalar> v = u;
-    v[0] += s.friction * tangential_length<Scalar>(u);
-    const Vector3<Scalar> moved = l - rho * v;
-    const Vector3<Scalar> off = l - project_to_cone<Scalar>(moved, s.friction);
+    const Vector3<Scalar> off = natural_map<Scalar>(l, u, s.friction, rho);
     const Scalar size = sqrt(off.squaredNorm());
     if (report.force < size / rules.h) report.force = size / rules.h;
     if (report.velocity < size / rho) report.velocity = size / rho;
-    const ContactBranch branch = contact_equation<Scalar>(l, u, s.friction, rho_n, rho_t).branch;
-    const Scalar soft = rules.h + s.compliance * s.damping;
-    Vector3<Scalar> way = block.F * s.offset;
-    for (int k = 1; k < 3; ++k) way[k] = s.compliance * (s.damping * way[k] - l[k]) / soft;
-    way[0] = Scalar(0);
-    s.state = branch == ContactBranch::Open
-                  ? ContactState::Open
-                  : (branch == ContactBranch::Stick ? ContactState::Stick : ContactState::Slip);
-    if (s.state == ContactState::Open) way.setConstant(Scalar(0));
-    s.offset = block.F.transpose() * way;
+    const ContactState state = contact_equation<Scalar>(l, u, s.friction, rho_n, rho_t).branch;
+    end_contact<Scalar>(block.F, l, state, rules.h, s);
   }
   for (std::size_t k = 0; k < joints_.size(); ++k) {
     const Joint& j = joint(k);
