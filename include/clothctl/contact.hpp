@@ -12,3 +12,4 @@
 #include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/contact/obstacle_contacts.hpp"
 #include "clothctl/contact/sheet_impacts.hpp"
+#include "clothctl/contact/sheet_impacts_setup.hpp"

@@ -6,3 +6,4 @@
 #include "clothctl/sim/rigid_bodies.hpp"
 #include "clothctl/sim/rigid_setup.hpp"
 #include "clothctl/sim/world.hpp"
+#include "clothctl/sim/world_setup.hpp"

@@ -199,6 +199,10 @@ TEST_CASE("a world refuses what is wrong, and a failed step changes nothing", "[
   setup = {};
   setup.substeps = 0;
   CHECK(error(setup).find("0 substeps") != std::string::npos);
+  setup = {};
+  setup.meets_sheets = true;
+  setup.joined = {{0, 9}};
+  CHECK(error(setup) == "sheet 0: joined pair 0 holds vertex 9 off the sheet of 9 vertices");
   Implicit model = make_model<Implicit>(3);
   ClothState<double> bad = model.rest_state();
   bad.velocities(0, 0) = kNan;

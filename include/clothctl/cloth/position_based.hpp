@@ -43,6 +43,7 @@
 #include "clothctl/cloth/detail/batch_sheet.hpp"
 #include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/limited_sweeps.hpp"
+#include "clothctl/cloth/detail/plain_sweeps.hpp"
 #include "clothctl/cloth/detail/position_contacts.hpp"
 #include "clothctl/cloth/detail/slow_motion.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
@@ -200,14 +201,6 @@ class PositionBased {
   template <class Sheet, class Touch>
   void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
                Touch touch, Workspace& ws, StepReport<Scalar>& report) const;
-  /// `attach()` corrects the attached vertices; `strain()` the triangle elements.
-  template <class Sheet, class Strain, class Attach>
-  void correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory, Strain strain,
-                     Attach attach) const;
-  template <bool kDamped, class Sheet, class Strain, class Attach>
-  void correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory, Strain strain,
-                         Attach attach) const;
-
   /// Copies positions and velocities out of the layout.
   template <class Sheet>
   void unload(const Sheet& sheet, const typename Sheet::Scratch& memory, const Scalar& h,
@@ -485,50 +478,9 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
                                       strain, attach, report);
   }
   report.iterations += settings_.iterations;
-  if (verlet) return correct_rigid(sheet, memory, strain, attach);
-  if (sheet.damped()) return correct_compliant<true>(sheet, memory, strain, attach);
-  correct_compliant<false>(sheet, memory, strain, attach);
-}
-
-template <RealScalar S>
-template <class Sheet, class Strain, class Attach>
-void PositionBased<S>::correct_rigid(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                     Strain strain, Attach attach) const {
-  for (int sweep = 0; sweep < settings_.iterations; ++sweep) {
-    constexpr auto kListed = detail::SweepOrder::Forward;
-    sheet.sweep(detail::RigidRule<Scalar, Sheet::kLanes>{}, kListed, memory);
-    strain(kListed);
-    sheet.template bend<false, false>(kListed, memory);
-    attach();
-  }
-}
-
-template <RealScalar S>
-template <bool kDamped, class Sheet, class Strain, class Attach>
-void PositionBased<S>::correct_compliant(const Sheet& sheet, typename Sheet::Scratch& memory,
-                                         Strain strain, Attach attach) const {
-  const auto sweep = [&]<bool kRead, bool kWrite>(int turn) {
-    const detail::SweepOrder order = detail::alternating(turn, settings_.iterations);
-    const auto springs = [&] {
-      sheet.sweep(detail::CompliantRule<Scalar, Sheet::kLanes, kDamped, kRead, kWrite>{}, order,
-                  memory);
-    };
-    if (order == detail::SweepOrder::Forward) {
-      springs();
-      strain(order);
-      sheet.template bend<kRead, kWrite>(order, memory);
-    } else {
-      sheet.template bend<kRead, kWrite>(order, memory);
-      strain(order);
-      springs();
-    }
-    attach();
-  };
-  const int last = settings_.iterations - 1;
-  if (last == 0) return sweep.template operator()<false, false>(0);
-  sweep.template operator()<false, true>(0);
-  for (int i = 1; i < last; ++i) sweep.template operator()<true, true>(i);
-  sweep.template operator()<true, false>(last);
+  const int sweeps = settings_.iterations;
+  if (verlet) return detail::sweep_rigidly<Scalar>(sheet, memory, sweeps, strain, attach);
+  detail::sweep_compliantly<Scalar>(sheet, memory, sweeps, strain, attach);
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

@@ -15,87 +15,21 @@
 // The world owns what is added to it, no thread and no main loop. The same calls give the same
 // bits.
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "clothctl/collision/moving_collider.hpp"
-#include "clothctl/contact/sheet_impacts.hpp"
-#include "clothctl/math/rotation.hpp"
+#include "clothctl/sim/detail/world_layers.hpp"
+#include "clothctl/sim/detail/world_obstacle.hpp"
 #include "clothctl/sim/detail/world_sheet.hpp"
 #include "clothctl/sim/rigid_bodies.hpp"
+#include "clothctl/sim/world_setup.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
-
-/// How a sheet lives in a world.
-template <RealScalar Scalar>
-struct WorldSheetSetup {
-  /// Thickness, m: layers rest that far from each other, and half as far from obstacles. Of sheets
-  /// that meet each other, the largest counts for their layers.
-  Scalar thickness = Scalar(2e-3);
-  /// Whether it meets itself, and other sheets that have this set.
-  bool meets_sheets = false;
-  /// Pairs of vertices that count as one for that: seams, stitched layers.
-  std::vector<std::array<int, 2>> joined = {};
-  /// Equal parts that a step of the world is divided into, at least; those of the sheet that asks
-  /// for most count. A thin sheet that a thin obstacle hits fast may need 2 to 4.
-  int substeps = 1;
-  /// Which obstacles and bodies it touches.
-  CollisionGroups groups = {};
-  /// Room for contacts; 0: 4 for each vertex.
-  Index contacts = 0;
-
-  /// Returns an empty string, or what is wrong.
-  std::string validate() const {
-    if (!is_finite(thickness) || !(Scalar(0) < thickness))
-      return "the thickness " + number_text(thickness) + " m, must be finite and positive";
-    if (substeps < 1 || substeps > 1000)
-      return std::to_string(substeps) + " substeps, must be 1 to 1000";
-    if (contacts < 0) return "room for " + std::to_string(contacts) + " contacts";
-    return {};
-  }
-};
-
-/// Settings of a world.
-template <RealScalar Scalar>
-struct WorldSettings {
-  /// Settings of the rigid bodies. Gravity acts on bodies only: sheets have that of their models.
-  RigidBodiesSettings<Scalar> bodies = {};
-  /// Friction of sheets on sheets.
-  Scalar sheet_friction = Scalar(0.3);
-};
-
-/// What a step of a world did.
-template <RealScalar Scalar>
-struct WorldReport {
-  /// Converged; IterationLimit: advanced, but a sheet, a body or the layers have not settled: see
-  /// the other entries. Any other status is that of sheet `sheet`, or of the bodies where that is
-  /// -1; sheets, bodies and obstacles then are as before the step, and contacts of sheets are
-  /// forgotten.
-  StepStatus status = StepStatus::Converged;
-  /// The sheet that `status` is about.
-  int sheet = -1;
-  /// Whether the world was advanced.
-  bool advanced = false;
-  /// Contacts of sheets with obstacles and bodies that transmit a force, and pairs of layers.
-  Index contacts = 0, layers = 0;
-  /// Largest depth of a sheet below its distance from obstacles, m.
-  Scalar penetration = Scalar(0);
-  /// Largest residual of the contacts of sheets, N.
-  Scalar force_residual = Scalar(0);
-  /// Edges that cross a triangle of a sheet.
-  int crossings = 0;
-  /// False when there was not room for all contacts of a sheet.
-  bool complete = true;
-  /// The bodies.
-  RigidStepReport<Scalar> bodies = {};
-};
 
 /// A world of sheets, rigid bodies and obstacles.
 template <RealScalar S>
@@ -162,22 +96,7 @@ class World {
  private:
   using Sheet = detail::WorldSheet<Scalar>;
 
-  /// An obstacle of unknown shape.
-  struct Obstacle {
-    virtual ~Obstacle() = default;
-    virtual const RigidMotion<Scalar>& motion() const = 0;
-    virtual std::string set_motion(const RigidMotion<Scalar>& motion) = 0;
-    virtual ColliderRef<Scalar> collider() const = 0;
-    CollisionGroups groups;
-  };
-  template <class C>
-  struct ObstacleOf : Obstacle {
-    explicit ObstacleOf(MovingCollider<Scalar, C> c) : moving(std::move(c)) {}
-    const RigidMotion<Scalar>& motion() const override { return moving.motion(); }
-    std::string set_motion(const RigidMotion<Scalar>& m) override { return moving.set_motion(m); }
-    ColliderRef<Scalar> collider() const override { return ColliderRef<Scalar>(moving); }
-    MovingCollider<Scalar, C> moving;
-  };
+  using Obstacle = detail::WorldObstacle<Scalar>;
 
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
   Sheet& at(int sheet) { return *sheets_[index(sheet)]; }
@@ -185,16 +104,12 @@ class World {
 
   /// Makes what depends on all that was added. Returns an empty string, or what is wrong.
   std::string prepare();
-  std::string prepare_layers();
   /// A part of a step.
   bool advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
                WorldReport<Scalar>& report);
   bool step_sheet(Sheet& sheet, const Scalar& dt, const Scalar& share, WorldReport<Scalar>& report);
   void push_bodies(const Sheet& sheet, const Scalar& dt);
-  /// Gives bodies the opposite impulses of what they held up.
-  void push_supports();
   void keep_layers_apart(const Scalar& dt, WorldReport<Scalar>& report);
-  void move_obstacles(const Scalar& dt);
   /// Wakes bodies that a moving obstacle may touch within a step of `dt` s.
   void wake_bodies(const Scalar& dt);
   void save();
@@ -209,11 +124,7 @@ class World {
   bool prepared_ = false;
   int substeps_ = 1;
 
-  std::optional<SheetImpacts<Scalar>> layers_;
-  Points<Scalar> before_;
-  VectorX<Scalar> inverse_mass_;
-  ClothState<Scalar> layered_;
-  std::vector<SheetSupport<Scalar>> supports_;
+  detail::WorldLayers<Scalar> layers_;
   std::vector<std::vector<ObstacleContact<Scalar>>> told_;
   std::vector<Vector3<Scalar>> body_impulse_;
 
@@ -235,6 +146,11 @@ Result<int> World<S>::add_sheet(Model model, ClothState<Scalar> state, const She
   if (!all_finite(state.positions) || !all_finite(state.velocities))
     return Error{name + ": the state is not finite"};
   const SpringNetwork<Scalar>& network = model.network();
+  if (setup.meets_sheets) {
+    const Result<SelfContactFinder<Scalar>> itself = SelfContactFinder<Scalar>::create(
+        network.rest_positions, network.triangles, {}, {setup.thickness, setup.joined});
+    if (!itself) return Error{name + ": " + itself.error()};
+  }
   SheetContactSettings<Scalar> inside;
   inside.smooth_gain = Scalar(0.5) * setup.thickness;
   Result<SheetContactFinder<Scalar>> finder =
@@ -263,7 +179,7 @@ Result<int> World<S>::add_obstacle(C shape, const RigidMotion<Scalar>& motion,
   Result<MovingCollider<Scalar, C>> moving =
       MovingCollider<Scalar, C>::create(std::move(shape), motion, surface);
   if (!moving) return Error{moving.error()};
-  auto obstacle = std::make_unique<ObstacleOf<C>>(std::move(moving).value());
+  auto obstacle = std::make_unique<detail::WorldObstacleOf<Scalar, C>>(std::move(moving).value());
   obstacle->groups = groups;
   Result<int> added = bodies_.add_obstacle(obstacle->collider(), Scalar(0), groups);
   if (!added) return added;
@@ -320,49 +236,7 @@ std::string World<S>::prepare() {
   bodies_.reserve(room);
   saved_bodies_ = bodies_.state();
   saved_bodies_.contacts.reserve(room);
-  return prepare_layers();
-}
-
-template <RealScalar S>
-std::string World<S>::prepare_layers() {
-  std::vector<std::array<int, 3>> triangles;
-  SheetImpactSettings<Scalar> settings;
-  settings.thickness = Scalar(0);
-  settings.friction = settings_.sheet_friction;
-  Index count = 0;
-  const auto moved = [](auto list, int by) {
-    for (int& v : list) v += by;
-    return list;
-  };
-  for (std::size_t i = 0; i < sheets_.size(); ++i) {
-    Sheet& sheet = *sheets_[i];
-    sheet.first = setups_[i].meets_sheets ? count : Index(-1);
-    if (!setups_[i].meets_sheets) continue;
-    for (const auto& t : sheet.network().triangles)
-      triangles.push_back(moved(t, static_cast<int>(count)));
-    for (const auto& p : setups_[i].joined)
-      settings.joined.push_back(moved(p, static_cast<int>(count)));
-    if (settings.thickness < setups_[i].thickness) settings.thickness = setups_[i].thickness;
-    count += sheet.network().vertex_count();
-  }
-  layers_.reset();
-  before_.resize(3, count);
-  if (count == 0) return {};
-  for (const auto& sheet : sheets_) {
-    if (sheet->first >= 0)
-      before_.middleCols(sheet->first, sheet->state.positions.cols()) =
-          sheet->network().rest_positions;
-  }
-  Result<SheetImpacts<Scalar>> made = SheetImpacts<Scalar>::create(before_, triangles, settings);
-  if (!made) return made.error();
-  layers_.emplace(std::move(made).value());
-  std::size_t room = 0;
-  for (const auto& sheet : sheets_) room += sheet->contacts.capacity();
-  supports_.reserve(room);
-  layers_->reserve(Index(40) * count + static_cast<Index>(room));
-  layered_ = {before_, before_};
-  inverse_mass_.setConstant(count, Scalar(0));
-  return {};
+  return layers_.prepare(sheets_, setups_, settings_.sheet_friction);
 }
 
 template <RealScalar S>
@@ -423,19 +297,14 @@ bool World<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef&
     report.status = predicted;
     return false;
   }
-  if (layers_) {
-    for (const auto& sheet : sheets_) {
-      if (sheet->first >= 0)
-        before_.middleCols(sheet->first, sheet->state.positions.cols()) = sheet->state.positions;
-    }
-  }
+  layers_.begin(sheets_);
   for (std::size_t i = 0; i < sheets_.size(); ++i) {
     report.sheet = static_cast<int>(i);
     if (!step_sheet(*sheets_[i], dt, share, report)) return false;
     push_bodies(*sheets_[i], dt);
   }
   report.sheet = -1;
-  if (layers_) keep_layers_apart(dt, report);
+  keep_layers_apart(dt, report);
   bodies_.solve(executor);
   report.bodies = bodies_.finish();
   if (!report.bodies.advanced) {
@@ -443,7 +312,7 @@ bool World<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef&
     return false;
   }
   if (report.bodies.status != StepStatus::Converged) report.status = report.bodies.status;
-  move_obstacles(dt);
+  for (const auto& obstacle : obstacles_) obstacle->move(dt);
   return true;
 }
 
@@ -500,66 +369,24 @@ void World<S>::push_bodies(const Sheet& sheet, const Scalar& dt) {
 }
 
 template <RealScalar S>
-void World<S>::push_supports() {
-  std::size_t i = 0;
-  for (const auto& sheet : sheets_) {
-    if (sheet->first < 0) continue;
-    for (const ObstacleContact<Scalar>& c : sheet->contacts.contacts()) {
-      if (i == supports_.size()) return;
-      const SheetSupport<Scalar>& support = supports_[i++];
-      const int body = -1 - sheet->obstacle_number[index(c.obstacle)];
-      if (body < 0 || !(Scalar(0) < support.impulse.squaredNorm()) || bodies_.asleep(body))
-        continue;
-      bodies_.apply_impulse(body, Vector3<Scalar>(Scalar(-1) * support.impulse),
-                            c.point.surface.point);
-    }
-  }
-}
-
-template <RealScalar S>
 void World<S>::keep_layers_apart(const Scalar& dt, WorldReport<Scalar>& report) {
-  supports_.clear();
-  for (const auto& sheet : sheets_) {
-    if (sheet->first < 0) continue;
-    const Index n = sheet->state.positions.cols();
-    sheet->add_supports(dt, supports_);
-    layered_.positions.middleCols(sheet->first, n) = sheet->state.positions;
-    layered_.velocities.middleCols(sheet->first, n) = sheet->state.velocities;
-    sheet->write_inverse_masses(inverse_mass_.segment(sheet->first, n));
-  }
-  const SheetImpactReport told = layers_->resolve(before_, inverse_mass_, dt, layered_, supports_);
-  push_supports();
+  const SheetImpactReport told = layers_.keep_apart(sheets_, dt);
   report.layers = told.contacts;
   report.crossings = told.crossings_left;
   report.complete = report.complete && told.complete;
   if (told.status != StepStatus::Converged) report.status = StepStatus::IterationLimit;
-  for (const auto& sheet : sheets_) {
-    if (sheet->first < 0) continue;
-    const Index n = sheet->state.positions.cols();
-    sheet->state.positions = layered_.positions.middleCols(sheet->first, n);
-    sheet->state.velocities = layered_.velocities.middleCols(sheet->first, n);
-  }
-}
-
-template <RealScalar S>
-void World<S>::move_obstacles(const Scalar& dt) {
-  for (const auto& obstacle : obstacles_) {
-    RigidMotion<Scalar> motion = obstacle->motion();
-    const Scalar turn = motion.angular_velocity.squaredNorm();
-    if (!(Scalar(0) < turn) && !(Scalar(0) < motion.velocity.squaredNorm())) continue;
-    motion.position += dt * motion.velocity;
-    motion.R_world_body =
-        rotation_exp<Scalar>(Vector3<Scalar>(dt * motion.angular_velocity)) * motion.R_world_body;
-    (void)obstacle->set_motion(motion);
-  }
+  layers_.for_each_support(sheets_, [this](const Sheet& sheet, const ObstacleContact<Scalar>& c,
+                                           const Vector3<Scalar>& impulse) {
+    const int body = -1 - sheet.obstacle_number[index(c.obstacle)];
+    if (body < 0 || !(Scalar(0) < impulse.squaredNorm()) || bodies_.asleep(body)) return;
+    bodies_.apply_impulse(body, Vector3<Scalar>(Scalar(-1) * impulse), c.point.surface.point);
+  });
 }
 
 template <RealScalar S>
 void World<S>::wake_bodies(const Scalar& dt) {
   for (const auto& obstacle : obstacles_) {
-    const RigidMotion<Scalar>& motion = obstacle->motion();
-    const Scalar moving = motion.velocity.squaredNorm() + motion.angular_velocity.squaredNorm();
-    if (!(Scalar(0) < moving)) continue;
+    if (!obstacle->moves()) continue;
     const BoundingBox<Scalar> box = obstacle->collider().bounds(dt);
     for (int b = 0; b < bodies_.body_count(); ++b) {
       if (bodies_.asleep(b) && obstacle->groups.meets(body_groups_[index(b)]) &&

@@ -1,0 +1,79 @@
+#pragma once
+
+// What a world (world.hpp) is made with, and what a step of it reports.
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/core/status.hpp"
+#include "clothctl/sim/rigid_setup.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// How a sheet lives in a world.
+template <RealScalar Scalar>
+struct WorldSheetSetup {
+  /// Thickness, m: layers rest that far from each other, and half as far from obstacles. Of sheets
+  /// that meet each other, the largest counts for their layers.
+  Scalar thickness = Scalar(2e-3);
+  /// Whether it meets itself, and other sheets that have this set.
+  bool meets_sheets = false;
+  /// Pairs of vertices that count as one for that: seams, stitched layers.
+  std::vector<std::array<int, 2>> joined = {};
+  /// Equal parts that a step of the world is divided into, at least; those of the sheet that asks
+  /// for most count. A thin sheet that a thin obstacle hits fast may need 2 to 4.
+  int substeps = 1;
+  /// Which obstacles and bodies it touches.
+  CollisionGroups groups = {};
+  /// Room for contacts; 0: 4 for each vertex.
+  Index contacts = 0;
+
+  /// Returns an empty string, or what is wrong.
+  std::string validate() const {
+    if (!is_finite(thickness) || !(Scalar(0) < thickness))
+      return "the thickness " + number_text(thickness) + " m, must be finite and positive";
+    if (substeps < 1 || substeps > 1000)
+      return std::to_string(substeps) + " substeps, must be 1 to 1000";
+    if (contacts < 0) return "room for " + std::to_string(contacts) + " contacts";
+    return {};
+  }
+};
+
+/// Settings of a world.
+template <RealScalar Scalar>
+struct WorldSettings {
+  /// Settings of the rigid bodies. Gravity acts on bodies only: sheets have that of their models.
+  RigidBodiesSettings<Scalar> bodies = {};
+  /// Friction of sheets on sheets.
+  Scalar sheet_friction = Scalar(0.3);
+};
+
+/// What a step of a world did.
+template <RealScalar Scalar>
+struct WorldReport {
+  /// Converged; IterationLimit: advanced, but a sheet, a body or the layers have not settled: see
+  /// the other entries. Any other status is that of sheet `sheet`, or of the bodies where that is
+  /// -1; sheets, bodies and obstacles then are as before the step, and contacts of sheets are
+  /// forgotten.
+  StepStatus status = StepStatus::Converged;
+  /// The sheet that `status` is about.
+  int sheet = -1;
+  /// Whether the world was advanced.
+  bool advanced = false;
+  /// Contacts of sheets with obstacles and bodies that transmit a force, and pairs of layers.
+  Index contacts = 0, layers = 0;
+  /// Largest depth of a sheet below its distance from obstacles, m.
+  Scalar penetration = Scalar(0);
+  /// Largest residual of the contacts of sheets, N.
+  Scalar force_residual = Scalar(0);
+  /// Edges that cross a triangle of a sheet.
+  int crossings = 0;
+  /// False when there was not room for all contacts of a sheet.
+  bool complete = true;
+  /// The bodies.
+  RigidStepReport<Scalar> bodies = {};
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI
