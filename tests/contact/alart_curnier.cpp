@@ -8,7 +8,6 @@
 #include "support/sweeps.hpp"
 
 using namespace clothctl;
-using detail::ContactState;
 
 TEST_CASE("the equations hold where a contact obeys Coulomb's law", "[contact]") {
   const auto size = [](const Vector3<double>& l, const Vector3<double>& u, ContactState branch) {
