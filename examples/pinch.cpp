@@ -1,20 +1,19 @@
-// Two soft pads pinch a hanging sheet near its upper left corner, hold it, shake it and turn it.
+// Two soft pads pinch a hanging sheet near its upper left corner, hold it, shake it and turn it:
+// pads on given paths, of a gripper that presses with a given force, or the tips of a hand.
 //
-//   pinch --out out              then open out/player.html
-//   pinch --force 0.15           too little: the sheet slides out
+//   pinch --pads hand --amplitude 0.08 --out out      then open out/player.html
+//   pinch --pads gripper --force 0.15                 too little: the sheet slides out
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/io/html_player.hpp"
-#include "clothctl/network/sheet.hpp"
 #include "support/command_line.hpp"
 #include "support/figure_text.hpp"
 #include "support/hand_figures.hpp"
 #include "support/inputs.hpp"
-#include "support/pinch_pads.hpp"
+#include "support/pinch_world.hpp"
 #include "support/timing.hpp"
 
 namespace {
@@ -24,10 +23,10 @@ using Points = clothctl::Points<double>;
 
 struct Request {
   PinchMotion motion;
+  PinchSheet sheet;
   clothctl::PadSettings<double> pad;
-  int cloth = 33;
-  double size = 0.5, dt = 0.02, seconds = 10;
-  std::string material = "handkerchief", integration = "linear-implicit", out;
+  double dt = 0.02, seconds = 10;
+  std::string material = "handkerchief", out;
   bool json = false;
 };
 
@@ -38,7 +37,20 @@ Request read_request(int argc, char** argv) {
                        const char* help) {
     app.add_option(name, value, help)->check(between(least, most))->capture_default_str();
   };
-  add_sheet(app, r.cloth, r.size, r.material);
+  add_sheet(app, r.sheet.side, r.sheet.size, r.material);
+  const auto choose = [&](const char* name, std::string& value, std::vector<std::string> names,
+                          const char* help) {
+    app.add_option(name, value, help)
+        ->check(CLI::IsMember(std::move(names)))
+        ->capture_default_str();
+  };
+  choose("--pads", r.motion.pads, {"paths", "gripper", "hand"}, "What carries the pads");
+  choose("--model", r.sheet.model, {"mass-spring", "xpbd"}, "Model of the sheet");
+  choose("--integration", r.sheet.integration, {"linear-implicit", "newton"},
+         "How a mass-spring sheet is stepped");
+  app.add_option("--substeps", r.sheet.substeps, "Equal parts of a step of the whole world")
+      ->check(between(1, 100))
+      ->capture_default_str();
   add("--force", r.motion.force, 0.01, 100, "Normal force of each pad, N");
   add("--friction", r.pad.friction, 0, 10, "Friction coefficient");
   add("--stiffness", r.pad.stiffness, 1, 1e6, "Stiffness of a pad, N/m");
@@ -46,9 +58,6 @@ Request read_request(int argc, char** argv) {
   add("--twist", r.motion.twist, -10, 10, "Turning of the pads about their normal, rad/s");
   add("--dt", r.dt, 1e-4, 0.1, "Time step, s");
   add("--seconds", r.seconds, 0.1, 600, "Length of the run, s");
-  app.add_option("--integration", r.integration, "linear-implicit or newton")
-      ->check(CLI::IsMember({"linear-implicit", "newton"}))
-      ->capture_default_str();
   app.add_flag("--json", r.json, "Print the figures as one JSON object on the last line");
   app.add_option("--out", r.out, "Folder for player.html (made if missing)")
       ->check([](const std::string& t) { return std::string(t.empty() ? "is empty" : ""); });
@@ -57,15 +66,15 @@ Request read_request(int argc, char** argv) {
   if (r.motion.force > r.pad.stiffness * r.pad.reach)
     refuse("--force: a pad of this stiffness reaches the sheet with at most " +
            figure_text(r.pad.stiffness * r.pad.reach) + " N");
-  if (r.size < 0.05) refuse("--size: the pads need a sheet of 0.05 m");
+  if (r.sheet.size < 0.05) refuse("--size: the pads need a sheet of 0.05 m");
   return r;
 }
 
 /// What a run counts.
 struct Counts {
-  double slip = 0, sample_slip = 0, residual = 0, force = 0, use = 0;
+  double slip = 0, sample_slip = 0, residual = 0, force = 0, use = 0, stretch = 0;
   bool failed = false, held = true, marked = false;
-  std::vector<double> sheet_ms, contact_ms;
+  std::vector<double> step_ms;
 };
 
 }  // namespace
@@ -74,24 +83,15 @@ int main(int argc, char** argv) {
   const Request r = read_request(argc, argv);
   make_folder(r.out);  // before the work, since it may fail
   const auto material = read_material(r.material);
-  const auto grid = must(clothctl::make_grid<double>(r.cloth, r.cloth, r.size, r.size));
-  const auto network = must(clothctl::sheet_network(grid, material));
-  auto settings = clothctl::MassSpringSettings<double>::of(material);
-  settings.integration = r.integration == "newton" ? clothctl::Integration::Newton
-                                                   : clothctl::Integration::LinearlyImplicit;
-  const auto model = must(clothctl::MassSpring<double>::create(network, settings));
-  auto ws = model.make_workspace();
-  clothctl::ClothState<double> state = model.rest_state();
-  auto response = must(clothctl::MassSpringImpulses<double>::create(model, 24));
-  auto pads = must(PinchPads::create(grid, network, r.motion, r.pad));
+  const auto pinch = must(PinchWorld::create(r.sheet, material, r.motion, r.pad));
 
   clothctl::PlayerScene scene;
   scene.title = "Two soft pads hold a sheet";
   scene.subtitle = material.name;
   scene.dt = r.dt;
   scene.arrow_name = "Forces of the pads on the sheet";
-  scene.triangles = network.triangles;
-  clothctl::PlayerRecorder page(scene, network.vertex_count(), 0, PinchPads::kSamples);
+  scene.triangles = pinch->triangles();
+  clothctl::PlayerRecorder page(scene, pinch->state().positions.cols(), 0, PinchWorld::kSamples);
   Counts counts;
   Progress progress;
   // Slip is measured from where the sheet is after 0.3 s; a sheet that is lost falls for 0.5 s.
@@ -101,29 +101,25 @@ int main(int argc, char** argv) {
     const double t = static_cast<double>(frame) * r.dt;
     if (t > lost_at + 0.5) break;
     const double start = thread_seconds();
-    counts.failed = !pads.find(state.positions, t, r.dt);
-    const double found = thread_seconds();
-    counts.failed = counts.failed || !model.step(state, {}, r.dt, ws).advanced;
-    const double stepped = thread_seconds();
-    counts.failed = counts.failed || !pads.solve(r.dt, state, ws, response);
-    counts.contact_ms.push_back(1000 * (thread_seconds() - stepped + found - start));
-    counts.sheet_ms.push_back(1000 * (stepped - found));
-    counts.residual = std::max(counts.residual, pads.report().force_residual);
-    if (counts.held && pads.contact_count() == 0) {
+    counts.failed = !pinch->step(t, r.dt);
+    counts.step_ms.push_back(1000 * (thread_seconds() - start));
+    counts.residual = std::max(counts.residual, pinch->report().pads.force_residual);
+    counts.stretch = std::max(counts.stretch, pinch->stretch());
+    if (counts.held && pinch->contact_count() == 0) {
       counts.held = false;
       lost_at = t;
     }
     if (counts.held) {
-      if (!counts.marked && t >= 0.3) pads.mark();
+      if (!counts.marked && t >= 0.3) pinch->mark();
       counts.marked = t >= 0.3;
-      counts.slip = std::max(counts.slip, pads.slip());
-      counts.sample_slip = std::max(counts.sample_slip, pads.sample_slip());
-      counts.force = pads.normal_force(r.dt);
-      counts.use = pads.friction_use();
+      counts.slip = std::max(counts.slip, pinch->slip());
+      counts.sample_slip = std::max(counts.sample_slip, pinch->sample_slip());
+      counts.force = pinch->normal_force(r.dt);
+      counts.use = pinch->friction_use();
     }
     if (!r.out.empty()) {
       const Points none(3, 0);
-      page.add_frame(state.positions, none, none, pads.places(), pads.forces(r.dt));
+      page.add_frame(pinch->state().positions, none, none, pinch->places(), pinch->forces(r.dt));
     }
     progress.show(frame + 1, frames);
   }
@@ -131,15 +127,16 @@ int main(int argc, char** argv) {
   counts.held = counts.held && counts.slip < 0.01;
   nlohmann::ordered_json j;
   j["status"] = counts.failed ? "failed" : counts.held ? "held" : "lost";
-  j["vertices"] = network.vertex_count();
+  j["vertices"] = pinch->state().positions.cols();
   j["slip_max_mm"] = known(1000 * counts.slip, counts.marked);
   j["sample_slip_max_mm"] = known(1000 * counts.sample_slip, counts.marked);
   j["normal_force_N"] = counts.force;
   j["friction_use"] = counts.use;
   j["solver_residual_max_N"] = counts.residual;
-  j["sheet_ms_median"] = quantile(counts.sheet_ms, 0.5);
-  j["contact_ms_median"] = quantile(counts.contact_ms, 0.5);
-  j["contact_ms_p99"] = quantile(counts.contact_ms, 0.99);
+  j["stretch_max"] = counts.stretch;
+  j["tip_error_max_mm"] = known(1000 * pinch->tip_error(), r.motion.pads == "hand");
+  j["step_ms_median"] = quantile(counts.step_ms, 0.5);
+  j["step_ms_p99"] = quantile(counts.step_ms, 0.99);
   j["material"] = material.name;
   for (const auto& [key, value] : j.items())
     page.scene().figures.emplace_back(key, figure_text(value));

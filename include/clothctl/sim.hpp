@@ -2,6 +2,8 @@
 
 // Everything in clothctl/sim.
 
+#include "clothctl/sim/contact_summary.hpp"
+#include "clothctl/sim/hand_setup.hpp"
 #include "clothctl/sim/pad_contacts.hpp"
 #include "clothctl/sim/rigid_bodies.hpp"
 #include "clothctl/sim/rigid_setup.hpp"

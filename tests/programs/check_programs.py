@@ -142,14 +142,16 @@ def check_runs(programs, folder):
               f"tear {model}: exit {code}: {text}")
         check(code == 0 and is_page(out / "player.html"),
               f"tear {model}: player.html is not self-contained")
-    for force, status in ((3.3, "held"), (0.15, "lost")):
-        out = folder / f"pinch-{status}"
+    for pads, force, status in (("paths", 3.3, "held"), ("paths", 0.15, "lost"),
+                                ("gripper", 3.3, "held"), ("gripper", 0.15, "lost"),
+                                ("hand", 3.3, "held")):
+        out = folder / f"pinch-{pads}-{status}"
         code, text, _ = run(programs / "pinch", "--cloth", 13, "--seconds", 1.5, "--amplitude",
-                            0.05, "--force", force, "--json", "--out", out)
+                            0.05, "--pads", pads, "--force", force, "--json", "--out", out)
         figures = json.loads(text) if code == 0 else {}
         check(code == 0 and figures["status"] == status
               and figures["solver_residual_max_N"] < 1e-6,
-              f"pinch {force} N: exit {code}: {text}")
+              f"pinch {pads} {force} N: exit {code}: {text}")
         check(status == "lost" or (figures.get("slip_max_mm") or 9) < 2,
               f"pinch: slip of {figures.get('slip_max_mm')} mm")
         check(code == 0 and is_page(out / "player.html"),
@@ -230,7 +232,7 @@ def check_simulate_runs(programs, folder):
                               0.4, "--pin", "none", "--start", "level", "--seconds", 1.5, "--material",
                               still, "--obstacle", "sphere:0,-0.2,-0.12,0.1", "--obstacle",
                               "box:0,-0.2,-0.32,1,1,0.1", "--friction", 0.6, "--out", folder / "touch")
-        check(touching["contacts_max"] >= 10 and touching["nonfinite"] == 0
+        check(touching["contacts_max"] >= 5 and touching["nonfinite"] == 0
               and touching["penetration_max_m"] < 0.02 and touching["self_crossings"] == 0,
               f"simulate --obstacle {model}: {touching}")
         check(0 <= touching["momentum_residual"] < 1e-9, f"simulate --obstacle {model}: {touching}")

@@ -38,6 +38,7 @@
 #include "clothctl/cloth/detail/spring_forces.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/detail/step_solver.hpp"
+#include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
@@ -62,6 +63,9 @@ class MassSpring {
   /// All memory of a step, made by `make_workspace`. A step refuses one that was made for
   /// another structure.
   using Workspace = detail::MassSpringWorkspace<Scalar>;
+
+  /// How a sheet of this model answers to impulses after its step.
+  using Impulses = MassSpringImpulses<Scalar>;
 
   /// Makes a model of a network and analyses the step matrix once. Allocates. Fails when:
   /// `network.validate()` or `settings.validate()` finds a fault, a pinned vertex is off the mesh,

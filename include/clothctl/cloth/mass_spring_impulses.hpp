@@ -18,10 +18,16 @@
 #include <string>
 #include <vector>
 
-#include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/concepts/impulse_response.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/report.hpp"
+#include "clothctl/core/result.hpp"
+#include "clothctl/linalg/block_cholesky.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
+
+template <RealScalar S>
+class MassSpring;  // its header includes this one
 
 /// The answer of a mass-spring sheet to impulses at its touched vertices. Models ImpulseResponse.
 /// Driven and pinned vertices do not move. What the step did to bound the energy does not take the

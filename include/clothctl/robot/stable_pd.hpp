@@ -176,6 +176,16 @@ class StablePd {
 
   /// Returns the settings.
   const StablePdSettings<Scalar>& settings() const { return settings_; }
+  /// Changes the time step (s) of the coming solves. Returns false, and changes nothing, when it is
+  /// not finite and positive.
+  bool set_time_step(const Scalar& dt) {
+    if (!is_finite(dt) || !(Scalar(0) < dt)) return false;
+    settings_.dt = dt;
+    return true;
+  }
+  /// The diagonal (nv) that the last solve added to the mass matrix: h kd, or h kd + h² kp with
+  /// PdForm::Implicit; 0 where a torque is at its limit. ArticulatedResponse takes it.
+  const VectorX<Scalar>& diagonal() const { return diagonal_; }
 
   /// Returns the velocity coordinates whose damping is too low at positions q (nq), empty when the
   /// gains are stable (with PdForm::Implicit always). With too little damping the motion oscillates

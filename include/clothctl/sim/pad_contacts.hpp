@@ -11,8 +11,7 @@
 // - Sticking: triangle and weights stay. From the places at the start of the step,
 //   g = n_i·(x_i - p_i) and s_i is the part of x_i - p_i across the normal.
 // - Sliding: the sheet has moved on. w is where the line from p_i + s_i along n_i meets it, s_i
-// being
-//   what the solver left at the limit of friction, in the frame of the pad.
+//   being what the solver left at the limit of friction, in the frame of the pad.
 // - Lost: the gap is above `release`, or the line does not meet the sheet. It is open again.
 //
 // The impulse acts at x_i on both sides, so that a pad and a sheet that turn together do not load
@@ -42,6 +41,30 @@ struct PadSample {
   Vector3<Scalar> position = Vector3<Scalar>::Constant(Scalar(0));
   /// Outward unit normal.
   Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
+};
+
+/// A contact of a pad with a sheet, to be read.
+template <RealScalar Scalar>
+struct PadContact {
+  /// The sheet, and the sample of the pad.
+  int sheet = 0, sample = 0;
+  /// The triangle of the sheet that is touched.
+  std::array<int, 3> vertex{-1, -1, -1};
+  /// The weights of its corners.
+  Vector3<Scalar> weight = Vector3<Scalar>(Scalar(1), Scalar(0), Scalar(0));
+  /// Where it is touched at the start of the step, m (world).
+  Vector3<Scalar> place = Vector3<Scalar>::Constant(Scalar(0));
+  /// The pad's unit normal.
+  Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
+  /// The impulse on the sheet in the whole step, N s.
+  Vector3<Scalar> impulse = Vector3<Scalar>::Constant(Scalar(0));
+  /// What it did in the step.
+  ContactState state = ContactState::Open;
+  /// The way of the sheet on the pad from where it stuck at the end of the step, m: the shear of
+  /// the pad.
+  Vector3<Scalar> offset = Vector3<Scalar>::Constant(Scalar(0));
+  /// How far it has slid since it closed, m.
+  Scalar slid = Scalar(0);
 };
 
 /// What a pad is made of, and when it touches.
@@ -77,6 +100,21 @@ struct PadSettings {
     return {};
   }
 };
+
+/// Returns an empty string, or what is wrong with the samples of a pad.
+template <RealScalar Scalar>
+std::string validate_pad_samples(std::span<const PadSample<Scalar>> samples) {
+  using std::abs;
+  if (samples.empty()) return "the pad has no samples";
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const std::string name = "sample " + std::to_string(i) + " of the pad";
+    if (!all_finite(samples[i].position) || !all_finite(samples[i].normal))
+      return name + " is not finite";
+    if (Scalar(1e-4) < abs(samples[i].normal.squaredNorm() - Scalar(1)))
+      return name + " has a normal that is not of length one";
+  }
+  return {};
+}
 
 /// Finds and remembers the contacts of one sheet with one pad. `create` allocates all memory.
 template <RealScalar Scalar>
@@ -117,6 +155,20 @@ class PadContacts {
   }
   /// Keeps what the solver wrote to the contacts. Call it after each solve.
   void keep();
+  /// Keeps what it remembers now, for `restore`. Never allocates.
+  void save() { saved_ = memory_; }
+  /// Goes back to what `save` kept; the contacts are those of the next `update`. Never allocates.
+  void restore() {
+    memory_ = saved_;
+    active_.clear();
+    sample_.clear();
+  }
+  /// The vertices that contact k touches.
+  const std::array<int, 3>& vertices(std::size_t k) const { return memory_[sample_[k]].triangle; }
+  /// The sample that contact k is of.
+  std::size_t sample(std::size_t k) const { return sample_[k]; }
+  /// Number of contacts of this step.
+  std::size_t contact_count() const { return active_.size(); }
 
   /// Returns the way that the sheet has slid under sample i since it closed, m.
   Scalar slid(std::size_t i) const { return memory_[i].slid; }
@@ -165,7 +217,7 @@ class PadContacts {
   Index vertices_;
   int sheet_, pad_;
   Matrix3<Scalar> R_world_pad_ = Matrix3<Scalar>::Identity();
-  std::vector<Memory> memory_;
+  std::vector<Memory> memory_, saved_;
   Points<Scalar> places_;
   std::vector<ContactSample<Scalar>> active_;
   std::vector<std::size_t> sample_;  // of each contact
@@ -177,15 +229,8 @@ auto PadContacts<Scalar>::create(std::vector<PadSample<Scalar>> samples,
                                  std::vector<std::array<int, 3>> triangles,
                                  const SheetContactFinder<Scalar>& finder, int sheet, int pad,
                                  const PadSettings<Scalar>& settings) -> Result<PadContacts> {
-  using std::abs;
-  if (samples.empty()) return Error{"the pad has no samples"};
-  for (std::size_t i = 0; i < samples.size(); ++i) {
-    const std::string name = "sample " + std::to_string(i) + " of the pad";
-    if (!all_finite(samples[i].position) || !all_finite(samples[i].normal))
-      return Error{name + " is not finite"};
-    if (Scalar(1e-4) < abs(samples[i].normal.squaredNorm() - Scalar(1)))
-      return Error{name + " has a normal that is not of length one"};
-  }
+  if (std::string bad = validate_pad_samples<Scalar>(samples); !bad.empty())
+    return Error{std::move(bad)};
   if (static_cast<Index>(triangles.size()) != finder.triangle_count())
     return Error{"the pad gets " + std::to_string(triangles.size()) +
                  " triangles, its finder has " + std::to_string(finder.triangle_count())};
@@ -213,6 +258,7 @@ PadContacts<Scalar>::PadContacts(std::vector<PadSample<Scalar>> samples,
       sheet_(sheet),
       pad_(pad),
       memory_(samples_.size()),
+      saved_(samples_.size()),
       places_(Points<Scalar>::Constant(3, static_cast<Index>(samples_.size()), Scalar(0))),
       overlap_(finder.make_overlap()) {
   active_.reserve(samples_.size());

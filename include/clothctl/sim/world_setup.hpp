@@ -6,8 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/contact/contact_solver.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/status.hpp"
+#include "clothctl/sim/hand_setup.hpp"
 #include "clothctl/sim/rigid_setup.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -53,13 +55,13 @@ struct WorldSettings {
 /// What a step of a world did.
 template <RealScalar Scalar>
 struct WorldReport {
-  /// Converged; IterationLimit: advanced, but a sheet, a body or the layers have not settled: see
-  /// the other entries. Any other status is that of sheet `sheet`, or of the bodies where that is
-  /// -1; sheets, bodies and obstacles then are as before the step, and contacts of sheets are
-  /// forgotten.
+  /// Converged; IterationLimit: advanced, but a sheet, a pad, a body or the layers have not
+  /// settled: see the other entries. Any other status is that of sheet `sheet`, of hand `hand`, of
+  /// the pads where `pads` says so, else of the bodies; everything then is as before the step, but
+  /// contacts of sheets with obstacles are forgotten.
   StepStatus status = StepStatus::Converged;
-  /// The sheet that `status` is about.
-  int sheet = -1;
+  /// The sheet or the hand that `status` is about.
+  int sheet = -1, hand = -1;
   /// Whether the world was advanced.
   bool advanced = false;
   /// Contacts of sheets with obstacles and bodies that transmit a force, and pairs of layers.
@@ -72,6 +74,10 @@ struct WorldReport {
   int crossings = 0;
   /// False when there was not room for all contacts of a sheet.
   bool complete = true;
+  /// The contacts of pads.
+  ContactReport<Scalar> pads = {};
+  /// The last hand whose controller did not end with PdStatus::Solved, and how it ended.
+  PdReport control = {};
   /// The bodies.
   RigidStepReport<Scalar> bodies = {};
 };

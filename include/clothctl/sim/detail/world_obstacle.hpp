@@ -36,6 +36,8 @@ class WorldObstacle {
   }
 
   CollisionGroups groups;
+  /// The hand that carries it and the frame there, or -1.
+  int hand = -1, frame = -1;
 };
 
 /// An obstacle of a shape.

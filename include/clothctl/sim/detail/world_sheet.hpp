@@ -4,6 +4,7 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/sim/detail/sheet_side.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -25,6 +27,16 @@ class WorldSheet {
   /// The network of the model, and its pinned vertices.
   virtual const SpringNetwork<Scalar>& network() const = 0;
   virtual const std::vector<int>& pinned() const = 0;
+
+  /// Makes room for vertices that pads touch. Allocates. Returns an empty string, or why it cannot.
+  virtual std::string reserve_touched(Index vertices) = 0;
+  /// Prepares `side` for the vertices, after a step.
+  virtual StepStatus attach(std::span<const int> vertices) = 0;
+  /// The answer to impulses at the vertices, and the number of a vertex there.
+  virtual ImpulseResponseRef<Scalar> side() = 0;
+  virtual int point(int vertex) const = 0;
+  /// Takes what impulses changed in `side` within a step of `dt` s.
+  virtual void take_side(const Scalar& dt) = 0;
 
   /// Lists the contacts of a step of `dt` s.
   QueryStatus find_contacts(const Scalar& dt) {
@@ -95,9 +107,19 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
   const SpringNetwork<Scalar>& network() const override { return model_.network(); }
   const std::vector<int>& pinned() const override { return model_.settings().pinned; }
 
+  std::string reserve_touched(Index vertices) override { return side_.create(model_, vertices); }
+  StepStatus attach(std::span<const int> vertices) override {
+    return side_.attach(vertices, this->state, ws_,
+                        [this](VectorX<Scalar>& out) { this->write_inverse_masses(out); });
+  }
+  ImpulseResponseRef<Scalar> side() override { return side_.side(); }
+  int point(int vertex) const override { return side_.point(vertex); }
+  void take_side(const Scalar& dt) override { side_.take(dt); }
+
  private:
   Model model_;
   typename Model::Workspace ws_;
+  SheetSide<Model> side_;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

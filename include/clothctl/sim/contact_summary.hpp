@@ -1,0 +1,67 @@
+#pragma once
+
+// What a planner of contact forces needs to know of the contacts of a sheet in a world, after a
+// step: the outer forces f_e on its vertices, and which vertices a finger holds. Both read
+// `World::contacts` and `World::pad_contacts`.
+
+#include <algorithm>
+#include <span>
+#include <vector>
+
+#include "clothctl/sim/world.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+namespace detail {
+
+/// Calls visit(vertex, weight, impulse, state) for each vertex of each contact of a sheet with a
+/// carrier for which `wanted(carrier)`; the impulse (N s) is that of the contact.
+template <RealScalar Scalar, class Wanted, class Visit>
+void for_each_touched(const World<Scalar>& world, int sheet, Wanted wanted, Visit visit) {
+  const auto corners = [&](const auto& vertex, const auto& weight, const auto& contact) {
+    for (std::size_t k = 0; k < 3 && vertex[k] >= 0; ++k)
+      visit(vertex[k], weight[static_cast<Index>(k)], contact.impulse, contact.state);
+  };
+  for (const ObstacleContact<Scalar>& c : world.contacts(sheet)) {
+    if (c.state != ContactState::Open && wanted(c.obstacle))
+      corners(c.point.vertex, c.point.weight, c);
+  }
+  for (int pad = 0; pad < world.pad_count(); ++pad) {
+    if (!wanted(world.pad_carrier(pad))) continue;
+    for (const PadContact<Scalar>& c : world.pad_contacts(pad)) {
+      if (c.sheet == sheet && c.state != ContactState::Open) corners(c.vertex, c.weight, c);
+    }
+  }
+}
+
+}  // namespace detail
+
+/// Adds the forces (N) that obstacles, bodies and pads exerted on a sheet in the last step, of `dt`
+/// s in one part, to `forces` (3×vertices). `except` names obstacles, and bodies as -1 - b, whose
+/// forces do not count: those that are planned. Never allocates.
+template <RealScalar Scalar>
+void add_contact_forces(const World<Scalar>& world, int sheet, const Scalar& dt,
+                        std::span<const int> except, Eigen::Ref<Points<Scalar>> forces) {
+  detail::for_each_touched(
+      world, sheet,
+      [&](int carrier) { return std::find(except.begin(), except.end(), carrier) == except.end(); },
+      [&](int v, const Scalar& weight, const Vector3<Scalar>& impulse, ContactState) {
+        forces.col(v) += (weight / dt) * impulse;
+      });
+}
+
+/// Adds the vertices of a sheet that stuck to obstacle `carrier`, or to body b with -1 - b, in the
+/// last step to `vertices`, each once: those with at least a fifth of a contact's weight. They are
+/// the static contacts of a finger. Allocates as push_back does.
+template <RealScalar Scalar>
+void add_static_contacts(const World<Scalar>& world, int sheet, int carrier,
+                         std::vector<int>& vertices) {
+  detail::for_each_touched(
+      world, sheet, [&](int number) { return number == carrier; },
+      [&](int v, const Scalar& weight, const Vector3<Scalar>&, ContactState state) {
+        if (state != ContactState::Stick || weight < Scalar(0.2)) return;
+        if (std::find(vertices.begin(), vertices.end(), v) == vertices.end()) vertices.push_back(v);
+      });
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,0 +1,95 @@
+#pragma once
+
+// How a sheet within a world answers to the impulses of pads, after its step. A model that names a
+// type `Impulses`, as MassSpring does, answers through the matrix of its step; any other with the
+// masses of its touched vertices alone, and its own sweeps of the next step spread what they got.
+
+#include <cstddef>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/contact/impulse_responses.hpp"
+#include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/report.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// The answer of a sheet by the masses of its vertices.
+template <class Model>
+class SheetSide {
+ public:
+  using Scalar = typename Model::Scalar;
+
+  /// Makes room for `capacity` touched vertices. Allocates. Returns an empty string, or why it
+  /// cannot.
+  std::string create(const Model& model, Index capacity) {
+    const Index n = model.vertex_count();
+    response_ = ParticleResponse<Scalar>(capacity);
+    inverse_masses_ = VectorX<Scalar>::Constant(n, Scalar(0));
+    before_ = Points<Scalar>::Constant(3, n, Scalar(0));
+    point_.assign(static_cast<std::size_t>(n), -1);
+    touched_.reserve(static_cast<std::size_t>(capacity));
+    return {};
+  }
+  /// Takes the vertices that are touched in a step that ended with `state`; `write_masses` writes
+  /// the inverse masses of all.
+  template <class WriteMasses>
+  StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
+                    typename Model::Workspace&, WriteMasses write_masses) {
+    for (const int v : touched_) point_[static_cast<std::size_t>(v)] = -1;
+    touched_.assign(vertices.begin(), vertices.end());
+    for (std::size_t i = 0; i < touched_.size(); ++i)
+      point_[static_cast<std::size_t>(touched_[i])] = static_cast<int>(i);
+    write_masses(inverse_masses_);
+    state_ = &state;
+    const QueryStatus status = response_.gather(vertices, inverse_masses_, state.velocities);
+    return status == QueryStatus::Answered ? StepStatus::Converged : StepStatus::InvalidState;
+  }
+  int point(int vertex) const { return point_[static_cast<std::size_t>(vertex)]; }
+  ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(response_); }
+  /// Moves the vertices by what the impulses changed in a step of `dt` s.
+  void take(const Scalar& dt) {
+    for (const int v : touched_) before_.col(v) = state_->velocities.col(v);
+    (void)response_.scatter(touched_, state_->velocities);
+    for (const int v : touched_)
+      state_->positions.col(v) += dt * (state_->velocities.col(v) - before_.col(v));
+  }
+
+ private:
+  ParticleResponse<Scalar> response_;
+  VectorX<Scalar> inverse_masses_;
+  Points<Scalar> before_;
+  std::vector<int> touched_, point_;
+  ClothState<Scalar>* state_ = nullptr;
+};
+
+/// The answer of a sheet by its step matrix.
+template <class Model>
+requires requires { typename Model::Impulses; }
+class SheetSide<Model> {
+ public:
+  using Scalar = typename Model::Scalar;
+
+  std::string create(const Model& model, Index capacity) {
+    Result<typename Model::Impulses> made = Model::Impulses::create(model, capacity);
+    if (!made) return made.error();
+    impulses_.emplace(std::move(made).value());
+    return {};
+  }
+  template <class WriteMasses>
+  StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
+                    typename Model::Workspace& ws, WriteMasses) {
+    return impulses_->attach(vertices, state, ws);
+  }
+  int point(int vertex) const { return impulses_->point(vertex); }
+  ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(*impulses_); }
+  void take(const Scalar&) {}
+
+ private:
+  std::optional<typename Model::Impulses> impulses_;
+};
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,348 @@
+#pragma once
+
+// The soft pads of a world: each with each sheet that it may touch. Their contacts are solved
+// together after the sheets have made their step, with sheets, hands, bodies and moving obstacles
+// as the sides of one problem (contact/contact_solver.hpp). Sides and their points are listed anew
+// in every step: a side is there when it is touched, and a point of what carries pads is a contact.
+
+#include <algorithm>
+#include <cstddef>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/contact/contact_solver.hpp"
+#include "clothctl/contact/impulse_responses.hpp"
+#include "clothctl/sim/detail/world_parts.hpp"
+#include "clothctl/sim/pad_contacts.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// All pads of a world.
+template <RealScalar Scalar>
+class WorldGrips {
+ public:
+  /// A pad: the number of the obstacle that carries it, or -1 - b for body b.
+  struct Pad {
+    int carrier;
+    std::vector<PadSample<Scalar>> samples;
+    PadSettings<Scalar> settings;
+  };
+
+  /// Adds a pad whose samples and settings are valid. Allocates.
+  int add(Pad pad) {
+    pads_.push_back(std::move(pad));
+    told_.emplace_back();
+    return pad_count() - 1;
+  }
+  int pad_count() const { return static_cast<int>(pads_.size()); }
+  int carrier(int pad) const { return pads_[static_cast<std::size_t>(pad)].carrier; }
+  /// Whether something carries a pad.
+  bool carries(int carrier) const {
+    return std::any_of(pads_.begin(), pads_.end(),
+                       [&](const Pad& pad) { return pad.carrier == carrier; });
+  }
+
+  /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
+  /// wrong.
+  std::string prepare(WorldParts<Scalar>& parts);
+  /// Finds the contacts of a sheet, whose finder is up to date, with all pads. Returns false where
+  /// a motion is not valid.
+  bool find(WorldParts<Scalar>& parts, int sheet);
+  /// Begins a step, of one or more parts: impulses are summed over them.
+  void begin() {
+    for (Touch& t : touches_) {
+      for (Vector3<Scalar>& sum : t.impulse) sum.setConstant(Scalar(0));
+    }
+  }
+  /// Finds impulses within a part of `dt` s and gives them to all sides.
+  ContactReport<Scalar> solve(WorldParts<Scalar>& parts, const Scalar& dt);
+
+  /// The contacts of a pad in the last solve.
+  std::span<const PadContact<Scalar>> contacts(int pad) const {
+    return told_[static_cast<std::size_t>(pad)];
+  }
+  void save() {
+    for (Touch& t : touches_) t.contacts.save();
+  }
+  void restore() {
+    for (Touch& t : touches_) t.contacts.restore();
+  }
+
+ private:
+  /// A pad with a sheet.
+  struct Touch {
+    int pad, sheet, carrier;  // place in carriers_
+    PadContacts<Scalar> contacts;
+    std::vector<Vector3<Scalar>> impulse;  // of each sample in the step so far
+  };
+  /// What carries pads: an obstacle, moved by a hand or not, or a body.
+  struct Carrier {
+    int number;
+    int side;  // place in carrier_sides_
+  };
+  /// A side of the problem that carries pads: a hand, a body, or an obstacle that no impulse moves.
+  struct CarrierSide {
+    int hand, body, obstacle;  // one is not negative
+    std::vector<int> frames;
+    Points<Scalar> points;
+    Index count;
+    KinematicResponse<Scalar> kinematic;
+    std::vector<RigidBodyResponse<Scalar>> rigid;  // one, of a body
+  };
+
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  int add_side(WorldParts<Scalar>& parts, int carrier);
+  RigidMotion<Scalar> motion(const WorldParts<Scalar>& parts, int carrier) const {
+    if (carrier < 0) return parts.bodies.motion(-1 - carrier);
+    return parts.obstacles[index(carrier)]->motion();
+  }
+  /// Lists contacts, and the points of what carries pads.
+  void list_contacts(WorldParts<Scalar>& parts);
+  /// Lists the sides that are touched, and names them in the contacts. Returns false where one
+  /// refuses.
+  bool list_sides(WorldParts<Scalar>& parts);
+  bool attach(WorldParts<Scalar>& parts, CarrierSide& side);
+  /// Takes what impulses changed in the sides.
+  void take(WorldParts<Scalar>& parts, const Scalar& dt);
+  void tell();
+
+  std::vector<Pad> pads_;
+  std::vector<Touch> touches_;
+  std::vector<Carrier> carriers_;
+  std::vector<CarrierSide> sides_;
+  std::vector<std::vector<int>> touched_;  // vertices of each sheet
+  std::vector<int> sheet_place_, side_place_;
+  std::vector<ImpulseResponseRef<Scalar>> list_;
+  std::vector<ContactSample<Scalar>> contacts_;
+  std::vector<std::vector<PadContact<Scalar>>> told_;
+  ContactSolver<Scalar> solver_;
+};
+
+template <RealScalar Scalar>
+int WorldGrips<Scalar>::add_side(WorldParts<Scalar>& parts, int carrier) {
+  const int hand = carrier < 0 ? -1 : parts.obstacles[index(carrier)]->hand;
+  const bool body = carrier < 0 && Scalar(0) < parts.bodies.mass(-1 - carrier);
+  for (std::size_t k = 0; k < sides_.size(); ++k) {
+    const CarrierSide& side = sides_[k];
+    if (hand >= 0 ? side.hand == hand : side.obstacle == carrier) return static_cast<int>(k);
+  }
+  CarrierSide side{hand,
+                   body ? -1 - carrier : -1,
+                   hand < 0 ? carrier : -1,
+                   {},
+                   {},
+                   0,
+                   KinematicResponse<Scalar>(),
+                   {}};
+  if (body) {
+    side.rigid.push_back(RigidBodyResponse<Scalar>::create(parts.bodies.mass(side.body),
+                                                           parts.bodies.inertia(side.body))
+                             .value());
+  }
+  sides_.push_back(std::move(side));
+  return static_cast<int>(sides_.size()) - 1;
+}
+
+template <RealScalar Scalar>
+std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
+  touches_.clear();
+  carriers_.clear();
+  sides_.clear();
+  touched_.assign(parts.sheets.size(), {});
+  std::size_t most = 0;
+  for (int pad = 0; pad < pad_count(); ++pad) {
+    const Pad& p = pads_[index(pad)];
+    told_[index(pad)].reserve(p.samples.size() * parts.sheets.size());
+    carriers_.push_back({p.carrier, add_side(parts, p.carrier)});
+    for (std::size_t s = 0; s < parts.sheets.size(); ++s) {
+      const WorldSheet<Scalar>& sheet = *parts.sheets[s];
+      if (!parts.meet(s, p.carrier)) continue;
+      Result<PadContacts<Scalar>> made = PadContacts<Scalar>::create(
+          p.samples, sheet.network().triangles, sheet.finder, 0, 0, p.settings);
+      if (!made) return "pad " + std::to_string(pad) + ": " + made.error();
+      touches_.push_back({pad, static_cast<int>(s), pad, std::move(made).value(),
+                          std::vector<Vector3<Scalar>>(p.samples.size())});
+      touched_[s].reserve(touched_[s].capacity() + 3 * p.samples.size());
+      most += p.samples.size();
+    }
+  }
+  for (std::size_t s = 0; s < parts.sheets.size(); ++s) {
+    const std::size_t room = touched_[s].capacity();
+    if (room == 0) continue;
+    const std::string bad = parts.sheets[s]->reserve_touched(static_cast<Index>(room));
+    if (!bad.empty()) return "sheet " + std::to_string(s) + ": " + bad;
+  }
+  contacts_.reserve(most);
+  list_.reserve(parts.sheets.size() + sides_.size());
+  sheet_place_.assign(parts.sheets.size(), -1);
+  side_place_.assign(sides_.size(), -1);
+  for (CarrierSide& side : sides_) {
+    side.points = Points<Scalar>::Constant(3, static_cast<Index>(most), Scalar(0));
+    side.frames.reserve(most);
+    side.kinematic = KinematicResponse<Scalar>(static_cast<Index>(most));
+    if (side.hand >= 0) parts.hands[index(side.hand)]->reserve(static_cast<Index>(most));
+    for (RigidBodyResponse<Scalar>& rigid : side.rigid) (void)rigid.set_points(side.points);
+  }
+  if (most > 0) solver_.reserve(static_cast<Index>(most), static_cast<Index>(3 * most));
+  return {};
+}
+
+template <RealScalar Scalar>
+bool WorldGrips<Scalar>::find(WorldParts<Scalar>& parts, int sheet) {
+  for (Touch& t : touches_) {
+    if (t.sheet != sheet) continue;
+    const RigidMotion<Scalar> now = motion(parts, carriers_[index(t.carrier)].number);
+    if (t.contacts.update(now, parts.sheets[index(sheet)]->finder) != QueryStatus::Answered)
+      return false;
+  }
+  return true;
+}
+
+template <RealScalar Scalar>
+void WorldGrips<Scalar>::list_contacts(WorldParts<Scalar>& parts) {
+  contacts_.clear();
+  for (std::vector<int>& list : touched_) list.clear();
+  for (CarrierSide& side : sides_) {
+    side.count = 0;
+    side.frames.clear();
+  }
+  for (Touch& t : touches_) {
+    t.contacts.add_touched(touched_[index(t.sheet)]);
+    const Carrier& carrier = carriers_[index(t.carrier)];
+    CarrierSide& side = sides_[index(carrier.side)];
+    const std::span<ContactSample<Scalar>> now = t.contacts.contacts();
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      const int point = static_cast<int>(side.count++);
+      side.points.col(point) = t.contacts.places().col(static_cast<Index>(t.contacts.sample(k)));
+      if (side.hand >= 0) side.frames.push_back(parts.obstacles[index(carrier.number)]->frame);
+      contacts_.push_back(now[k]);
+      contacts_.back().b.point = {point, -1, -1};
+    }
+  }
+}
+
+template <RealScalar Scalar>
+bool WorldGrips<Scalar>::attach(WorldParts<Scalar>& parts, CarrierSide& side) {
+  const auto points = side.points.leftCols(side.count);
+  if (side.hand >= 0) {
+    WorldHand<Scalar>& hand = *parts.hands[index(side.hand)];
+    if (hand.attach(side.frames, points) != ArticulatedStatus::Updated) return false;
+    list_.push_back(hand.side());
+    return true;
+  }
+  const RigidMotion<Scalar> now = motion(parts, side.obstacle);
+  if (side.body >= 0) {
+    RigidBodyResponse<Scalar>& rigid = side.rigid.front();
+    parts.bodies.wake(side.body);
+    list_.push_back(ImpulseResponseRef<Scalar>(rigid));
+    return rigid.set_motion(now).empty() && rigid.set_points(points) == QueryStatus::Answered;
+  }
+  list_.push_back(ImpulseResponseRef<Scalar>(side.kinematic));
+  return side.kinematic.set_motion(now).empty() &&
+         side.kinematic.set_points(points) == QueryStatus::Answered;
+}
+
+template <RealScalar Scalar>
+bool WorldGrips<Scalar>::list_sides(WorldParts<Scalar>& parts) {
+  list_.clear();
+  for (std::size_t s = 0; s < touched_.size(); ++s) {
+    sheet_place_[s] = static_cast<int>(list_.size());
+    if (touched_[s].empty()) continue;
+    WorldSheet<Scalar>& sheet = *parts.sheets[s];
+    if (sheet.attach(touched_[s]) != StepStatus::Converged) return false;
+    list_.push_back(sheet.side());
+  }
+  for (std::size_t k = 0; k < sides_.size(); ++k) {
+    side_place_[k] = static_cast<int>(list_.size());
+    if (sides_[k].count > 0 && !attach(parts, sides_[k])) return false;
+  }
+  std::size_t next = 0;
+  for (const Touch& t : touches_) {
+    const WorldSheet<Scalar>& sheet = *parts.sheets[index(t.sheet)];
+    for (std::size_t k = 0; k < t.contacts.contact_count(); ++k) {
+      ContactSample<Scalar>& c = contacts_[next++];
+      c.a.side = sheet_place_[index(t.sheet)];
+      c.b.side = side_place_[index(carriers_[index(t.carrier)].side)];
+      for (int& point : c.a.point) point = sheet.point(point);
+    }
+  }
+  return true;
+}
+
+template <RealScalar Scalar>
+void WorldGrips<Scalar>::take(WorldParts<Scalar>& parts, const Scalar& dt) {
+  for (std::size_t s = 0; s < touched_.size(); ++s) {
+    if (!touched_[s].empty()) parts.sheets[s]->take_side(dt);
+  }
+  for (const CarrierSide& side : sides_) {
+    if (side.hand >= 0 && side.count > 0) parts.hands[index(side.hand)]->take_side();
+  }
+  std::size_t next = 0;
+  for (Touch& t : touches_) {
+    const Carrier& carrier = carriers_[index(t.carrier)];
+    const CarrierSide& side = sides_[index(carrier.side)];
+    for (ContactSample<Scalar>& kept : t.contacts.contacts()) {
+      const ContactSample<Scalar>& c = contacts_[next++];
+      const std::size_t k = static_cast<std::size_t>(&kept - t.contacts.contacts().data());
+      t.impulse[t.contacts.sample(k)] += c.impulse;
+      kept.impulse = c.impulse;
+      kept.offset = c.offset;
+      kept.state = c.state;
+      if (side.body < 0) continue;
+      const Vector3<Scalar> back = Scalar(-1) * c.impulse;
+      (void)parts.bodies.apply_impulse(side.body, back, side.points.col(c.b.point[0]));
+    }
+    t.contacts.keep();
+  }
+}
+
+template <RealScalar Scalar>
+void WorldGrips<Scalar>::tell() {
+  for (std::vector<PadContact<Scalar>>& list : told_) list.clear();
+  for (Touch& t : touches_) {
+    const std::span<ContactSample<Scalar>> now = t.contacts.contacts();
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      const std::size_t sample = t.contacts.sample(k);
+      PadContact<Scalar> c;
+      c.sheet = t.sheet;
+      c.sample = static_cast<int>(sample);
+      c.vertex = t.contacts.vertices(k);
+      c.weight = now[k].a.weight;
+      c.place = t.contacts.places().col(static_cast<Index>(sample));
+      c.normal = now[k].normal;
+      c.impulse = t.impulse[sample];
+      c.state = now[k].state;
+      c.offset = now[k].offset;
+      c.slid = t.contacts.slid(sample);
+      told_[index(t.pad)].push_back(c);
+    }
+  }
+}
+
+template <RealScalar Scalar>
+ContactReport<Scalar> WorldGrips<Scalar>::solve(WorldParts<Scalar>& parts, const Scalar& dt) {
+  ContactReport<Scalar> report;
+  list_contacts(parts);
+  if (!contacts_.empty()) {
+    report.status = ContactStatus::InvalidInput;
+    if (!list_sides(parts)) return report;
+    const std::span<const ImpulseResponseRef<Scalar>> sides(list_);
+    report = solver_.solve(contacts_, dt, sides);
+    const bool found =
+        report.status == ContactStatus::Solved || report.status == ContactStatus::NotConverged;
+    if (!found) return report;
+    const ContactStatus applied = solver_.apply(contacts_, sides);
+    if (applied != ContactStatus::Solved) {
+      report.status = applied;
+      return report;
+    }
+    take(parts, dt);
+  }
+  tell();
+  return report;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

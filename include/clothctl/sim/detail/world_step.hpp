@@ -1,0 +1,350 @@
+#pragma once
+
+// A step of a world: its parts, in the order that world.hpp tells.
+
+#include <cmath>
+#include <cstddef>
+#include <string>
+#include <vector>
+
+#include "clothctl/sim/detail/world_grips.hpp"
+#include "clothctl/sim/detail/world_layers.hpp"
+#include "clothctl/sim/detail/world_parts.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// What a world consists of, and the memory of its steps.
+template <RealScalar S>
+class WorldStep {
+ public:
+  using Scalar = S;
+  using Report = WorldReport<Scalar>;
+
+  explicit WorldStep(const WorldSettings<Scalar>& s) : parts(s.bodies), settings(s) {}
+
+  /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
+  /// wrong.
+  std::string prepare();
+  /// Advances everything by `dt` s.
+  Report step(const Scalar& dt, const ExecutorRef& executor);
+  /// Gives the shapes of links the motion of their frames.
+  void move_links();
+
+  WorldParts<Scalar> parts;
+  WorldGrips<Scalar> grips;
+  WorldSettings<Scalar> settings;
+  /// False after something was added.
+  bool prepared = false;
+  /// The contacts of each sheet in the last step.
+  std::vector<std::vector<ObstacleContact<Scalar>>> contacts;
+
+ private:
+  using Sheet = WorldSheet<Scalar>;
+  using Obstacle = WorldObstacle<Scalar>;
+
+  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+
+  /// Lists the obstacles and bodies that a sheet may touch.
+  void list_obstacles(std::size_t sheet);
+  /// A part of a step.
+  bool advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor, Report& report);
+  bool step_hands(const Scalar& dt, const Scalar& rest, Report& report);
+  bool step_sheet(int number, const Scalar& dt, const Scalar& share, Report& report);
+  /// Gives bodies and hands the impulses of a sheet's contacts.
+  void push_back(const Sheet& sheet, const Scalar& dt);
+  bool solve_pads(const Scalar& dt, Report& report);
+  void keep_layers_apart(const Scalar& dt, Report& report);
+  /// Solves the bodies, and gives hands what bodies press on their links.
+  bool finish_bodies(const ExecutorRef& executor, Report& report);
+  bool move_all(const Scalar& dt, Report& report);
+  /// Wakes bodies that a moving obstacle may touch within a step of `dt` s.
+  void wake_bodies(const Scalar& dt);
+  void save();
+  void restore();
+
+  int substeps_ = 1;
+  WorldLayers<Scalar> layers_;
+  std::vector<Vector3<Scalar>> body_impulse_;
+
+  /// What a failed step goes back to.
+  std::vector<ClothState<Scalar>> saved_states_;
+  std::vector<RigidMotion<Scalar>> saved_motions_;
+  std::vector<HandState<Scalar>> saved_hands_;
+  RigidBodiesState<Scalar> saved_bodies_;
+};
+
+template <RealScalar S>
+void WorldStep<S>::list_obstacles(std::size_t number) {
+  Sheet& sheet = *parts.sheets[number];
+  sheet.obstacles.clear();
+  sheet.obstacle_number.clear();
+  const auto add = [&](const ColliderRef<Scalar>& collider, int k) {
+    if (!parts.meet(number, k) || grips.carries(k)) return;
+    sheet.obstacles.push_back(collider);
+    sheet.obstacle_number.push_back(k);
+  };
+  for (std::size_t k = 0; k < parts.obstacles.size(); ++k)
+    add(parts.obstacles[k]->collider(), static_cast<int>(k));
+  for (int b = 0; b < parts.bodies.body_count(); ++b) add(parts.bodies.collider(b), -1 - b);
+}
+
+template <RealScalar S>
+std::string WorldStep<S>::prepare() {
+  const std::size_t bodies = parts.body_groups.size();
+  if (bodies != index(parts.bodies.body_count())) return "a body was added elsewhere";
+  substeps_ = 1;
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
+    list_obstacles(i);
+    if (substeps_ < parts.setups[i].substeps) substeps_ = parts.setups[i].substeps;
+  }
+  body_impulse_.resize(bodies);
+  saved_motions_.resize(parts.obstacles.size());
+  saved_states_.resize(parts.sheets.size());
+  saved_hands_.resize(parts.hands.size());
+  const std::size_t room = 32 * (bodies + 1);
+  parts.bodies.reserve(room);
+  saved_bodies_ = parts.bodies.state();
+  saved_bodies_.contacts.reserve(room);
+  const std::string bad = grips.prepare(parts);
+  return bad.empty() ? layers_.prepare(parts.sheets, parts.setups, settings.sheet_friction) : bad;
+}
+
+template <RealScalar S>
+void WorldStep<S>::save() {
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) saved_states_[i] = parts.sheets[i]->state;
+  for (std::size_t i = 0; i < parts.obstacles.size(); ++i)
+    saved_motions_[i] = parts.obstacles[i]->motion();
+  for (std::size_t i = 0; i < parts.hands.size(); ++i) saved_hands_[i] = parts.hands[i]->state;
+  grips.save();
+  saved_bodies_ = parts.bodies.state();
+}
+
+template <RealScalar S>
+void WorldStep<S>::restore() {
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
+    parts.sheets[i]->state = saved_states_[i];
+    parts.sheets[i]->contacts.clear();
+  }
+  for (std::size_t i = 0; i < parts.obstacles.size(); ++i)
+    (void)parts.obstacles[i]->set_motion(saved_motions_[i]);
+  (void)parts.bodies.restore(saved_bodies_);
+  for (std::size_t i = 0; i < parts.hands.size(); ++i) {
+    parts.hands[i]->state = saved_hands_[i];
+    parts.hands[i]->update_frames();
+  }
+  grips.restore();
+}
+
+template <RealScalar S>
+WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor) {
+  Report report;
+  report.status = StepStatus::InvalidInput;
+  if (!is_finite(dt) || !(Scalar(0) < dt) || !settings.bodies.validate().empty()) return report;
+  if (!prepared) {
+    if (!prepare().empty()) return report;
+    prepared = true;
+  }
+  report.status = StepStatus::Converged;
+  save();
+  grips.begin();
+  for (int part = 0; part < substeps_; ++part) {
+    // Driven vertices go an equal part of what is left of their way.
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(substeps_ - part));
+    if (!advance(dt / Scalar(static_cast<double>(substeps_)), share, executor, report)) {
+      restore();
+      report.advanced = false;
+      return report;
+    }
+  }
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
+    const auto list = parts.sheets[i]->contacts.contacts();
+    contacts[i].assign(list.begin(), list.end());
+    for (ObstacleContact<Scalar>& c : contacts[i])
+      c.obstacle = parts.sheets[i]->obstacle_number[index(c.obstacle)];
+  }
+  report.advanced = true;
+  return report;
+}
+
+template <RealScalar S>
+bool WorldStep<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
+                           Report& report) {
+  report.contacts = report.layers = 0;
+  wake_bodies(dt);
+  const StepStatus predicted = parts.bodies.predict(dt);
+  if (predicted != StepStatus::Converged) {
+    report.status = predicted;
+    return false;
+  }
+  if (!step_hands(dt, Scalar(dt / share - dt), report)) return false;
+  layers_.begin(parts.sheets);
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
+    report.sheet = static_cast<int>(i);
+    if (!step_sheet(report.sheet, dt, share, report)) return false;
+    push_back(*parts.sheets[i], dt);
+  }
+  report.sheet = -1;
+  for (const auto& hand : parts.hands) hand->take_impulses();
+  if (!solve_pads(dt, report)) return false;
+  keep_layers_apart(dt, report);
+  return finish_bodies(executor, report) && move_all(dt, report);
+}
+
+template <RealScalar S>
+bool WorldStep<S>::step_hands(const Scalar& dt, const Scalar& rest, Report& report) {
+  for (std::size_t i = 0; i < parts.hands.size(); ++i) {
+    const PdReport told = parts.hands[i]->predict(dt, rest);
+    if (told.status == PdStatus::Solved) continue;
+    report.hand = static_cast<int>(i);
+    report.control = told;
+    if (told.status == PdStatus::Clipped) continue;
+    const bool input = told.status == PdStatus::InvalidInput || told.status == PdStatus::WrongSize;
+    report.status = input ? StepStatus::InvalidInput : StepStatus::NumericalFailure;
+    return false;
+  }
+  move_links();
+  return true;
+}
+
+template <RealScalar S>
+void WorldStep<S>::move_links() {
+  for (const auto& obstacle : parts.obstacles) {
+    if (obstacle->hand >= 0)
+      (void)obstacle->set_motion(parts.hands[index(obstacle->hand)]->frame_motion(obstacle->frame));
+  }
+}
+
+template <RealScalar S>
+bool WorldStep<S>::solve_pads(const Scalar& dt, Report& report) {
+  report.pads = grips.solve(parts, dt);
+  if (report.pads.status == ContactStatus::Solved) return true;
+  const bool found = report.pads.status == ContactStatus::NotConverged;
+  report.status = found ? StepStatus::IterationLimit : StepStatus::NumericalFailure;
+  return found;
+}
+
+template <RealScalar S>
+bool WorldStep<S>::finish_bodies(const ExecutorRef& executor, Report& report) {
+  parts.bodies.solve(executor);
+  report.bodies = parts.bodies.finish();
+  if (!report.bodies.advanced) {
+    report.status = report.bodies.status;
+    return false;
+  }
+  if (report.bodies.status != StepStatus::Converged) report.status = report.bodies.status;
+  for (const RigidContact<Scalar>& c : parts.bodies.contacts()) {
+    if (c.b >= 0 || !c.touches()) continue;
+    const Obstacle& obstacle = *parts.obstacles[index(-1 - c.b)];
+    if (obstacle.hand >= 0)
+      parts.hands[index(obstacle.hand)]->add_impulse(
+          obstacle.frame, c.position, Vector3<Scalar>(Scalar(-1) * c.sample.impulse));
+  }
+  for (const auto& hand : parts.hands) hand->take_impulses();
+  return true;
+}
+
+template <RealScalar S>
+bool WorldStep<S>::move_all(const Scalar& dt, Report& report) {
+  for (std::size_t i = 0; i < parts.hands.size(); ++i) {
+    if (parts.hands[i]->finish(dt)) continue;
+    report.hand = static_cast<int>(i);
+    report.status = StepStatus::NumericalFailure;
+    return false;
+  }
+  for (const auto& obstacle : parts.obstacles) {
+    if (obstacle->hand < 0) obstacle->move(dt);
+  }
+  move_links();
+  return true;
+}
+
+template <RealScalar S>
+bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share, Report& report) {
+  Sheet& sheet = *parts.sheets[index(number)];
+  if (sheet.find_contacts(dt) != QueryStatus::Answered || !grips.find(parts, number)) {
+    report.status = StepStatus::InvalidState;
+    return false;
+  }
+  report.complete = report.complete && sheet.contacts.complete();
+  const ClothInput<Scalar>* now = &sheet.input;
+  if (share < Scalar(1)) {
+    sheet.part = sheet.input;
+    const Index given = sheet.part.driven_positions.cols();
+    for (std::size_t k = 0; k < sheet.part.driven_vertices.size(); ++k) {
+      const int v = sheet.part.driven_vertices[k];
+      // The model refuses these.
+      if (v < 0 || v >= sheet.state.positions.cols() || given <= static_cast<Index>(k)) continue;
+      const Vector3<Scalar> from = sheet.state.positions.col(v);
+      auto to = sheet.part.driven_positions.col(static_cast<Index>(k));
+      to = from + share * (to - from);
+    }
+    now = &sheet.part;
+  }
+  const StepReport<Scalar> made = sheet.step(dt, *now);
+  if (made.status != StepStatus::Converged) report.status = made.status;
+  const ObstacleContactReport<Scalar>& told = sheet.contacts.report();
+  report.contacts += told.closed;
+  if (report.penetration < told.penetration) report.penetration = told.penetration;
+  if (report.force_residual < told.force_residual) report.force_residual = told.force_residual;
+  return made.advanced;
+}
+
+template <RealScalar S>
+void WorldStep<S>::push_back(const Sheet& sheet, const Scalar& dt) {
+  using std::sqrt;
+  for (Vector3<Scalar>& sum : body_impulse_) sum.setConstant(Scalar(0));
+  const auto for_each = [&](auto visit) {
+    for (const ObstacleContact<Scalar>& c : sheet.contacts.contacts()) {
+      if (c.state != ContactState::Open) visit(sheet.obstacle_number[index(c.obstacle)], c);
+    }
+  };
+  for_each([&](int number, const ObstacleContact<Scalar>& c) {
+    if (number < 0) body_impulse_[index(-1 - number)] -= c.impulse;
+  });
+  for_each([&](int number, const ObstacleContact<Scalar>& c) {
+    const Vector3<Scalar> back = Scalar(-1) * c.impulse, &at = c.point.surface.point;
+    if (number >= 0) {
+      const Obstacle& obstacle = *parts.obstacles[index(number)];
+      if (obstacle.hand >= 0)
+        parts.hands[index(obstacle.hand)]->add_impulse(obstacle.frame, at, back);
+      return;
+    }
+    // A sheet that lies on a sleeping body does not wake it.
+    const int b = -1 - number;
+    const Scalar gain = parts.bodies.inverse_mass(b) * sqrt(body_impulse_[index(b)].squaredNorm());
+    const Scalar fall = dt * sqrt(settings.bodies.gravity.squaredNorm());
+    if (parts.bodies.asleep(b) && gain < fall + settings.bodies.sleep_speed) return;
+    parts.bodies.apply_impulse(b, back, at);
+  });
+}
+
+template <RealScalar S>
+void WorldStep<S>::keep_layers_apart(const Scalar& dt, Report& report) {
+  const SheetImpactReport told = layers_.keep_apart(parts.sheets, dt);
+  report.layers = told.contacts;
+  report.crossings = told.crossings_left;
+  report.complete = report.complete && told.complete;
+  if (told.status != StepStatus::Converged) report.status = StepStatus::IterationLimit;
+  layers_.for_each_support(parts.sheets, [this](const Sheet& sheet,
+                                                const ObstacleContact<Scalar>& c,
+                                                const Vector3<Scalar>& impulse) {
+    const int body = -1 - sheet.obstacle_number[index(c.obstacle)];
+    if (body < 0 || !(Scalar(0) < impulse.squaredNorm()) || parts.bodies.asleep(body)) return;
+    parts.bodies.apply_impulse(body, Vector3<Scalar>(Scalar(-1) * impulse), c.point.surface.point);
+  });
+}
+
+template <RealScalar S>
+void WorldStep<S>::wake_bodies(const Scalar& dt) {
+  for (const auto& obstacle : parts.obstacles) {
+    if (!obstacle->moves()) continue;
+    const BoundingBox<Scalar> box = obstacle->collider().bounds(dt);
+    for (int b = 0; b < parts.bodies.body_count(); ++b) {
+      if (parts.bodies.asleep(b) && obstacle->groups.meets(parts.body_groups[index(b)]) &&
+          box.overlaps(parts.bodies.collider(b).bounds(Scalar(0))))
+        parts.bodies.wake(b);
+    }
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI::detail

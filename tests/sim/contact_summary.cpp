@@ -1,0 +1,46 @@
+// The contacts of a sheet as a planner needs them.
+
+#include "clothctl/sim/contact_summary.hpp"
+
+#include <cmath>
+#include <set>
+#include <vector>
+
+#include "support/catch.hpp"
+#include "support/pads.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+TEST_CASE("outer forces are those that balance the weight of a held sheet", "[sim]") {
+  GrippedSheet held(9, 3);
+  const double weight = 9.81 * hanging_sheet(9).network().mass.sum();
+  for (int i = 0; i < 500; ++i) REQUIRE(held.world.step(0.02).advanced);
+  Points<double> f = Points<double>::Zero(3, 81);
+  add_contact_forces<double>(held.world, 0, 0.02, {}, f);
+  const Vector3<double> sum = f.rowwise().sum();
+  CHECK(std::abs(sum.z() - weight) < 0.01 * weight);
+  CHECK((sum - held.impulse() / 0.02).norm() < 1e-12);
+  // Without one finger, its force is missing.
+  const std::vector<int> except{held.world.pad_carrier(0)};
+  f.setZero();
+  add_contact_forces<double>(held.world, 0, 0.02, except, f);
+  CHECK(f.row(1).sum() == Approx(-3).epsilon(0.01));
+}
+
+TEST_CASE("static contacts are the vertices at a finger, each once", "[sim]") {
+  GrippedSheet held(9, 3);
+  for (int i = 0; i < 50; ++i) REQUIRE(held.world.step(0.02).advanced);
+  std::vector<int> vertices;
+  for (int pad = 0; pad < 2; ++pad)
+    add_static_contacts(held.world, 0, held.world.pad_carrier(pad), vertices);
+  CHECK(!vertices.empty());
+  CHECK(std::set<int>(vertices.begin(), vertices.end()).size() == vertices.size());
+  for (const int v : vertices) {
+    const Vector3<double> x = held.world.state(0).positions.col(v);
+    CHECK((x - held.at).norm() < 0.06);  // cells of 37.5 mm
+  }
+  vertices.clear();
+  add_static_contacts(held.world, 0, 99, vertices);
+  CHECK(vertices.empty());
+}

@@ -1,0 +1,31 @@
+// What a hand starts with and is driven by.
+
+#include "clothctl/sim/hand_setup.hpp"
+
+#include "support/catch.hpp"
+#include "support/pads.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+TEST_CASE("a hand begins where its set-up says, and is driven to stay there", "[sim]") {
+  World<double> world;
+  HandSetup<double> setup;
+  setup.positions = Eigen::Vector3d(0.1, -0.2, 0.3);
+  setup.control = StablePdSettings<double>::uniform(3);
+  setup.control.dt = 123;  // the world's step counts
+  const int hand = world.add_hand(two_fingers(), setup).value();
+  CHECK(world.drive(hand).target == setup.positions);
+  CHECK(world.drive(hand).target_velocity.isZero());
+  CHECK(world.drive(hand).torque.isZero());
+  CHECK(world.hand(hand).velocities.isZero());
+  for (int i = 0; i < 100; ++i) REQUIRE(world.step(0.01).advanced);
+  CHECK((world.hand(hand).positions - setup.positions).norm() < 1e-12);
+  HandState<double> thrown = world.hand(hand);
+  thrown.velocities = Eigen::Vector3d(1, 0, 0);
+  CHECK(world.set_hand(hand, thrown));
+  CHECK(world.hand(hand).velocities == thrown.velocities);
+  thrown.positions = Eigen::Vector2d(0, 0);
+  CHECK(!world.set_hand(hand, thrown));
+  CHECK(world.hand(hand).positions == setup.positions);
+}

@@ -1,0 +1,200 @@
+// Soft pads of a world: held by a gripper, by bodies, on given paths.
+
+#include "clothctl/sim/detail/world_grips.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+#include "support/pads.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+namespace {
+
+using Vec = Vector3<double>;
+
+}  // namespace
+
+TEST_CASE("a gripper that presses hard enough holds the sheet, with its weight", "[sim]") {
+  GrippedSheet held(9, 3);
+  const double weight = 9.81 * hanging_sheet(9).network().mass.sum();
+  for (int i = 0; i < 500; ++i) {
+    const WorldReport<double> report = held.world.step(0.02);
+    if (report.status != StepStatus::Converged || !report.advanced) FAIL("step " << i);
+    if (report.pads.force_residual > 1e-7) FAIL("residual " << report.pads.force_residual);
+  }
+  const Vec force = held.impulse() / 0.02;
+  CHECK(std::abs(force.z() - weight) < 0.01 * weight);
+  CHECK(std::abs(force.y()) < 0.01 * weight);
+  for (int pad = 0; pad < 2; ++pad) {
+    double normal = 0;
+    for (const auto& c : held.world.pad_contacts(pad)) normal += c.impulse.dot(c.normal) / 0.02;
+    CHECK(std::abs(normal - 3) < 0.02);  // the force of the finger
+  }
+  CHECK(std::abs(held.world.hand(0).velocities[1]) < 1e-4);
+  CHECK(held.world.torques(0)[1] == Approx(0).margin(0.01));  // the drive's torque presses alone
+}
+
+TEST_CASE("a gripper that presses too little loses the sheet, at the limit of friction", "[sim]") {
+  const double weight = 9.81 * hanging_sheet(9).network().mass.sum();
+  GrippedSheet lost(9, 0.3 * weight, 0.5);  // 2 μ F is 0.3 of the weight
+  double worst = 0;
+  int sliding = 0;
+  for (int i = 0; i < 100; ++i) {
+    if (!lost.world.step(0.01).advanced) FAIL("step " << i);
+    if (lost.world.pad_contacts(0).empty()) break;
+    for (int pad = 0; pad < 2; ++pad) {
+      for (const auto& c : lost.world.pad_contacts(pad)) {
+        if (c.state != ContactState::Slip) continue;
+        const double normal = c.impulse.dot(c.normal);
+        const double across = (c.impulse - normal * c.normal).norm();
+        if (normal > 1e-9) worst = std::max(worst, std::abs(across / (0.5 * normal) - 1));
+        ++sliding;
+      }
+    }
+  }
+  CHECK(sliding > 10);
+  CHECK(worst < 1e-6);
+  CHECK(lost.world.pad_contacts(0).empty());
+}
+
+TEST_CASE("momentum of a sheet and bodies with pads is kept without gravity", "[sim]") {
+  WorldSettings<double> settings;
+  settings.bodies.gravity.setZero();
+  World<double> world(settings);
+  const Vec at = add_hanging_sheet(world, 9, Vec::Zero());
+  for (const double side : {1.0, -1.0}) {
+    RigidBodySetup<double> ball{ConvexShape<double>::sphere(0.01).value()};
+    ball.mass = 0.02;
+    ball.motion.position = at - side * Vec(0, 0.0095, 0);
+    ball.motion.velocity = Vec(0.3, side * 0.2, -0.1);
+    const int body = world.add_body(ball).value();
+    (void)world.add_pad(-1 - body, pad_samples(side, side * Vec(0, 0.01, 0))).value();
+  }
+  const VectorX<double> mass = hanging_sheet(9).network().mass;
+  const auto momentum = [&] {
+    Vec p = world.state(0).velocities * mass;
+    for (int b = 0; b < 2; ++b) p += 0.02 * world.bodies().motion(b).velocity;
+    return p;
+  };
+  const Vec before = momentum();
+  double pushed = 0, touched = 0;
+  for (int i = 0; i < 60; ++i) {
+    const WorldReport<double> report = world.step(0.005);
+    if (!report.advanced) FAIL("step " << i);
+    for (int pad = 0; pad < 2; ++pad) {
+      for (const auto& c : world.pad_contacts(pad)) {
+        pushed += c.impulse.norm();
+        ++touched;
+      }
+    }
+  }
+  CHECK(touched > 50);
+  CHECK((momentum() - before).norm() <= 1e-9 * pushed);
+}
+
+TEST_CASE("pads on a path carry the sheet, and a path through all substeps is the same", "[sim]") {
+  for (const int parts : {1, 4}) {
+    World<double> world;
+    WorldSheetSetup<double> setup;
+    setup.substeps = parts;
+    const Vec at = add_hanging_sheet(world, 9, Vec(0, 0, -9.81), setup);
+    for (const double side : {1.0, -1.0}) {
+      RigidMotion<double> motion;
+      motion.position = at + side * Vec(0, 0.0015, 0);
+      motion.velocity = Vec(0.1, 0, 0.05);
+      if (side < 0) motion.R_world_body = rotation_exp<double>(Vec(0, 0, std::acos(-1.0)));
+      const int carrier = world.add_obstacle(pad_ball(), motion).value();
+      (void)world.add_pad(carrier, pad_samples()).value();
+    }
+    double slid = 0;  // from the sudden start
+    for (int i = 0; i < 200; ++i) {
+      if (!world.step(0.01).advanced) FAIL("step " << i);
+      if (i == 60) slid = world.pad_contacts(0)[0].slid;
+    }
+    REQUIRE(world.pad_contacts(0).size() == 4);
+    CHECK(world.pad_contacts(0)[0].slid - slid < 1e-5);
+    for (const auto& c : world.pad_contacts(0)) {
+      CHECK(c.state == ContactState::Stick);
+      CHECK((c.place - at - 1.99 * Vec(0.1, 0, 0.05)).norm() < 0.008);
+    }
+  }
+}
+
+TEST_CASE("the impulse of a pad is that of the whole step, in any number of parts", "[sim]") {
+  const double weight = 9.81 * hanging_sheet(9).network().mass.sum();
+  for (const int parts : {1, 5}) {
+    WorldSheetSetup<double> setup;
+    setup.substeps = parts;
+    GrippedSheet held(9, 3, 0.6, setup);
+    for (int i = 0; i < 500; ++i) REQUIRE(held.world.step(0.02).advanced);
+    CHECK(std::abs(held.impulse().z() / 0.02 - weight) < 0.01 * weight);
+  }
+}
+
+TEST_CASE("a step with pads and a hand never allocates, and repeats its bits", "[sim]") {
+  std::vector<Points<double>> ends;
+  for (int run = 0; run < 2; ++run) {
+    GrippedSheet held(9, 3);
+    REQUIRE(held.world.step(0.02).advanced);
+    const long before = allocations();
+    for (int i = 0; i < 50; ++i) {
+      held.world.drive(0).target[0] = 0.001 * i;
+      if (!held.world.step(0.02).advanced) FAIL("step " << i);
+    }
+    const long made = allocations() - before;
+    if (allocation_counting_works()) CHECK(made == 0);
+    ends.push_back(held.world.state(0).positions);
+  }
+  CHECK(ends[0] == ends[1]);
+}
+
+TEST_CASE("pads and hands that are not valid are refused by name", "[sim]") {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  World<double> world;
+  CHECK(world.add_pad(0, pad_samples()).error().find("number 0") != std::string::npos);
+  CHECK(world.add_pad(-1, pad_samples()).error().find("number -1") != std::string::npos);
+  const int ball = world.add_obstacle(pad_ball()).value();
+  CHECK(world.add_pad(ball, {}).error() == "pad 0 has the pad has no samples");
+  auto bad = pad_samples();
+  bad[2].normal *= 2;
+  CHECK(world.add_pad(ball, bad).error().find("sample 2") != std::string::npos);
+  PadSettings<double> settings;
+  settings.friction = nan;
+  CHECK(world.add_pad(ball, pad_samples(), settings).error().find("friction") != std::string::npos);
+  HandSetup<double> hand;
+  CHECK(world.add_hand(two_fingers(), hand).error().find("3 finite positions") !=
+        std::string::npos);
+  hand.positions = Eigen::Vector3d(0, nan, 0);
+  CHECK(world.add_hand(two_fingers(), hand).error().find("3 finite positions") !=
+        std::string::npos);
+  hand.positions.setZero();
+  CHECK(world.add_hand(two_fingers(), hand).error().find("kp") != std::string::npos);
+  CHECK(world.add_link_shape(0, 1, pad_ball()).error() == "no hand 0");
+  hand.control = StablePdSettings<double>::uniform(3);
+  (void)world.add_hand(two_fingers(), hand).value();
+  CHECK(world.add_link_shape(0, 99, pad_ball()).error() == "hand 0 has no frame 99");
+  CHECK(world.pad_count() == 0);
+}
+
+TEST_CASE("a target that is not finite changes nothing", "[sim]") {
+  GrippedSheet held(9, 3);
+  for (int i = 0; i < 20; ++i) REQUIRE(held.world.step(0.02).advanced);
+  const Points<double> x = held.world.state(0).positions;
+  const VectorX<double> q = held.world.hand(0).positions;
+  held.world.drive(0).target[0] = std::numeric_limits<double>::quiet_NaN();
+  const WorldReport<double> report = held.world.step(0.02);
+  CHECK(!report.advanced);
+  CHECK(report.status == StepStatus::InvalidInput);
+  CHECK(report.hand == 0);
+  CHECK(held.world.state(0).positions == x);
+  CHECK(held.world.hand(0).positions == q);
+  held.world.drive(0).target = Eigen::Vector2d(0, 0);  // too short
+  CHECK(held.world.step(0.02).status == StepStatus::InvalidInput);
+  held.world.drive(0).target = Eigen::Vector3d::Zero();
+  CHECK(held.world.step(0.02).advanced);
+  CHECK(held.world.pad_contacts(0).size() == 4);  // still held
+}
