@@ -232,18 +232,18 @@ void PinchWorld::place_tips() {
 }
 
 void PinchWorld::reach(double t, clothctl::VectorX<double>& q) {
-  using Task = clothctl::IkTask<double>;
-  std::vector<Task> tasks;
+  using IkTask = clothctl::IkTask<double>;
+  std::vector<IkTask> tasks;
   const clothctl::Matrix3<double> turn =
       clothctl::rotation_exp<double>(Vector(0, motion_.twist * t, 0));
   for (std::size_t k = 0; k < 2; ++k) {
     const int frame = tree_.find_link(kTips[k]);
-    tasks.push_back(Task::position(frame, tip_[k], pose(k, t, 1).position));
+    tasks.push_back(IkTask::position(frame, tip_[k], pose(k, t, 1).position));
     if (R_tip_[k].isZero()) {
       tasks.push_back(
-          Task::pointing(frame, Vector(0, 0, -1), pose(k, t, 1).R_world_body.col(1), 0.002));
+          IkTask::pointing(frame, Vector(0, 0, -1), pose(k, t, 1).R_world_body.col(1), 0.002));
     } else {
-      tasks.push_back(Task::orientation(frame, turn * R_tip_[k], 0.002));
+      tasks.push_back(IkTask::orientation(frame, turn * R_tip_[k], 0.002));
     }
   }
   (void)ik_->solve(tree_, tasks, q, q);

@@ -106,6 +106,7 @@ TEST_CASE("forces of contacts obey Coulomb's law and start from the last ones", 
   Fixture f;
   const Vector3<double> n(0.6, 0, 0.8);
   f.contacts.contacts()[0].impulse = 0.01 * n;
+  f.contacts.contacts()[0].carried = 0.01 / kStep;
   auto springs = f.make();
   ObstacleContactReport<double> report;
   // At rest, with the gap closed: the remembered force stays as it is.
@@ -115,6 +116,7 @@ TEST_CASE("forces of contacts obey Coulomb's law and start from the last ones", 
   springs.take(Points<double>::Zero(3, 3));
   springs.store(Points<double>::Zero(3, 3), report);
   CHECK((f.contacts.contacts()[0].impulse - 0.01 * n).norm() < 1e-15);
+  CHECK(f.contacts.contacts()[0].carried == Approx(0.01 / kStep));
   CHECK(f.contacts.contacts()[0].state == ContactState::Stick);
   CHECK(f.contacts.contacts()[1].state == ContactState::Open);
   CHECK(report.closed == 1);

@@ -40,6 +40,10 @@ struct SheetContact {
   Vector3<Scalar> position = Vector3<Scalar>::Constant(Scalar(0));
   /// The collider's surface there.
   SurfacePoint<Scalar> surface;
+  /// How far the point may be deeper than the corners before it counts, m: the gain of the settings
+  /// there, 0 for a vertex. Whoever pushes the point out leaves it that deep, so that it presses no
+  /// harder the moment it is listed.
+  Scalar slack = Scalar(0);
 
   /// Returns the number of vertices that carry the point.
   int vertex_count() const { return vertex[1] < 0 ? 1 : (vertex[2] < 0 ? 2 : 3); }
@@ -54,8 +58,8 @@ struct SheetOverlap {
 /// Which points inside edges and triangles are looked for. Lengths in m.
 template <RealScalar Scalar>
 struct SheetContactSettings {
-  /// A point inside an edge or triangle is a contact only if it is deeper than the corners and
-  /// sides by this.
+  /// A point inside an edge or triangle counts as far as it is deeper than the corners and sides by
+  /// this (SheetContact::slack). It is listed from half of it on.
   Scalar gain = Scalar(2e-4);
   /// The depth of such a point is found to this, on convex colliders.
   Scalar tolerance = Scalar(1e-6);
@@ -64,11 +68,11 @@ struct SheetContactSettings {
   /// Features of colliders that are not convex are found inside edges and triangles down to this
   /// size, but not below 1/32 of a triangle or 1/64 of an edge. Smaller takes longer.
   Scalar feature = Scalar(0.015);
-  /// The gain, if larger, where the collider's normals at the corners differ by less than 25
-  /// degrees. The
-  /// thickness of the sheet is a good value: the chords of a coarse sheet may then dip that far
-  /// towards a round collider, whose contacts move from triangle to triangle and hold the sheet
-  /// less quietly than those of vertices.
+  /// The gain, if larger, where the collider's normals at the corners differ by less than 22
+  /// degrees; up to 28 degrees it goes over to the other gain. The thickness of the sheet is a good
+  /// value: the chords of a coarse sheet may then dip that far towards a round collider, whose
+  /// contacts move from triangle to triangle and hold the sheet less quietly than those of
+  /// vertices.
   Scalar smooth_gain = Scalar(0);
 
   /// Returns an empty string, or what is wrong.
@@ -172,16 +176,20 @@ class SheetContactFinder {
     return {s, t, q.distance, q.normal};
   }
   void add(const std::array<int, 3>& vertex, const Vector3<Scalar>& weight,
-           const Vector3<Scalar>& position, const SurfacePoint<Scalar>& surface) {
+           const Vector3<Scalar>& position, const SurfacePoint<Scalar>& surface,
+           const Scalar& slack = Scalar(0)) {
     if (contacts_.size() < contacts_.capacity())
-      contacts_.push_back({vertex, weight, position, surface});
+      contacts_.push_back({vertex, weight, position, surface, slack});
     else
       complete_ = false;
   }
   /// Returns the gain where the least cosine between normals at corners is `cosine`.
-  const Scalar& gain(const Scalar& cosine) const {
-    const bool smooth = Scalar(0.906) < cosine && settings_.gain < settings_.smooth_gain;
-    return smooth ? settings_.smooth_gain : settings_.gain;
+  Scalar gain(const Scalar& cosine) const {
+    if (!(settings_.gain < settings_.smooth_gain)) return settings_.gain;
+    Scalar share = (cosine - Scalar(0.88)) * Scalar(20);
+    if (share < Scalar(0)) share = Scalar(0);
+    if (Scalar(1) < share) share = Scalar(1);
+    return settings_.gain + share * (settings_.smooth_gain - settings_.gain);
   }
   const SurfacePoint<Scalar>& answer(int vertex) const {
     return answers_[static_cast<std::size_t>(slot_[static_cast<std::size_t>(vertex)])];
@@ -358,7 +366,8 @@ void SheetContactFinder<Scalar>::search_edge(const ColliderRef<Scalar>& collider
   const auto at = [&](const Scalar& s) {
     return evaluate(collider, Vector3<Scalar>(a + s * u), s, Scalar(0));
   };
-  Scalar highest = least - gain(at_a.normal.dot(at_b.normal));
+  const Scalar slack = gain(at_a.normal.dot(at_b.normal));
+  Scalar highest = least - Scalar(0.5) * slack;
   if (margin < highest) highest = margin;
   Deep low{Scalar(0), Scalar(0), at_a.distance, at_a.normal};
   const Deep end{Scalar(1), Scalar(0), at_b.distance, at_b.normal};
@@ -389,7 +398,7 @@ void SheetContactFinder<Scalar>::search_edge(const ColliderRef<Scalar>& collider
   edge_point_[static_cast<std::size_t>(edge)] = best;
   const Vector3<Scalar> x = a + best.s * u;
   add({ends[0], ends[1], -1}, Vector3<Scalar>(Scalar(1) - best.s, best.s, Scalar(0)), x,
-      detail::closest_of<Scalar>(collider, x));
+      detail::closest_of<Scalar>(collider, x), slack);
 }
 
 template <RealScalar Scalar>
@@ -424,7 +433,8 @@ void SheetContactFinder<Scalar>::search_inside(const ColliderRef<Scalar>& collid
     const Scalar turn = answer(part.vertex[i]).normal.dot(answer(part.vertex[(i + 1) % 3]).normal);
     if (turn < cosine) cosine = turn;
   }
-  Scalar highest = least - gain(cosine);
+  const Scalar slack = gain(cosine);
+  Scalar highest = least - Scalar(0.5) * slack;
   if (margin < highest) highest = margin;
   const auto at = [&](const Scalar& s, const Scalar& t) {
     return evaluate(collider, Vector3<Scalar>(a + s * u + t * v), s, t);
@@ -442,7 +452,7 @@ void SheetContactFinder<Scalar>::search_inside(const ColliderRef<Scalar>& collid
   if (!found) return;
   const Vector3<Scalar> x = a + best.s * u + best.t * v;
   add(part.vertex, Vector3<Scalar>(one - best.s - best.t, best.s, best.t), x,
-      detail::closest_of<Scalar>(collider, x));
+      detail::closest_of<Scalar>(collider, x), slack);
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

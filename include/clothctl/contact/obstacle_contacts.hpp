@@ -65,6 +65,9 @@ struct ObstacleContact {
   /// The way on the surface from where it stuck, m. A model whose friction has another memory
   /// leaves it 0.
   Vector3<Scalar> offset = Vector3<Scalar>::Constant(Scalar(0));
+  /// The part of the normal force that the next step starts from, N. A model that has no use for it
+  /// leaves it 0.
+  Scalar carried = Scalar(0);
   /// What it did in the last step.
   ContactState state = ContactState::Open;
   /// Number of steps that it has been closed for.
@@ -158,6 +161,7 @@ class ObstacleContacts {
   struct Memory {
     std::array<int, 4> key;
     Vector3<Scalar> force, offset;
+    Scalar carried;
     int age;
   };
 
@@ -194,7 +198,8 @@ void ObstacleContacts<Scalar>::remember() {
   memory_.clear();
   for (const ObstacleContact<Scalar>& contact : contacts_) {
     if (contact.state == ContactState::Open || !(Scalar(0) < dt_)) continue;
-    memory_.push_back({key_of(contact), contact.impulse / dt_, contact.offset, contact.age});
+    memory_.push_back(
+        {key_of(contact), contact.impulse / dt_, contact.offset, contact.carried, contact.age});
   }
   std::sort(memory_.begin(), memory_.end(),
             [](const Memory& a, const Memory& b) { return a.key < b.key; });
@@ -209,6 +214,7 @@ void ObstacleContacts<Scalar>::recall(ObstacleContact<Scalar>& contact, const Sc
   if (found == memory_.end() || found->key != key) return;
   contact.impulse = dt * found->force;
   contact.offset = found->offset;
+  contact.carried = found->carried;
   contact.age = found->age;
   contact.state = ContactState::Stick;
 }

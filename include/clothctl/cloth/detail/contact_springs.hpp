@@ -9,13 +9,13 @@
 //   t   = f⁰_t - k_t h u_t,    f_t = t  if |t| <= μ f_n  (it sticks),  else  μ f_n t/|t|  (it
 //   slips)
 //
-// That is one step of the method of multipliers with the penalty k: where nothing changes, the gap
-// goes to 0 and a contact that sticks does not move at all, whatever the load. k = κ m/h², with m
-// the mass of the point, κ = 20 (400 inside edges and triangles), and k_t = k/4: the first step
-// leaves 1/κ of the way that the point would go without contact, and each further step a like share
-// of the rest. Larger penalties take more rounds: 33×33 on a sphere at 60 Hz, 240 contacts, mean of
-// 4 s, steps in multiples of the free one: κ 100 (k_t = k) 6.3, 30 (0.3 k) 2.7, 10 (k) 2.2; depth
-// at impact (1.5 m/s) 0.9, 1.2, 2.4 mm.
+// k = κ m/h², with m the mass of the point, κ = 60 (400 inside edges and triangles), and k_t = k/4.
+// f⁰_t is the friction of the last step: a spring from where it stuck, so that a contact which
+// sticks does not creep. Along the normal, a share β = 0.1 of what the penalty adds is carried
+// over, f⁰_n + β (f_n - f⁰_n), so that the depth vanishes as a contact lasts, at any load. Carrying
+// all of it over (the method of multipliers, β = 1) is unstable where a point has to stop a mass M
+// of the sheet above κ m/β: the depth x then obeys M x''' + k (h x'' + x' + β x/h) = 0. Larger
+// penalties take more rounds.
 //
 // With the share γ = 1 (sticks) or μ f_n/|t| (slips) the forces of closed contacts are linear in v,
 //
@@ -49,6 +49,8 @@ struct ContactSpring {
   Triple<Scalar> normal, held_force, surface, force;
   /// 1/m, 1/kg.
   Scalar lightness;
+  /// Normal force of the last step, N.
+  Scalar expected;
   /// g without the part that a step may not push out, and all of it, m; k, N/m; μ; γ; the bound
   /// μ f_n of Newton's method, N.
   Scalar gap, true_gap, stiffness, friction, share, bound;
@@ -72,7 +74,9 @@ class ContactSprings {
 
   /// κ of vertices and of points inside edges and triangles, and k_t as a share of k. The latter
   /// points are on sharp obstacles, which few of them keep from piercing the sheet.
-  static constexpr double kPenalty = 20, kSharpPenalty = 400, kShare = 0.25;
+  static constexpr double kPenalty = 60, kSharpPenalty = 400, kShare = 0.25;
+  /// β.
+  static constexpr double kCarry = 0.1;
 
   /// Refers to the contacts of a step of `h` s of a sheet with these masses, and to memory with
   /// room for them.
@@ -92,7 +96,7 @@ class ContactSprings {
       Spring& s = springs_[i];
       classify(s, relative(i, v));
       // What the last step found is a better guess of the normal force than that of a free motion.
-      const Scalar known = dot(s.held_force, s.normal);
+      const Scalar known = s.expected;
       if (!s.closed || s.sticks || !(Scalar(0) < known)) continue;
       const Scalar across = norm(tangential(s, s.held_force));
       const Scalar limit = s.friction * known;
@@ -214,8 +218,11 @@ class ContactSprings {
       if (gap < -report.penetration) report.penetration = -gap;
       const Vec p = s.force * h_;
       c.impulse = Vector3<Scalar>(p.x, p.y, p.z);
+      const Scalar from = dot(s.held_force, s.normal);
+      c.carried = from + Scalar(kCarry) * (dot(s.force, s.normal) - from);
       if (!(Scalar(0) < squared_norm(s.force))) {
         c.state = ContactState::Open;
+        c.carried = Scalar(0);
         c.age = 0;
         continue;
       }
@@ -290,7 +297,7 @@ auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
   s.normal = triple<Scalar>(c.point.surface.normal);
   s.surface = triple<Scalar>(c.point.surface.velocity);
   s.friction = c.point.surface.friction;
-  s.true_gap = s.gap = c.point.surface.distance - settings.thickness;
+  s.true_gap = s.gap = c.point.surface.distance + c.point.slack - settings.thickness;
   const Scalar deepest = zero - settings.push_out_speed * h_;
   if (s.gap < deepest) s.gap = deepest;
   Scalar inverse = zero, most = zero;
@@ -310,7 +317,10 @@ auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
   const Scalar penalty = Scalar(p.vertex[1] < 0 ? kPenalty : kSharpPenalty);
   s.stiffness = moves ? Scalar(penalty / (inverse * h_ * h_)) : zero;
   // The normal turns from step to step; what would pull is dropped.
-  s.held_force = moves && zero < along ? before : Vec{zero, zero, zero};
+  s.held_force = Vec{zero, zero, zero};
+  if (moves && zero < along)
+    s.held_force = before + s.normal * ((zero < c.carried ? c.carried : zero) - along);
+  s.expected = along;
   s.force = Vec{zero, zero, zero};
   s.lightness = inverse;
   s.share = Scalar(1);

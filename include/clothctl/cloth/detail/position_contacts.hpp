@@ -42,8 +42,8 @@ struct ContactPlane {
   std::array<Scalar, 3> weight, share;
   std::array<int, 3> vertex;
   int count;
-  /// w, 1/kg; μ.
-  Scalar inverse_mass, friction;
+  /// w, 1/kg; μ; the distance of the point from the surface where it rests, m.
+  Scalar inverse_mass, friction, thickness;
   /// n; n·x of a point at the thickness; u_s.
   Triple<Scalar> normal, surface;
   Scalar level;
@@ -90,6 +90,7 @@ class PositionContacts {
     memory_.planes.clear();
     for (Contact& c : contacts_.contacts()) {
       memory_.planes.push_back(make(c, inverse_mass));
+      memory_.planes.back().thickness = thickness_ - c.point.slack;
       c.impulse.setConstant(Scalar(0));
       c.state = ContactState::Open;
     }
@@ -244,7 +245,7 @@ bool PositionContacts<S, kStride>::ask(std::size_t i, const Vec& x) {
     }
   }
   const Scalar distance = dot(plane.normal, y - plane.foot);
-  plane.level = dot(plane.normal, plane.foot + moved) + thickness_;
+  plane.level = dot(plane.normal, plane.foot + moved) + plane.thickness;
   return distance < Scalar(2) * thickness_;
 }
 

@@ -137,7 +137,7 @@ class StepSolver {
   static constexpr int kMostIterations = 12;
   static constexpr int kMostIncomplete = 300;
   static constexpr int kContactRounds = 8;
-  static constexpr double kContactTolerance = 1e-3;  // m/s
+  static constexpr double kContactTolerance = 2e-4;  // m/s
 
   /// The truncated form, from ws.velocity. `solves` counts the linear solves so far; `renew` is set
   /// when there is no factor yet.

@@ -64,8 +64,8 @@ class WorldSheet {
             c.point.vertex[k] < 0 ? -1 : static_cast<int>(first) + c.point.vertex[k];
       support.weight = c.point.weight;
       support.normal = there.normal;
-      support.level =
-          there.normal.dot(Vector3<Scalar>(there.point + dt * there.velocity)) + thickness;
+      support.level = there.normal.dot(Vector3<Scalar>(there.point + dt * there.velocity)) +
+                      thickness - c.point.slack;
       list.push_back(support);
     }
   }
