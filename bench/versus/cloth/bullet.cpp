@@ -5,33 +5,12 @@
 
 #include <algorithm>
 
+#include "../support/coloured.hpp"
 #include "engine.hpp"
 
 namespace {
 
 using namespace versus;
-
-/// Sorts edges into groups without a common vertex, by first fit. With rows of edges in their own
-/// order, Bullet's substeps gain energy and its sweeps wait for the vertex just written: less than
-/// half as fast.
-std::vector<Edge> coloured(const Sheet& sheet) {
-  std::vector<std::vector<Edge>> groups;
-  std::vector<std::vector<bool>> used;
-  for (const Edge& e : sheet.edges) {
-    const auto a = static_cast<std::size_t>(e.a), b = static_cast<std::size_t>(e.b);
-    std::size_t g = 0;
-    while (g < groups.size() && (used[g][a] || used[g][b])) ++g;
-    if (g == groups.size()) {
-      groups.emplace_back();
-      used.emplace_back(sheet.mass.size(), false);
-    }
-    groups[g].push_back(e);
-    used[g][a] = used[g][b] = true;
-  }
-  std::vector<Edge> out;
-  for (const std::vector<Edge>& group : groups) out.insert(out.end(), group.begin(), group.end());
-  return out;
-}
 
 /// One soft body in a world of its own, with one step of the world for each substep. Stiffness 1,
 /// no damping, no air, no collisions, no faces.
@@ -59,7 +38,9 @@ class Bullet final : public Engine {
       masses.push_back(held ? btScalar(0) : real(sheet.mass[static_cast<std::size_t>(i)]));
     }
     body_ = std::make_unique<btSoftBody>(&info, sheet.n(), places.data(), masses.data());
-    for (const Edge& e : coloured(sheet)) body_->appendLink(e.a, e.b);
+    // With rows of edges in their own order, Bullet's substeps gain energy and its sweeps wait for
+    // the vertex just written: less than half as fast.
+    for (const Edge& e : coloured(sheet.edges)) body_->appendLink(e.a, e.b);
     body_->m_materials[0]->m_kLST = 1;
     body_->m_cfg.piterations = setting.sweeps;
     body_->m_cfg.kDP = 0;
