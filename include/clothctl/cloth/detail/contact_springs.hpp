@@ -103,14 +103,17 @@ class ContactSprings {
   }
 
   /// Takes the forces of a solve that gave the velocities, and then sets states and shares by
-  /// these.
-  void update(const Points<Scalar>& v) {
+  /// these. With `opens`, contacts that pull open, and nothing else changes.
+  void update(const Points<Scalar>& v, bool opens = false) {
     force_change_ = velocity_change_ = Scalar(0);
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       Spring& s = springs_[i];
       const Vec u = relative(i, v);
       s.force = linear_force(s, u);
-      classify(s, u);
+      if (!opens)
+        classify(s, u);
+      else if (!(Scalar(0) < normal_force(s, u)))
+        s.closed = false;
       if (!(Scalar(0) < s.stiffness)) continue;
       const Scalar by = norm(linear_force(s, u) - s.force);
       const Scalar speed = by * h_ * s.lightness;
