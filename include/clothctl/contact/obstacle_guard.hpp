@@ -64,7 +64,7 @@ class ObstacleGuard {
     guard.mark_.assign(n, 0);
     guard.y_.setZero(3, vertices);
     guard.inverse_.setZero(vertices);
-    guard.impacts_.reserve(8 * n + 64);
+    guard.impacts_.reserve(2 * n + 256);
     return guard;
   }
 
@@ -98,9 +98,10 @@ class ObstacleGuard {
     Motion motion;
     Vec normal;
     Scalar level;
-    /// Multiplier along the normal, kg m; impulse of a vertex that goes with the obstacle, N s.
+    /// Multiplier along the normal, kg m.
     Scalar pressed;
-    Vec carried;
+    /// Whether it is a vertex that goes with the obstacle.
+    bool carried;
   };
 
   static Scalar length(const Vec& a) {
@@ -128,9 +129,13 @@ class ObstacleGuard {
   /// Returns the point of a triangle that is closest to an obstacle.
   static Deep deepest(const ColliderRef<Scalar>& part, const std::array<Vec, 3>& p,
                       const Scalar& tolerance);
+  /// Returns whether a point of the triangle may be closer than `way`, from the answers at its
+  /// corners.
+  bool reaches(const ColliderRef<Scalar>& part, const std::array<int, 3>& t,
+               const std::array<Vec, 3>& p, const Scalar& way) const;
   /// Follows a triangle. Returns true at an impact, with the closest point there.
   bool follow(const ColliderRef<Scalar>& part, std::array<Vec, 3> p, const std::array<Vec, 3>& r,
-              Deep& deep, Vec& foot, Scalar& target) const;
+              const Scalar& fastest, Deep& deep, Vec& foot, Scalar& target) const;
   static bool is_thin(const ColliderRef<Scalar>& part, const Vec& foot, const Vec& n,
                       const Scalar& depth) {
     return Scalar(-0.75) * depth <
@@ -139,7 +144,8 @@ class ObstacleGuard {
   void sweep();
   /// Lets the vertices of the impacts from `first` on go with their obstacles.
   void carry(std::size_t first, const Points<Scalar>& x, ObstacleGuardReport& report);
-  void store(ObstacleContacts<Scalar>& contacts) const;
+  void store(const Points<Scalar>& before, const VectorX<Scalar>& inverse_mass,
+             ObstacleContacts<Scalar>& contacts) const;
 
   std::vector<std::array<int, 3>> triangles_;
   std::vector<SurfacePoint<Scalar>> near_;
@@ -182,7 +188,7 @@ ObstacleGuardReport ObstacleGuard<S>::resolve(Obstacles obstacles, const Points<
     sweep();
   }
   if (impacts_.empty()) return report;
-  store(contacts);
+  store(state.positions, inverse_mass, contacts);
   for (Index v = 0; v < y_.cols(); ++v) {
     const Vec by = y_.col(v) - state.positions.col(v);
     if (!(Scalar(0) < by.squaredNorm())) continue;
@@ -280,17 +286,21 @@ int ObstacleGuard<S>::search_triangle(const ColliderRef<Scalar>& part, int obsta
     }
     if (apart) return 0;
   }
+  Scalar fastest(0);
+  for (const Vec& way : r) {
+    if (fastest < length(way)) fastest = length(way);
+  }
   Deep deep{};
   Vec foot;
   Scalar target(0);
-  if (!follow(part, p, r, deep, foot, target)) return 0;
+  if (!reaches(part, t, p, fastest) || !follow(part, p, r, fastest, deep, foot, target)) return 0;
   if (impacts_.size() == impacts_.capacity()) return 1;
   Impact impact{};
   impact.point.vertex = t;
   impact.point.weight = Vec(Scalar(1) - deep.s - deep.t, deep.s, deep.t);
   impact.obstacle = obstacle;
   impact.pressed = Scalar(0);
-  impact.carried.setZero();
+  impact.carried = false;
   impact.point.position.setZero();
   for (std::size_t k = 0; k < 3; ++k)
     impact.point.position += impact.point.weight[static_cast<Index>(k)] * p[k];
@@ -331,14 +341,34 @@ auto ObstacleGuard<S>::deepest(const ColliderRef<Scalar>& part, const std::array
 }
 
 template <RealScalar S>
-bool ObstacleGuard<S>::follow(const ColliderRef<Scalar>& part, std::array<Vec, 3> p,
-                              const std::array<Vec, 3>& r, Deep& deep, Vec& foot,
-                              Scalar& target) const {
-  const Scalar zero(0);
-  Scalar fastest = zero, time = zero, stop = zero;
-  for (const Vec& way : r) {
-    if (fastest < length(way)) fastest = length(way);
+bool ObstacleGuard<S>::reaches(const ColliderRef<Scalar>& part, const std::array<int, 3>& t,
+                               const std::array<Vec, 3>& p, const Scalar& way) const {
+  const Scalar zero(0), one(1);
+  const Vec u = p[1] - p[0], v = p[2] - p[0];
+  const std::array<std::array<Scalar, 2>, 3> all{std::array<Scalar, 2>{zero, zero},
+                                                 std::array<Scalar, 2>{one, zero},
+                                                 std::array<Scalar, 2>{zero, one}};
+  std::array<detail::DistanceBound<Scalar>, 6> known{};
+  for (std::size_t k = 0; k < 3; ++k) {
+    const SurfacePoint<Scalar>& q = near_[at(t[k])];
+    if (!(way < q.distance)) return true;
+    known[k] = known[k + 3] =
+        detail::bound_at<Scalar>(Deep{all[k][0], all[k][1], q.distance, q.normal}, u, v);
   }
+  const auto evaluate = [&](const Scalar& s, const Scalar& w) {
+    const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(part, Vec(p[0] + s * u + w * v));
+    return Deep{s, w, q.distance, q.normal};
+  };
+  Deep unused{};
+  return detail::search_triangle<Scalar>(evaluate, u, v, all, known, way, one, unused);
+}
+
+template <RealScalar S>
+bool ObstacleGuard<S>::follow(const ColliderRef<Scalar>& part, std::array<Vec, 3> p,
+                              const std::array<Vec, 3>& r, const Scalar& fastest, Deep& deep,
+                              Vec& foot, Scalar& target) const {
+  const Scalar zero(0);
+  Scalar time = zero, stop = zero;
   Scalar tolerance = Scalar(1e-3) * thickness_;
   for (int i = 0; i < kMostAdvances; ++i) {
     deep = deepest(part, p, tolerance);
@@ -414,10 +444,9 @@ void ObstacleGuard<S>::carry(std::size_t first, const Points<Scalar>& x,
       held.point.vertex = {v, -1, -1};
       held.point.weight = Vec(Scalar(1), Scalar(0), Scalar(0));
       held.point.position = x.col(v);
-      held.pressed = Scalar(0);
-      const Vec to = impact.motion.along(x.col(v));
-      held.carried = (to - Vec(y_.col(v))) / (inverse_[v] * h_);
-      y_.col(v) = to;
+      held.pressed = Scalar(0);  // what it receives is told by where it ends
+      held.carried = true;
+      y_.col(v) = impact.motion.along(x.col(v));
       inverse_[v] = Scalar(0);
       impacts_.push_back(held);
       ++report.zones;
@@ -426,9 +455,22 @@ void ObstacleGuard<S>::carry(std::size_t first, const Points<Scalar>& x,
 }
 
 template <RealScalar S>
-void ObstacleGuard<S>::store(ObstacleContacts<Scalar>& contacts) const {
+void ObstacleGuard<S>::store(const Points<Scalar>& before, const VectorX<Scalar>& inverse_mass,
+                             ObstacleContacts<Scalar>& contacts) const {
   for (const Impact& impact : impacts_) {
-    const Vec impulse = (impact.pressed / h_) * impact.normal + impact.carried;
+    Vec impulse = (impact.pressed / h_) * impact.normal;
+    if (impact.carried) {
+      // What moved the vertex, less its share of the impulses along normals.
+      const int v = impact.point.vertex[0];
+      impulse = Vec(y_.col(v) - before.col(v)) / (inverse_mass[v] * h_);
+      for (const Impact& other : impacts_) {
+        for (std::size_t k = 0; k < 3; ++k) {
+          if (other.point.vertex[k] != v) continue;
+          const Scalar& w = other.point.weight[static_cast<Index>(k)];
+          impulse -= (w * other.pressed / h_) * other.normal;
+        }
+      }
+    }
     if (Scalar(0) < impulse.squaredNorm()) contacts.add(impact.point, impact.obstacle, impulse);
   }
 }
