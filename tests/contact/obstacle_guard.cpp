@@ -171,8 +171,8 @@ TEST_CASE("a guard does not allocate, repeats, and refuses other sizes", "[conta
     CHECK(flight.state.positions == first);
     ClothState<double> other{Points<double>::Zero(3, 2), Points<double>::Zero(3, 2)};
     CHECK(flight.guard
-              .resolve(flight.obstacles, flight.before, flight.inverse_mass, kStep,
-                       flight.contacts, other)
+              .resolve(flight.obstacles, flight.before, flight.inverse_mass, kStep, flight.contacts,
+                       other)
               .impacts == 0);
     CHECK(other.positions.isZero());
   }

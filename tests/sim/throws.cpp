@@ -1,9 +1,9 @@
 // A sheet 1 mm thick and a finger, a needle or a plate edge-on, at up to 2 m/s, in a world: nothing
 // passes. The judge (support/throws.hpp) is brute force.
 
+#include "support/throws.hpp"
 #include "clothctl/sim/world.hpp"
 #include "support/sheet_on_obstacles.hpp"
-#include "support/throws.hpp"
 #include "support/tier.hpp"
 
 using namespace clothctl;

@@ -10,17 +10,13 @@
 // is its way as seen from the obstacle, with the rotation R about c and the velocity v of the
 // obstacle in the step h; they follow from the velocities of its surface at eight places.
 //
-//   1. Impacts. From the distance d(t) of the triangle and the normal n at its closest point, time
-//      advances by the larger of two safe bounds: (d - s)/max|r_i|, and the time until the plane
-//      across n no longer separates the triangle from the obstacle. It ends at t = 1, or as near
-//      as s, a tenth of the smaller of d(0) and the thickness: what was apart stays apart.
+//   1. Impacts are found by collision/triangle_sweep.hpp.
 //   2. The closest point at the impact then keeps n·Σ w_i p_i(1) >= a quarter of the thickness, by
 //      impulses along R n (Gauss-Seidel over all impacts so far). Search and sweeps alternate.
 //   3. What still passes after `kRounds` goes with the obstacle: r_i = 0.
 //
 // Only obstacles that are thin next to the way and the thickness need this; in others a point that
-// is too deep still knows the way out. A triangle that starts inside goes no deeper. References as
-// in contact/sheet_impacts.hpp.
+// is too deep still knows the way out. A triangle that starts inside goes no deeper.
 
 #include <array>
 #include <cmath>
@@ -28,8 +24,7 @@
 #include <span>
 #include <vector>
 
-#include "clothctl/collision/detail/deepest_point.hpp"
-#include "clothctl/collision/detail/single_query.hpp"
+#include "clothctl/collision/triangle_sweep.hpp"
 #include "clothctl/contact/obstacle_contacts.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/math/rotation.hpp"
@@ -78,8 +73,7 @@ class ObstacleGuard {
 
  private:
   using Vec = Vector3<Scalar>;
-  using Deep = detail::DeepPoint<Scalar>;
-  static constexpr int kRounds = 12, kZoneRounds = 24, kSweeps = 30, kMostAdvances = 100;
+  static constexpr int kRounds = 12, kZoneRounds = 24, kSweeps = 30;
 
   /// How an obstacle moves in the step.
   struct Motion {
@@ -104,10 +98,6 @@ class ObstacleGuard {
     bool carried;
   };
 
-  static Scalar length(const Vec& a) {
-    using std::sqrt;
-    return sqrt(a.squaredNorm());
-  }
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
 
   /// Looks for impacts with an obstacle or its parts, and adds them. Returns their number.
@@ -122,24 +112,9 @@ class ObstacleGuard {
                                    const Points<Scalar>& x) {
     if (mark_[at(v)] != now_) {
       mark_[at(v)] = now_;
-      near_[at(v)] = detail::closest_of<Scalar>(part, x.col(v));
+      near_[at(v)] = surface_point_at<Scalar>(part, x.col(v));
     }
     return near_[at(v)];
-  }
-  /// Returns the point of a triangle that is closest to an obstacle.
-  static Deep deepest(const ColliderRef<Scalar>& part, const std::array<Vec, 3>& p,
-                      const Scalar& tolerance);
-  /// Returns whether a point of the triangle may be closer than `way`, from the answers at its
-  /// corners.
-  bool reaches(const ColliderRef<Scalar>& part, const std::array<int, 3>& t,
-               const std::array<Vec, 3>& p, const Scalar& way) const;
-  /// Follows a triangle. Returns true at an impact, with the closest point there.
-  bool follow(const ColliderRef<Scalar>& part, std::array<Vec, 3> p, const std::array<Vec, 3>& r,
-              const Scalar& fastest, Deep& deep, Vec& foot, Scalar& target) const;
-  static bool is_thin(const ColliderRef<Scalar>& part, const Vec& foot, const Vec& n,
-                      const Scalar& depth) {
-    return Scalar(-0.75) * depth <
-           detail::distance_of<Scalar>(part, Vec(foot - depth * n));
   }
   void sweep();
   /// Lets the vertices of the impacts from `first` on go with their obstacles.
@@ -159,12 +134,12 @@ class ObstacleGuard {
 
 template <RealScalar S>
 ObstacleGuardReport ObstacleGuard<S>::resolve(Obstacles obstacles, const Points<Scalar>& x,
-                                              const VectorX<Scalar>& inverse_mass,
-                                              const Scalar& dt, ObstacleContacts<Scalar>& contacts,
+                                              const VectorX<Scalar>& inverse_mass, const Scalar& dt,
+                                              ObstacleContacts<Scalar>& contacts,
                                               ClothState<Scalar>& state) {
   ObstacleGuardReport report;
-  if (contacts.contacts().empty() || x.cols() != y_.cols() ||
-      state.positions.cols() != y_.cols() || inverse_mass.size() != y_.cols())
+  if (contacts.contacts().empty() || x.cols() != y_.cols() || state.positions.cols() != y_.cols() ||
+      inverse_mass.size() != y_.cols())
     return report;
   h_ = dt;
   thickness_ = contacts.settings().thickness;
@@ -241,9 +216,9 @@ auto ObstacleGuard<S>::motion_of(const ColliderRef<Scalar>& part,
   std::array<SurfacePoint<Scalar>, 8> there;
   Vec centre = Vec::Constant(Scalar(0)), velocity = centre, turn = centre;
   for (std::size_t k = 0; k < 8; ++k) {
-    there[k] = detail::closest_of<Scalar>(part, Vec((k & 1U) != 0 ? box.upper[0] : box.lower[0],
-                                                    (k & 2U) != 0 ? box.upper[1] : box.lower[1],
-                                                    (k & 4U) != 0 ? box.upper[2] : box.lower[2]));
+    there[k] = surface_point_at<Scalar>(part, Vec((k & 1U) != 0 ? box.upper[0] : box.lower[0],
+                                                  (k & 2U) != 0 ? box.upper[1] : box.lower[1],
+                                                  (k & 4U) != 0 ? box.upper[2] : box.lower[2]));
     centre += Scalar(0.125) * there[k].point;
     velocity += Scalar(0.125) * there[k].velocity;
   }
@@ -275,29 +250,15 @@ int ObstacleGuard<S>::search_triangle(const ColliderRef<Scalar>& part, int obsta
     p[k] = x.col(t[k]);
     r[k] = motion.back(y_.col(t[k])) - p[k];
   }
-  // The plane across the normal at a corner may separate the two for the whole step.
-  for (std::size_t k = 0; k < 3; ++k) {
-    const SurfacePoint<Scalar>& q = near(part, t[k], x);
-    bool apart = true;
-    for (std::size_t i = 0; i < 3 && apart; ++i) {
-      const Scalar above = q.normal.dot(Vec(p[i] - q.point));
-      const Scalar end = above + q.normal.dot(r[i]);
-      apart = Scalar(0.1) * thickness_ < above && Scalar(0.1) * thickness_ < end;
-    }
-    if (apart) return 0;
-  }
-  Scalar fastest(0);
-  for (const Vec& way : r) {
-    if (fastest < length(way)) fastest = length(way);
-  }
-  Deep deep{};
-  Vec foot;
-  Scalar target(0);
-  if (!reaches(part, t, p, fastest) || !follow(part, p, r, fastest, deep, foot, target)) return 0;
+  const std::array<SurfacePoint<Scalar>, 3> corner{near(part, t[0], x), near(part, t[1], x),
+                                                   near(part, t[2], x)};
+  const TriangleSweep<Scalar> sweep(part, thickness_);
+  TriangleImpact<Scalar> met;
+  if (!sweep.find(p, r, corner, met)) return 0;
   if (impacts_.size() == impacts_.capacity()) return 1;
   Impact impact{};
   impact.point.vertex = t;
-  impact.point.weight = Vec(Scalar(1) - deep.s - deep.t, deep.s, deep.t);
+  impact.point.weight = met.weight;
   impact.obstacle = obstacle;
   impact.pressed = Scalar(0);
   impact.carried = false;
@@ -305,103 +266,15 @@ int ObstacleGuard<S>::search_triangle(const ColliderRef<Scalar>& part, int obsta
   for (std::size_t k = 0; k < 3; ++k)
     impact.point.position += impact.point.weight[static_cast<Index>(k)] * p[k];
   SurfacePoint<Scalar>& surface = impact.point.surface;
-  surface = detail::closest_of<Scalar>(part, foot);
-  surface.point = foot;
-  surface.normal = deep.normal;
-  surface.distance = deep.normal.dot(Vec(impact.point.position - foot));
+  surface = surface_point_at<Scalar>(part, met.foot);
+  surface.point = met.foot;
+  surface.normal = met.normal;
+  surface.distance = met.normal.dot(Vec(impact.point.position - met.foot));
   impact.motion = motion;
-  impact.normal = motion.R * deep.normal;
-  impact.level = impact.normal.dot(motion.along(foot)) + target;
+  impact.normal = motion.R * met.normal;
+  impact.level = impact.normal.dot(motion.along(met.foot)) + met.target;
   impacts_.push_back(impact);
   return 1;
-}
-
-template <RealScalar S>
-auto ObstacleGuard<S>::deepest(const ColliderRef<Scalar>& part, const std::array<Vec, 3>& p,
-                               const Scalar& tolerance) -> Deep {
-  const Scalar zero(0), one(1);
-  const Vec u = p[1] - p[0], v = p[2] - p[0];
-  const std::array<std::array<Scalar, 2>, 3> all{std::array<Scalar, 2>{zero, zero},
-                                                 std::array<Scalar, 2>{one, zero},
-                                                 std::array<Scalar, 2>{zero, one}};
-  const auto evaluate = [&](const Scalar& s, const Scalar& t) {
-    const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(part, Vec(p[0] + s * u + t * v));
-    return Deep{s, t, q.distance, q.normal};
-  };
-  std::array<detail::DistanceBound<Scalar>, 6> known{};
-  Deep best{};
-  for (std::size_t k = 0; k < 3; ++k) {
-    const Deep corner = evaluate(all[k][0], all[k][1]);
-    known[k] = known[k + 3] = detail::bound_at<Scalar>(corner, u, v);
-    if (k == 0 || corner.distance < best.distance) best = corner;
-  }
-  (void)detail::search_triangle<Scalar>(evaluate, u, v, all, known,
-                                        Scalar(best.distance - tolerance), tolerance, best);
-  return best;
-}
-
-template <RealScalar S>
-bool ObstacleGuard<S>::reaches(const ColliderRef<Scalar>& part, const std::array<int, 3>& t,
-                               const std::array<Vec, 3>& p, const Scalar& way) const {
-  const Scalar zero(0), one(1);
-  const Vec u = p[1] - p[0], v = p[2] - p[0];
-  const std::array<std::array<Scalar, 2>, 3> all{std::array<Scalar, 2>{zero, zero},
-                                                 std::array<Scalar, 2>{one, zero},
-                                                 std::array<Scalar, 2>{zero, one}};
-  std::array<detail::DistanceBound<Scalar>, 6> known{};
-  for (std::size_t k = 0; k < 3; ++k) {
-    const SurfacePoint<Scalar>& q = near_[at(t[k])];
-    if (!(way < q.distance)) return true;
-    known[k] = known[k + 3] =
-        detail::bound_at<Scalar>(Deep{all[k][0], all[k][1], q.distance, q.normal}, u, v);
-  }
-  const auto evaluate = [&](const Scalar& s, const Scalar& w) {
-    const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(part, Vec(p[0] + s * u + w * v));
-    return Deep{s, w, q.distance, q.normal};
-  };
-  Deep unused{};
-  return detail::search_triangle<Scalar>(evaluate, u, v, all, known, way, one, unused);
-}
-
-template <RealScalar S>
-bool ObstacleGuard<S>::follow(const ColliderRef<Scalar>& part, std::array<Vec, 3> p,
-                              const std::array<Vec, 3>& r, const Scalar& fastest, Deep& deep,
-                              Vec& foot, Scalar& target) const {
-  const Scalar zero(0);
-  Scalar time = zero, stop = zero;
-  Scalar tolerance = Scalar(1e-3) * thickness_;
-  for (int i = 0; i < kMostAdvances; ++i) {
-    deep = deepest(part, p, tolerance);
-    if (!is_finite(deep.distance)) return false;
-    foot = p[0] + deep.s * (p[1] - p[0]) + deep.t * (p[2] - p[0]) - deep.distance * deep.normal;
-    if (i == 0) {
-      // A point that starts inside goes no deeper.
-      const bool inside = !(zero < deep.distance);
-      target = inside ? deep.distance : Scalar(0.25) * thickness_;
-      if (!inside && fastest < deep.distance) return false;
-      if (!is_thin(part, foot, deep.normal, Scalar(2) * fastest + Scalar(4) * thickness_))
-        return false;
-      if (inside) {
-        const Vec way = (Scalar(1) - deep.s - deep.t) * r[0] + deep.s * r[1] + deep.t * r[2];
-        return deep.normal.dot(way) < Scalar(-0.02) * thickness_;
-      }
-      stop = Scalar(0.1) * (deep.distance < thickness_ ? deep.distance : thickness_);
-      if (Scalar(0.1) * stop < tolerance) tolerance = Scalar(0.1) * stop;
-    }
-    if (deep.distance < Scalar(2) * stop) return true;
-    Scalar step = (deep.distance - stop) / fastest, plane = Scalar(2);
-    for (std::size_t k = 0; k < 3; ++k) {
-      const Scalar above = deep.normal.dot(Vec(p[k] - foot)) - stop;
-      const Scalar fall = zero - deep.normal.dot(r[k]);
-      if (!(zero < above)) plane = zero;
-      if (zero < fall && above < plane * fall) plane = above / fall;
-    }
-    if (step < plane) step = plane;
-    time += step;
-    if (!(time < Scalar(1))) return false;
-    for (std::size_t k = 0; k < 3; ++k) p[k] += step * r[k];
-  }
-  return true;
 }
 
 template <RealScalar S>

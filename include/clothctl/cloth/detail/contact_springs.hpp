@@ -103,17 +103,16 @@ class ContactSprings {
   }
 
   /// Takes the forces of a solve that gave the velocities, and then sets states and shares by
-  /// these. With `opens`, contacts that pull open, and nothing else changes.
+  /// these. With `opens`, none closes.
   void update(const Points<Scalar>& v, bool opens = false) {
     force_change_ = velocity_change_ = Scalar(0);
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       Spring& s = springs_[i];
       const Vec u = relative(i, v);
       s.force = linear_force(s, u);
-      if (!opens)
-        classify(s, u);
-      else if (!(Scalar(0) < normal_force(s, u)))
-        s.closed = false;
+      const bool may_close = s.closed || !opens;
+      classify(s, u);
+      s.closed = s.closed && may_close;
       if (!(Scalar(0) < s.stiffness)) continue;
       const Scalar by = norm(linear_force(s, u) - s.force);
       const Scalar speed = by * h_ * s.lightness;

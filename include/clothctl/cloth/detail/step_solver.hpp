@@ -261,8 +261,8 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
     move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
-    // The forces of the last solve must be those that it was made with: the momentum that is missing
-    // goes to the whole sheet.
+    // The forces that are told must be those of the last solve: the momentum that is missing goes
+    // to the whole sheet.
     if (round + 1 < last) ws_.contacts->update(ws_.velocity, kContactRounds <= round);
   }
   report.residual = largest_magnitude(ws_.rhs);
