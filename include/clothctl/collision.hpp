@@ -10,3 +10,4 @@
 #include "clothctl/collision/self_contacts.hpp"
 #include "clothctl/collision/shapes.hpp"
 #include "clothctl/collision/sheet_contacts.hpp"
+#include "clothctl/collision/triangle_sweep.hpp"

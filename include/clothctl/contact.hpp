@@ -11,5 +11,6 @@
 #include "clothctl/contact/grip.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/contact/obstacle_contacts.hpp"
+#include "clothctl/contact/obstacle_guard.hpp"
 #include "clothctl/contact/sheet_impacts.hpp"
 #include "clothctl/contact/sheet_impacts_setup.hpp"

@@ -154,3 +154,26 @@ TEST_CASE("points of held vertices have no force, however deep", "[cloth]") {
   CHECK(is_finite(report.velocity_residual));
   for (const auto& c : f.contacts.contacts()) CHECK(c.impulse.norm() == 0);
 }
+
+TEST_CASE("contacts that may only open do so where they pull", "[cloth]") {
+  Fixture f;
+  const Vector3<double> n(0.6, 0, 0.8);
+  auto springs = f.make();
+  Points<double> v = Points<double>::Zero(3, 3);
+  v.row(1).setConstant(10);  // both slip
+  springs.update(v);
+  REQUIRE(f.springs[0].closed);
+  REQUIRE(f.springs[1].closed);
+  CHECK(f.springs[1].share < 1);
+  v.row(1).setZero();
+  v.col(f.contacts.contacts()[0].point.vertex[0]) = 10 * n;  // leaves
+  springs.update(v, true);
+  CHECK(!f.springs[0].closed);
+  CHECK(f.springs[1].closed);
+  CHECK(f.springs[1].share == 1);
+  v.setZero();
+  springs.update(v, true);
+  CHECK(!f.springs[0].closed);
+  springs.update(v);
+  CHECK(f.springs[0].closed);
+}

@@ -149,6 +149,10 @@ class ObstacleContacts {
   /// What the last step did.
   const ObstacleContactReport<Scalar>& report() const { return report_; }
 
+  /// Adds an impulse (N s) on the sheet to the contact of an obstacle at the vertices of `point`,
+  /// which is added if there is none. Returns false where there is no room for it.
+  bool add(const SheetContact<Scalar>& point, int obstacle, const Vector3<Scalar>& impulse);
+
   /// Forgets all contacts, as after the sheet was put elsewhere.
   void clear() {
     contacts_.clear();
@@ -217,6 +221,34 @@ void ObstacleContacts<Scalar>::recall(ObstacleContact<Scalar>& contact, const Sc
   contact.carried = found->carried;
   contact.age = found->age;
   contact.state = ContactState::Stick;
+}
+
+template <RealScalar Scalar>
+bool ObstacleContacts<Scalar>::add(const SheetContact<Scalar>& point, int obstacle,
+                                   const Vector3<Scalar>& impulse) {
+  const auto same = [&](const ObstacleContact<Scalar>& c) {
+    return c.obstacle == obstacle && c.point.vertex == point.vertex;
+  };
+  auto found = std::find_if(contacts_.begin(), contacts_.end(), same);
+  if (found == contacts_.end()) {
+    if (contacts_.size() == contacts_.capacity()) {
+      complete_ = false;
+      return false;
+    }
+    ObstacleContact<Scalar> contact;
+    contact.point = point;
+    contact.obstacle = obstacle;
+    contacts_.push_back(contact);
+    found = contacts_.end() - 1;
+  }
+  if (found->state == ContactState::Open) {
+    found->state = ContactState::Slip;
+    ++found->age;
+    ++report_.closed;
+    ++report_.slipping;
+  }
+  found->impulse += impulse;
+  return true;
 }
 
 template <RealScalar Scalar>

@@ -107,14 +107,16 @@ class ContactSprings {
   }
 
   /// Takes the forces of a solve that gave the velocities, and then sets states and shares by
-  /// these.
-  void update(const Points<Scalar>& v) {
+  /// these. With `opens`, none closes.
+  void update(const Points<Scalar>& v, bool opens = false) {
     force_change_ = velocity_change_ = Scalar(0);
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       Spring& s = springs_[i];
       const Vec u = relative(i, v);
       s.force = linear_force(s, u);
+      const bool may_close = s.closed || !opens;
       classify(s, u);
+      s.closed = s.closed && may_close;
       if (!(Scalar(0) < s.stiffness)) continue;
       const Scalar by = norm(linear_force(s, u) - s.force);
       const Scalar speed = by * h_ * s.lightness;
@@ -122,6 +124,16 @@ class ContactSprings {
       if (velocity_change_ < speed) velocity_change_ = speed;
     }
     ++rounds_;
+  }
+
+  /// Sets sticking or slipping and shares by the velocities; what is closed stays closed.
+  void update_friction(const Points<Scalar>& v) {
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      Spring& s = springs_[i];
+      if (!s.closed) continue;
+      classify(s, relative(i, v));
+      s.closed = true;
+    }
   }
 
   /// Takes the forces at the velocities that the present states give.

@@ -136,7 +136,7 @@ class StepSolver {
   static constexpr int kManyIterations = 6;  // of conjugate gradients: then P is replaced
   static constexpr int kMostIterations = 12;
   static constexpr int kMostIncomplete = 300;
-  static constexpr int kContactRounds = 8;
+  static constexpr int kContactRounds = 8, kOpeningRounds = 4;
   static constexpr double kContactTolerance = 2e-4;  // m/s
 
   /// The truncated form, from ws.velocity. `solves` counts the linear solves so far; `renew` is set
@@ -247,19 +247,26 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
   const Scalar little = Scalar(kContactTolerance);
   predict_contacts();
   ws_.factor_is_current = false;
-  for (int round = 0; round <= kContactRounds; ++round) {
+  // States that come back in turns never settle. After some rounds contacts may only open.
+  const int last = kContactRounds + kOpeningRounds;
+  for (int round = 0; round <= last; ++round) {
     assemble(state_.positions, Scalar(0));
     load_linear(0 < round);
     if (round == 0 && !ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return false;
     if (0 < round && is_small(ws_.rhs, network_.mass, little)) break;
-    if (round == kContactRounds) report.status = StepStatus::IterationLimit;
-    if (round == kContactRounds) break;
+    if (kContactRounds <= round) report.status = StepStatus::IterationLimit;
+    if (round == last) break;
     const ConjugateGradientReport cg =
         solve_truncated(Scalar(0.3), Scalar(0.1) * little, kMostIterations);
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
     move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
-    ws_.contacts->update(ws_.velocity);
+    // What is closed after the last solve stays closed, else momentum would be missing, which goes
+    // to the whole sheet.
+    if (round + 1 < last)
+      ws_.contacts->update(ws_.velocity, kContactRounds <= round);
+    else
+      ws_.contacts->update_friction(ws_.velocity);
   }
   report.residual = largest_magnitude(ws_.rhs);
   ws_.contacts->take(ws_.velocity);

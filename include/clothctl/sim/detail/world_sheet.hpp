@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "clothctl/contact/obstacle_contacts.hpp"
+#include "clothctl/contact/obstacle_guard.hpp"
 #include "clothctl/contact/sheet_impacts.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
@@ -22,7 +23,7 @@ template <RealScalar Scalar>
 class WorldSheet {
  public:
   virtual ~WorldSheet() = default;
-  /// Makes a step with `contacts`.
+  /// Makes a step with `contacts`, and keeps the sheet out of what is thin.
   virtual StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) = 0;
   /// The network of the model, and its pinned vertices.
   virtual const SpringNetwork<Scalar>& network() const = 0;
@@ -99,10 +100,18 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
                ObstacleContacts<Scalar> c, Index room)
       : WorldSheet<Scalar>(std::move(s), std::move(f), std::move(c)),
         model_(std::move(m)),
-        ws_(model_.make_workspace(room)) {}
+        ws_(model_.make_workspace(room)),
+        guard_(ObstacleGuard<Scalar>::create(model_.vertex_count(), model_.network().triangles)),
+        inverse_mass_(model_.network().mass) {}
 
   StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) override {
-    return model_.step(this->state, now, this->contacts, dt, ws_);
+    StepReport<Scalar> report = model_.step(this->state, now, this->contacts, dt, ws_);
+    if (!report.advanced) return report;
+    this->write_inverse_masses(inverse_mass_);
+    const ObstacleGuardReport kept = guard_.resolve(this->obstacles, this->finder.positions(),
+                                                    inverse_mass_, dt, this->contacts, this->state);
+    if (0 < kept.left) report.status = StepStatus::IterationLimit;
+    return report;
   }
   const SpringNetwork<Scalar>& network() const override { return model_.network(); }
   const std::vector<int>& pinned() const override { return model_.settings().pinned; }
@@ -120,6 +129,8 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
   Model model_;
   typename Model::Workspace ws_;
   SheetSide<Model> side_;
+  ObstacleGuard<Scalar> guard_;
+  VectorX<Scalar> inverse_mass_;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail
