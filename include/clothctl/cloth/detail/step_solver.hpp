@@ -256,14 +256,16 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
     if (0 < round && is_small(ws_.rhs, network_.mass, little)) break;
     if (kContactRounds <= round) report.status = StepStatus::IterationLimit;
     if (round == last) break;
+    const bool opens = kContactRounds <= round;
     const ConjugateGradientReport cg =
-        solve_truncated(Scalar(0.3), Scalar(0.1) * little, kMostIterations);
+        solve_truncated(opens ? Scalar(0) : Scalar(0.3), Scalar(0.1) * little,
+                        opens ? kMostIncomplete : kMostIterations);
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
     move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
-    // The forces that are told must be those of the last solve: the momentum that is missing goes
-    // to the whole sheet.
-    if (round + 1 < last) ws_.contacts->update(ws_.velocity, kContactRounds <= round);
+    // The forces that are told must be those of the last solve, and that a good one: the momentum
+    // that is missing goes to the whole sheet.
+    if (round + 1 < last) ws_.contacts->update(ws_.velocity, opens);
   }
   report.residual = largest_magnitude(ws_.rhs);
   ws_.contacts->take(ws_.velocity);
