@@ -256,15 +256,17 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
     if (0 < round && is_small(ws_.rhs, network_.mass, little)) break;
     if (kContactRounds <= round) report.status = StepStatus::IterationLimit;
     if (round == last) break;
+    const bool opens = kContactRounds <= round;
     const ConjugateGradientReport cg =
-        solve_truncated(Scalar(0.3), Scalar(0.1) * little, kMostIterations);
+        solve_truncated(opens ? Scalar(0) : Scalar(0.3), Scalar(0.1) * little,
+                        opens ? kMostIncomplete : kMostIterations);
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
     move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
-    // What is closed after the last solve stays closed, else momentum would be missing, which goes
-    // to the whole sheet.
+    // What is closed after the last solve stays closed, and that is a good solve: the momentum that
+    // is missing goes to the whole sheet.
     if (round + 1 < last)
-      ws_.contacts->update(ws_.velocity, kContactRounds <= round);
+      ws_.contacts->update(ws_.velocity, opens);
     else
       ws_.contacts->update_friction(ws_.velocity);
   }
