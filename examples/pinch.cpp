@@ -44,7 +44,8 @@ Request read_request(int argc, char** argv) {
         ->check(CLI::IsMember(std::move(names)))
         ->capture_default_str();
   };
-  choose("--pads", r.motion.pads, {"paths", "gripper", "hand"}, "What carries the pads");
+  choose("--pads", r.motion.pads, {"paths", "gripper", "hand", "none"},
+         "What carries the pads; none: the sheet falls");
   choose("--model", r.sheet.model, {"mass-spring", "xpbd"}, "Model of the sheet");
   choose("--integration", r.sheet.integration, {"linear-implicit", "newton"},
          "How a mass-spring sheet is stepped");

@@ -258,6 +258,7 @@ void PinchWorld::reach(double t, clothctl::VectorX<double>& q) {
 }
 
 void PinchWorld::drive(double t, double dt) {
+  if (motion_.pads == "none") return;
   if (motion_.pads == "paths") {
     for (std::size_t k = 0; k < 2; ++k)
       (void)world_.set_motion(static_cast<int>(k), pose(k, t, dt));

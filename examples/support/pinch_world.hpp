@@ -18,7 +18,7 @@ namespace program {
 
 /// What pinches, how it moves and presses.
 struct PinchMotion {
-  std::string pads = "paths";  ///< paths, gripper or hand
+  std::string pads = "paths";  ///< paths, gripper, hand or none
   double force = 3.3;          ///< of each pad on the sheet, N
   double amplitude = 0;        ///< of a shake of 2 Hz along x, m
   double twist = 0;            ///< about their normals, rad/s
