@@ -108,8 +108,8 @@ class ObstacleGuard {
   Motion motion_of(const ColliderRef<Scalar>& part, const BoundingBox<Scalar>& own) const;
   static BoundingBox<Scalar> box_of(const Points<Scalar>& x);
   /// Asks about a vertex once in a search.
-  const SurfacePoint<Scalar>& near(const ColliderRef<Scalar>& part, int v,
-                                   const Points<Scalar>& x) {
+  const SurfacePoint<Scalar>& answer_at(const ColliderRef<Scalar>& part, int v,
+                                        const Points<Scalar>& x) {
     if (mark_[at(v)] != now_) {
       mark_[at(v)] = now_;
       near_[at(v)] = surface_point_at<Scalar>(part, x.col(v));
@@ -250,8 +250,8 @@ int ObstacleGuard<S>::search_triangle(const ColliderRef<Scalar>& part, int obsta
     p[k] = x.col(t[k]);
     r[k] = motion.back(y_.col(t[k])) - p[k];
   }
-  const std::array<SurfacePoint<Scalar>, 3> corner{near(part, t[0], x), near(part, t[1], x),
-                                                   near(part, t[2], x)};
+  const std::array<SurfacePoint<Scalar>, 3> corner{
+      answer_at(part, t[0], x), answer_at(part, t[1], x), answer_at(part, t[2], x)};
   const TriangleSweep<Scalar> sweep(part, thickness_);
   TriangleImpact<Scalar> met;
   if (!sweep.find(p, r, corner, met)) return 0;
