@@ -18,6 +18,7 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/concepts/impulse_response.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"

@@ -45,7 +45,7 @@ class WorldStep {
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
   /// Lists the obstacles and bodies that a sheet may touch.
-  void list_obstacles(std::size_t sheet);
+  void list_obstacles(std::size_t number);
   /// A part of a step.
   bool advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor, Report& report);
   bool step_hands(const Scalar& dt, const Scalar& rest, Report& report);
