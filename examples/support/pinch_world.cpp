@@ -176,6 +176,7 @@ std::string PinchWorld::add_hand() {
   q_ = clothctl::hand34_home(tree_);
   q_[tree_.bodies()[static_cast<std::size_t>(tree_.find_joint("base_rx"))].position] = 0.5 * kPi;
   q_.head<3>() = inside_ + Vector(-0.17, 0, 0.05);
+  work_ = std::make_unique<clothctl::KinematicTreeWorkspace<double>>(Robot::make_workspace(tree_));
   place_tips();
   if (tip_error_ > 1e-4) return "the hand does not reach the sheet";
   clothctl::HandSetup<double> setup;
@@ -213,12 +214,9 @@ void PinchWorld::place_tips() {
     R_tip_[k] = clothctl::Matrix3<double>::Zero();
   }
   for (int round = 0; round < 20; ++round) {
-    reach(0, q_);
-    auto work = Robot::make_workspace(tree_);
-    Robot::forward_kinematics(tree_, q_, work);
+    reach(0);
+    R_tip_ = R_now_;
     for (std::size_t k = 0; k < 2; ++k) {
-      Vector p;
-      Robot::frame_pose(tree_, work, tree_.find_link(kTips[k]), R_tip_[k], p);
       double radius = 0;
       for (const auto& capsule : shape) {
         if (capsule.link == kTips[k]) radius = capsule.radius;
@@ -228,10 +226,10 @@ void PinchWorld::place_tips() {
     }
   }
   tip_error_ = 0;
-  reach(0, q_);
+  reach(0);
 }
 
-void PinchWorld::reach(double t, clothctl::VectorX<double>& q) {
+void PinchWorld::reach(double t) {
   using IkTask = clothctl::IkTask<double>;
   std::vector<IkTask> tasks;
   const clothctl::Matrix3<double> turn =
@@ -246,14 +244,12 @@ void PinchWorld::reach(double t, clothctl::VectorX<double>& q) {
       tasks.push_back(IkTask::orientation(frame, turn * R_tip_[k], 0.002));
     }
   }
-  (void)ik_->solve(tree_, tasks, q, q);
-  auto work = Robot::make_workspace(tree_);
-  Robot::forward_kinematics(tree_, q, work);
+  (void)ik_->solve(tree_, tasks, q_, q_);
+  Robot::forward_kinematics(tree_, q_, *work_);
   for (std::size_t k = 0; k < 2; ++k) {
-    clothctl::Matrix3<double> R;
     Vector p;
-    Robot::frame_pose(tree_, work, tree_.find_link(kTips[k]), R, p);
-    tip_error_ = std::max(tip_error_, (p + R * tip_[k] - pose(k, t, 1).position).norm());
+    Robot::frame_pose(tree_, *work_, tree_.find_link(kTips[k]), R_now_[k], p);
+    tip_error_ = std::max(tip_error_, (p + R_now_[k] * tip_[k] - pose(k, t, 1).position).norm());
   }
 }
 
@@ -271,7 +267,7 @@ void PinchWorld::drive(double t, double dt) {
     return;
   }
   const clothctl::VectorX<double> before = q_;
-  reach(t + dt, q_);
+  reach(t + dt);
   drive.target = q_;
   drive.target_velocity = (q_ - before) / dt;
 }

@@ -85,11 +85,11 @@ class PinchWorld {
   void drive(double t, double dt);
   /// Finds where the fingertips touch, and the first positions of the hand.
   void place_tips();
-  /// Finds positions of the hand with its tips at the poses of time t.
-  void reach(double t, clothctl::VectorX<double>& q);
+  /// Moves the hand's positions so that its tips are at the poses of time t.
+  void reach(double t);
   template <class F>
   void for_each_contact(F visit) const {
-    for (int k = 0; k < 2; ++k) {
+    for (int k = 0; k < world_.pad_count(); ++k) {
       for (const auto& contact : world_.pad_contacts(k)) visit(k, contact);
     }
   }
@@ -101,10 +101,12 @@ class PinchWorld {
   clothctl::World<double> world_;
   clothctl::WorldReport<double> report_;
   clothctl::KinematicTree<double> tree_;
+  std::unique_ptr<clothctl::KinematicTreeWorkspace<double>> work_;
   std::unique_ptr<clothctl::InverseKinematics<clothctl::KinematicTree<double>>> ik_;
   clothctl::VectorX<double> q_;
   std::array<Vector, 2> tip_;  // points of the last bones that touch, in their frames
-  std::array<clothctl::Matrix3<double>, 2> R_tip_;
+  std::array<clothctl::Matrix3<double>, 2> R_tip_;  // how they are turned at the start
+  std::array<clothctl::Matrix3<double>, 2> R_now_;  // and after the last reach
   double tip_error_ = 0;
   std::vector<clothctl::Spring<double>> springs_;
   std::vector<std::array<int, 3>> triangles_;

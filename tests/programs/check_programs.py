@@ -144,7 +144,7 @@ def check_runs(programs, folder):
               f"tear {model}: player.html is not self-contained")
     for pads, force, status in (("paths", 3.3, "held"), ("paths", 0.15, "lost"),
                                 ("gripper", 3.3, "held"), ("gripper", 0.15, "lost"),
-                                ("hand", 3.3, "held")):
+                                ("hand", 3.3, "held"), ("none", 3.3, "lost")):
         out = folder / f"pinch-{pads}-{status}"
         code, text, _ = run(programs / "pinch", "--cloth", 13, "--seconds", 1.5, "--amplitude",
                             0.05, "--pads", pads, "--force", force, "--json", "--out", out)

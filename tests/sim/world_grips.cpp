@@ -96,6 +96,22 @@ TEST_CASE("momentum of a sheet and bodies with pads is kept without gravity", "[
   CHECK((momentum() - before).norm() <= 1e-9 * pushed);
 }
 
+TEST_CASE("a pad on the first body is that of the body, whatever else carries pads", "[sim]") {
+  GrippedSheet held(9, 3);  // a hand carries pads 0 and 1
+  RigidBodySetup<double> ball{ConvexShape<double>::sphere(0.01).value()};
+  ball.mass = 0.02;
+  ball.motion.position = held.at + Vec(0.1, -0.0095, 0);
+  REQUIRE(held.world.add_body(ball).value() == 0);
+  const int pad = held.world.add_pad(-1, pad_samples(1, Vec(0, 0.01, 0))).value();
+  const Vec before = held.world.bodies().motion(0).velocity;
+  REQUIRE(held.world.step(0.01).advanced);
+  Vec pushed = Vec::Zero();
+  for (const auto& c : held.world.pad_contacts(pad)) pushed += c.impulse;
+  REQUIRE(pushed.norm() > 1e-6);
+  const Vec gained = 0.02 * (held.world.bodies().motion(0).velocity - before);
+  CHECK((gained + pushed - 0.02 * 0.01 * Vec(0, 0, -9.81)).norm() < 1e-9 * pushed.norm());
+}
+
 TEST_CASE("pads on a path carry the sheet, and a path through all substeps is the same", "[sim]") {
   for (const int parts : {1, 4}) {
     World<double> world;
@@ -178,6 +194,22 @@ TEST_CASE("pads and hands that are not valid are refused by name", "[sim]") {
   (void)world.add_hand(two_fingers(), hand).value();
   CHECK(world.add_link_shape(0, 99, pad_ball()).error() == "hand 0 has no frame 99");
   CHECK(world.pad_count() == 0);
+}
+
+TEST_CASE("a world tells why every step is refused", "[sim]") {
+  World<double> world;
+  CHECK(world.check_setup().empty());
+  MassSpringSettings<double> settings;
+  settings.linear_solver = LinearSolver::ConjugateGradient;
+  MassSpring<double> model =
+      MassSpring<double>::create(hanging_sheet(5).network(), settings).value();
+  ClothState<double> state = model.rest_state();
+  (void)world.add_sheet(std::move(model), std::move(state)).value();
+  CHECK(world.step(0.01).advanced);
+  (void)world.add_pad(world.add_obstacle(pad_ball()).value(), pad_samples()).value();
+  CHECK(world.step(0.01).status == StepStatus::InvalidInput);
+  CHECK(world.check_setup().find("sheet 0") == 0);
+  CHECK(world.check_setup().find("conjugate gradients") != std::string::npos);
 }
 
 TEST_CASE("a target that is not finite changes nothing", "[sim]") {

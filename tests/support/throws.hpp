@@ -167,7 +167,8 @@ struct Throw {
 /// Returns a unit vector of any direction.
 inline Vec3 any_direction(std::mt19937& random) {
   while (true) {
-    const Vec3 x(uniform(random, -1, 1), uniform(random, -1, 1), uniform(random, -1, 1));
+    Vec3 x;  // one draw after the other: compilers order arguments as they like
+    for (clothctl::Index i = 3; i-- > 0;) x[i] = uniform(random, -1, 1);
     if (x.norm() > 0.1 && x.norm() < 1) return x.normalized();
   }
 }
@@ -181,9 +182,12 @@ inline Throw random_throw(std::mt19937& random, Thrown what, double speed) {
   out.half = what == Thrown::Finger ? 0.04 : 0.1;
   out.friction = uniform(random, 0, 0.8);
   out.skeleton = make_skeleton(what, what == Thrown::Plate ? out.half - out.radius : out.half);
-  const Vec3 turn = any_direction(random) * uniform(random, 0, 3.1);
+  const double angle = uniform(random, 0, 3.1);
+  const Vec3 turn = angle * any_direction(random);
   const clothctl::Matrix3<double> R = clothctl::rotation_exp<double>(turn);
-  Vec3 way(uniform(random, -1, 1), uniform(random, -1, 1), -1);
+  Vec3 way(0, 0, -1);
+  way[1] = uniform(random, -1, 1);
+  way[0] = uniform(random, -1, 1);
   if (what == Thrown::Plate) way -= way.dot(R.col(0)) * R.col(0);
   if (way[2] > -0.2) way[2] = -0.2;
   if (what == Thrown::Plate) way -= way.dot(R.col(0)) * R.col(0);
@@ -193,7 +197,9 @@ inline Throw random_throw(std::mt19937& random, Thrown what, double speed) {
   clothctl::Index lowest = 0;
   turned.row(2).minCoeff(&lowest);
   const double gap = uniform(random, 0.01, 0.05) + 1.5 * out.radius;
-  const Vec3 aim(uniform(random, -0.13, 0.13), uniform(random, -0.13, 0.13), gap);
+  Vec3 aim(0, 0, gap);
+  aim[1] = uniform(random, -0.13, 0.13);
+  aim[0] = uniform(random, -0.13, 0.13);
   const double lead = way[2] < -0.05 * speed ? gap / -way[2] : 0;
   out.motion.R_world_body = R;
   out.motion.position = aim - Vec3(way[0], way[1], 0) * lead - Vec3(turned.col(lowest));

@@ -1,32 +1,18 @@
 #include "run.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <limits>
 #include <numeric>
 
+#include "../support/timing.hpp"
+
 namespace versus {
 
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-double thread_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-/// Returns the q-quantile of the values.
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return kNone;
-  std::sort(values.begin(), values.end());
-  const double rank = std::ceil(q * static_cast<double>(values.size()));
-  return values[static_cast<std::size_t>(std::max(1.0, rank)) - 1];
-}
 
 /// 0, 1, 2 … in even rounds, in reverse order in odd ones.
 std::vector<std::size_t> turns(std::size_t count, int round) {

@@ -32,13 +32,15 @@ class SelfMeetingWorld final : public btSoftRigidDynamicsWorld {
 };
 
 /// A world with a soft body and an obstacle. Stiffness 1, no damping, no air.
-class Soft final : public Engine {
+class Soft final : public BulletEngine<SelfMeetingWorld> {
  public:
-  explicit Soft(const BulletSetting& setting) : setting_(setting) {}
+  explicit Soft(const BulletSetting& setting) : BulletEngine(setting) {}
 
   ~Soft() override {
     if (body_ != nullptr) world_.removeSoftBody(body_.get());
     if (obstacle_ != nullptr) world_.removeRigidBody(obstacle_->body());
+    body_.reset();  // before the world
+    obstacle_.reset();
   }
 
   std::string load(const Scene& scene) override {
@@ -55,28 +57,15 @@ class Soft final : public Engine {
       body_->generateClusters(setting_.clusters);
     }
     world_.addSoftBody(body_.get());
-    obstacle_ = std::make_unique<BulletObstacle>(scene.obstacle, kFriction);
-    world_.addRigidBody(obstacle_->body());
+    add_obstacle(scene.obstacle, kFriction);
     return {};
   }
 
-  void frame(double dt) override {
-    const btScalar h = real(dt / substeps_);
-    for (int part = 0; part < substeps_; ++part) world_.stepSimulation(h, 0);
-  }
-
-  void read(double* positions) override { read_nodes(*body_, positions); }
-
  private:
-  BulletSetting setting_;
-  int substeps_ = 1;
-  btSoftBodyRigidBodyCollisionConfiguration configuration_;
-  btCollisionDispatcher dispatcher_{&configuration_};
-  btDbvtBroadphase broad_phase_;
+  SelfMeetingWorld& world() override { return world_; }
+
   btSequentialImpulseConstraintSolver solver_;
   SelfMeetingWorld world_{&dispatcher_, &broad_phase_, &solver_, &configuration_};
-  std::unique_ptr<btSoftBody> body_;
-  std::unique_ptr<BulletObstacle> obstacle_;
 };
 
 Variant soft(const char* name, const BulletSetting& s, Use use = Use::Always, bool extra = false) {

@@ -60,6 +60,38 @@ class BulletObstacle {
   std::unique_ptr<btRigidBody> body_;
 };
 
+/// What both engines have: a sheet and an obstacle in a world that they own.
+template <class World>
+class BulletEngine : public Engine {
+ public:
+  explicit BulletEngine(const BulletSetting& setting) : setting_(setting) {}
+
+  void frame(double dt) override {
+    const btScalar h = real(dt / substeps_);
+    for (int part = 0; part < substeps_; ++part) world().stepSimulation(h, 0);
+  }
+  void read(double* positions) override {
+    for (int i = 0; i < body_->m_nodes.size(); ++i) {
+      for (int c = 0; c < 3; ++c) *positions++ = static_cast<double>(body_->m_nodes[i].m_x[c]);
+    }
+  }
+
+ protected:
+  virtual World& world() = 0;
+  void add_obstacle(const Obstacle& obstacle, double share) {
+    obstacle_ = std::make_unique<BulletObstacle>(obstacle, share);
+    world().addRigidBody(obstacle_->body());
+  }
+
+  BulletSetting setting_;
+  int substeps_ = 1;
+  btSoftBodyRigidBodyCollisionConfiguration configuration_;
+  btCollisionDispatcher dispatcher_{&configuration_};
+  btDbvtBroadphase broad_phase_;
+  std::unique_ptr<btSoftBody> body_;
+  std::unique_ptr<BulletObstacle> obstacle_;
+};
+
 /// An engine of the deformable world.
 std::unique_ptr<Engine> make_deformable(const BulletSetting& setting);
 
@@ -85,12 +117,6 @@ inline std::unique_ptr<btSoftBody> make_body(const Scene& scene, const BulletSet
   body->m_cfg.kKHR = real(setting.hardness);
   body->setActivationState(DISABLE_DEACTIVATION);
   return body;
-}
-
-inline void read_nodes(const btSoftBody& body, double* positions) {
-  for (int i = 0; i < body.m_nodes.size(); ++i) {
-    for (int c = 0; c < 3; ++c) *positions++ = static_cast<double>(body.m_nodes[i].m_x[c]);
-  }
 }
 
 }  // namespace versus

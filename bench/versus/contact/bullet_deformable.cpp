@@ -16,9 +16,9 @@ namespace {
 const double kFriction = std::sqrt(0.3);
 
 /// A deformable world with a sheet and an obstacle.
-class Deformable final : public Engine {
+class Deformable final : public BulletEngine<btDeformableMultiBodyDynamicsWorld> {
  public:
-  explicit Deformable(const BulletSetting& setting) : setting_(setting) {
+  explicit Deformable(const BulletSetting& setting) : BulletEngine(setting) {
     solver_.setDeformableSolver(&deformable_);
   }
 
@@ -28,6 +28,8 @@ class Deformable final : public Engine {
       world_.removeSoftBody(body_.get());
     }
     if (obstacle_ != nullptr) world_.removeRigidBody(obstacle_->body());
+    body_.reset();  // before the world
+    obstacle_.reset();
   }
 
   std::string load(const Scene& scene) override {
@@ -50,32 +52,19 @@ class Deformable final : public Engine {
     world_.addForce(body_.get(), gravity_.get());
     world_.setImplicit(setting_.implicit);
     world_.setUseProjection(true);
-    obstacle_ = std::make_unique<BulletObstacle>(scene.obstacle, kFriction);
-    world_.addRigidBody(obstacle_->body());
+    add_obstacle(scene.obstacle, kFriction);
     return {};
   }
 
-  void frame(double dt) override {
-    const btScalar h = real(dt / substeps_);
-    for (int part = 0; part < substeps_; ++part) world_.stepSimulation(h, 0);
-  }
-
-  void read(double* positions) override { read_nodes(*body_, positions); }
-
  private:
-  BulletSetting setting_;
-  int substeps_ = 1;
-  btSoftBodyRigidBodyCollisionConfiguration configuration_;
-  btCollisionDispatcher dispatcher_{&configuration_};
-  btDbvtBroadphase broad_phase_;
+  btDeformableMultiBodyDynamicsWorld& world() override { return world_; }
+
   btDeformableBodySolver deformable_;
   btDeformableMultiBodyConstraintSolver solver_;
   btDeformableMultiBodyDynamicsWorld world_{&dispatcher_, &broad_phase_, &solver_, &configuration_,
                                             &deformable_};
   std::unique_ptr<btDeformableMassSpringForce> springs_;
   std::unique_ptr<btDeformableGravityForce> gravity_;
-  std::unique_ptr<btSoftBody> body_;
-  std::unique_ptr<BulletObstacle> obstacle_;
 };
 
 }  // namespace

@@ -10,6 +10,8 @@
 #include <string>
 #include <vector>
 
+#include "../support/module_entry.hpp"
+
 namespace versus {
 
 /// An edge of the sheet, by its vertices.
@@ -77,9 +79,3 @@ struct Entry {
 };
 
 }  // namespace versus
-
-/// The function that a module exports. The arguments are the name, the version, and the variants.
-#define VERSUS_MODULE(name, version, ...)                                                     \
-  extern "C" __attribute__((visibility("default"))) void versus_entry(versus::Entry* entry) { \
-    *entry = versus::Entry{name, version, __VA_ARGS__};                                       \
-  }

@@ -1,7 +1,5 @@
 #include "run.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -10,25 +8,12 @@
 #include <limits>
 #include <numeric>
 
+#include "../support/timing.hpp"
 #include "clothctl/io/qpt.hpp"
 
 namespace versus {
 
 namespace {
-
-double thread_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-/// Returns the q-quantile of the values.
-double quantile(std::vector<double> values, double q) {
-  if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
-  std::sort(values.begin(), values.end());
-  const double rank = std::ceil(q * static_cast<double>(values.size()));
-  return values[static_cast<std::size_t>(std::max(1.0, rank)) - 1];
-}
 
 Vectors vectors(const clothctl::QpSequenceFrame& frame) {
   return {frame.g, frame.lb, frame.ub, frame.rl, frame.ru};

@@ -1,7 +1,5 @@
 #include "run.hpp"
 
-#include <time.h>
-
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -9,17 +7,13 @@
 #include <numeric>
 #include <random>
 
+#include "../support/timing.hpp"
+
 namespace versus {
 
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-double thread_seconds() {
-  timespec now{};
-  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
 
 double median(std::vector<double> values) {
   if (values.empty()) return kNone;

@@ -60,6 +60,18 @@ class TriangleSweep {
   using Deep = detail::DeepPoint<Scalar>;
   static constexpr int kMostAdvances = 100;
 
+  /// The parameters of the corners.
+  static std::array<std::array<Scalar, 2>, 3> corners() {
+    const Scalar zero(0), one(1);
+    return {std::array<Scalar, 2>{zero, zero}, std::array<Scalar, 2>{one, zero},
+            std::array<Scalar, 2>{zero, one}};
+  }
+  /// Asks about the point p_0 + s (p_1 - p_0) + t (p_2 - p_0).
+  Deep evaluate(const Triangle& p, const Scalar& s, const Scalar& t) const {
+    const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(
+        collider_, Vec(p[0] + s * Vec(p[1] - p[0]) + t * Vec(p[2] - p[0])));
+    return Deep{s, t, q.distance, q.normal};
+  }
   /// Returns the point of a triangle that is closest.
   Deep deepest(const Triangle& p, const Scalar& tolerance) const;
   /// Returns whether a point of the triangle may be closer than `way`.
@@ -98,34 +110,25 @@ bool TriangleSweep<S>::find(const Triangle& p, const Triangle& r, const Corners&
 
 template <RealScalar S>
 auto TriangleSweep<S>::deepest(const Triangle& p, const Scalar& tolerance) const -> Deep {
-  const Scalar zero(0), one(1);
   const Vec u = p[1] - p[0], v = p[2] - p[0];
-  const std::array<std::array<Scalar, 2>, 3> all{std::array<Scalar, 2>{zero, zero},
-                                                 std::array<Scalar, 2>{one, zero},
-                                                 std::array<Scalar, 2>{zero, one}};
-  const auto evaluate = [&](const Scalar& s, const Scalar& t) {
-    const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(collider_, Vec(p[0] + s * u + t * v));
-    return Deep{s, t, q.distance, q.normal};
-  };
+  const std::array<std::array<Scalar, 2>, 3> all = corners();
+  const auto at = [&](const Scalar& s, const Scalar& t) { return evaluate(p, s, t); };
   std::array<detail::DistanceBound<Scalar>, 6> known{};
   Deep best{};
   for (std::size_t k = 0; k < 3; ++k) {
-    const Deep corner = evaluate(all[k][0], all[k][1]);
+    const Deep corner = at(all[k][0], all[k][1]);
     known[k] = known[k + 3] = detail::bound_at<Scalar>(corner, u, v);
     if (k == 0 || corner.distance < best.distance) best = corner;
   }
-  (void)detail::search_triangle<Scalar>(evaluate, u, v, all, known,
-                                        Scalar(best.distance - tolerance), tolerance, best);
+  (void)detail::search_triangle<Scalar>(at, u, v, all, known, Scalar(best.distance - tolerance),
+                                        tolerance, best);
   return best;
 }
 
 template <RealScalar S>
 bool TriangleSweep<S>::reaches(const Triangle& p, const Corners& corner, const Scalar& way) const {
-  const Scalar zero(0), one(1);
   const Vec u = p[1] - p[0], v = p[2] - p[0];
-  const std::array<std::array<Scalar, 2>, 3> all{std::array<Scalar, 2>{zero, zero},
-                                                 std::array<Scalar, 2>{one, zero},
-                                                 std::array<Scalar, 2>{zero, one}};
+  const std::array<std::array<Scalar, 2>, 3> all = corners();
   std::array<detail::DistanceBound<Scalar>, 6> known{};
   for (std::size_t k = 0; k < 3; ++k) {
     const SurfacePoint<Scalar>& q = corner[k];
@@ -133,12 +136,9 @@ bool TriangleSweep<S>::reaches(const Triangle& p, const Corners& corner, const S
     known[k] = known[k + 3] =
         detail::bound_at<Scalar>(Deep{all[k][0], all[k][1], q.distance, q.normal}, u, v);
   }
-  const auto evaluate = [&](const Scalar& s, const Scalar& w) {
-    const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(collider_, Vec(p[0] + s * u + w * v));
-    return Deep{s, w, q.distance, q.normal};
-  };
+  const auto at = [&](const Scalar& s, const Scalar& t) { return evaluate(p, s, t); };
   Deep unused{};
-  return detail::search_triangle<Scalar>(evaluate, u, v, all, known, way, one, unused);
+  return detail::search_triangle<Scalar>(at, u, v, all, known, way, Scalar(1), unused);
 }
 
 template <RealScalar S>

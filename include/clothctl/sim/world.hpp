@@ -87,6 +87,10 @@ class World {
     return step_.step(dt, executor);
   }
 
+  /// Returns an empty string, or why every step returns InvalidInput: a setting, or parts that do
+  /// not go together, such as pads on a sheet whose model makes no factor of its step. Allocates.
+  std::string check_setup() { return step_.check_setup(); }
+
   /// Number of sheets.
   int sheet_count() const { return static_cast<int>(step_.parts.sheets.size()); }
   /// Number of obstacles.

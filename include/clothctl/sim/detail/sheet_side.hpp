@@ -28,40 +28,33 @@ class SheetSide {
   std::string create(const Model& model, Index capacity) {
     const Index n = model.vertex_count();
     response_ = ParticleResponse<Scalar>(capacity);
-    inverse_masses_ = VectorX<Scalar>::Constant(n, Scalar(0));
-    before_ = Points<Scalar>::Constant(3, n, Scalar(0));
     point_.assign(static_cast<std::size_t>(n), -1);
     touched_.reserve(static_cast<std::size_t>(capacity));
     return {};
   }
-  /// Takes the vertices that are touched in a step that ended with `state`; `write_masses` writes
-  /// the inverse masses of all.
-  template <class WriteMasses>
+  /// Takes the vertices that are touched in a step that ended with `state`, and the inverse masses
+  /// of all in it.
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
-                    typename Model::Workspace&, WriteMasses write_masses) {
+                    typename Model::Workspace&, const VectorX<Scalar>& inverse_masses) {
     for (const int v : touched_) point_[static_cast<std::size_t>(v)] = -1;
     touched_.assign(vertices.begin(), vertices.end());
     for (std::size_t i = 0; i < touched_.size(); ++i)
       point_[static_cast<std::size_t>(touched_[i])] = static_cast<int>(i);
-    write_masses(inverse_masses_);
     state_ = &state;
-    const QueryStatus status = response_.gather(vertices, inverse_masses_, state.velocities);
+    const QueryStatus status = response_.gather(vertices, inverse_masses, state.velocities);
     return status == QueryStatus::Answered ? StepStatus::Converged : StepStatus::InvalidState;
   }
   int point(int vertex) const { return point_[static_cast<std::size_t>(vertex)]; }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(response_); }
   /// Moves the vertices by what the impulses changed in a step of `dt` s.
   void take(const Scalar& dt) {
-    for (const int v : touched_) before_.col(v) = state_->velocities.col(v);
+    for (const int v : touched_) state_->positions.col(v) -= dt * state_->velocities.col(v);
     (void)response_.scatter(touched_, state_->velocities);
-    for (const int v : touched_)
-      state_->positions.col(v) += dt * (state_->velocities.col(v) - before_.col(v));
+    for (const int v : touched_) state_->positions.col(v) += dt * state_->velocities.col(v);
   }
 
  private:
   ParticleResponse<Scalar> response_;
-  VectorX<Scalar> inverse_masses_;
-  Points<Scalar> before_;
   std::vector<int> touched_, point_;
   ClothState<Scalar>* state_ = nullptr;
 };
@@ -79,9 +72,8 @@ class SheetSide<Model> {
     impulses_.emplace(std::move(made).value());
     return {};
   }
-  template <class WriteMasses>
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
-                    typename Model::Workspace& ws, WriteMasses) {
+                    typename Model::Workspace& ws, const VectorX<Scalar>&) {
     return impulses_->attach(vertices, state, ws);
   }
   int point(int vertex) const { return impulses_->point(vertex); }

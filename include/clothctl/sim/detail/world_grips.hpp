@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -73,28 +74,26 @@ class WorldGrips {
  private:
   /// A pad with a sheet.
   struct Touch {
-    int pad, sheet, carrier;  // place in carriers_
+    int pad, sheet;
     PadContacts<Scalar> contacts;
     std::vector<Vector3<Scalar>> impulse;  // of each sample in the step so far
   };
-  /// What carries pads: an obstacle, moved by a hand or not, or a body.
-  struct Carrier {
-    int number;
-    int side;  // place in carrier_sides_
-  };
-  /// A side of the problem that carries pads: a hand, a body, or an obstacle that no impulse moves.
+  /// A side of the problem that carries pads: a hand, whatever links of it carry them, or the
+  /// carrier itself. A carrier that no impulse moves has neither hand nor `rigid`.
   struct CarrierSide {
-    int hand, body, obstacle;  // one is not negative
+    int hand, carrier;
     std::vector<int> frames;
     Points<Scalar> points;
-    Index count;
+    Index count = 0;
     KinematicResponse<Scalar> kinematic;
-    std::vector<RigidBodyResponse<Scalar>> rigid;  // one, of a body
+    std::optional<RigidBodyResponse<Scalar>> rigid;
   };
 
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
-  int add_side(WorldParts<Scalar>& parts, int carrier);
+  /// Returns the place in sides_ of what carries a pad; adds it if it is not there.
+  std::size_t find_side(const WorldParts<Scalar>& parts, int carrier);
+  CarrierSide& side_of(const Touch& t) { return sides_[side_of_pad_[index(t.pad)]]; }
   RigidMotion<Scalar> motion(const WorldParts<Scalar>& parts, int carrier) const {
     if (carrier < 0) return parts.bodies.motion(-1 - carrier);
     return parts.obstacles[index(carrier)]->motion();
@@ -111,8 +110,8 @@ class WorldGrips {
 
   std::vector<Pad> pads_;
   std::vector<Touch> touches_;
-  std::vector<Carrier> carriers_;
   std::vector<CarrierSide> sides_;
+  std::vector<std::size_t> side_of_pad_;
   std::vector<std::vector<int>> touched_;  // vertices of each sheet
   std::vector<int> sheet_place_, side_place_;
   std::vector<ImpulseResponseRef<Scalar>> list_;
@@ -122,48 +121,41 @@ class WorldGrips {
 };
 
 template <RealScalar Scalar>
-int WorldGrips<Scalar>::add_side(WorldParts<Scalar>& parts, int carrier) {
+std::size_t WorldGrips<Scalar>::find_side(const WorldParts<Scalar>& parts, int carrier) {
   const int hand = carrier < 0 ? -1 : parts.obstacles[index(carrier)]->hand;
-  const bool body = carrier < 0 && Scalar(0) < parts.bodies.mass(-1 - carrier);
-  for (std::size_t k = 0; k < sides_.size(); ++k) {
-    const CarrierSide& side = sides_[k];
-    if (hand >= 0 ? side.hand == hand : side.obstacle == carrier) return static_cast<int>(k);
-  }
-  CarrierSide side{hand,
-                   body ? -1 - carrier : -1,
-                   hand < 0 ? carrier : -1,
-                   {},
-                   {},
-                   0,
-                   KinematicResponse<Scalar>(),
-                   {}};
-  if (body) {
-    side.rigid.push_back(RigidBodyResponse<Scalar>::create(parts.bodies.mass(side.body),
-                                                           parts.bodies.inertia(side.body))
-                             .value());
-  }
+  const auto same = [&](const CarrierSide& side) {
+    return side.hand == hand && (hand >= 0 || side.carrier == carrier);
+  };
+  const auto found = std::find_if(sides_.begin(), sides_.end(), same);
+  if (found != sides_.end()) return static_cast<std::size_t>(found - sides_.begin());
+  CarrierSide side{hand, carrier, {}, {}, 0, KinematicResponse<Scalar>(), {}};
+  const int body = -1 - carrier;
+  if (body >= 0 && Scalar(0) < parts.bodies.mass(body))
+    side.rigid =
+        RigidBodyResponse<Scalar>::create(parts.bodies.mass(body), parts.bodies.inertia(body))
+            .value();
   sides_.push_back(std::move(side));
-  return static_cast<int>(sides_.size()) - 1;
+  return sides_.size() - 1;
 }
 
 template <RealScalar Scalar>
 std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
   touches_.clear();
-  carriers_.clear();
   sides_.clear();
+  side_of_pad_.clear();
   touched_.assign(parts.sheets.size(), {});
   std::size_t most = 0;
   for (int pad = 0; pad < pad_count(); ++pad) {
     const Pad& p = pads_[index(pad)];
     told_[index(pad)].reserve(p.samples.size() * parts.sheets.size());
-    carriers_.push_back({p.carrier, add_side(parts, p.carrier)});
+    side_of_pad_.push_back(find_side(parts, p.carrier));
     for (std::size_t s = 0; s < parts.sheets.size(); ++s) {
       const WorldSheet<Scalar>& sheet = *parts.sheets[s];
       if (!parts.meet(s, p.carrier)) continue;
       Result<PadContacts<Scalar>> made = PadContacts<Scalar>::create(
           p.samples, sheet.network().triangles, sheet.finder, 0, 0, p.settings);
       if (!made) return "pad " + std::to_string(pad) + ": " + made.error();
-      touches_.push_back({pad, static_cast<int>(s), pad, std::move(made).value(),
+      touches_.push_back({pad, static_cast<int>(s), std::move(made).value(),
                           std::vector<Vector3<Scalar>>(p.samples.size())});
       touched_[s].reserve(touched_[s].capacity() + 3 * p.samples.size());
       most += p.samples.size();
@@ -184,7 +176,7 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
     side.frames.reserve(most);
     side.kinematic = KinematicResponse<Scalar>(static_cast<Index>(most));
     if (side.hand >= 0) parts.hands[index(side.hand)]->reserve(static_cast<Index>(most));
-    for (RigidBodyResponse<Scalar>& rigid : side.rigid) (void)rigid.set_points(side.points);
+    if (side.rigid) (void)side.rigid->set_points(side.points);  // makes room
   }
   if (most > 0) solver_.reserve(static_cast<Index>(most), static_cast<Index>(3 * most));
   return {};
@@ -194,7 +186,7 @@ template <RealScalar Scalar>
 bool WorldGrips<Scalar>::find(WorldParts<Scalar>& parts, int sheet) {
   for (Touch& t : touches_) {
     if (t.sheet != sheet) continue;
-    const RigidMotion<Scalar> now = motion(parts, carriers_[index(t.carrier)].number);
+    const RigidMotion<Scalar> now = motion(parts, carrier(t.pad));
     if (t.contacts.update(now, parts.sheets[index(sheet)]->finder) != QueryStatus::Answered)
       return false;
   }
@@ -211,13 +203,12 @@ void WorldGrips<Scalar>::list_contacts(WorldParts<Scalar>& parts) {
   }
   for (Touch& t : touches_) {
     t.contacts.add_touched(touched_[index(t.sheet)]);
-    const Carrier& carrier = carriers_[index(t.carrier)];
-    CarrierSide& side = sides_[index(carrier.side)];
+    CarrierSide& side = side_of(t);
     const std::span<ContactSample<Scalar>> now = t.contacts.contacts();
     for (std::size_t k = 0; k < now.size(); ++k) {
       const int point = static_cast<int>(side.count++);
       side.points.col(point) = t.contacts.places().col(static_cast<Index>(t.contacts.sample(k)));
-      if (side.hand >= 0) side.frames.push_back(parts.obstacles[index(carrier.number)]->frame);
+      if (side.hand >= 0) side.frames.push_back(parts.obstacles[index(carrier(t.pad))]->frame);
       contacts_.push_back(now[k]);
       contacts_.back().b.point = {point, -1, -1};
     }
@@ -233,12 +224,12 @@ bool WorldGrips<Scalar>::attach(WorldParts<Scalar>& parts, CarrierSide& side) {
     list_.push_back(hand.side());
     return true;
   }
-  const RigidMotion<Scalar> now = motion(parts, side.obstacle);
-  if (side.body >= 0) {
-    RigidBodyResponse<Scalar>& rigid = side.rigid.front();
-    parts.bodies.wake(side.body);
-    list_.push_back(ImpulseResponseRef<Scalar>(rigid));
-    return rigid.set_motion(now).empty() && rigid.set_points(points) == QueryStatus::Answered;
+  const RigidMotion<Scalar> now = motion(parts, side.carrier);
+  if (side.rigid) {
+    parts.bodies.wake(-1 - side.carrier);
+    list_.push_back(ImpulseResponseRef<Scalar>(*side.rigid));
+    return side.rigid->set_motion(now).empty() &&
+           side.rigid->set_points(points) == QueryStatus::Answered;
   }
   list_.push_back(ImpulseResponseRef<Scalar>(side.kinematic));
   return side.kinematic.set_motion(now).empty() &&
@@ -265,7 +256,7 @@ bool WorldGrips<Scalar>::list_sides(WorldParts<Scalar>& parts) {
     for (std::size_t k = 0; k < t.contacts.contact_count(); ++k) {
       ContactSample<Scalar>& c = contacts_[next++];
       c.a.side = sheet_place_[index(t.sheet)];
-      c.b.side = side_place_[index(carriers_[index(t.carrier)].side)];
+      c.b.side = side_place_[side_of_pad_[index(t.pad)]];
       for (int& point : c.a.point) point = sheet.point(point);
     }
   }
@@ -282,18 +273,17 @@ void WorldGrips<Scalar>::take(WorldParts<Scalar>& parts, const Scalar& dt) {
   }
   std::size_t next = 0;
   for (Touch& t : touches_) {
-    const Carrier& carrier = carriers_[index(t.carrier)];
-    const CarrierSide& side = sides_[index(carrier.side)];
-    for (ContactSample<Scalar>& kept : t.contacts.contacts()) {
+    const CarrierSide& side = side_of(t);
+    const std::span<ContactSample<Scalar>> kept = t.contacts.contacts();
+    for (std::size_t k = 0; k < kept.size(); ++k) {
       const ContactSample<Scalar>& c = contacts_[next++];
-      const std::size_t k = static_cast<std::size_t>(&kept - t.contacts.contacts().data());
       t.impulse[t.contacts.sample(k)] += c.impulse;
-      kept.impulse = c.impulse;
-      kept.offset = c.offset;
-      kept.state = c.state;
-      if (side.body < 0) continue;
+      kept[k].impulse = c.impulse;
+      kept[k].offset = c.offset;
+      kept[k].state = c.state;
+      if (!side.rigid) continue;
       const Vector3<Scalar> back = Scalar(-1) * c.impulse;
-      (void)parts.bodies.apply_impulse(side.body, back, side.points.col(c.b.point[0]));
+      (void)parts.bodies.apply_impulse(-1 - side.carrier, back, side.points.col(c.b.point[0]));
     }
     t.contacts.keep();
   }

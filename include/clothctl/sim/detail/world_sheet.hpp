@@ -118,8 +118,7 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
 
   std::string reserve_touched(Index vertices) override { return side_.create(model_, vertices); }
   StepStatus attach(std::span<const int> vertices) override {
-    return side_.attach(vertices, this->state, ws_,
-                        [this](VectorX<Scalar>& out) { this->write_inverse_masses(out); });
+    return side_.attach(vertices, this->state, ws_, inverse_mass_);
   }
   ImpulseResponseRef<Scalar> side() override { return side_.side(); }
   int point(int vertex) const override { return side_.point(vertex); }
@@ -130,7 +129,7 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
   typename Model::Workspace ws_;
   SheetSide<Model> side_;
   ObstacleGuard<Scalar> guard_;
-  VectorX<Scalar> inverse_mass_;
+  VectorX<Scalar> inverse_mass_;  // in the last step
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

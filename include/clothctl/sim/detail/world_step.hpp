@@ -22,9 +22,8 @@ class WorldStep {
 
   explicit WorldStep(const WorldSettings<Scalar>& s) : parts(s.bodies), settings(s) {}
 
-  /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
-  /// wrong.
-  std::string prepare();
+  /// Returns an empty string, or why every step is refused. Allocates after something was added.
+  std::string check_setup();
   /// Advances everything by `dt` s.
   Report step(const Scalar& dt, const ExecutorRef& executor);
   /// Gives the shapes of links the motion of their frames.
@@ -44,6 +43,9 @@ class WorldStep {
 
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
+  /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
+  /// wrong.
+  std::string prepare();
   /// Lists the obstacles and bodies that a sheet may touch.
   void list_obstacles(std::size_t number);
   /// A part of a step.
@@ -110,6 +112,16 @@ std::string WorldStep<S>::prepare() {
 }
 
 template <RealScalar S>
+std::string WorldStep<S>::check_setup() {
+  std::string bad = settings.bodies.validate();
+  if (bad.empty() && !prepared) {
+    bad = prepare();
+    prepared = bad.empty();
+  }
+  return bad;
+}
+
+template <RealScalar S>
 void WorldStep<S>::save() {
   for (std::size_t i = 0; i < parts.sheets.size(); ++i) saved_states_[i] = parts.sheets[i]->state;
   for (std::size_t i = 0; i < parts.obstacles.size(); ++i)
@@ -139,11 +151,7 @@ template <RealScalar S>
 WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor) {
   Report report;
   report.status = StepStatus::InvalidInput;
-  if (!is_finite(dt) || !(Scalar(0) < dt) || !settings.bodies.validate().empty()) return report;
-  if (!prepared) {
-    if (!prepare().empty()) return report;
-    prepared = true;
-  }
+  if (!is_finite(dt) || !(Scalar(0) < dt) || !check_setup().empty()) return report;
   report.status = StepStatus::Converged;
   save();
   grips.begin();
