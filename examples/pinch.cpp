@@ -56,7 +56,8 @@ Request read_request(int argc, char** argv) {
   add("--friction", r.pad.friction, 0, 10, "Friction coefficient");
   add("--stiffness", r.pad.stiffness, 1, 1e6, "Stiffness of a pad, N/m");
   add("--amplitude", r.motion.amplitude, 0, 1, "Amplitude of a shake of 2 Hz, m");
-  add("--twist", r.motion.twist, -10, 10, "Turning of the pads about their normal, rad/s");
+  add("--twist", r.motion.twist, -3, 3,
+      "Amplitude of a turn of 0.25 Hz about the normal of the pads, rad");
   add("--dt", r.dt, 1e-4, 0.1, "Time step, s");
   add("--seconds", r.seconds, 0.1, 600, "Length of the run, s");
   app.add_flag("--json", r.json, "Print the figures as one JSON object on the last line");

@@ -112,14 +112,19 @@ clothctl::Result<std::unique_ptr<PinchWorld>> PinchWorld::create(
 
 double PinchWorld::way(double t) const { return motion_.amplitude * (1 - std::cos(4 * kPi * t)); }
 
+double PinchWorld::turn(double t) const { return motion_.twist * std::sin(0.5 * kPi * t); }
+
+double PinchWorld::closed(double t) { return std::min(1.0, 5 * t); }
+
 RigidMotion<double> PinchWorld::pose(std::size_t k, double t, double dt) const {
-  const double side = k == 0 ? 1 : -1, overlap = motion_.force / settings_.stiffness;
+  const double side = k == 0 ? 1 : -1, most = motion_.force / settings_.stiffness;
+  const double overlap = most * closed(t), deeper = most * closed(t + dt) - overlap;
   RigidMotion<double> out;
-  out.R_world_body = clothctl::rotation_exp<double>(Vector(0, motion_.twist * t, 0));
+  out.R_world_body = clothctl::rotation_exp<double>(Vector(0, turn(t), 0));
   if (k == 1) out.R_world_body *= clothctl::rotation_exp<double>(Vector(0, 0, kPi));
   out.position = inside_ + Vector(way(t), side * overlap, 0);
-  out.velocity = Vector((way(t + dt) - way(t)) / dt, 0, 0);
-  out.angular_velocity = Vector(0, motion_.twist, 0);
+  out.velocity = Vector(way(t + dt) - way(t), side * deeper, 0) / dt;
+  out.angular_velocity = Vector(0, (turn(t + dt) - turn(t)) / dt, 0);
   return out;
 }
 
@@ -152,7 +157,6 @@ std::string PinchWorld::add_gripper() {
   setup.control.kd = Eigen::Vector4d(1e3, 10, 5, 5);
   const auto hand = world_.add_hand(tree_, setup);
   if (!hand) return hand.error();
-  world_.drive(*hand).torque = Eigen::Vector4d(0, 0, motion_.force, motion_.force);
   std::array<int, 2> carriers{};
   std::array<Samples, 2> samples;
   for (std::size_t k = 0; k < 2; ++k) {
@@ -232,8 +236,7 @@ void PinchWorld::place_tips() {
 void PinchWorld::reach(double t) {
   using IkTask = clothctl::IkTask<double>;
   std::vector<IkTask> tasks;
-  const clothctl::Matrix3<double> turn =
-      clothctl::rotation_exp<double>(Vector(0, motion_.twist * t, 0));
+  const clothctl::Matrix3<double> turned = clothctl::rotation_exp<double>(Vector(0, turn(t), 0));
   for (std::size_t k = 0; k < 2; ++k) {
     const int frame = tree_.find_link(kTips[k]);
     tasks.push_back(IkTask::position(frame, tip_[k], pose(k, t, 1).position));
@@ -241,7 +244,7 @@ void PinchWorld::reach(double t) {
       tasks.push_back(
           IkTask::pointing(frame, Vector(0, 0, -1), pose(k, t, 1).R_world_body.col(1), 0.002));
     } else {
-      tasks.push_back(IkTask::orientation(frame, turn * R_tip_[k], 0.002));
+      tasks.push_back(IkTask::orientation(frame, turned * R_tip_[k], 0.002));
     }
   }
   (void)ik_->solve(tree_, tasks, q_, q_);
@@ -262,8 +265,10 @@ void PinchWorld::drive(double t, double dt) {
   }
   clothctl::HandDrive<double>& drive = world_.drive(0);
   if (motion_.pads == "gripper") {
-    drive.target.head<2>() = Eigen::Vector2d(way(t + dt), motion_.twist * (t + dt));
-    drive.target_velocity.head<2>() = Eigen::Vector2d((way(t + dt) - way(t)) / dt, motion_.twist);
+    drive.target.head<2>() = Eigen::Vector2d(way(t + dt), turn(t + dt));
+    drive.target_velocity.head<2>() =
+        Eigen::Vector2d(way(t + dt) - way(t), turn(t + dt) - turn(t)) / dt;
+    drive.torque.tail<2>().setConstant(motion_.force * closed(t + dt));
     return;
   }
   const clothctl::VectorX<double> before = q_;

@@ -19,9 +19,9 @@ namespace program {
 /// What pinches, how it moves and presses.
 struct PinchMotion {
   std::string pads = "paths";  ///< paths, gripper, hand or none
-  double force = 3.3;          ///< of each pad on the sheet, N
+  double force = 6;            ///< of each pad on the sheet, N; they close within 0.2 s
   double amplitude = 0;        ///< of a shake of 2 Hz along x, m
-  double twist = 0;            ///< about their normals, rad/s
+  double twist = 0;            ///< amplitude of a turn of 0.25 Hz about their normals, rad
 };
 
 /// The sheet.
@@ -82,6 +82,9 @@ class PinchWorld {
   /// Where pad k has to be at time t.
   clothctl::RigidMotion<double> pose(std::size_t k, double t, double dt) const;
   double way(double t) const;
+  double turn(double t) const;
+  /// Share of the force with which the pads press.
+  static double closed(double t);
   void drive(double t, double dt);
   /// Finds where the fingertips touch, and the first positions of the hand.
   void place_tips();

@@ -108,6 +108,7 @@ class Block {
     const double h = 0.01;
     RigidMotion<double> m = body_.motion();
     m.velocity += h * 9.81 * Vector3<double>(std::sin(angle_), 0, -std::cos(angle_));
+    m.angular_velocity += 600 * h * torque;
     REQUIRE(body_.set_motion(m).empty());
     Points<double> x(3, 4);
     for (int i = 0; i < 4; ++i) {
@@ -127,6 +128,7 @@ class Block {
   }
   const RigidMotion<double>& motion() const { return body_.motion(); }
   Contacts<double>& contacts() { return contacts_; }
+  Vector3<double> torque = Vector3<double>::Zero();  // on the block, N m
 
  private:
   double angle_;
@@ -179,6 +181,34 @@ TEST_CASE("a slipping contact carries exactly what friction allows", "[contact]"
     const double force = c.impulse[2] / 0.01;
     CHECK(c.offset.norm() == Approx(0.4 * force * 1e-4).epsilon(1e-9));
     CHECK(c.offset[2] == 0.0);
+  }
+}
+
+TEST_CASE("samples on a ring resist torsion and rolling up to the limits of the ring", "[contact]") {
+  const double mu = 0.4, torsion = mu * 9.81 * 0.05 * std::sqrt(2.0), rolling = 9.81 * 0.05;
+  for (const double share : {0.99, 1.01}) {
+    Block turned(0, mu, 1e-5), rolled(0, mu, 1e-5);
+    turned.torque[2] = share * torsion;
+    rolled.torque[0] = share * share * share * rolling;
+    for (int k = 0; k < 100; ++k) {
+      REQUIRE(turned.step().status == ContactStatus::Solved);
+      REQUIRE(rolled.step().status == ContactStatus::Solved);
+    }
+    const double turning = turned.motion().angular_velocity[2];
+    for (int k = 0; k < 20; ++k) {
+      REQUIRE(turned.step().status == ContactStatus::Solved);
+      REQUIRE(rolled.step().status == ContactStatus::Solved);
+    }
+    const double gain = turned.motion().angular_velocity[2] - turning;
+    const double tilt = rolled.motion().R_world_body(2, 1);
+    if (share < 1) {
+      CHECK(std::abs(gain) < 1e-9);
+      CHECK(std::abs(rolled.motion().angular_velocity[0]) < 1e-9);
+      CHECK(std::abs(tilt) < 1e-3);
+    } else {
+      CHECK(gain == Approx(0.2 * 600 * 0.01 * torsion).epsilon(1e-3));
+      CHECK(tilt > 0.02);
+    }
   }
 }
 

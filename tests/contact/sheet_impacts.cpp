@@ -148,7 +148,7 @@ TEST_CASE("rigid zones keep layers apart and momentum, too", "[self_contact]") {
 
 TEST_CASE("crumpled sheets never cross", "[self_contact]") {
   std::mt19937 random(72);
-  for (int trial = 0; trial < clothctl_test::trials(12, 1000, 2); ++trial) {
+  for (int trial = 0; trial < clothctl_test::trials(12, 10000, 2); ++trial) {
     Flight<double> flight(clothctl_test::layer(9, 0.1), clothctl_test::layer(9, 0.1).positions,
                           settings_of(trial % 2 == 0 ? 0.001 : 0.004));
     for (int k = 0; k < 8; ++k) {
