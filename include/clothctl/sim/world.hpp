@@ -166,8 +166,8 @@ Result<int> World<S>::add_sheet(Model model, ClothState<Scalar> state, const She
   }
   SheetContactSettings<Scalar> inside;
   inside.smooth_gain = Scalar(0.5) * setup.thickness;
-  Result<SheetContactFinder<Scalar>> finder =
-      SheetContactFinder<Scalar>::create(network.rest_positions, network.triangles, {}, inside);
+  Result<SheetContactFinder<Scalar>> finder = SheetContactFinder<Scalar>::create(
+      network.rest_positions, network.triangles, detail::thread_edges(network), inside);
   if (!finder) return Error{name + ": " + finder.error()};
   ObstacleContactSettings<Scalar> touch;
   touch.thickness = Scalar(0.5) * setup.thickness;

@@ -90,6 +90,22 @@ class WorldSheet {
   }
 };
 
+/// Returns the edges of a network that belong to no surface: its springs, other than those of
+/// bending, between vertices of no triangle. Allocates.
+template <RealScalar Scalar>
+std::vector<std::array<int, 2>> thread_edges(const SpringNetwork<Scalar>& network) {
+  std::vector<bool> on_surface(static_cast<std::size_t>(network.vertex_count()), false);
+  for (const std::array<int, 3>& t : network.triangles) {
+    for (const int v : t) on_surface[static_cast<std::size_t>(v)] = true;
+  }
+  const auto free = [&](int v) { return !on_surface[static_cast<std::size_t>(v)]; };
+  std::vector<std::array<int, 2>> out;
+  for (const Spring<Scalar>& s : network.springs) {
+    if (s.kind != SpringKind::Bend && free(s.a) && free(s.b)) out.push_back({s.a, s.b});
+  }
+  return out;
+}
+
 /// A sheet of a model.
 template <class Model>
 class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
