@@ -135,6 +135,14 @@ class SimulatedSheet {
     f.contacts_max = std::max(f.contacts_max, static_cast<long>(told_.contacts + told_.layers));
     f.self_crossings = told_.crossings;
     f.penetration_max_m = std::max(f.penetration_max_m, told_.penetration);
+    f.penetration_end_m = told_.penetration;
+    f.speed_end_m_s = 0;
+    for (const auto& contact : world_.contacts(0)) {
+      if (contact.state == clothctl::ContactState::Open) continue;
+      for (std::size_t k = 0; k < 3 && contact.point.vertex[k] >= 0; ++k)
+        f.speed_end_m_s =
+            std::max(f.speed_end_m_s, state().velocities.col(contact.point.vertex[k]).norm());
+    }
     f.momentum_residual = balanced_ ? std::max(f.momentum_residual, missing_) : unknown;
     f.solver_residual_max = std::max(f.solver_residual_max, told_.force_residual);
   }

@@ -35,9 +35,11 @@ struct ClothFigures {
   long long nonfinite = 0;
   double energy_rise_max = 0;
   /// With obstacles or self: the most contacts, the largest depth, edges that pierce a triangle at
-  /// the end, the error of the momentum balance, the largest residual of the contacts.
+  /// the end, the error of the momentum balance, the largest residual of the contacts; at the end
+  /// of the run the depth, and the speed of the fastest vertex that touches.
   long contacts_max = 0, self_crossings = 0;
   double penetration_max_m = 0, momentum_residual = 0, solver_residual_max = 0;
+  double penetration_end_m = 0, speed_end_m_s = 0;
   long steps = 0, unconverged_steps = 0;
 };
 

@@ -24,6 +24,8 @@ nlohmann::ordered_json contact_figures(const ClothFigures& f) {
   j["self_crossings"] = f.self_crossings;
   j["momentum_residual"] = f.momentum_residual;
   j["solver_residual_max"] = f.solver_residual_max;
+  j["penetration_end_m"] = f.penetration_end_m;
+  j["speed_end_m_s"] = f.speed_end_m_s;
   return j;
 }
 

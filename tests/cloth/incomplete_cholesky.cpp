@@ -17,6 +17,7 @@
 #include "support/allocations.hpp"
 #include "support/block_matrices.hpp"
 #include "support/catch.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using namespace clothctl::detail;
@@ -121,7 +122,8 @@ TEST_CASE("the incomplete factor of a chain, which has no fill, is exact", "[clo
 TEST_CASE("the incomplete factor has the least compensation with which it exists", "[cloth]") {
   std::mt19937 random(2);
   int with[2] = {0, 0};  // without compensation, and with some
-  for (int trial = 0; trial < 14; ++trial) {
+  const int every = clothctl_test::kSanitized ? 3 : 1, least = clothctl_test::kSanitized ? 1 : 3;
+  for (int trial = 0; trial < 14; trial += every) {
     const BlockSymmetric<double> matrix = stiff_matrix(std::pow(10.0, 2.0 + 0.3 * trial), random);
     IncompleteCholesky<double> factor(matrix);
     REQUIRE(factor.factorize(matrix, none_held(matrix)));
@@ -139,8 +141,8 @@ TEST_CASE("the incomplete factor has the least compensation with which it exists
       ++with[0.0 < alpha ? 1 : 0];
     }
   }
-  CHECK(with[0] >= 3);
-  CHECK(with[1] >= 3);
+  CHECK(with[0] >= least);
+  CHECK(with[1] >= least);
 }
 
 TEST_CASE("with each compensation the incomplete factor is the dense reference", "[cloth]") {
