@@ -622,7 +622,7 @@ TEST_CASE("in random piles, energy does not grow") {
 }
 
 TEST_CASE("large piles come to rest by sweeps") {
-  Pile pile(5, trials(60, 100, 20));
+  Pile pile(5, trials(60, 100, 12));
   RigidStepReport<double> report;
   for (int k = 0; k < 600; ++k) {
     report = pile.bodies.step(1.0 / 60);
@@ -634,7 +634,8 @@ TEST_CASE("large piles come to rest by sweeps") {
 }
 
 TEST_CASE("the same bits with any executor, and again from a state") {
-  Pile serial(9, 24), threads(9, 24), backward(9, 24);
+  const int n = trials(24, 24, 12);
+  Pile serial(9, n), threads(9, n), backward(9, n);
   clothctl_test::ThreadExecutor team{3};
   clothctl_test::BackwardExecutor last_first;
   RigidBodiesState<double> middle;
@@ -645,7 +646,7 @@ TEST_CASE("the same bits with any executor, and again from a state") {
     REQUIRE(backward.bodies.step(1.0 / 60, ExecutorRef(last_first)).advanced);
   }
   const auto same = [&](const RigidBodies<double>& other) {
-    for (int i = 0; i < 24; ++i) {
+    for (int i = 0; i < n; ++i) {
       if (std::memcmp(&serial.bodies.motion(i), &other.motion(i), sizeof(RigidMotion<double>)) != 0)
         return false;
     }
@@ -660,7 +661,7 @@ TEST_CASE("the same bits with any executor, and again from a state") {
 
 TEST_CASE("a step does not allocate") {
   if (!allocation_counting_works()) return;
-  Pile pile(2, 27);
+  Pile pile(2, trials(27, 27, 9));
   RigidBodies<double>& w = pile.bodies;
   w.reserve(2000);
   const long before = allocations();
