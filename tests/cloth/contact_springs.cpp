@@ -102,6 +102,31 @@ TEST_CASE("the blocks of contacts are the derivative of their forces", "[cloth]"
   }
 }
 
+TEST_CASE("the blocks of contacts are replaced as states change", "[cloth]") {
+  Fixture f;
+  f.contacts.contacts()[1].impulse = Vector3<double>(0.004, 0.001, 0.006);
+  auto springs = f.make();
+  Points<double> v = Points<double>::Zero(3, 3);
+  v.row(1).setConstant(10);  // both slip, along y
+  springs.predict(v);
+  REQUIRE(f.springs[0].share < 1);
+  BlockSymmetric<double> matrix(3, {{0, 1}, {1, 2}, {0, 2}});
+  springs.add_blocks(matrix);
+  const Eigen::MatrixXd secant = dense(matrix);
+  v.row(1).setConstant(0.1);
+  springs.update(v);
+  BlockSymmetric<double> again(3, {{0, 1}, {1, 2}, {0, 2}});
+  springs.replace_blocks(matrix);
+  CHECK((dense(matrix) - secant).norm() > 0.1 * secant.norm());
+  springs.add_blocks(again);
+  CHECK((dense(matrix) - dense(again)).norm() < 1e-12 * secant.norm());
+  // Off the slope, nothing is left.
+  v.colwise() = Vector3<double>(6, 0, 8);
+  springs.update(v);
+  springs.replace_blocks(matrix);
+  CHECK(dense(matrix).norm() < 1e-12 * secant.norm());
+}
+
 TEST_CASE("forces of contacts obey Coulomb's law and start from the last ones", "[cloth]") {
   Fixture f;
   const Vector3<double> n(0.6, 0, 0.8);

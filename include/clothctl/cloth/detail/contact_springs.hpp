@@ -25,6 +25,10 @@
 // triangle, which springs couple already. Solving and finding the states and shares again alternate
 // (rounds) until the forces no longer change.
 //
+// The first states are those at the velocities of the start: where a sheet rests, they are those of
+// the end, too. (A free fall would close all that is within g h² of an obstacle, to be opened round
+// by round.)
+//
 // Newton's method takes the energy f_n²/(2k) along the normal, and across it Huber's function of t
 // with the bound μ f_n frozen at the last iterate. Reference: Alart and Curnier, 1991.
 
@@ -47,6 +51,8 @@ template <RealScalar Scalar>
 struct ContactSpring {
   /// n, f⁰ (N), velocity of the surface (m/s), force of the last solve (N).
   Triple<Scalar> normal, held_force, surface, force;
+  /// Its part h² K of the step matrix.
+  Matrix3<Scalar> block;
   /// 1/m, 1/kg.
   Scalar lightness;
   /// Normal force of the last step, N.
@@ -91,11 +97,10 @@ class ContactSprings {
 
   /// Sets states and shares by the velocities `v` (3×n, m/s) and the forces of the last step.
   void predict(const Points<Scalar>& v) {
-    using std::sqrt;
     for (std::size_t i = 0; i < springs_.size(); ++i) {
       Spring& s = springs_[i];
       classify(s, relative(i, v));
-      // What the last step found is a better guess of the normal force than that of a free motion.
+      // What the last step found is a better guess of the normal force than these velocities.
       const Scalar known = s.expected;
       if (!s.closed || s.sticks || !(Scalar(0) < known)) continue;
       const Scalar across = norm(tangential(s, s.held_force));
@@ -142,11 +147,15 @@ class ContactSprings {
       springs_[i].force = linear_force(springs_[i], relative(i, v));
   }
 
-  /// Adds h² Σ WᵀK W to the step matrix.
-  void add_blocks(BlockSymmetric<Scalar>& matrix) const {
-    for (std::size_t i = 0; i < springs_.size(); ++i) {
-      if (springs_[i].closed) add_block_of(i, matrix);
-    }
+  /// Adds h² Σ WᵀK W to a step matrix without contacts.
+  void add_blocks(BlockSymmetric<Scalar>& matrix) {
+    for (Spring& s : springs_) s.block.setZero();
+    replace_blocks(matrix);
+  }
+
+  /// Replaces what the step matrix has of the contacts by h² Σ WᵀK W at the present states.
+  void replace_blocks(BlockSymmetric<Scalar>& matrix) {
+    for (std::size_t i = 0; i < springs_.size(); ++i) replace_block_of(i, matrix);
   }
 
   /// Calls add(vertex, Wᵀ f(0)), N, for the vertices of all closed contacts.
@@ -291,7 +300,8 @@ class ContactSprings {
     s.sticks = false;
     s.share = limit / size;
   }
-  void add_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix) const;
+  Matrix3<Scalar> block_of(const Spring& s) const;
+  void replace_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix);
 
   std::span<Contact> contacts_;
   ContactSpringList<Scalar>& springs_;
@@ -334,6 +344,7 @@ auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
     s.held_force = before + s.normal * ((zero < c.carried ? c.carried : zero) - along);
   s.expected = along;
   s.force = Vec{zero, zero, zero};
+  s.block.setZero();
   s.lightness = inverse;
   s.share = Scalar(1);
   s.bound = zero;
@@ -343,12 +354,21 @@ auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
 }
 
 template <RealScalar S>
-void ContactSprings<S>::add_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix) const {
-  const Spring& s = springs_[i];
-  const SheetContact<Scalar>& p = contacts_[i].point;
+auto ContactSprings<S>::block_of(const Spring& s) const -> Matrix3<Scalar> {
+  if (!s.closed) return Matrix3<Scalar>::Zero();
   const Scalar k = h_ * h_ * s.stiffness, across = Scalar(kShare) * k * s.share;
   Matrix3<Scalar> block = outer_product(s.normal, s.normal * (k - across));
   add_to_diagonal(block, across);
+  return block;
+}
+
+template <RealScalar S>
+void ContactSprings<S>::replace_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix) {
+  Spring& s = springs_[i];
+  const Matrix3<Scalar> wanted = block_of(s), block = wanted - s.block;
+  if ((block.array() == Scalar(0)).all()) return;
+  s.block = wanted;
+  const SheetContact<Scalar>& p = contacts_[i].point;
   const auto weight = [&](std::size_t a) { return p.weight[static_cast<Index>(a)]; };
   for (std::size_t a = 0; a < 3 && p.vertex[a] >= 0; ++a) {
     add_block<Scalar>(matrix.diagonal(p.vertex[a]), block * (weight(a) * weight(a)));

@@ -137,7 +137,7 @@ class StepSolver {
   static constexpr int kMostIterations = 12;
   static constexpr int kMostIncomplete = 300;
   static constexpr int kContactRounds = 8, kOpeningRounds = 4;
-  static constexpr double kContactTolerance = 2e-4;  // m/s
+  static constexpr double kContactTolerance = 6e-5;  // m/s
 
   /// The truncated form, from ws.velocity. `solves` counts the linear solves so far; `renew` is set
   /// when there is no factor yet.
@@ -158,8 +158,10 @@ class StepSolver {
   /// Gives a sheet that nothing holds the momentum that the residual in ws.rhs lacks, so that it
   /// receives what the contacts tell, to rounding.
   void balance_momentum();
-  /// Sets the states of contacts as a free motion would.
-  void predict_contacts();
+  /// Sets the first states of contacts.
+  void predict_contacts() {
+    if (ws_.contacts != nullptr) ws_.contacts->predict(ws_.velocity);
+  }
   /// Freezes the bounds of friction at ws.velocity and returns the energy there.
   StepEnergy<Scalar> energy_with_contacts(const StepEnergy<Scalar>& energy) {
     if (ws_.contacts == nullptr) return energy;
@@ -250,15 +252,18 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
   // States that come back in turns never settle. After some rounds contacts may only open.
   const int last = kContactRounds + kOpeningRounds;
   for (int round = 0; round <= last; ++round) {
-    assemble(state_.positions, Scalar(0));
+    if (round == 0)
+      assemble(state_.positions, Scalar(0));
+    else
+      ws_.contacts->replace_blocks(ws_.matrix);
     load_linear(0 < round);
-    if (round == 0 && !ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return false;
     if (0 < round && is_small(ws_.rhs, network_.mass, little)) break;
-    if (kContactRounds <= round) report.status = StepStatus::IterationLimit;
-    if (round == last) break;
     const bool opens = kContactRounds <= round;
+    if (opens) report.status = StepStatus::IterationLimit;
+    if (round == last) break;
+    if (round == 0 && !ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return false;
     const ConjugateGradientReport cg =
-        solve_truncated(opens ? Scalar(0) : Scalar(0.3), Scalar(0.1) * little,
+        solve_truncated(opens ? Scalar(0) : Scalar(0.1), Scalar(0.1) * little,
                         opens ? kMostIncomplete : kMostIterations);
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
@@ -290,17 +295,6 @@ void StepSolver<S>::balance_momentum() {
   }
   missing = missing / ((Scalar(1) + dt_ * settings_.drag) * mass);
   for (Index i = 0; i < network_.vertex_count(); ++i) add_to_column(ws_.velocity, i, missing);
-}
-
-template <RealScalar S>
-void StepSolver<S>::predict_contacts() {
-  if (ws_.contacts == nullptr) return;
-  const Triple<Scalar> fall = triple<Scalar>(settings_.gravity) * dt_;
-  ws_.trial = ws_.velocity;
-  for (Index i = 0; i < network_.vertex_count(); ++i) {
-    if (!ws_.is_held(i)) add_to_column(ws_.trial, i, fall);
-  }
-  ws_.contacts->predict(ws_.trial);
 }
 
 template <RealScalar S>
