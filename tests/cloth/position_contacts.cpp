@@ -42,7 +42,7 @@ struct Particle {
     const auto at = [this](int v) { return now.data() + 3 * v; };
     const auto start = [this](int v) { return before.data() + 3 * v; };
     solver->begin_substep(kH, time, at, start);
-    solver->settle(at);
+    solver->settle(at, solver->correct(at));
     solver->end_substep(at, start);
   }
   const ObstacleContact<double>& contact() const { return contacts.contacts()[0]; }

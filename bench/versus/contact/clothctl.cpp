@@ -80,16 +80,18 @@ class Implicit final : public Ours<double> {
   }
 };
 
-/// XPBD with a number of substeps of 2 sweeps, and a limit of stretch or 0.
+/// XPBD with numbers of substeps and of sweeps in each, and a limit of stretch or 0.
 template <class Scalar>
 class Positions final : public Ours<Scalar> {
  public:
-  Positions(int substeps, double limit) : substeps_(substeps), limit_(limit) {}
+  Positions(int substeps, int sweeps, double limit)
+      : substeps_(substeps), sweeps_(sweeps), limit_(limit) {}
 
   std::string load(const Scene& scene) override {
     auto settings = clothctl::PositionBasedSettings<Scalar>::of(
         clothctl::material_preset<Scalar>("cotton").value());
     settings.substeps = substeps_;
+    settings.iterations = sweeps_;
     settings.stretch_limit = static_cast<Scalar>(limit_);
     auto model = clothctl::PositionBased<Scalar>::create(
         cotton_network<Scalar>(scene.side, start_height(scene.obstacle)), settings);
@@ -97,14 +99,15 @@ class Positions final : public Ours<Scalar> {
   }
 
  private:
-  int substeps_;
+  int substeps_, sweeps_;
   double limit_;
 };
 
 template <class Scalar>
-Variant xpbd(const char* name, int substeps, double limit, bool extra = false) {
-  return {name, 0.5 * kThickness, Use::Always, extra,
-          [substeps, limit] { return std::make_unique<Positions<Scalar>>(substeps, limit); }};
+Variant xpbd(const char* name, int substeps, int sweeps, double limit, bool extra = false) {
+  return {name, 0.5 * kThickness, Use::Always, extra, [substeps, sweeps, limit] {
+            return std::make_unique<Positions<Scalar>>(substeps, sweeps, limit);
+          }};
 }
 
 }  // namespace
@@ -114,10 +117,11 @@ Entry clothctl_entry() {
   return {"clothctl",
           CLOTHCTL_VERSION_STRING,
           {{"mass-spring", 0.5 * kThickness, Use::Always, false, implicit},
-           xpbd<double>("xpbd-20", 20, 0),
-           xpbd<double>("xpbd-5", 5, 0),
-           xpbd<float>("xpbd-20-float", 20, 0, true),
-           xpbd<double>("limit-4", 4, 0.02)}};
+           xpbd<double>("xpbd-20", 20, 2, 0),
+           xpbd<double>("xpbd-20x1", 20, 1, 0),
+           xpbd<double>("xpbd-5", 5, 2, 0),
+           xpbd<float>("xpbd-20-float", 20, 2, 0, true),
+           xpbd<double>("limit-4", 4, 2, 0.02)}};
 }
 
 }  // namespace versus

@@ -329,12 +329,14 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
     const auto start = [&](int v) { return memory.start.data() + sheet.offset(v); };
     if (touching)
       touching->begin_substep(h, Scalar(h * Scalar(static_cast<double>(part))), points, start);
+    Scalar pressed = Scalar(0);
     const auto touch = [&] {
-      if (touching) touching->correct(points);
+      if (touching) pressed = touching->correct(points);
     };
     correct(sheet, memory, part, h, touch, ws, report);
     if (touching) {
-      touching->settle(points);
+      // Under a limit the springs come after the contacts.
+      touching->settle(points, limited() ? touching->correct(points) : pressed);
       touching->end_substep(points, start);
     }
   }

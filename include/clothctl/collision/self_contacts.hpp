@@ -9,7 +9,8 @@
 //
 // with weights w of sum one on side A and minus one on side B (detail/pair_distance.hpp).
 //
-// 1. Broad phase: features whose boxes overlap, each pair once (detail/self_tree.hpp).
+// 1. Broad phase: features whose boxes overlap, each pair once (detail/self_tree.hpp). While the
+//    sheet is slow, a list of what is near serves for many searches (detail/near_pairs.hpp).
 // 2. The distance at x, less what the sides can approach each other during the motion.
 // 3. Impacts during a straight motion (detail/pair_advancement.hpp), and edges that pierce
 //    triangles (detail/edge_piercing.hpp).
@@ -26,6 +27,7 @@
 #include <vector>
 
 #include "clothctl/collision/detail/edge_piercing.hpp"
+#include "clothctl/collision/detail/near_pairs.hpp"
 #include "clothctl/collision/detail/pair_advancement.hpp"
 #include "clothctl/collision/detail/self_tree.hpp"
 #include "clothctl/core/number_text.hpp"
@@ -111,6 +113,7 @@ class SelfContactFinder {
   /// Makes room for `count` contacts, impacts and crossings each. Allocates.
   void reserve(Index count) {
     contacts_.reserve(static_cast<std::size_t>(count));
+    near_.reserve(static_cast<std::size_t>(count));
     impacts_.reserve(static_cast<std::size_t>(count));
     crossings_.reserve(static_cast<std::size_t>(count));
   }
@@ -193,6 +196,12 @@ class SelfContactFinder {
     if (edges) return {edges_[i][0], edges_[i][1], edges_[j][0], edges_[j][1]};
     return {a, triangles_[j][0], triangles_[j][1], triangles_[j][2]};
   }
+  /// Returns A of the list of near pairs, so that few features of a flat sheet are near.
+  static Scalar near_way(const Points<Scalar>& rest, const std::vector<std::array<int, 2>>& edges);
+  /// Whether there is a list of what is near for a search with this limit; makes one if need be.
+  bool has_near(const Scalar& limit);
+  /// Whether the boxes of the motions of two features, grown by `grow`, overlap.
+  bool boxes_meet(bool edges, const Corners& x, const Corners& y, const Scalar& grow) const;
   void consider(bool edges, int a, int b, const Scalar& reach);
   Scalar pair_thickness(bool edges, const std::array<int, 4>& vertex) const;
   bool is_facing(const Pair& pair, bool inside, const Corners& x) const;
@@ -205,6 +214,7 @@ class SelfContactFinder {
   std::vector<std::array<int, 2>> edge_triangle_, edge_opposite_;
   detail::SelfTree<Scalar> tree_;
   Points<Scalar> rest_, x_, y_, way_;
+  detail::NearPairs<Scalar> near_;
   std::vector<Pair> contacts_;
   std::vector<SelfImpact<Scalar>> impacts_;
   std::vector<EdgeCrossing> crossings_;
@@ -280,7 +290,8 @@ SelfContactFinder<Scalar>::SelfContactFinder(const PointsView<Scalar>& x,
       rest_(x),
       x_(x),
       y_(x),
-      way_(Points<Scalar>::Constant(3, x.cols(), Scalar(0))) {
+      way_(Points<Scalar>::Constant(3, x.cols(), Scalar(0))),
+      near_(x.cols(), near_way(rest_, edges_), settings.thickness) {
   for (std::size_t t = 0; t < triangles_.size(); ++t) {
     for (std::size_t i = 0; i < 3; ++i) {
       std::array<int, 2> key{triangles_[t][i], triangles_[t][(i + 1) % 3]};
@@ -300,9 +311,59 @@ QueryStatus SelfContactFinder<Scalar>::find(const Scalar& reach) {
   contacts_.clear();
   complete_ = true;
   if (!is_finite(reach) || reach < Scalar(0)) return QueryStatus::InvalidArgument;
-  tree_.fit(x_, y_, (reach + settings_.thickness) / Scalar(2));
+  const Scalar limit = settings_.thickness + reach, grow = limit / Scalar(2);
+  if (has_near(limit)) {
+    for (const auto& [a, b, edges] : near_.pairs()) {
+      const std::array<int, 4> vertex = vertices_of(edges, a, b);
+      if (boxes_meet(edges, corners(x_, vertex), corners(y_, vertex), grow))
+        consider(edges, a, b, reach);
+    }
+    return QueryStatus::Answered;
+  }
+  tree_.fit(x_, y_, grow);
   tree_.for_each_pair([&](bool edges, int a, int b) { consider(edges, a, b, reach); });
   return QueryStatus::Answered;
+}
+
+template <RealScalar Scalar>
+Scalar SelfContactFinder<Scalar>::near_way(const Points<Scalar>& rest,
+                                           const std::vector<std::array<int, 2>>& edges) {
+  using std::sqrt;
+  if (edges.empty()) return Scalar(0);
+  Scalar sum(0);
+  for (const std::array<int, 2>& e : edges)
+    sum += sqrt(Vector3<Scalar>(rest.col(e[0]) - rest.col(e[1])).squaredNorm());
+  return Scalar(0.1) * sum / Scalar(static_cast<double>(edges.size()));
+}
+
+template <RealScalar Scalar>
+bool SelfContactFinder<Scalar>::has_near(const Scalar& limit) {
+  if (near_.covers(x_, y_, limit)) return true;
+  if (!near_.begin(x_, y_, limit)) return false;
+  tree_.fit(near_.low(), near_.high(), near_.grow());
+  tree_.for_each_pair([&](bool edges, int a, int b) {
+    const std::array<int, 4> vertex = vertices_of(edges, a, b);
+    const Corners x = corners(x_, vertex);
+    const Scalar most = near_.reach(vertex);
+    if (detail::stay_apart<Scalar>(edges, x, x, most)) return;
+    if (detail::pair_offset<Scalar>(edges, x).square < most * most) near_.add({a, b, edges});
+  });
+  return near_.filled();
+}
+
+template <RealScalar Scalar>
+bool SelfContactFinder<Scalar>::boxes_meet(bool edges, const Corners& x, const Corners& y,
+                                           const Scalar& grow) const {
+  const Vector3<Scalar> by = Vector3<Scalar>::Constant(grow);
+  const auto box = [&](std::size_t i) {
+    return BoundingBox<Scalar>{x[i].cwiseMin(y[i]) - by, x[i].cwiseMax(y[i]) + by};
+  };
+  const auto hull = [](const BoundingBox<Scalar>& p, const BoundingBox<Scalar>& q) {
+    return BoundingBox<Scalar>{p.lower.cwiseMin(q.lower), p.upper.cwiseMax(q.upper)};
+  };
+  const BoundingBox<Scalar> end = hull(box(2), box(3));
+  return edges ? detail::boxes_overlap(hull(box(0), box(1)), end)
+               : detail::boxes_overlap(box(0), hull(box(1), end));
 }
 
 template <RealScalar Scalar>

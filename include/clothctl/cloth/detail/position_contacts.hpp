@@ -21,7 +21,9 @@
 // is corrected by the plane of that substep. Points inside edges and triangles keep the plane of
 // the start of the step: the part of the sheet around them may be on both sides of what is thin. As
 // the distance changes by no more than the point moves, most of the points that are not close need
-// no query.
+// no query; nor do points that have moved by no more than a fiftieth of the thickness since the
+// last one: the plane is then off by at most twice that, and by its square over the thickness where
+// the surface is no sharper than that.
 //
 // Reference: Macklin, Müller, Chentanez, Kim: Unified particle physics, 2014, section 6.
 
@@ -38,24 +40,26 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 /// What a step knows of a contact.
 template <RealScalar Scalar>
 struct ContactPlane {
-  /// w_i, w_i/(m_i w), and the number of vertices; 0 if all are held.
-  std::array<Scalar, 3> weight, share;
+  // What each substep reads of every contact comes first.
+  /// w_i, and the number of vertices; 0 if all are held.
+  std::array<Scalar, 3> weight;
   std::array<int, 3> vertex;
   int count;
-  /// w, 1/kg; μ; the distance of the point from the surface where it rests, m.
-  Scalar inverse_mass, friction, thickness;
-  /// n; n·x of a point at the thickness; u_s.
-  Triple<Scalar> normal, surface;
-  Scalar level;
-  /// x⁻ + h u_s, and the same less the way from where it stuck.
-  Triple<Scalar> start, stuck;
-  /// c, m, and b.
-  Scalar pressed;
-  Triple<Scalar> held;
   /// The last answer of the obstacle, moved back by t u_s: its distance, its point, and the point
   /// that was asked about.
   Scalar distance;
-  Triple<Scalar> foot, asked;
+  Triple<Scalar> asked, foot;
+  /// u_s; n; n·x of a point at the thickness.
+  Triple<Scalar> surface, normal;
+  Scalar level;
+  /// c, m, and b.
+  Scalar pressed;
+  Triple<Scalar> held;
+  /// x⁻ + h u_s, and the same less the way from where it stuck.
+  Triple<Scalar> start, stuck;
+  /// w_i/(m_i w); w, 1/kg; μ; the distance of the point from the surface where it rests, m.
+  std::array<Scalar, 3> share;
+  Scalar inverse_mass, friction, thickness;
 };
 
 /// Memory of the contacts of a step.
@@ -126,12 +130,12 @@ class PositionContacts {
   }
 
   /// Corrects all points until none moves by a twentieth of the thickness, a few times at most:
-  /// contacts that share vertices disturb each other.
+  /// contacts that share vertices disturb each other. `last` is the largest correction of the pass
+  /// that was just made.
   template <class At>
-  void settle(At points) {
-    for (int pass = 0; pass < kMostPasses; ++pass) {
-      if (!(Scalar(0.05) * thickness_ < correct(points))) return;
-    }
+  void settle(At points, Scalar last) {
+    for (int pass = 0; pass < kMostPasses && Scalar(0.05) * thickness_ < last; ++pass)
+      last = correct(points);
   }
 
   /// Ends a substep: sets states and adds up impulses.
@@ -157,11 +161,17 @@ class PositionContacts {
 
  private:
   static constexpr int kMostPasses = 8;
+  /// A plane serves within this share of the thickness.
+  static constexpr double kNear = 0.02;
 
   static Plane make(const Contact& c, const VectorX<Scalar>& inverse_mass);
 
   template <class At>
   static Vec sum(const Plane& plane, At at) {
+    if (plane.count == 1) {
+      const Scalar* p = at(plane.vertex[0]);
+      return Vec{p[0], p[kStride], p[2 * kStride]};
+    }
     Vec x{Scalar(0), Scalar(0), Scalar(0)};
     for (std::size_t k = 0; k < static_cast<std::size_t>(plane.count); ++k) {
       const Scalar* p = at(plane.vertex[k]);
@@ -231,7 +241,9 @@ bool PositionContacts<S, kStride>::ask(std::size_t i, const Vec& x) {
   // Sweeps move a point, too: what is a thickness away may touch.
   const Scalar clear = plane.distance - Scalar(2) * thickness_;
   if (Scalar(0) < clear && squared_norm(y - plane.asked) < clear * clear) return false;
-  bool keeps = 1 < plane.count && Scalar(0) < plane.distance;
+  const Scalar near = Scalar(kNear) * thickness_;
+  bool keeps = (1 < plane.count && Scalar(0) < plane.distance) ||
+               squared_norm(y - plane.asked) <= near * near;
   if (!keeps) {
     const Vector3<Scalar> point(y.x, y.y, y.z);
     const SurfacePoint<Scalar> now = contacts_.surface_at(contacts_.contacts()[i], point);

@@ -59,14 +59,24 @@ class CutPolygon {
   bool empty() const { return count_ == 0; }
   /// Keeps the part where the bound is at most `level`.
   void cut(const DistanceBound<Scalar>& bound, const Scalar& level) {
+    std::array<Scalar, kMost> over;
+    std::size_t inside = 0;
+    for (std::size_t i = 0; i < count_; ++i) {
+      const std::array<Scalar, 2>& y = corner_[i];
+      over[i] = Scalar(bound.c + bound.gs * y[0] + bound.gt * y[1] - level);
+      if (over[i] <= Scalar(0)) ++inside;
+    }
+    if (inside == count_) return;
+    if (inside == 0) {
+      count_ = 0;
+      return;
+    }
     std::array<std::array<Scalar, 2>, kMost> kept;
     std::size_t size = 0;
-    const auto over = [&](const std::array<Scalar, 2>& y) {
-      return Scalar(bound.c + bound.gs * y[0] + bound.gt * y[1] - level);
-    };
     for (std::size_t i = 0; i < count_; ++i) {
-      const std::array<Scalar, 2>&y = corner_[i], &z = corner_[(i + 1) % count_];
-      const Scalar at_y = over(y), at_z = over(z);
+      const std::size_t next = i + 1 < count_ ? i + 1 : 0;
+      const std::array<Scalar, 2>&y = corner_[i], &z = corner_[next];
+      const Scalar at_y = over[i], at_z = over[next];
       if (at_y <= Scalar(0) && size < kMost) kept[size++] = y;
       if ((at_y < Scalar(0) && Scalar(0) < at_z) || (at_z < Scalar(0) && Scalar(0) < at_y)) {
         const Scalar share = at_y / (at_y - at_z);
@@ -74,7 +84,7 @@ class CutPolygon {
           kept[size++] = {y[0] + share * (z[0] - y[0]), y[1] + share * (z[1] - y[1])};
       }
     }
-    corner_ = kept;
+    for (std::size_t i = 0; i < size; ++i) corner_[i] = kept[i];
     count_ = size;
   }
   /// Returns the mean of the corners.
