@@ -184,7 +184,8 @@ TEST_CASE("a slipping contact carries exactly what friction allows", "[contact]"
   }
 }
 
-TEST_CASE("samples on a ring resist torsion and rolling up to the limits of the ring", "[contact]") {
+TEST_CASE("samples on a ring resist torsion and rolling up to the limits of the ring",
+          "[contact]") {
   const double mu = 0.4, torsion = mu * 9.81 * 0.05 * std::sqrt(2.0), rolling = 9.81 * 0.05;
   for (const double share : {0.99, 1.01}) {
     CAPTURE(share);

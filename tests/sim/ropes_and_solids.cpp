@@ -44,8 +44,8 @@ ClothState<double> over_cylinder(const SpringNetwork<double>& rope) {
     if (std::abs(s) < 0.5 * bow)
       state.positions.col(i) = kRadius * Vector3<double>(std::sin(angle), 0, std::cos(angle));
     else
-      state.positions.col(i) = Vector3<double>(s < 0 ? -kRadius : kRadius, 0,
-                                               0.5 * bow - std::abs(s));
+      state.positions.col(i) =
+          Vector3<double>(s < 0 ? -kRadius : kRadius, 0, 0.5 * bow - std::abs(s));
   }
   return state;
 }
