@@ -241,9 +241,9 @@ bool PositionContacts<S, kStride>::ask(std::size_t i, const Vec& x) {
   // Sweeps move a point, too: what is a thickness away may touch.
   const Scalar clear = plane.distance - Scalar(2) * thickness_;
   if (Scalar(0) < clear && squared_norm(y - plane.asked) < clear * clear) return false;
-  const Scalar near = Scalar(kNear) * thickness_;
+  const Scalar slight = Scalar(kNear) * thickness_;
   bool keeps = (1 < plane.count && Scalar(0) < plane.distance) ||
-               squared_norm(y - plane.asked) <= near * near;
+               squared_norm(y - plane.asked) <= slight * slight;
   if (!keeps) {
     const Vector3<Scalar> point(y.x, y.y, y.z);
     const SurfacePoint<Scalar> now = contacts_.surface_at(contacts_.contacts()[i], point);
