@@ -57,7 +57,7 @@ TEMPLATE_TEST_CASE("searches with a list find what those without find", "[self_c
     Points<S> y = wavy<S>(flat, time);
     for (int part = 0; part < 2; ++part) {
       for (Index v = 0; v < y.cols(); ++v) {
-        if (uniform(random, 0, 1) < 0.05) y(2, v) += S(uniform(random, -0.012, 0.012));
+        if (step % 6 == 0 && uniform(random, 0, 1) < 0.05) y(2, v) += S(uniform(random, -0.012, 0.012));
       }
       auto fresh = SelfContactFinder<S>::create(rest, triangles, {}, settings).value();
       fresh.reserve(100000);
@@ -77,8 +77,10 @@ TEMPLATE_TEST_CASE("searches with a list find what those without find", "[self_c
       }
       for (std::size_t i = 0; i < p.size(); ++i) wrong += same(p[i], q[i]) ? 0 : 1;
     }
-    x = y;
+    x = wavy<S>(flat, time);  // as a pass over the layers puts back what it moved
   }
+  CHECK(kept.listed_searches() > 30);
+  CHECK(kept.listed_searches() < 200);
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
   CHECK(found > 1000);
   CHECK(wrong == 0);

@@ -90,6 +90,35 @@ TEST_CASE("a rope slides over a cylinder above the ratio of the capstan equation
   CHECK(sinks<Xpbd>(0.02, 1.2 * limit, position_based) > 0.01);
 }
 
+TEST_CASE("a rope lies on a thin rod between two of its vertices", "[sim]") {
+  RopeSettings<double> settings;
+  settings.length = 0.2;
+  settings.segments = 3;
+  settings.bending = 0.05;
+  const SpringNetwork<double> rope = rope_network(settings).value();
+  CHECK(detail::thread_edges(rope).size() == 3);
+  World<double> world;
+  (void)world
+      .add_obstacle(CapsuleCollider<double>::create(Vector3<double>(0, -0.1, 0),
+                                                    Vector3<double>(0, 0.1, 0), 0.002)
+                        .value())
+      .value();
+  ClothState<double> state{rope.rest_positions, Points<double>::Zero(3, 4)};
+  for (Index i = 0; i < 4; ++i)
+    state.positions.col(i) = Vector3<double>(0.2 * (static_cast<double>(i) / 3 - 0.5), 0, 0.01);
+  const int sheet = world.add_sheet(Implicit::create(rope).value(), state).value();
+  for (int k = 0; k < 60; ++k) REQUIRE(world.step(0.005).advanced);
+  CHECK(world.state(sheet).positions(2, 1) > -0.01);
+  bool inside = false;
+  for (const ObstacleContact<double>& c : world.contacts(sheet)) {
+    const double span = c.point.weight[1];
+    inside = inside || (c.impulse[2] > 0 && span > 0.3 && span < 0.7);
+  }
+  CHECK(inside);
+  const auto mesh = make_ball<double>(0.05, 2, Vector3<double>::Zero());
+  CHECK(detail::thread_edges(solid_network<double>(mesh.value(), {}).value()).empty());
+}
+
 TEMPLATE_TEST_CASE("a soft ball comes to rest on the floor", "[sim]", Implicit, Xpbd) {
   World<double> world;
   (void)world

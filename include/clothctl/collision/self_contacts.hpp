@@ -171,6 +171,8 @@ class SelfContactFinder {
   /// The edges and triangles of the last count, as many as there is room for, ascending.
   const std::vector<EdgeCrossing>& crossings() const { return crossings_; }
 
+  /// Number of searches that a list of near pairs has served, without the tree.
+  long listed_searches() const { return near_.served(); }
   /// False when the last search found more than there was room for: `reserve` more.
   bool complete() const { return complete_; }
 

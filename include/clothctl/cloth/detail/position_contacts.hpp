@@ -118,7 +118,7 @@ class PositionContacts {
     }
   }
 
-  /// Corrects all points once. Returns the largest correction along a normal, m.
+  /// Corrects all points once. Returns the largest correction along a normal, either way, m.
   template <class At>
   Scalar correct(At points) {
     Scalar largest = Scalar(0);
@@ -285,7 +285,7 @@ S PositionContacts<S, kStride>::correct_one(Plane& plane, At points) const {
   if (limit * limit < square) held = held * (limit / sqrt(square));
   move(plane, n * by + held - plane.held, points);
   plane.held = held;
-  return by;
+  return by < zero ? zero - by : by;
 }
 
 template <RealScalar S, std::size_t kStride>

@@ -48,6 +48,8 @@ class NearPairs {
   const std::vector<NearPair>& pairs() const { return pairs_; }
   /// Whether the list is whole: no pair was refused since it was begun.
   bool filled() const { return filled_; }
+  /// Number of searches that lists have served.
+  long served() const { return served_; }
 
   /// Returns whether the list holds all pairs of a search from `x` to `y` (3×n, m) with the limit
   /// T (m).
@@ -67,6 +69,7 @@ class NearPairs {
     }
     if (!(largest(start_, x) <= Scalar(kSafe) * away_)) return false;
     ++uses_;
+    ++served_;
     return true;
   }
 
@@ -141,6 +144,7 @@ class NearPairs {
   Scalar away_ = Scalar(0), least_ = Scalar(0), limit_ = Scalar(0), came_ = Scalar(0);
   bool begun_ = false, filled_ = false;
   int uses_ = 0, pause_ = 0, repeats_ = 0;
+  long served_ = 0;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -90,18 +90,26 @@ class WorldSheet {
   }
 };
 
-/// Returns the edges of a network that belong to no surface: its springs, other than those of
-/// bending, between vertices of no triangle. Allocates.
+/// Returns the segments of ropes in a network: springs, other than those of bending, with an end on
+/// no triangle that at most two of them have. Allocates.
 template <RealScalar Scalar>
 std::vector<std::array<int, 2>> thread_edges(const SpringNetwork<Scalar>& network) {
   std::vector<bool> on_surface(static_cast<std::size_t>(network.vertex_count()), false);
   for (const std::array<int, 3>& t : network.triangles) {
     for (const int v : t) on_surface[static_cast<std::size_t>(v)] = true;
   }
-  const auto free = [&](int v) { return !on_surface[static_cast<std::size_t>(v)]; };
+  std::vector<int> springs(on_surface.size(), 0);
+  for (const Spring<Scalar>& s : network.springs) {
+    if (s.kind == SpringKind::Bend) continue;
+    for (const int v : {s.a, s.b}) ++springs[static_cast<std::size_t>(v)];
+  }
+  const auto of_rope = [&](int v) {
+    const std::size_t i = static_cast<std::size_t>(v);
+    return !on_surface[i] && springs[i] <= 2;
+  };
   std::vector<std::array<int, 2>> out;
   for (const Spring<Scalar>& s : network.springs) {
-    if (s.kind != SpringKind::Bend && free(s.a) && free(s.b)) out.push_back({s.a, s.b});
+    if (s.kind != SpringKind::Bend && (of_rope(s.a) || of_rope(s.b))) out.push_back({s.a, s.b});
   }
   return out;
 }
