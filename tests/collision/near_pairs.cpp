@@ -57,7 +57,8 @@ TEMPLATE_TEST_CASE("searches with a list find what those without find", "[self_c
     Points<S> y = wavy<S>(flat, time);
     for (int part = 0; part < 2; ++part) {
       for (Index v = 0; v < y.cols(); ++v) {
-        if (step % 6 == 0 && uniform(random, 0, 1) < 0.05) y(2, v) += S(uniform(random, -0.012, 0.012));
+        if (step % 6 == 0 && uniform(random, 0, 1) < 0.05)
+          y(2, v) += S(uniform(random, -0.012, 0.012));
       }
       auto fresh = SelfContactFinder<S>::create(rest, triangles, {}, settings).value();
       fresh.reserve(100000);
