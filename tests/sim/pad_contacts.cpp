@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/math/rotation.hpp"
