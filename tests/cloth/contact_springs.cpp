@@ -103,28 +103,34 @@ TEST_CASE("the blocks of contacts are the derivative of their forces", "[cloth]"
 }
 
 TEST_CASE("the blocks of contacts are replaced as states change", "[cloth]") {
-  Fixture f;
-  f.contacts.contacts()[1].impulse = Vector3<double>(0.004, 0.001, 0.006);
-  auto springs = f.make();
-  Points<double> v = Points<double>::Zero(3, 3);
-  v.row(1).setConstant(10);  // both slip, along y
-  springs.predict(v);
-  REQUIRE(f.springs[0].share < 1);
-  BlockSymmetric<double> matrix(3, {{0, 1}, {1, 2}, {0, 2}});
-  springs.add_blocks(matrix);
-  const Eigen::MatrixXd secant = dense(matrix);
-  v.row(1).setConstant(0.1);
-  springs.update(v);
-  BlockSymmetric<double> again(3, {{0, 1}, {1, 2}, {0, 2}});
-  springs.replace_blocks(matrix);
-  CHECK((dense(matrix) - secant).norm() > 0.1 * secant.norm());
-  springs.add_blocks(again);
-  CHECK((dense(matrix) - dense(again)).norm() < 1e-12 * secant.norm());
-  // Off the slope, nothing is left.
-  v.colwise() = Vector3<double>(6, 0, 8);
-  springs.update(v);
-  springs.replace_blocks(matrix);
-  CHECK(dense(matrix).norm() < 1e-12 * secant.norm());
+  using Pairs = std::vector<std::pair<int, int>>;
+  for (const Pairs& pairs : {Pairs{{0, 1}, {1, 2}, {0, 2}}, Pairs{{0, 1}, {1, 2}}}) {
+    Fixture f;
+    ObstacleContact<double>& inner = f.contacts.contacts()[1];
+    inner.impulse = Vector3<double>(0.004, 0.001, 0.006);
+    inner.point.vertex = {0, 1, 2};
+    inner.point.weight = Vector3<double>(0.5, 0.3, 0.2);
+    auto springs = f.make();
+    Points<double> v = Points<double>::Zero(3, 3);
+    v.row(1).setConstant(100);  // both slip, along y
+    springs.update(v);
+    for (const std::size_t i : {0, 1}) REQUIRE(f.springs[i].share < 1);
+    BlockSymmetric<double> matrix(3, pairs), again(3, pairs);
+    springs.add_blocks(matrix);
+    const Eigen::MatrixXd slipping = dense(matrix);
+    v.row(1).setConstant(0);
+    springs.update(v);
+    springs.replace_blocks(matrix);
+    const Eigen::MatrixXd sticking = dense(matrix);
+    CHECK((sticking - slipping).norm() > 0.1 * sticking.norm());
+    springs.add_blocks(again);
+    CHECK((sticking - dense(again)).norm() < 1e-12 * sticking.norm());
+    // Off the slope, nothing is left.
+    v.colwise() = Vector3<double>(6, 0, 8);
+    springs.update(v);
+    springs.replace_blocks(matrix);
+    CHECK(dense(matrix).norm() < 1e-12 * sticking.norm());
+  }
 }
 
 TEST_CASE("forces of contacts obey Coulomb's law and start from the last ones", "[cloth]") {

@@ -1,8 +1,7 @@
 #!/usr/bin/env python3
 """Compiles one source file with the project's headers, its warnings as errors, and given flags.
 
-With --run, also links and runs it. --quick adds flags to the quick tier of tests, --full to the full
-one (CLOTHCTL_FULL=1 in the environment)."""
+With --run, also links and runs it."""
 
 import os
 import shlex
@@ -19,17 +18,13 @@ def main():
         compiler={"default": "c++"},
         unit={"required": True, "help": "source file, relative to tests/static"},
         flags={"default": "", "help": "flags in addition to the project's own"},
-        quick={"default": "", "help": "further flags in the quick tier"},
-        full={"default": "", "help": "further flags in the full tier"},
         run={"action": "store_true", "help": "link the unit and run it"},
         system={"default": "/usr/include/eigen3",
                 "help": "directories of system headers, separated by ;"},
     )
     command = [options.compiler, "-std=c++20", "-Wall", "-Wextra", "-Wconversion", "-Wshadow",
                "-Werror"]
-    full = os.environ.get("CLOTHCTL_FULL") == "1"
-    flags = f"{options.flags} {options.full if full else options.quick}".strip()
-    command += shlex.split(flags)
+    command += shlex.split(options.flags)
     command += ["-I", str(options.root / "include"), "-I", str(options.root / "tests")]
     for directory in filter(None, options.system.split(";")):
         command += ["-isystem", directory]
@@ -40,7 +35,7 @@ def main():
         if code == 0 and options.run:
             code = subprocess.run([output]).returncode
     compiler, outcome = os.path.basename(options.compiler), "ok" if code == 0 else "FAILED"
-    print(f"{options.unit} with {compiler} {flags}: {outcome}")
+    print(f"{options.unit} with {compiler} {options.flags}: {outcome}")
     sys.exit(1 if code else 0)
 
 

@@ -356,16 +356,16 @@ bool SelfContactFinder<Scalar>::has_near(const Scalar& limit) {
 template <RealScalar Scalar>
 bool SelfContactFinder<Scalar>::boxes_meet(bool edges, const Corners& x, const Corners& y,
                                            const Scalar& grow) const {
-  const Vector3<Scalar> by = Vector3<Scalar>::Constant(grow);
-  const auto box = [&](std::size_t i) {
-    return BoundingBox<Scalar>{x[i].cwiseMin(y[i]) - by, x[i].cwiseMax(y[i]) + by};
+  const auto box_of = [&](std::size_t first, std::size_t end) {
+    BoundingBox<Scalar> box{x[first].cwiseMin(y[first]), x[first].cwiseMax(y[first])};
+    for (std::size_t i = first + 1; i < end; ++i) {
+      box.lower = box.lower.cwiseMin(x[i]).cwiseMin(y[i]);
+      box.upper = box.upper.cwiseMax(x[i]).cwiseMax(y[i]);
+    }
+    return box.grown(grow);
   };
-  const auto hull = [](const BoundingBox<Scalar>& p, const BoundingBox<Scalar>& q) {
-    return BoundingBox<Scalar>{p.lower.cwiseMin(q.lower), p.upper.cwiseMax(q.upper)};
-  };
-  const BoundingBox<Scalar> end = hull(box(2), box(3));
-  return edges ? detail::boxes_overlap(hull(box(0), box(1)), end)
-               : detail::boxes_overlap(box(0), hull(box(1), end));
+  const std::size_t of_a = edges ? 2 : 1;
+  return detail::boxes_overlap(box_of(0, of_a), box_of(of_a, 4));
 }
 
 template <RealScalar Scalar>

@@ -2,12 +2,12 @@
 
 // Contacts with obstacles in the substeps h of a position-based sheet. The point of contact is
 // x = Σ w_i x_i, its inverse mass w = Σ w_i²/m_i, x⁻ its position at the start of the substep. The
-// obstacle is asked once in a substep, and then is a plane with the outward normal n; it moves by
-// t u_s, with u_s the velocity of its surface and t the time since the start of the step. After
-// each sweep over the springs, and after the last one, every contact in turn is corrected. c >= 0
-// is the sum of its corrections along n in the substep, b that of its corrections across, both in
-// m; λ = c/w is a multiplier, and x_i += (w_i/m_i) λ n. With the depth δ of x below the thickness,
-// and the way r from where it stuck, along the surface:
+// obstacle is asked at most once in a substep, and then is a plane with the outward normal n; it
+// moves by t u_s, with u_s the velocity of its surface and t the time since the start of the step.
+// After each sweep over the springs, and after the last one, every contact in turn is corrected. c
+// >= 0 is the sum of its corrections along n in the substep, b that of its corrections across, both
+// in m; λ = c/w is a multiplier, and x_i += (w_i/m_i) λ n. With the depth δ of x below the
+// thickness, and the way r from where it stuck, along the surface:
 //
 //   c ← max(0, c + δ)                     at most the way that x came in, and h times the push-out
 //                                         speed

@@ -68,7 +68,6 @@ class NearPairs {
       if (!(Vector3<Scalar>(y.col(v) - x.col(v)).squaredNorm() <= way * way)) return false;
     }
     if (!(largest(start_, x) <= Scalar(kSafe) * away_)) return false;
-    ++uses_;
     ++served_;
     return true;
   }
@@ -79,14 +78,14 @@ class NearPairs {
   /// whether one was begun.
   bool begin(const Points<Scalar>& x, const Points<Scalar>& y, const Scalar& limit) {
     using std::sqrt;
-    if (begun_ && uses_ < kFewUses) pause_ = kPause;
+    if (begun_ && served_ < before_ + kFewUses) pause_ = kPause;
     if (pause_ > 0) --pause_;
     const bool fast = away_ < Scalar(3) * came_ || away_ + least_ < largest(x, y);
     begun_ = filled_ = !fast && pause_ == 0;
     if (!begun_) return false;
     start_ = x;
     limit_ = limit;
-    uses_ = 0;
+    before_ = served_;
     pairs_.clear();
     for (Index v = 0; v < x.cols(); ++v) {
       Scalar way = Scalar(1.25) * sqrt(Vector3<Scalar>(y.col(v) - x.col(v)).squaredNorm());
@@ -143,8 +142,8 @@ class NearPairs {
   std::vector<NearPair> pairs_;
   Scalar away_ = Scalar(0), least_ = Scalar(0), limit_ = Scalar(0), came_ = Scalar(0);
   bool begun_ = false, filled_ = false;
-  int uses_ = 0, pause_ = 0, repeats_ = 0;
-  long served_ = 0;
+  int pause_ = 0, repeats_ = 0;
+  long served_ = 0, before_ = 0;  // before_: when the list was begun
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

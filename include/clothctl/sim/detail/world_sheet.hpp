@@ -2,6 +2,7 @@
 
 // A sheet of any model within a world: the model, its state, and the memory of its steps.
 
+#include <array>
 #include <cstddef>
 #include <span>
 #include <string>
