@@ -114,7 +114,7 @@ TEST_CASE("the blocks of contacts are replaced as states change", "[cloth]") {
     Points<double> v = Points<double>::Zero(3, 3);
     v.row(1).setConstant(100);  // both slip, along y
     springs.update(v);
-    for (const std::size_t i : {0, 1}) REQUIRE(f.springs[i].share < 1);
+    for (const std::size_t i : {0u, 1u}) REQUIRE(f.springs[i].share < 1);
     BlockSymmetric<double> matrix(3, pairs), again(3, pairs);
     springs.add_blocks(matrix);
     const Eigen::MatrixXd slipping = dense(matrix);
