@@ -52,12 +52,13 @@ Request read_request(int argc, char** argv) {
   app.add_option("--substeps", r.sheet.substeps, "Equal parts of a step of the whole world")
       ->check(between(1, 100))
       ->capture_default_str();
+  add("--cap", r.sheet.cap, 0, 10, "Largest stretch of an edge of an XPBD sheet; 0: no cap");
   add("--force", r.motion.force, 0.01, 100, "Normal force of each pad, N");
   add("--friction", r.pad.friction, 0, 10, "Friction coefficient");
   add("--stiffness", r.pad.stiffness, 1, 1e6, "Stiffness of a pad, N/m");
   add("--amplitude", r.motion.amplitude, 0, 1, "Amplitude of a shake of 2 Hz, m");
   add("--twist", r.motion.twist, -3, 3,
-      "Amplitude of a turn of 0.25 Hz about the normal of the pads, rad");
+      "Turn about the normal of the pads and back, at 0.5 Hz, rad");
   add("--dt", r.dt, 1e-4, 0.1, "Time step, s");
   add("--seconds", r.seconds, 0.1, 600, "Length of the run, s");
   app.add_flag("--json", r.json, "Print the figures as one JSON object on the last line");

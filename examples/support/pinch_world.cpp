@@ -96,6 +96,7 @@ clothctl::Result<std::unique_ptr<PinchWorld>> PinchWorld::create(
   std::string bad;
   if (sheet.model == "xpbd") {
     auto settings = clothctl::PositionBasedSettings<double>::of(material);
+    settings.stretch_limit = sheet.cap;
     settings.substeps = std::max(1, settings.substeps / sheet.substeps);
     bad = add_sheet<clothctl::PositionBased<double>>(out->world_, *network, settings, setup);
   } else {
@@ -112,7 +113,7 @@ clothctl::Result<std::unique_ptr<PinchWorld>> PinchWorld::create(
 
 double PinchWorld::way(double t) const { return motion_.amplitude * (1 - std::cos(4 * kPi * t)); }
 
-double PinchWorld::turn(double t) const { return motion_.twist * std::sin(0.5 * kPi * t); }
+double PinchWorld::turn(double t) const { return 0.5 * motion_.twist * (1 - std::cos(kPi * t)); }
 
 double PinchWorld::closed(double t) { return std::min(1.0, 5 * t); }
 

@@ -21,7 +21,7 @@ struct PinchMotion {
   std::string pads = "paths";  ///< paths, gripper, hand or none
   double force = 6;            ///< of each pad on the sheet, N; they close within 0.2 s
   double amplitude = 0;        ///< of a shake of 2 Hz along x, m
-  double twist = 0;            ///< amplitude of a turn of 0.25 Hz about their normals, rad
+  double twist = 0;            ///< turn about their normals and back, at 0.5 Hz, rad
 };
 
 /// The sheet.
@@ -31,6 +31,7 @@ struct PinchSheet {
   std::string model = "mass-spring";  ///< or xpbd
   std::string integration = "linear-implicit";
   int substeps = 1;
+  double cap = 0.02;  ///< largest stretch of an edge of a position-based sheet; 0: none
 };
 
 /// The world.

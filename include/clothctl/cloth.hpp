@@ -2,6 +2,7 @@
 
 // Models of spring networks and their settings.
 
+#include "clothctl/cloth/carried_vertices.hpp"
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"

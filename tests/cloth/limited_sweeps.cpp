@@ -58,8 +58,9 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
                          const PositionBasedSettings<double>& settings) {
   StepReport<double> report;
   report.status = StepStatus::Converged;
+  correct_on_levels(RecordingSheet{}, memory, settings, part, true, {});
   sweep_within_limit(
-      RecordingSheet{}, memory, settings, part, true, {},
+      RecordingSheet{}, memory, settings, part,
       [&](SweepOrder order) { memory.calls += order == SweepOrder::Forward ? 'e' : '<'; },
       [&] { memory.calls += 'a'; }, report);
   return report;

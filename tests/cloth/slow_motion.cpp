@@ -26,7 +26,8 @@ struct Hands {
     input.driven_positions = state.positions.col(2) + Vector3<double>(0.002, 0, 0);
   }
   SlowMotion<double> slow(std::size_t held = 2) const {
-    return slow_motion(state, input, held, kGravity, kSubstep, kStep);
+    return slow_motion(state, input, held, Vector3<double>(Vector3<double>::Zero()), kGravity,
+                       kSubstep, kStep);
   }
 };
 
@@ -98,6 +99,7 @@ TEST_CASE("slow vertices are no faster than the step has moved them", "[slow_mot
 TEST_CASE("without gravity nothing is slow", "[slow_motion]") {
   const Hands hands;
   const SlowMotion<double> slow = slow_motion(hands.state, hands.input, std::size_t(2),
+                                              Vector3<double>(Vector3<double>::Zero()),
                                               Vector3<double>(0, 0, 0), kSubstep, kStep);
   Points<double> velocities = 1e-9 * Points<double>::Random(3, 3);
   const Points<double> same = velocities;

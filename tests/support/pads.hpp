@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/position_based.hpp"
 #include "clothctl/collision/shapes.hpp"
 #include "clothctl/math/rotation.hpp"
 #include "clothctl/mesh/grid.hpp"
@@ -41,16 +42,29 @@ inline clothctl::MassSpring<double> hanging_sheet(
       .value();
 }
 
+/// The same sheet, position-based, with edges that stretch by at most 2 %.
+inline clothctl::PositionBased<double> limited_sheet(
+    int n, const clothctl::Vector3<double>& gravity = clothctl::Vector3<double>(0, 0, -9.81)) {
+  auto settings = clothctl::PositionBasedSettings<double>::of(clothctl::Material<double>());
+  settings.gravity = gravity;
+  settings.stretch_limit = 0.02;
+  if (gravity.isZero()) settings.drag = 0;
+  return clothctl::PositionBased<double>::create(hanging_sheet(n).network(), settings).value();
+}
+
 /// Adds the sheet to a world and returns a place near its upper left corner.
 inline clothctl::Vector3<double> add_hanging_sheet(
     clothctl::World<double>& world, int n,
     const clothctl::Vector3<double>& gravity = clothctl::Vector3<double>(0, 0, -9.81),
-    const clothctl::WorldSheetSetup<double>& setup = {}) {
-  clothctl::MassSpring<double> model = hanging_sheet(n, gravity);
-  clothctl::ClothState<double> state = model.rest_state();
+    const clothctl::WorldSheetSetup<double>& setup = {}, bool position_based = false) {
+  clothctl::ClothState<double> state = hanging_sheet(n, gravity).rest_state();
   const clothctl::Points<double>& x = state.positions;
   const clothctl::Vector3<double> corner(x.row(0).minCoeff() + 0.02, 0, x.row(2).maxCoeff() - 0.02);
-  (void)world.add_sheet(std::move(model), std::move(state), setup).value();
+  if (position_based) {
+    (void)world.add_sheet(limited_sheet(n, gravity), std::move(state), setup).value();
+  } else {
+    (void)world.add_sheet(hanging_sheet(n, gravity), std::move(state), setup).value();
+  }
   return corner;
 }
 
@@ -90,8 +104,10 @@ struct GrippedSheet {
   clothctl::Vector3<double> at;
 
   explicit GrippedSheet(int n, double force, double friction = 0.6,
-                        const clothctl::WorldSheetSetup<double>& setup = {}) {
-    at = add_hanging_sheet(world, n, clothctl::Vector3<double>(0, 0, -9.81), setup);
+                        const clothctl::WorldSheetSetup<double>& setup = {},
+                        bool position_based = false) {
+    const clothctl::Vector3<double> gravity(0, 0, -9.81);
+    at = add_hanging_sheet(world, n, gravity, setup, position_based);
     clothctl::HandSetup<double> hand;
     hand.positions = Eigen::Vector3d::Zero();
     hand.control.kp = Eigen::Vector3d(1e4, 0, 0);

@@ -38,9 +38,11 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/carried_vertices.hpp"
 #include "clothctl/cloth/detail/air_forces.hpp"
 #include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/batch_sheet.hpp"
+#include "clothctl/cloth/detail/held_impulses.hpp"
 #include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/limited_sweeps.hpp"
 #include "clothctl/cloth/detail/plain_sweeps.hpp"
@@ -57,7 +59,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// All memory of a step, from `make_workspace`; it carries nothing from step to step.
+/// All memory of a step, from `make_workspace`. Only `carried` goes from step to step.
 template <RealScalar Scalar>
 struct PositionBasedWorkspace {
   /// 1 for driven vertices.
@@ -66,6 +68,10 @@ struct PositionBasedWorkspace {
   detail::ReservedList<int> held;
   /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
   VectorX<Scalar> inverse_mass;
+  /// Vertices that are carried in the next step; empty unless someone fills it.
+  CarriedVertices<Scalar> carried;
+  /// Impulses of held vertices; used if any is carried.
+  detail::HeldImpulses<Scalar> held_impulses;
   /// Springs between vertices and points of the input.
   detail::Attachments<Scalar> attachments;
   /// Room for the contacts of a step.
@@ -205,7 +211,16 @@ class PositionBased {
   template <class Sheet>
   void unload(const Sheet& sheet, const typename Sheet::Scratch& memory, const Scalar& h,
               Workspace& ws) const;
+  /// Marks carried vertices as driven. Returns false where they are not what they must be.
+  bool mark_carried(Workspace& ws) const;
+  /// Gives held vertices their velocities, and carried ones their impulses.
+  void end_held(const State& state, const ClothInput<Scalar>& input, const Scalar& dt,
+                Workspace& ws) const;
   bool limited() const { return Scalar(0) < settings_.stretch_limit; }
+  static Index carried_count(const Workspace& ws) {
+    return static_cast<Index>(ws.carried.vertices.size());
+  }
+
   SpringNetwork<Scalar> network_;
   PositionBasedSettings<Scalar> settings_;
   VectorX<Scalar> inverse_mass_;
@@ -235,6 +250,10 @@ auto PositionBased<S>::make_workspace(Index contacts) const -> Workspace {
   ws.contacts.reserve(static_cast<std::size_t>(contacts));
   ws.driven.assign(static_cast<std::size_t>(n), 0);
   ws.held.reserve(static_cast<std::size_t>(n));
+  ws.held_impulses.reserve(static_cast<std::size_t>(n));
+  ws.carried.vertices.reserve(static_cast<std::size_t>(n));
+  ws.carried.velocities.setZero(3, n);
+  ws.carried.impulses.setZero(3, n);
   ws.attachments.reserve(n);
   ws.inverse_mass = inverse_mass_;
   for (Points<Scalar>* points : {&ws.positions, &ws.velocities}) points->setZero(3, n);
@@ -262,6 +281,8 @@ auto PositionBased<S>::step_with(const ExecutorRef& executor, Contacts* contacts
   StepReport<Scalar> report;
   report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.driven)
                            : StepStatus::InvalidWorkspace;
+  if (report.status == StepStatus::Converged && !mark_carried(ws))
+    report.status = StepStatus::InvalidInput;
   if (report.status == StepStatus::Converged && contacts != nullptr)
     report.status = detail::check_contacts(*contacts, dt, vertex_count(), ws.contacts.capacity());
   if (report.status != StepStatus::Converged) return report;
@@ -270,12 +291,28 @@ auto PositionBased<S>::step_with(const ExecutorRef& executor, Contacts* contacts
 }
 
 template <RealScalar S>
+bool PositionBased<S>::mark_carried(Workspace& ws) const {
+  if (ws.carried.vertices.empty()) return true;
+  if (vertex_count() < carried_count(ws)) return false;
+  for (const int v : settings_.pinned) ws.driven[static_cast<std::size_t>(v)] = 1;
+  for (const int v : ws.carried.vertices) {
+    if (v < 0 || vertex_count() <= v) return false;
+    unsigned char& flag = ws.driven[static_cast<std::size_t>(v)];
+    if (flag != 0) return false;
+    flag = 1;
+  }
+  return all_finite(ws.carried.velocities.leftCols(carried_count(ws)));
+}
+
+template <RealScalar S>
 bool PositionBased<S>::fits(const Workspace& ws) const {
   const Index n = vertex_count();
   return ws.inverse_mass.size() == n && ws.positions.cols() == n && ws.velocities.cols() == n &&
          ws.driven.size() == static_cast<std::size_t>(n) &&
-         ws.held.capacity() >= static_cast<std::size_t>(n) && ws.attachments.fits(n) &&
-         (in_lanes_ ? lanes_.fits(ws.lanes) : batches_.fits(ws.batches));
+         ws.held.capacity() >= static_cast<std::size_t>(n) &&
+         ws.held_impulses.capacity() >= static_cast<std::size_t>(n) &&
+         ws.carried.velocities.cols() == n && ws.carried.impulses.cols() == n &&
+         ws.attachments.fits(n) && (in_lanes_ ? lanes_.fits(ws.lanes) : batches_.fits(ws.batches));
 }
 
 template <RealScalar S>
@@ -316,7 +353,9 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   load(sheet, memory, state, input, h, ws);
   const bool rests = !ws.held.empty() || (contacts != nullptr && contacts->any_closed());
   if (limited()) {
-    ws.slow = detail::slow_motion(state, input, ws.held.size(), settings_.gravity, h, dt);
+    const Vector3<Scalar> carried =
+        dt * ws.carried.velocities.leftCols(carried_count(ws)).rowwise().sum();
+    ws.slow = detail::slow_motion(state, input, ws.held.size(), carried, settings_.gravity, h, dt);
     ws.levels_alternate = !rests || detail::moves(ws.slow, state, ws.inverse_mass);
     detail::pull_within_limit(sheet, memory, settings_, report);
   }
@@ -341,15 +380,15 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
     }
   }
   unload(sheet, memory, h, ws);
-  if (limited() && rests)
-    detail::calm_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
-  const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
-  for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
-  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
-    const Index vertex = input.driven_vertices[i];
-    const Triple end = detail::column(input.driven_positions, static_cast<Index>(i));
-    detail::set_column(ws.velocities, vertex, (end - detail::column(state.positions, vertex)) / dt);
+  if (limited() && rests) {
+    const auto calm = [&] {
+      detail::calm_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
+    };
+    ws.held_impulses.account(
+        calm, [&](Index v) { return detail::column(ws.velocities, v); }, network_.mass,
+        ws.inverse_mass);
   }
+  end_held(state, input, dt, ws);
   if (!all_finite(ws.positions) || !all_finite(ws.velocities)) {
     report.status = StepStatus::NumericalFailure;
     if (contacts != nullptr) contacts->clear();
@@ -360,6 +399,25 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   state.velocities = ws.velocities;
   report.advanced = true;
   return report;
+}
+
+template <RealScalar S>
+void PositionBased<S>::end_held(const State& state, const ClothInput<Scalar>& input,
+                                const Scalar& dt, Workspace& ws) const {
+  const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
+  for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
+  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+    const Index vertex = input.driven_vertices[i];
+    const Triple end = detail::column(input.driven_positions, static_cast<Index>(i));
+    detail::set_column(ws.velocities, vertex, (end - detail::column(state.positions, vertex)) / dt);
+  }
+  const std::size_t others = ws.held.size() - ws.carried.vertices.size();
+  ws.carried.total = ws.held_impulses.end();
+  for (std::size_t i = 0; i < ws.carried.vertices.size(); ++i) {
+    ws.velocities.col(ws.carried.vertices[i]) = ws.carried.velocities.col(static_cast<Index>(i));
+    detail::set_column(ws.carried.impulses, static_cast<Index>(i),
+                       ws.held_impulses.impulse(others + i));
+  }
 }
 
 template <RealScalar S>
@@ -375,6 +433,9 @@ void PositionBased<S>::load(const Sheet& sheet, typename Sheet::Scratch& memory,
   };
   for (int vertex : settings_.pinned) hold(vertex);
   for (int vertex : input.driven_vertices) hold(vertex);
+  for (int vertex : ws.carried.vertices) hold(vertex);
+  ws.held_impulses.begin(ws.carried.vertices.empty() ? ws.carried.vertices : ws.held,
+                         network_.mass);
   ws.attachments.load(input, [&](int v) { return !(Scalar(0) < ws.inverse_mass[v]); });
   // Drag slows the motion that compliant constraints cause.
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
@@ -454,6 +515,15 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
           part == settings_.substeps ? end : begin + (end - begin) * done;
     }
   }
+  for (std::size_t i = 0; i < ws.carried.vertices.size(); ++i) {
+    const int vertex = ws.carried.vertices[i];
+    Scalar* x = memory.points.data() + sheet.offset(vertex);
+    for (Index c = 0; c < 3; ++c) {
+      x[static_cast<std::size_t>(c) * Sheet::kStride] =
+          state.positions(c, vertex) +
+          h * real(part) * ws.carried.velocities(c, static_cast<Index>(i));
+    }
+  }
 }
 
 template <RealScalar S>
@@ -476,13 +546,26 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   ws.attachments.begin_substep();
   if (limited()) {
     const auto frame = detail::substep_frame(sheet, memory, settings_, h, ws.held);
-    return detail::sweep_within_limit(sheet, memory, settings_, part, ws.levels_alternate, frame,
-                                      strain, attach, report);
+    const auto by_levels = [&] {
+      detail::correct_on_levels(sheet, memory, settings_, part, ws.levels_alternate, frame);
+    };
+    const auto velocity = [&](Index v) {
+      return detail::way_in_substep(sheet, memory, static_cast<int>(v)) / h;
+    };
+    ws.held_impulses.account(by_levels, velocity, network_.mass, ws.inverse_mass);
   }
-  report.iterations += settings_.iterations;
+  ws.held_impulses.begin_sweeps(sheet, memory);
   const int sweeps = settings_.iterations;
-  if (verlet) return detail::sweep_rigidly<Scalar>(sheet, memory, sweeps, strain, attach);
-  detail::sweep_compliantly<Scalar>(sheet, memory, sweeps, strain, attach);
+  if (limited()) {
+    detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, report);
+  } else {
+    report.iterations += sweeps;
+    if (verlet)
+      detail::sweep_rigidly<Scalar>(sheet, memory, sweeps, strain, attach);
+    else
+      detail::sweep_compliantly<Scalar>(sheet, memory, sweeps, strain, attach);
+  }
+  ws.held_impulses.end_sweeps(h, sheet, memory);
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

@@ -36,9 +36,10 @@ struct BatchSheetSetup {
 };
 
 /// A network in batches.
-template <RealScalar Scalar>
+template <RealScalar S>
 class BatchSheet {
  public:
+  using Scalar = S;
   static constexpr int kLanes = batch_lanes<Scalar>();
   /// Distance of the coordinates of a vertex in the buffers.
   static constexpr std::size_t kStride = 1;

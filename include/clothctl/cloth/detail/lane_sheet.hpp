@@ -19,9 +19,10 @@
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// A grid in lanes.
-template <RealScalar Scalar>
+template <RealScalar S>
 class LaneSheet {
  public:
+  using Scalar = S;
   static constexpr int kLanes = grid_lanes<Scalar>();
   /// Distance of the coordinates of a vertex in the buffers.
   static constexpr std::size_t kStride = static_cast<std::size_t>(kLanes);

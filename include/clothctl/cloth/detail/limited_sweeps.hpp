@@ -115,22 +115,29 @@ PassiveFrame<Scalar> substep_frame(const Sheet& sheet, const typename Sheet::Scr
                        Scalar(h * h * sqrt(settings.gravity.squaredNorm())));
 }
 
-/// Does the sweeps of substep `part` (counted from 1) on a sheet in lanes or batches. The sets of
-/// levels take turns if they `alternate`, else the set of odd substeps serves all. `strain()`
-/// corrects the triangle elements, `attach()` the attached vertices. Writes sweeps, residual and
-/// status of the report.
+/// Corrects the sheet on its levels in substep `part` (counted from 1). The sets of levels take
+/// turns if they `alternate`, else the set of odd substeps serves all.
+template <class Sheet, RealScalar Scalar>
+void correct_on_levels(const Sheet& sheet, typename Sheet::Scratch& memory,
+                       const PositionBasedSettings<Scalar>& settings, int part, bool alternate,
+                       const PassiveFrame<Scalar>& frame) {
+  constexpr int kLevelSweeps = 3;
+  const Scalar slack = slack_of_limit(settings.stretch_limit);
+  sheet.correct_levels(alternate ? part : 1, kLevelSweeps, slack, frame, memory);
+}
+
+/// Does the sweeps of substep `part` on a sheet in lanes or batches. `strain()` corrects the
+/// triangle elements, `attach()` the attached vertices. Writes sweeps, residual and status of the
+/// report.
 template <class Sheet, RealScalar Scalar, class Strain, class Attach>
 void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
-                        const PositionBasedSettings<Scalar>& settings, int part, bool alternate,
-                        const PassiveFrame<Scalar>& frame, Strain strain, Attach attach,
-                        StepReport<Scalar>& report) {
+                        const PositionBasedSettings<Scalar>& settings, int part, Strain strain,
+                        Attach attach, StepReport<Scalar>& report) {
   using Pack = typename Sheet::Pack;
-  constexpr int kLevelSweeps = 3;
   const Scalar zero = Scalar(0), one = Scalar(1), limit = settings.stretch_limit;
   const Scalar slack = slack_of_limit(limit);
   const Pack compression = Pack::all(settings.compression);
   const Pack free = Pack::all(zero - relative_stretch(Scalar(zero - settings.free_compression)));
-  sheet.correct_levels(alternate ? part : 1, kLevelSweeps, slack, frame, memory);
   sheet.sweep_unlimited(memory);
   sheet.template bend<false, false>(SweepOrder::Forward, memory);
   Scalar worst = zero;

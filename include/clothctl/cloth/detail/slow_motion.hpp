@@ -37,13 +37,15 @@ struct SlowMotion {
 };
 
 /// Returns the measure of a step of `dt` in substeps of `h` (s), at the `gravity` (m/s²).
-/// `held_count`: of driven and pinned vertices; only the driven ones of `input` move.
+/// `held_count`: of all held vertices; of these the driven ones of `input` move, and others by a
+/// displacement with the sum `carried`, m.
 template <RealScalar Scalar>
 SlowMotion<Scalar> slow_motion(const ClothState<Scalar>& state, const ClothInput<Scalar>& input,
-                               std::size_t held_count, const Vector3<Scalar>& gravity,
-                               const Scalar& h, const Scalar& dt) {
+                               std::size_t held_count, const Vector3<Scalar>& carried,
+                               const Vector3<Scalar>& gravity, const Scalar& h, const Scalar& dt) {
   using std::sqrt;
   SlowMotion<Scalar> slow;
+  slow.held = carried;
   for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
     slow.held += input.driven_positions.col(static_cast<Index>(i)) -
                  state.positions.col(input.driven_vertices[i]);

@@ -1,8 +1,10 @@
 #pragma once
 
 // How a sheet within a world answers to the impulses of pads, after its step. A model that names a
-// type `Impulses`, as MassSpring does, answers through the matrix of its step; any other with the
-// masses of its touched vertices alone, and its own sweeps of the next step spread what they got.
+// type `Impulses`, as MassSpring does, answers through the matrix of its step; one whose step can
+// carry vertices, as that of PositionBased, with what pads hold as rigid patches
+// (carrying_side.hpp); any other with the masses of its touched vertices alone, and its own sweeps
+// of the next step spread what they got.
 
 #include <cstddef>
 #include <optional>
@@ -14,6 +16,8 @@
 #include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
+#include "clothctl/core/step_input.hpp"
+#include "clothctl/sim/detail/carrying_side.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -32,6 +36,10 @@ class SheetSide {
     touched_.reserve(static_cast<std::size_t>(capacity));
     return {};
   }
+  /// Before and after the sheet's step, for a side that carries what pads hold.
+  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
+  void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
+               const typename Model::Workspace&) {}
   /// Takes the vertices that are touched in a step that ended with `state`, and the inverse masses
   /// of all in it.
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
@@ -47,7 +55,7 @@ class SheetSide {
   int point(int vertex) const { return point_[static_cast<std::size_t>(vertex)]; }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(response_); }
   /// Moves the vertices by what the impulses changed in a step of `dt` s.
-  void take(const Scalar& dt) {
+  void take(const Scalar& dt, const typename Model::Workspace&) {
     for (const int v : touched_) state_->positions.col(v) -= dt * state_->velocities.col(v);
     (void)response_.scatter(touched_, state_->velocities);
     for (const int v : touched_) state_->positions.col(v) += dt * state_->velocities.col(v);
@@ -58,6 +66,10 @@ class SheetSide {
   std::vector<int> touched_, point_;
   ClothState<Scalar>* state_ = nullptr;
 };
+
+/// The answer of a sheet with patches.
+template <CarryingModel Model>
+class SheetSide<Model> : public CarryingSide<Model> {};
 
 /// The answer of a sheet by its step matrix.
 template <class Model>
@@ -72,13 +84,16 @@ class SheetSide<Model> {
     impulses_.emplace(std::move(made).value());
     return {};
   }
+  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
+  void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
+               const typename Model::Workspace&) {}
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
                     typename Model::Workspace& ws, const VectorX<Scalar>&) {
     return impulses_->attach(vertices, state, ws);
   }
   int point(int vertex) const { return impulses_->point(vertex); }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(*impulses_); }
-  void take(const Scalar&) {}
+  void take(const Scalar&, const typename Model::Workspace&) {}
 
  private:
   std::optional<typename Model::Impulses> impulses_;

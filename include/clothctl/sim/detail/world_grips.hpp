@@ -48,9 +48,24 @@ class WorldGrips {
   /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
   /// wrong.
   std::string prepare(WorldParts<Scalar>& parts);
+  /// Begins a part of a step, before anything moves. What goes on as before is told from the last
+  /// two parts where hands and bodies carry pads: what they do without contacts, as fingers that
+  /// press, is not what they will do.
+  void begin_part(const WorldParts<Scalar>& parts) {
+    before_ = now_;
+    for (std::size_t i = 0; i < pads_.size(); ++i) {
+      const int c = pads_[i].carrier;
+      now_[i] = steady_[i] = motion(parts, c);
+      if (0 <= c && parts.obstacles[index(c)]->hand < 0) continue;
+      steady_[i].velocity += now_[i].velocity - before_[i].velocity;
+      steady_[i].angular_velocity += now_[i].angular_velocity - before_[i].angular_velocity;
+    }
+  }
   /// Finds the contacts of a sheet, whose finder is up to date, with all pads. Returns false where
   /// a motion is not valid.
   bool find(WorldParts<Scalar>& parts, int sheet);
+  /// Finds what pads hold of a sheet in a part of `dt` s, after `find`.
+  void find_patches(WorldParts<Scalar>& parts, int sheet, const Scalar& dt);
   /// Begins a step, of one or more parts: impulses are summed over them.
   void begin() {
     for (Touch& t : touches_) {
@@ -65,9 +80,11 @@ class WorldGrips {
     return told_[static_cast<std::size_t>(pad)];
   }
   void save() {
+    saved_ = now_;
     for (Touch& t : touches_) t.contacts.save();
   }
   void restore() {
+    now_ = saved_;
     for (Touch& t : touches_) t.contacts.restore();
   }
 
@@ -98,6 +115,9 @@ class WorldGrips {
     if (carrier < 0) return parts.bodies.motion(-1 - carrier);
     return parts.obstacles[index(carrier)]->motion();
   }
+  /// Whether a contact was closed, or closes as sheet and pad move now.
+  bool closes(const WorldParts<Scalar>& parts, const Touch& t, const ContactSample<Scalar>& c,
+              const ClothState<Scalar>& state, const Scalar& dt) const;
   /// Lists contacts, and the points of what carries pads.
   void list_contacts(WorldParts<Scalar>& parts);
   /// Lists the sides that are touched, and names them in the contacts. Returns false where one
@@ -116,6 +136,9 @@ class WorldGrips {
   std::vector<int> sheet_place_, side_place_;
   std::vector<ImpulseResponseRef<Scalar>> list_;
   std::vector<ContactSample<Scalar>> contacts_;
+  std::vector<GripContact<Scalar>> closed_;
+  /// Motion of each pad: at the start of the part and of the one before, and as it goes on.
+  std::vector<RigidMotion<Scalar>> now_, before_, steady_, saved_;
   std::vector<std::vector<PadContact<Scalar>>> told_;
   ContactSolver<Scalar> solver_;
 };
@@ -164,10 +187,15 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
   for (std::size_t s = 0; s < parts.sheets.size(); ++s) {
     const std::size_t room = touched_[s].capacity();
     if (room == 0) continue;
+    parts.sheets[s]->grip.reserve(room);
     const std::string bad = parts.sheets[s]->reserve_touched(static_cast<Index>(room));
     if (!bad.empty()) return "sheet " + std::to_string(s) + ": " + bad;
   }
   contacts_.reserve(most);
+  closed_.reserve(most);
+  for (std::vector<RigidMotion<Scalar>>* list : {&now_, &before_, &steady_, &saved_})
+    list->assign(pads_.size(), {});
+  for (std::size_t i = 0; i < pads_.size(); ++i) now_[i] = motion(parts, pads_[i].carrier);
   list_.reserve(parts.sheets.size() + sides_.size());
   sheet_place_.assign(parts.sheets.size(), -1);
   side_place_.assign(sides_.size(), -1);
@@ -191,6 +219,44 @@ bool WorldGrips<Scalar>::find(WorldParts<Scalar>& parts, int sheet) {
       return false;
   }
   return true;
+}
+
+template <RealScalar Scalar>
+bool WorldGrips<Scalar>::closes(const WorldParts<Scalar>& parts, const Touch& t,
+                                const ContactSample<Scalar>& c, const ClothState<Scalar>& state,
+                                const Scalar& dt) const {
+  if (c.state != ContactState::Open) return true;
+  Vector3<Scalar> place = Vector3<Scalar>::Constant(Scalar(0)), velocity = place;
+  for (std::size_t k = 0; k < 3; ++k) {
+    place += c.a.weight[static_cast<Index>(k)] * state.positions.col(c.a.point[k]);
+    velocity += c.a.weight[static_cast<Index>(k)] * state.velocities.col(c.a.point[k]);
+  }
+  const RigidMotion<Scalar> pad = motion(parts, carrier(t.pad));
+  const Vector3<Scalar> arm = place - pad.position;
+  velocity -= pad.velocity + pad.angular_velocity.cross(arm);
+  return c.gap + dt * c.normal.dot(velocity) < Scalar(0);
+}
+
+template <RealScalar Scalar>
+void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, const Scalar& dt) {
+  WorldSheet<Scalar>& there = *parts.sheets[index(sheet)];
+  closed_.clear();
+  for (Touch& t : touches_) {
+    if (t.sheet != sheet) continue;
+    const RigidMotion<Scalar>& pad = steady_[index(t.pad)];
+    for (const ContactSample<Scalar>& c : t.contacts.contacts()) {
+      if (!closes(parts, t, c, there.state, dt)) continue;
+      closed_.push_back({c.a.point, c.state == ContactState::Stick, c.normal.dot(c.impulse),
+                         pad.velocity - pad.angular_velocity.cross(pad.position),
+                         pad.angular_velocity});
+    }
+  }
+  const auto has = [](const std::vector<int>& list, int v) {
+    return std::find(list.begin(), list.end(), v) != list.end();
+  };
+  there.grip.find(closed_, [&](int v) {
+    return has(there.pinned(), v) || has(there.input.driven_vertices, v);
+  });
 }
 
 template <RealScalar Scalar>
@@ -265,9 +331,6 @@ bool WorldGrips<Scalar>::list_sides(WorldParts<Scalar>& parts) {
 
 template <RealScalar Scalar>
 void WorldGrips<Scalar>::take(WorldParts<Scalar>& parts, const Scalar& dt) {
-  for (std::size_t s = 0; s < touched_.size(); ++s) {
-    if (!touched_[s].empty()) parts.sheets[s]->take_side(dt);
-  }
   for (const CarrierSide& side : sides_) {
     if (side.hand >= 0 && side.count > 0) parts.hands[index(side.hand)]->take_side();
   }
@@ -286,6 +349,10 @@ void WorldGrips<Scalar>::take(WorldParts<Scalar>& parts, const Scalar& dt) {
       (void)parts.bodies.apply_impulse(-1 - side.carrier, back, side.points.col(c.b.point[0]));
     }
     t.contacts.keep();
+  }
+  for (std::size_t s = 0; s < touched_.size(); ++s) {
+    if (touched_[s].empty()) continue;
+    parts.sheets[s]->take_side(dt);
   }
 }
 

@@ -80,6 +80,8 @@ class WorldSheet {
   /// The obstacles that it may touch, and the number of each in the world's list.
   std::vector<ColliderRef<Scalar>> obstacles;
   std::vector<int> obstacle_number;
+  /// What pads hold, and none of what is prescribed.
+  GripPatches<Scalar> grip;
   /// Number of its first vertex among those of all sheets that meet each other; -1 if it does not.
   Index first = -1;
 
@@ -130,11 +132,14 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
         inverse_mass_(model_.network().mass) {}
 
   StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) override {
+    side_.carry(this->grip, this->state, ws_);
     StepReport<Scalar> report = model_.step(this->state, now, this->contacts, dt, ws_);
     if (!report.advanced) return report;
     this->write_inverse_masses(inverse_mass_);
+    for (const int v : this->grip.vertices()) inverse_mass_[v] = Scalar(0);
     const ObstacleGuardReport kept = guard_.resolve(this->obstacles, this->finder.positions(),
                                                     inverse_mass_, dt, this->contacts, this->state);
+    side_.release(model_, now, dt, ws_);
     if (0 < kept.left) report.status = StepStatus::IterationLimit;
     return report;
   }
@@ -147,7 +152,7 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
   }
   ImpulseResponseRef<Scalar> side() override { return side_.side(); }
   int point(int vertex) const override { return side_.point(vertex); }
-  void take_side(const Scalar& dt) override { side_.take(dt); }
+  void take_side(const Scalar& dt) override { side_.take(dt, ws_); }
 
  private:
   Model model_;

@@ -178,6 +178,7 @@ template <RealScalar S>
 bool WorldStep<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
                            Report& report) {
   report.contacts = report.layers = 0;
+  grips.begin_part(parts);
   wake_bodies(dt);
   const StepStatus predicted = parts.bodies.predict(dt);
   if (predicted != StepStatus::Converged) {
@@ -274,6 +275,7 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
     return false;
   }
   report.complete = report.complete && sheet.contacts.complete();
+  grips.find_patches(parts, number, dt);
   const ClothInput<Scalar>* now = &sheet.input;
   if (share < Scalar(1)) {
     sheet.part = sheet.input;
