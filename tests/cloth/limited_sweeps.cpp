@@ -62,7 +62,7 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   sweep_within_limit(
       RecordingSheet{}, memory, settings, part,
       [&](SweepOrder order) { memory.calls += order == SweepOrder::Forward ? 'e' : '<'; },
-      [&] { memory.calls += 'a'; }, report);
+      [&] { memory.calls += 'a'; }, [&] { memory.calls += 'l'; }, report);
   return report;
 }
 
@@ -95,7 +95,7 @@ TEST_CASE("limited sweeps: the last substep sweeps until the limit is kept with 
   RecordingSheet::Scratch memory;
   memory.worst = {0.2, 0.1, as_part(0.0451), as_part(0.0449)};
   const auto report = sweep(memory, 4, limit_of_five_percent());
-  CHECK(memory.calls == "Lubeaseastt");
+  CHECK(memory.calls == "Lubeaseasltlt");
   CHECK(report.iterations == 4);
   CHECK(report.residual == Approx(0.0449));
   CHECK(report.status == StepStatus::Converged);
@@ -107,7 +107,7 @@ TEST_CASE("limited sweeps: a limit that is not kept is reported", "[limited_swee
   RecordingSheet::Scratch memory;
   memory.worst = {0.2, 0.1, 0.1, 0.1, as_part(0.08)};
   const auto report = sweep(memory, 4, limit_of_five_percent());
-  CHECK(memory.calls == "Lubeaseasttt");
+  CHECK(memory.calls == "Lubeaseasltltlt");
   CHECK(report.residual == Approx(0.08));
   CHECK(report.status == StepStatus::IterationLimit);
 }
@@ -121,7 +121,8 @@ TEST_CASE("limited sweeps: extra sweeps are over-relaxed, and plain at the end o
     PositionBasedSettings<double> settings = limit_of_five_percent();
     settings.extra_sweeps = most;
     StepReport<double> report;
-    CHECK(sweep_until(0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, report) ==
+    CHECK(sweep_until(
+              0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, [] {}, report) ==
           (most == 0 ? 0.2 : 0.1));
     CHECK(report.iterations == most);
     std::vector<double> expected(static_cast<std::size_t>(most), 1.7);
@@ -139,7 +140,8 @@ TEST_CASE("limited sweeps: what an over-relaxed sweep met is not the end", "[lim
   PositionBasedSettings<double> settings = limit_of_five_percent();
   settings.extra_sweeps = 60;
   StepReport<double> report;
-  CHECK(sweep_until(0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, report) == 0.03);
+  CHECK(sweep_until(
+            0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, [] {}, report) == 0.03);
   CHECK(memory.omega == std::vector<double>{1.7, 1.7, 1.0, 1.7, 1.0});
 }
 

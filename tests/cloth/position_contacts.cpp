@@ -132,3 +132,35 @@ TEST_CASE("held vertices are left alone", "[cloth]") {
   p.substep(Vector3<double>(0, 0, -0.002));
   CHECK(p.now(2, 0) == kThickness - 0.002);
 }
+
+TEST_CASE("sweeps that move the start of a substep change no velocity at a contact", "[cloth]") {
+  // Sweeps for a limit lift a particle that lies on the floor, and the start of the substep alike.
+  Particle<PlaneCollider<double>> p(floor_of(0.5), Vector3<double>(0, 0, kThickness));
+  p.before = p.now;
+  const auto at = [&](int v) { return p.now.data() + 3 * v; };
+  const auto start = [&](int v) { return p.before.data() + 3 * v; };
+  p.now(2, 0) -= 2e-5;
+  p.solver->begin_substep(kH, kH, at, start);
+  p.solver->settle(at, p.solver->correct(at));
+  p.now(2, 0) += 1e-5;
+  p.before(2, 0) += 1e-5;
+  p.solver->end_substep(at, start);
+  CHECK(std::abs(p.now(2, 0) - p.before(2, 0)) < 1e-15);
+}
+
+TEST_CASE("a point inside an obstacle is lifted to its surface, one above is left alone",
+          "[cloth]") {
+  Particle<PlaneCollider<double>> p(floor_of(0.5), Vector3<double>(0, 0, kThickness));
+  p.before = p.now;
+  const auto at = [&](int v) { return p.now.data() + 3 * v; };
+  const auto start = [&](int v) { return p.before.data() + 3 * v; };
+  p.solver->begin_substep(kH, kH, at, start);
+  p.now(2, 0) = 0.2e-3;
+  p.solver->lift(at);
+  CHECK(p.now(2, 0) == 0.2e-3);
+  p.now(2, 0) = -3e-3;
+  p.solver->lift(at);
+  CHECK(std::abs(p.now(2, 0)) < 1e-15);
+  p.solver->end_substep(at, start);
+  CHECK(std::abs(p.contact().impulse[2] - 0.01 * 3e-3 / kH) < 1e-12);  // what came in stays out
+}

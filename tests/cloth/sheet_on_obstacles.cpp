@@ -138,6 +138,39 @@ TEST_CASE("in single precision a sheet that lands and rests needs few rounds",
   CHECK(rig.state.velocities.colwise().norm().maxCoeff() < 1e-3f);
 }
 
+TEST_CASE("a sheet with a limit of stretch lies still on a ball and on a box",
+          "[cloth][obstacles]") {
+  auto settings = PositionBasedSettings<double>::of(material_preset<double>("cotton").value());
+  settings.substeps = 8;
+  settings.stretch_limit = 0.02;
+  const auto ball =
+      SphereCollider<double>::create(Vector3<double>(0, 0, -0.15), 0.15, {0.4, 0}).value();
+  const auto box =
+      BoxCollider<double>::create(Vector3<double>(0, 0, -0.1), Vector3<double>(0.12, 0.12, 0.1),
+                                  Matrix3<double>::Identity(), {0.4, 0})
+          .value();
+  for (const bool round : {true, false}) {
+    CAPTURE(round);
+    SheetOnObstacles<Xpbd> rig(Xpbd::create(level_sheet<double>(17, 0.02), settings).value());
+    round ? rig.obstacles.emplace_back(ball) : rig.obstacles.emplace_back(box);
+    Points<double> before;
+    double deepest = 0;
+    for (int i = 0; i < 600; ++i) {
+      rig.advance(1.0 / 60);
+      if (i == 480) before = rig.state.positions;
+      if (i > 480) deepest = std::max(deepest, rig.contacts.report().penetration);
+    }
+    const Points<double> moved = rig.state.positions - before;
+    CAPTURE(moved.rowwise().mean().norm(), deepest);
+    CHECK(moved.rowwise().mean().norm() < 4e-4);
+    CHECK(deepest < 1e-3);
+    for (const auto& c : rig.contacts.contacts()) {
+      if (c.state != ContactState::Open && c.point.vertex[1] < 0)
+        CHECK(moved.col(c.point.vertex[0]).norm() < 1e-3);
+    }
+  }
+}
+
 TEMPLATE_TEST_CASE("friction takes a sheet along with a moving floor", "[cloth][obstacles]",
                    Implicit, Xpbd) {
   auto rig = make_rig<TestType>(9, 1e-3);

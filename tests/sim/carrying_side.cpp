@@ -5,11 +5,13 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <random>
 #include <vector>
 
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/pads.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using namespace clothctl::detail;
@@ -250,4 +252,48 @@ TEST_CASE("a step that carries patches does not allocate, and repeats its bits",
     ends.push_back(held.world.state(0).positions);
   }
   CHECK(ends[0] == ends[1]);
+}
+
+TEST_CASE("random pads on limited sheets stay finite", "[sim]") {
+  std::mt19937 random(77);
+  const auto uniform = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
+  int touched = 0;
+  for (int trial = 0; trial < trials(40, 10000, 4); ++trial) {
+    World<double> world;
+    const Vec at = add_hanging_sheet(world, 3 + trial % 7, Vec(0, 0, -9.81), {}, true);
+    const double scale = std::pow(10, uniform(-2, 1));
+    const auto some = [&](double size) {
+      return Vec(uniform(-size, size), uniform(-size, size), uniform(-size, size));
+    };
+    for (const double side : {1.0, -1.0}) {
+      PadSettings<double> pad;
+      pad.stiffness = pad.tangential_stiffness = std::pow(10, uniform(1, 6));
+      pad.friction = uniform(0, 2);
+      if (trial % 3 == 0) {
+        RigidBodySetup<double> ball{ConvexShape<double>::sphere(0.01).value()};
+        ball.mass = std::pow(10, uniform(-4, 1));
+        ball.motion.position = at - side * Vec(0, 0.01, 0) + some(0.002);
+        ball.motion.velocity = scale * some(1);
+        const int body = world.add_body(ball).value();
+        (void)world.add_pad(-1 - body, pad_samples(side, side * Vec(0, 0.01, 0)), pad).value();
+      } else {
+        RigidMotion<double> motion;
+        motion.position = at + some(0.002);
+        motion.velocity = scale * some(1);
+        motion.angular_velocity = 10 * scale * some(1);
+        const int carrier = world.add_obstacle(pad_ball(), motion).value();
+        (void)world.add_pad(carrier, pad_samples(side), pad).value();
+      }
+    }
+    bool finite = true;
+    for (int i = 0; i < 40 && finite; ++i) {
+      (void)world.step(std::pow(10, uniform(-4, -1)));
+      touched += static_cast<int>(world.pad_contacts(0).size());
+      finite = world.state(0).positions.allFinite() && world.state(0).velocities.allFinite();
+    }
+    if (!finite) FAIL("trial " << trial);
+  }
+  CHECK(touched > trials(200, 50000, 10));
 }

@@ -204,9 +204,9 @@ class PositionBased {
 
   /// Sweeps of a substep. `part` counts them from 1.
   /// `touch()` corrects the points of contact.
-  template <class Sheet, class Touch>
+  template <class Sheet, class Touch, class Lift>
   void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
-               Touch touch, Workspace& ws, StepReport<Scalar>& report) const;
+               Touch touch, Lift lift, Workspace& ws, StepReport<Scalar>& report) const;
   /// Copies positions and velocities out of the layout.
   template <class Sheet>
   void unload(const Sheet& sheet, const typename Sheet::Scratch& memory, const Scalar& h,
@@ -372,7 +372,10 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
     const auto touch = [&] {
       if (touching) pressed = touching->correct(points);
     };
-    correct(sheet, memory, part, h, touch, ws, report);
+    const auto lift = [&] {
+      if (touching) touching->lift(points);
+    };
+    correct(sheet, memory, part, h, touch, lift, ws, report);
     if (touching) {
       // Under a limit the springs come after the contacts.
       touching->settle(points, limited() ? touching->correct(points) : pressed);
@@ -527,9 +530,9 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
 }
 
 template <RealScalar S>
-template <class Sheet, class Touch>
+template <class Sheet, class Touch, class Lift>
 void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
-                               const Scalar& h, Touch touch, Workspace& ws,
+                               const Scalar& h, Touch touch, Lift lift, Workspace& ws,
                                StepReport<Scalar>& report) const {
   const Scalar slowing = Scalar(1) + h * settings_.drag;
   const auto attach = [&] {
@@ -557,7 +560,7 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   ws.held_impulses.begin_sweeps(sheet, memory);
   const int sweeps = settings_.iterations;
   if (limited()) {
-    detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, report);
+    detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, lift, report);
   } else {
     report.iterations += sweeps;
     if (verlet)

@@ -7,7 +7,8 @@
 //   1. One-sided edges on coarse levels (lane_levels.hpp) carry the limit across the sheet.
 //   2. Sweeps over all constraints correct stretch beyond the limit rigidly (LimitRule).
 //   3. The last substep adds sweeps for the limit alone (TensionRule) until the largest stretch is
-//      well below it.
+//      well below it. Before each of them, points inside of obstacles are lifted to the surface:
+//      what the limit pulls in would come out later, at the cost of the limit.
 //
 // A sheet gives way to compression by folding: only large compressions are resisted, and partly.
 
@@ -50,17 +51,18 @@ void add_to_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Sca
 }
 
 /// Where the largest stretch `worst` is above `goal` (both by the current length), sweeps for the
-/// limit alone until none is, `extra_sweeps` at most. The share `still` of the corrections also
-/// moves the points at the start of the substep, so it has no effect on velocities. Returns the
-/// largest stretch that the last sweep met. Counts the sweeps in the report.
+/// limit alone until none is, `extra_sweeps` at most, each after `lift()`. The share `still` of the
+/// corrections also moves the points at the start of the substep, so it has no effect on
+/// velocities. Returns the largest stretch that the last sweep met. Counts the sweeps in the
+/// report.
 ///
 /// What is too long lies along lines of edges, along which plain sweeps carry a correction slowly
 /// and over-relaxed ones fast; but these overshoot and leave single edges stretched. So cycles of
 /// 10, 20, 30, ... sweeps end with three plain ones, and the last sweep of all is plain.
-template <class Sheet, RealScalar Scalar>
+template <class Sheet, RealScalar Scalar, class Lift>
 Scalar sweep_until(const Scalar& goal, Scalar worst, const Scalar& still, const Sheet& sheet,
                    typename Sheet::Scratch& memory, const PositionBasedSettings<Scalar>& settings,
-                   StepReport<Scalar>& report) {
+                   Lift lift, StepReport<Scalar>& report) {
   using Rule = TensionRule<Scalar, Sheet::kLanes>;
   constexpr int kCycle = 10, kPlain = 3;
   const int most = settings.extra_sweeps;
@@ -76,6 +78,7 @@ Scalar sweep_until(const Scalar& goal, Scalar worst, const Scalar& still, const 
       end = cycle < most - end ? end + cycle : most;
     }
     fast = goal < worst && i + kPlain < end;
+    lift();
     worst = sheet.sweep(fast ? over : plain, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
@@ -95,7 +98,8 @@ void pull_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   if (settings.extra_sweeps < 1) return;
   const Rule measure{Pack::all(goal), Pack::all(Scalar(0))};
   const Scalar worst = sheet.sweep(measure, SweepOrder::Forward, memory).worst.largest();
-  sweep_until(goal, worst, Scalar(1), sheet, memory, settings, report);
+  sweep_until(
+      goal, worst, Scalar(1), sheet, memory, settings, [] {}, report);
 }
 
 /// Returns what the motion of a substep of `h` s is measured against. `held`: vertices.
@@ -127,12 +131,12 @@ void correct_on_levels(const Sheet& sheet, typename Sheet::Scratch& memory,
 }
 
 /// Does the sweeps of substep `part` on a sheet in lanes or batches. `strain()` corrects the
-/// triangle elements, `attach()` the attached vertices. Writes sweeps, residual and status of the
-/// report.
-template <class Sheet, RealScalar Scalar, class Strain, class Attach>
+/// triangle elements, `attach()` attached vertices and contacts, `lift()` lifts points out of
+/// obstacles. Writes sweeps, residual and status of the report.
+template <class Sheet, RealScalar Scalar, class Strain, class Attach, class Lift>
 void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
                         const PositionBasedSettings<Scalar>& settings, int part, Strain strain,
-                        Attach attach, StepReport<Scalar>& report) {
+                        Attach attach, Lift lift, StepReport<Scalar>& report) {
   using Pack = typename Sheet::Pack;
   const Scalar zero = Scalar(0), one = Scalar(1), limit = settings.stretch_limit;
   const Scalar slack = slack_of_limit(limit);
@@ -154,7 +158,7 @@ void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   // These sweeps correct what all substeps left, so the share of one substep goes into velocities.
   // The whole correction would keep a sheet near its pins in motion for ever.
   const Scalar others = one - one / Scalar(static_cast<double>(settings.substeps));
-  worst = sweep_until(goal, worst, others, sheet, memory, settings, report);
+  worst = sweep_until(goal, worst, others, sheet, memory, settings, lift, report);
   report.residual = zero < worst ? worst / (one - worst) : zero;
   if (relative_stretch(limit) < worst) report.status = StepStatus::IterationLimit;
 }

@@ -129,6 +129,18 @@ class PositionContacts {
     return largest;
   }
 
+  /// Lifts points that are inside of an obstacle to its surface, once.
+  template <class At>
+  void lift(At points) {
+    for (const int i : memory_.touching) {
+      Plane& plane = memory_.planes[static_cast<std::size_t>(i)];
+      const Scalar deep = plane.level - plane.thickness - dot(plane.normal, sum(plane, points));
+      if (!(Scalar(0) < deep)) continue;
+      plane.pressed = plane.pressed + deep;
+      move(plane, plane.normal * deep, points);
+    }
+  }
+
   /// Corrects all points until none moves by a twentieth of the thickness, a few times at most:
   /// contacts that share vertices disturb each other. `last` is the largest correction of the pass
   /// that was just made.
@@ -300,7 +312,9 @@ void PositionContacts<S, kStride>::end_one(std::size_t i, At points, StartAt sta
   moved = moved - n * dot(moved, n);
   c.offset = Vector3<Scalar>(moved.x, moved.y, moved.z);
   if (!(Scalar(0) < plane.pressed)) return;
-  const Scalar e = outwards(dot(n, x - plane.start), plane.pressed);
+  // Sweeps for a limit may have moved the start of the substep.
+  const Vec from = sum(plane, start) + plane.surface * h_;
+  const Scalar e = outwards(dot(n, x - from), plane.pressed);
   move(plane, n * e, start);
   const Scalar normal = plane.pressed - e, limit = plane.friction * normal;
   const Vec p = (n * normal + plane.held) / (plane.inverse_mass * h_);
