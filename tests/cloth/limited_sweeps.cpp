@@ -62,7 +62,7 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   sweep_within_limit(
       RecordingSheet{}, memory, settings, part,
       [&](SweepOrder order) { memory.calls += order == SweepOrder::Forward ? 'e' : '<'; },
-      [&] { memory.calls += 'a'; }, [&] { memory.calls += 'l'; }, report);
+      [&] { memory.calls += 'a'; }, [&](double) { memory.calls += 'l'; }, report);
   return report;
 }
 
@@ -122,7 +122,7 @@ TEST_CASE("limited sweeps: extra sweeps are over-relaxed, and plain at the end o
     settings.extra_sweeps = most;
     StepReport<double> report;
     CHECK(sweep_until(
-              0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, [] {}, report) ==
+              0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, [](double) {}, report) ==
           (most == 0 ? 0.2 : 0.1));
     CHECK(report.iterations == most);
     std::vector<double> expected(static_cast<std::size_t>(most), 1.7);
@@ -141,7 +141,7 @@ TEST_CASE("limited sweeps: what an over-relaxed sweep met is not the end", "[lim
   settings.extra_sweeps = 60;
   StepReport<double> report;
   CHECK(sweep_until(
-            0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, [] {}, report) == 0.03);
+            0.05, 0.2, 1.0, RecordingSheet{}, memory, settings, [](double) {}, report) == 0.03);
   CHECK(memory.omega == std::vector<double>{1.7, 1.7, 1.0, 1.7, 1.0});
 }
 

@@ -27,7 +27,7 @@ TEST_CASE("a position-based sheet answers with the masses of its vertices", "[si
   VectorX<double> p(6);
   p << 0, 0, 1e-3, 2e-3, 0, 0;
   side.side().apply(p);
-  side.take(0.01, ws);
+  side.take(0.01, false, ws);
   const Vector3<double> gained = state.velocities * network.mass;
   CHECK((gained - Vector3<double>(2e-3, 0, 1e-3)).norm() < 1e-15);
   CHECK((state.positions - before.positions - 0.01 * state.velocities).norm() < 1e-12);
@@ -48,7 +48,7 @@ TEST_CASE("a mass-spring sheet answers as its step would with the force", "[sim]
   const std::vector<int> touched{7};
   REQUIRE(side.attach(touched, pushed, ws, masses) == StepStatus::Converged);
   side.side().apply(Vector3<double>(0, 1e-8, 2e-8));
-  side.take(0.01, ws);
+  side.take(0.01, false, ws);
   force.force_vertices = {7};
   force.forces = Vector3<double>(0, 1e-6, 2e-6);
   REQUIRE(model.step(forced, force, 0.01, ws).advanced);

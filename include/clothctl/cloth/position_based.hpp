@@ -372,8 +372,8 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
     const auto touch = [&] {
       if (touching) pressed = touching->correct(points);
     };
-    const auto lift = [&] {
-      if (touching) touching->lift(points);
+    const auto lift = [&](const Scalar& counted) {
+      if (touching) touching->lift(points, counted);
     };
     correct(sheet, memory, part, h, touch, lift, ws, report);
     if (touching) {

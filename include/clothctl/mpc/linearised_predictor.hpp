@@ -162,8 +162,8 @@ LinearisedPredictor<Response, S>::LinearisedPredictor(Response response,
   const Index n = Traits::vertex_count(response_);
   for (Lanes<Inner, kLanes>* lanes : {&a_, &w_, &change_, &stiff_, &coupled_})
     lanes->setZero(kLanes, 3 * n);
-  for (Points<Inner>* p : {&x_, &v_, &force_, &measured_, &gust_[0], &gust_[1], &gust_[2]})
-    p->setZero(3, n);
+  for (Points<Inner>* p : {&x_, &v_, &force_, &measured_}) p->setZero(3, n);
+  for (Points<Inner>& gust : gust_) gust.setZero(3, n);
   last_velocity_.setZero(3, n);
   Inner count = Inner(0);
   for (Index i = 0; i < n; ++i) count += Inner(1);

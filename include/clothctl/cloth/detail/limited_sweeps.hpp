@@ -51,10 +51,10 @@ void add_to_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Sca
 }
 
 /// Where the largest stretch `worst` is above `goal` (both by the current length), sweeps for the
-/// limit alone until none is, `extra_sweeps` at most, each after `lift()`. The share `still` of the
-/// corrections also moves the points at the start of the substep, so it has no effect on
-/// velocities. Returns the largest stretch that the last sweep met. Counts the sweeps in the
-/// report.
+/// limit alone until none is, `extra_sweeps` at most, each after `lift(1 - still)`. The share
+/// `still` of the corrections also moves the points at the start of the substep, so it has no
+/// effect on velocities. Returns the largest stretch that the last sweep met. Counts the sweeps in
+/// the report.
 ///
 /// What is too long lies along lines of edges, along which plain sweeps carry a correction slowly
 /// and over-relaxed ones fast; but these overshoot and leave single edges stretched. So cycles of
@@ -78,7 +78,7 @@ Scalar sweep_until(const Scalar& goal, Scalar worst, const Scalar& still, const 
       end = cycle < most - end ? end + cycle : most;
     }
     fast = goal < worst && i + kPlain < end;
-    lift();
+    lift(Scalar(Scalar(1) - still));
     worst = sheet.sweep(fast ? over : plain, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
@@ -99,7 +99,7 @@ void pull_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
   const Rule measure{Pack::all(goal), Pack::all(Scalar(0))};
   const Scalar worst = sheet.sweep(measure, SweepOrder::Forward, memory).worst.largest();
   sweep_until(
-      goal, worst, Scalar(1), sheet, memory, settings, [] {}, report);
+      goal, worst, Scalar(1), sheet, memory, settings, [](const Scalar&) {}, report);
 }
 
 /// Returns what the motion of a substep of `h` s is measured against. `held`: vertices.

@@ -129,14 +129,15 @@ class PositionContacts {
     return largest;
   }
 
-  /// Lifts points that are inside of an obstacle to its surface, once.
+  /// Lifts points that are inside of an obstacle to its surface, once. The share `counted` of it
+  /// goes into velocities, and so into impulses.
   template <class At>
-  void lift(At points) {
+  void lift(At points, const Scalar& counted) {
     for (const int i : memory_.touching) {
       Plane& plane = memory_.planes[static_cast<std::size_t>(i)];
       const Scalar deep = plane.level - plane.thickness - dot(plane.normal, sum(plane, points));
       if (!(Scalar(0) < deep)) continue;
-      plane.pressed = plane.pressed + deep;
+      plane.pressed = plane.pressed + counted * deep;
       move(plane, plane.normal * deep, points);
     }
   }

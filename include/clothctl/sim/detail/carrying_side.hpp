@@ -9,20 +9,24 @@
 //
 //   1. The sheet's step carries it with the velocity u: that of the pads where they stick, else its
 //      own velocity v. The rest of the sheet pulls at it with the impulse -R.
-//   2. The impulses p of the pads are found together with all else that they touch. With the mass M
-//      of the rest, the patch answers as
+//   2. The impulses p of the pads are found together with all else that they touch. With a share M
+//      of the mass of the rest, the patch answers as
 //
-//        (m + M) (v⁺ - u) = m (v - u) + h m g - R + p
+//        (m + M) (v⁺ - u) = m (v - u) + h m g + h f - R + p
 //
-//      and likewise to moments, with (m + M)/m times its inertia.
+//      and likewise to moments, with (m + M)/m times its inertia. f: forces of the input.
 //   3. The patch moves with v⁺ for h, and the rest gets the momentum M (v⁺ - u).
 //
 // M foresees by how much more the rest would pull at a patch that does not move as it was carried.
 // Without it, pads of the stiffness k and a taut sheet disturb each other, the more the longer they
-// touch, where k h² < M. With it a patch that slides takes the sheet along. Linear momentum is kept
-// to rounding. Reference: Badia, Nobile, Vergara, Fluid-structure partitioned procedures based on
-// Robin transmission conditions, 2008.
+// touch, where k h² < M. With it a patch that slides takes the sheet along. Half of the mass of the
+// connected part of the sheet is divided equally among the patches on it, the other half as their
+// Σ |R_i|. A patch that slides moves with the pads along the normal: what pokes a sheet does not
+// have to push all of it at once. Linear momentum is kept to rounding, but for air, drag and
+// attachments at the patch itself, which are left out. Reference: Badia, Nobile, Vergara,
+// Fluid-structure partitioned procedures based on Robin transmission conditions, 2008.
 
+#include <cmath>
 #include <concepts>
 #include <cstddef>
 #include <span>
@@ -59,19 +63,25 @@ class CarryingSide {
     const std::size_t room = static_cast<std::size_t>(capacity);
     point_.assign(static_cast<std::size_t>(model.vertex_count()), -1);
     touched_.reserve(room);
-    grip_.reserve(room);
+    grip_.reserve(room, model.vertex_count());
     bodies_.reserve(room);
+    neighbours_ = VertexNeighbours<Scalar>(model.network());
+    parts_.assign(static_cast<std::size_t>(neighbours_.part_count()), {});
     start_ = velocity_ = Points<Scalar>::Constant(3, capacity, Scalar(0));
     return {};
   }
   void carry(const GripPatches<Scalar>& grip, const ClothState<Scalar>& state, Workspace& ws);
+  void hold(VectorX<Scalar>& inverse_masses) const {
+    for (const int v : grip_.vertices()) inverse_masses[v] = Scalar(0);
+  }
   void release(const Model& model, const ClothInput<Scalar>& input, const Scalar& dt,
                const Workspace& ws);
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state, Workspace& ws,
                     const VectorX<Scalar>& inverse_masses);
   int point(int vertex) const { return point_[static_cast<std::size_t>(vertex)]; }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(*this); }
-  void take(const Scalar& dt, const Workspace& ws);
+  /// `lies`: the sheet touches obstacles, which moves of places would not see.
+  void take(const Scalar& dt, bool lies, const Workspace& ws);
 
   /// The touched vertices as points of a side (concept ImpulseResponse).
   Index point_count() const { return static_cast<Index>(touched_.size()); }
@@ -91,9 +101,16 @@ class CarryingSide {
     Vec arm, velocity;
     Scalar inverse_mass;
   };
-  /// A patch with what follows it: its answer, centre, motion, and the velocity u of its centre.
+  /// A connected part of the sheet: the mass of what is not held, kg; the patches on it, the sum of
+  /// the magnitudes of their R, N s, and the momentum that is left for the rest.
+  struct Part {
+    Scalar mass = Scalar(0), load = Scalar(0), patches = Scalar(0);
+    Vec left = Vec::Constant(Scalar(0));
+  };
+  /// A patch with M: its answer, centre, motion, and the velocity u of its centre.
   struct Body {
-    Scalar inverse_mass;
+    std::size_t part;
+    Scalar following, inverse_mass;
     Matrix3<Scalar> inverse_inertia;
     Vec centre, velocity, spin, carried;
   };
@@ -113,6 +130,17 @@ class CarryingSide {
     const Body& b = bodies_[static_cast<std::size_t>(t.body)];
     return b.velocity + b.spin.cross(t.arm);
   }
+  std::size_t part_of(const GripPatch<Scalar>& patch) const {
+    return static_cast<std::size_t>(neighbours_.part(grip_.vertices()[patch.begin]));
+  }
+  /// Σ |R_i| of a patch, N s.
+  static Scalar load_of(const GripPatch<Scalar>& patch, const Workspace& ws) {
+    using std::sqrt;
+    Scalar sum = Scalar(0);
+    for (std::size_t i = patch.begin; i < patch.end; ++i)
+      sum = sum + sqrt(ws.carried.impulses.col(static_cast<Index>(i)).squaredNorm());
+    return sum;
+  }
   Body make_body(const GripPatch<Scalar>& patch, const Model& model,
                  const ClothInput<Scalar>& input, const Scalar& dt, const Workspace& ws) const;
 
@@ -121,7 +149,8 @@ class CarryingSide {
   GripPatches<Scalar> grip_;
   Points<Scalar> start_, velocity_;  // of the vertices in grip_ at the start of the step
   std::vector<Body> bodies_;         // of the patches in grip_
-  Scalar rest_ = Scalar(0);          // M, kg
+  VertexNeighbours<Scalar> neighbours_;
+  std::vector<Part> parts_;
   ClothState<Scalar>* state_ = nullptr;
 };
 
@@ -135,8 +164,12 @@ void CarryingSide<Model>::carry(const GripPatches<Scalar>& grip, const ClothStat
       const Index k = static_cast<Index>(i), v = grip_.vertices()[i];
       start_.col(k) = state.positions.col(v);
       velocity_.col(k) = state.velocities.col(v);
-      const Vec of_pads = patch.velocity + patch.spin.cross(Vec(start_.col(k)));
-      ws.carried.velocities.col(k) = patch.slides ? Vec(velocity_.col(k)) : of_pads;
+      const Vec own = velocity_.col(k),
+                pads = patch.velocity + patch.spin.cross(Vec(start_.col(k)));
+      const Scalar pressing = patch.axis.dot(pads - own);
+      const bool pressed = patch.opposed || Scalar(0) < pressing;
+      const Vec sliding = pressed ? Vec(own + pressing * patch.axis) : own;
+      ws.carried.velocities.col(k) = patch.slides ? sliding : pads;
     }
   }
 }
@@ -145,7 +178,8 @@ template <class Model>
 auto CarryingSide<Model>::make_body(const GripPatch<Scalar>& patch, const Model& model,
                                     const ClothInput<Scalar>& input, const Scalar& dt,
                                     const Workspace& ws) const -> Body {
-  Body b{Scalar(0), Matrix3<Scalar>::Identity(), zero(), zero(), zero(), zero()};
+  Body b{part_of(patch), Scalar(0), Scalar(0), Matrix3<Scalar>::Identity(),
+         zero(),         zero(),    zero(),    zero()};
   const auto for_each = [&](auto visit) {
     for (std::size_t i = patch.begin; i < patch.end; ++i) {
       const int v = grip_.vertices()[i];
@@ -179,7 +213,12 @@ auto CarryingSide<Model>::make_body(const GripPatch<Scalar>& patch, const Model&
   });
   Matrix3<Scalar> inverse = Matrix3<Scalar>::Identity() / (Scalar(1e-6) * mass);
   (void)invert_inertia<Scalar>(inertia, inverse);  // else rounding of masses alone
-  b.inverse_mass = Scalar(1) / (mass + rest_);
+  const Part& part = parts_[b.part];
+  const Scalar half = Scalar(0.5) / part.patches;
+  b.following = part.mass * (Scalar(0) < part.load
+                                 ? Scalar(half + Scalar(0.5) * load_of(patch, ws) / part.load)
+                                 : Scalar(half + half));
+  b.inverse_mass = Scalar(1) / (mass + b.following);
   b.inverse_inertia = inverse * (mass * b.inverse_mass);
   b.velocity = b.carried + b.inverse_mass * impulse;
   b.spin = inverse * carried_moment + b.inverse_inertia * moment;
@@ -191,9 +230,16 @@ void CarryingSide<Model>::release(const Model& model, const ClothInput<Scalar>& 
                                   const Scalar& dt, const Workspace& ws) {
   bodies_.clear();
   if (grip_.patches().empty()) return;
-  rest_ = Scalar(0);
+  parts_.assign(parts_.size(), {});
   for (Index v = 0; v < model.vertex_count(); ++v) {
-    if (Scalar(0) < ws.inverse_mass[v]) rest_ = rest_ + model.network().mass[v];
+    if (Scalar(0) < ws.inverse_mass[v])
+      parts_[static_cast<std::size_t>(neighbours_.part(static_cast<int>(v)))].mass +=
+          model.network().mass[v];
+  }
+  for (const GripPatch<Scalar>& patch : grip_.patches()) {
+    Part& part = parts_[part_of(patch)];
+    part.load = part.load + load_of(patch, ws);
+    part.patches = part.patches + Scalar(1);
   }
   for (const GripPatch<Scalar>& patch : grip_.patches())
     bodies_.push_back(make_body(patch, model, input, dt, ws));
@@ -257,16 +303,15 @@ void CarryingSide<Model>::apply(const Eigen::Ref<const VectorX<Scalar>>& p) {
 }
 
 template <class Model>
-void CarryingSide<Model>::take(const Scalar& dt, const Workspace& ws) {
+void CarryingSide<Model>::take(const Scalar& dt, bool lies, const Workspace& ws) {
   for (const Touched& t : touched_) {
     if (0 <= t.body) continue;
     state_->positions.col(t.vertex) += dt * (t.velocity - state_->velocities.col(t.vertex));
     state_->velocities.col(t.vertex) = t.velocity;
   }
-  Vec left = zero();
   for (std::size_t k = 0; k < bodies_.size(); ++k) {
     const Body& b = bodies_[k];
-    left += rest_ * (b.velocity - b.carried);
+    parts_[b.part].left += b.following * (b.velocity - b.carried);
     const Matrix3<Scalar> turn = rotation_exp<Scalar>(Vec(dt * b.spin));
     for (std::size_t i = grip_.patches()[k].begin; i < grip_.patches()[k].end; ++i) {
       const int v = grip_.vertices()[i];
@@ -275,12 +320,13 @@ void CarryingSide<Model>::take(const Scalar& dt, const Workspace& ws) {
       state_->velocities.col(v) = b.velocity + b.spin.cross(arm);
     }
   }
-  if (bodies_.empty() || !(Scalar(0) < rest_)) return;
-  const Vec by = left / rest_;
+  if (bodies_.empty()) return;
   for (Index v = 0; v < state_->positions.cols(); ++v) {
     if (!(Scalar(0) < ws.inverse_mass[v])) continue;
+    const Part& part = parts_[static_cast<std::size_t>(neighbours_.part(static_cast<int>(v)))];
+    const Vec by = part.left / part.mass;
     state_->velocities.col(v) += by;
-    state_->positions.col(v) += dt * by;
+    if (!lies) state_->positions.col(v) += dt * by;
   }
 }
 

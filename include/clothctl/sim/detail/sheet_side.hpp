@@ -38,6 +38,7 @@ class SheetSide {
   }
   /// Before and after the sheet's step, for a side that carries what pads hold.
   void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
+  void hold(VectorX<Scalar>&) const {}
   void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
                const typename Model::Workspace&) {}
   /// Takes the vertices that are touched in a step that ended with `state`, and the inverse masses
@@ -55,7 +56,7 @@ class SheetSide {
   int point(int vertex) const { return point_[static_cast<std::size_t>(vertex)]; }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(response_); }
   /// Moves the vertices by what the impulses changed in a step of `dt` s.
-  void take(const Scalar& dt, const typename Model::Workspace&) {
+  void take(const Scalar& dt, bool, const typename Model::Workspace&) {
     for (const int v : touched_) state_->positions.col(v) -= dt * state_->velocities.col(v);
     (void)response_.scatter(touched_, state_->velocities);
     for (const int v : touched_) state_->positions.col(v) += dt * state_->velocities.col(v);
@@ -85,6 +86,7 @@ class SheetSide<Model> {
     return {};
   }
   void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
+  void hold(VectorX<Scalar>&) const {}
   void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
                const typename Model::Workspace&) {}
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
@@ -93,7 +95,7 @@ class SheetSide<Model> {
   }
   int point(int vertex) const { return impulses_->point(vertex); }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(*impulses_); }
-  void take(const Scalar&, const typename Model::Workspace&) {}
+  void take(const Scalar&, bool, const typename Model::Workspace&) {}
 
  private:
   std::optional<typename Model::Impulses> impulses_;

@@ -48,18 +48,30 @@ class WorldGrips {
   /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
   /// wrong.
   std::string prepare(WorldParts<Scalar>& parts);
-  /// Begins a part of a step, before anything moves. What goes on as before is told from the last
-  /// two parts where hands and bodies carry pads: what they do without contacts, as fingers that
-  /// press, is not what they will do.
-  void begin_part(const WorldParts<Scalar>& parts) {
-    before_ = now_;
+  /// Begins a part of `dt` s, before anything moves. A pad on a hand or a body is expected to
+  /// change its velocity as in the last part, unless someone has set it since: what it would do
+  /// without contacts, as a finger that presses, is not what it will do.
+  void begin_part(const WorldParts<Scalar>& parts, const Scalar& dt) {
     for (std::size_t i = 0; i < pads_.size(); ++i) {
       const int c = pads_[i].carrier;
-      now_[i] = steady_[i] = motion(parts, c);
-      if (0 <= c && parts.obstacles[index(c)]->hand < 0) continue;
-      steady_[i].velocity += now_[i].velocity - before_[i].velocity;
-      steady_[i].angular_velocity += now_[i].angular_velocity - before_[i].angular_velocity;
+      const RigidMotion<Scalar> now = motion(parts, c);
+      expected_[i] = now;
+      const bool pushed =
+          c < 0 ? Scalar(0) < parts.bodies.mass(-1 - c) : 0 <= parts.obstacles[index(c)]->hand;
+      if (pushed && Scalar(0) < last_dt_ && now.velocity == left_[i].velocity &&
+          now.angular_velocity == left_[i].angular_velocity) {
+        const Scalar ratio = dt / last_dt_;
+        expected_[i].velocity += ratio * (now.velocity - before_[i].velocity);
+        expected_[i].angular_velocity +=
+            ratio * (now.angular_velocity - before_[i].angular_velocity);
+      }
+      before_[i] = now;
     }
+    last_dt_ = dt;
+  }
+  /// Ends a part, after all has moved.
+  void end_part(const WorldParts<Scalar>& parts) {
+    for (std::size_t i = 0; i < pads_.size(); ++i) left_[i] = motion(parts, pads_[i].carrier);
   }
   /// Finds the contacts of a sheet, whose finder is up to date, with all pads. Returns false where
   /// a motion is not valid.
@@ -80,11 +92,13 @@ class WorldGrips {
     return told_[static_cast<std::size_t>(pad)];
   }
   void save() {
-    saved_ = now_;
+    saved_before_ = before_;
+    saved_left_ = left_;
     for (Touch& t : touches_) t.contacts.save();
   }
   void restore() {
-    now_ = saved_;
+    before_ = saved_before_;
+    left_ = saved_left_;
     for (Touch& t : touches_) t.contacts.restore();
   }
 
@@ -137,8 +151,9 @@ class WorldGrips {
   std::vector<ImpulseResponseRef<Scalar>> list_;
   std::vector<ContactSample<Scalar>> contacts_;
   std::vector<GripContact<Scalar>> closed_;
-  /// Motion of each pad: at the start of the part and of the one before, and as it goes on.
-  std::vector<RigidMotion<Scalar>> now_, before_, steady_, saved_;
+  /// Motion of each pad: at the start of the part before, at its end, and as expected in this one.
+  std::vector<RigidMotion<Scalar>> before_, left_, expected_, saved_before_, saved_left_;
+  Scalar last_dt_ = Scalar(0);
   std::vector<std::vector<PadContact<Scalar>>> told_;
   ContactSolver<Scalar> solver_;
 };
@@ -187,15 +202,15 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
   for (std::size_t s = 0; s < parts.sheets.size(); ++s) {
     const std::size_t room = touched_[s].capacity();
     if (room == 0) continue;
-    parts.sheets[s]->grip.reserve(room);
+    parts.sheets[s]->grip.reserve(room, parts.sheets[s]->network().vertex_count());
     const std::string bad = parts.sheets[s]->reserve_touched(static_cast<Index>(room));
     if (!bad.empty()) return "sheet " + std::to_string(s) + ": " + bad;
   }
   contacts_.reserve(most);
   closed_.reserve(most);
-  for (std::vector<RigidMotion<Scalar>>* list : {&now_, &before_, &steady_, &saved_})
+  for (auto* list : {&before_, &left_, &expected_, &saved_before_, &saved_left_})
     list->assign(pads_.size(), {});
-  for (std::size_t i = 0; i < pads_.size(); ++i) now_[i] = motion(parts, pads_[i].carrier);
+  last_dt_ = Scalar(0);
   list_.reserve(parts.sheets.size() + sides_.size());
   sheet_place_.assign(parts.sheets.size(), -1);
   side_place_.assign(sides_.size(), -1);
@@ -243,20 +258,24 @@ void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, cons
   closed_.clear();
   for (Touch& t : touches_) {
     if (t.sheet != sheet) continue;
-    const RigidMotion<Scalar>& pad = steady_[index(t.pad)];
+    const RigidMotion<Scalar>& pad = expected_[index(t.pad)];
     for (const ContactSample<Scalar>& c : t.contacts.contacts()) {
       if (!closes(parts, t, c, there.state, dt)) continue;
       closed_.push_back({c.a.point, c.state == ContactState::Stick, c.normal.dot(c.impulse),
                          pad.velocity - pad.angular_velocity.cross(pad.position),
-                         pad.angular_velocity});
+                         pad.angular_velocity, c.normal});
     }
   }
   const auto has = [](const std::vector<int>& list, int v) {
     return std::find(list.begin(), list.end(), v) != list.end();
   };
-  there.grip.find(closed_, [&](int v) {
+  const auto prescribed = [&](int v) {
     return has(there.pinned(), v) || has(there.input.driven_vertices, v);
-  });
+  };
+  // The other links of a hand move with its pads.
+  const auto counts = [&](int k) { return k < 0 || parts.obstacles[index(k)]->hand < 0; };
+  there.grip.find(closed_, there.neighbours, prescribed,
+                  [&](int v) { return there.lies(v, counts); });
 }
 
 template <RealScalar Scalar>

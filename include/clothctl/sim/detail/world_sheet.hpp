@@ -2,6 +2,7 @@
 
 // A sheet of any model within a world: the model, its state, and the memory of its steps.
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -46,6 +47,20 @@ class WorldSheet {
     if (status != QueryStatus::Answered) return status;
     return contacts.update(obstacles, state.velocities, dt, finder);
   }
+  /// Whether a vertex touches an obstacle, or did in the last step; `counts(k)` says which
+  /// obstacles count, by their number in the world.
+  template <class Counts>
+  bool lies(int v, Counts counts) const {
+    const Scalar most = Scalar(2) * contacts.settings().thickness;
+    for (const ObstacleContact<Scalar>& c : contacts.contacts()) {
+      const auto& on = c.point.vertex;
+      if (std::find(on.begin(), on.end(), v) == on.end() ||
+          !counts(obstacle_number[static_cast<std::size_t>(c.obstacle)]))
+        continue;
+      if (c.state != ContactState::Open || c.point.surface.distance < most) return true;
+    }
+    return false;
+  }
   /// Writes the inverse masses (n, 1/kg): 0 for what is prescribed.
   template <class Out>
   void write_inverse_masses(Out&& out) const {
@@ -80,8 +95,9 @@ class WorldSheet {
   /// The obstacles that it may touch, and the number of each in the world's list.
   std::vector<ColliderRef<Scalar>> obstacles;
   std::vector<int> obstacle_number;
-  /// What pads hold, and none of what is prescribed.
+  /// What pads hold, without pinned and driven vertices.
   GripPatches<Scalar> grip;
+  VertexNeighbours<Scalar> neighbours;
   /// Number of its first vertex among those of all sheets that meet each other; -1 if it does not.
   Index first = -1;
 
@@ -129,16 +145,19 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
         model_(std::move(m)),
         ws_(model_.make_workspace(room)),
         guard_(ObstacleGuard<Scalar>::create(model_.vertex_count(), model_.network().triangles)),
-        inverse_mass_(model_.network().mass) {}
+        inverse_mass_(model_.network().mass) {
+    this->neighbours = VertexNeighbours<Scalar>(model_.network());
+  }
 
   StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) override {
     side_.carry(this->grip, this->state, ws_);
     StepReport<Scalar> report = model_.step(this->state, now, this->contacts, dt, ws_);
     if (!report.advanced) return report;
     this->write_inverse_masses(inverse_mass_);
-    for (const int v : this->grip.vertices()) inverse_mass_[v] = Scalar(0);
+    side_.hold(inverse_mass_);
     const ObstacleGuardReport kept = guard_.resolve(this->obstacles, this->finder.positions(),
                                                     inverse_mass_, dt, this->contacts, this->state);
+    this->write_inverse_masses(inverse_mass_);
     side_.release(model_, now, dt, ws_);
     if (0 < kept.left) report.status = StepStatus::IterationLimit;
     return report;
@@ -152,7 +171,9 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
   }
   ImpulseResponseRef<Scalar> side() override { return side_.side(); }
   int point(int vertex) const override { return side_.point(vertex); }
-  void take_side(const Scalar& dt) override { side_.take(dt, ws_); }
+  void take_side(const Scalar& dt) override {
+    side_.take(dt, 0 < this->contacts.report().closed, ws_);
+  }
 
  private:
   Model model_;

@@ -178,7 +178,7 @@ template <RealScalar S>
 bool WorldStep<S>::advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor,
                            Report& report) {
   report.contacts = report.layers = 0;
-  grips.begin_part(parts);
+  grips.begin_part(parts, dt);
   wake_bodies(dt);
   const StepStatus predicted = parts.bodies.predict(dt);
   if (predicted != StepStatus::Converged) {
@@ -196,7 +196,9 @@ bool WorldStep<S>::advance(const Scalar& dt, const Scalar& share, const Executor
   for (const auto& hand : parts.hands) hand->take_impulses();
   if (!solve_pads(dt, report)) return false;
   keep_layers_apart(dt, report);
-  return finish_bodies(executor, report) && move_all(dt, report);
+  if (!finish_bodies(executor, report) || !move_all(dt, report)) return false;
+  grips.end_part(parts);
+  return true;
 }
 
 template <RealScalar S>
