@@ -46,6 +46,7 @@
 #include "clothctl/cloth/detail/lane_sheet.hpp"
 #include "clothctl/cloth/detail/limited_sweeps.hpp"
 #include "clothctl/cloth/detail/plain_sweeps.hpp"
+#include "clothctl/cloth/detail/position_based_workspace.hpp"
 #include "clothctl/cloth/detail/position_contacts.hpp"
 #include "clothctl/cloth/detail/slow_motion.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
@@ -58,35 +59,6 @@
 #include "clothctl/network/spring_network.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
-
-/// All memory of a step, from `make_workspace`. Only `carried` goes from step to step.
-template <RealScalar Scalar>
-struct PositionBasedWorkspace {
-  /// 1 for driven vertices.
-  std::vector<unsigned char> driven;
-  /// Driven and pinned vertices.
-  detail::ReservedList<int> held;
-  /// Inverse masses, 0 for driven and pinned vertices, n, 1/kg.
-  VectorX<Scalar> inverse_mass;
-  /// Vertices that are carried in the next step; empty unless someone fills it.
-  CarriedVertices<Scalar> carried;
-  /// Impulses of held vertices; used if any is carried.
-  detail::HeldImpulses<Scalar> held_impulses;
-  /// Springs between vertices and points of the input.
-  detail::Attachments<Scalar> attachments;
-  /// Room for the contacts of a step.
-  detail::ContactPlaneList<Scalar> contacts;
-  /// Positions and velocities at the end of the step, and for the air, 3×n, m and m/s.
-  Points<Scalar> positions, velocities;
-  /// What is slow in the step at hand, with a limit of stretch.
-  detail::SlowMotion<Scalar> slow;
-  /// Whether the sets of coarse levels take turns in the step at hand.
-  bool levels_alternate = false;
-  /// Data of a grid; unused otherwise.
-  typename detail::LaneSheet<Scalar>::Scratch lanes;
-  /// Data of any other network; unused for a grid.
-  typename detail::BatchSheet<Scalar>::Scratch batches;
-};
 
 /// A spring network moved by position-based dynamics. Satisfies the concept ClothModel. A step does
 /// not change the model, so one model serves many threads, each with its own state and workspace.
@@ -207,12 +179,6 @@ class PositionBased {
   template <class Sheet, class Touch, class Lift>
   void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
                Touch touch, Lift lift, Workspace& ws, StepReport<Scalar>& report) const;
-  /// Copies positions and velocities out of the layout.
-  template <class Sheet>
-  void unload(const Sheet& sheet, const typename Sheet::Scratch& memory, const Scalar& h,
-              Workspace& ws) const;
-  /// Marks carried vertices as driven. Returns false where they are not what they must be.
-  bool mark_carried(Workspace& ws) const;
   /// Gives held vertices their velocities, and carried ones their impulses.
   void end_held(const State& state, const ClothInput<Scalar>& input, const Scalar& dt,
                 Workspace& ws) const;
@@ -281,27 +247,14 @@ auto PositionBased<S>::step_with(const ExecutorRef& executor, Contacts* contacts
   StepReport<Scalar> report;
   report.status = fits(ws) ? detail::check_step(state, input, dt, vertex_count(), ws.driven)
                            : StepStatus::InvalidWorkspace;
-  if (report.status == StepStatus::Converged && !mark_carried(ws))
+  if (report.status == StepStatus::Converged &&
+      !detail::mark_carried(ws.carried, settings_.pinned, ws.driven))
     report.status = StepStatus::InvalidInput;
   if (report.status == StepStatus::Converged && contacts != nullptr)
     report.status = detail::check_contacts(*contacts, dt, vertex_count(), ws.contacts.capacity());
   if (report.status != StepStatus::Converged) return report;
   return in_lanes_ ? advance(lanes_, ws.lanes, contacts, state, input, dt, ws)
                    : advance(batches_, ws.batches, contacts, state, input, dt, ws);
-}
-
-template <RealScalar S>
-bool PositionBased<S>::mark_carried(Workspace& ws) const {
-  if (ws.carried.vertices.empty()) return true;
-  if (vertex_count() < carried_count(ws)) return false;
-  for (const int v : settings_.pinned) ws.driven[static_cast<std::size_t>(v)] = 1;
-  for (const int v : ws.carried.vertices) {
-    if (v < 0 || vertex_count() <= v) return false;
-    unsigned char& flag = ws.driven[static_cast<std::size_t>(v)];
-    if (flag != 0) return false;
-    flag = 1;
-  }
-  return all_finite(ws.carried.velocities.leftCols(carried_count(ws)));
 }
 
 template <RealScalar S>
@@ -382,7 +335,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
       touching->end_substep(points, start);
     }
   }
-  unload(sheet, memory, h, ws);
+  detail::read_points(sheet, memory, h, ws.positions, ws.velocities);
   if (limited() && rests) {
     const auto calm = [&] {
       detail::calm_slow_vertices(ws.slow, state.positions, ws.positions, ws.velocities);
@@ -443,48 +396,22 @@ void PositionBased<S>::load(const Sheet& sheet, typename Sheet::Scratch& memory,
   // Drag slows the motion that compliant constraints cause.
   const bool verlet = settings_.scheme == PositionScheme::Verlet;
   const Scalar slowing = verlet ? Scalar(1) : Scalar(1) + h * settings_.drag;
+  detail::write_points(sheet, memory, state.positions, state.velocities, h);
   for (Index v = 0; v < vertex_count(); ++v) {
-    Scalar* x = memory.points.data() + sheet.offset(static_cast<int>(v));
-    Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
-    for (Index c = 0; c < 3; ++c) {
-      x[static_cast<std::size_t>(c) * Sheet::kStride] = state.positions(c, v);
-      start[static_cast<std::size_t>(c) * Sheet::kStride] =
-          state.positions(c, v) - h * state.velocities(c, v);
-    }
-    x[3 * Sheet::kStride] = ws.inverse_mass[v] / slowing;
-    start[3 * Sheet::kStride] = x[3 * Sheet::kStride];
+    const std::size_t w = sheet.offset(static_cast<int>(v)) + 3 * Sheet::kStride;
+    memory.points.data()[w] = memory.start.data()[w] = ws.inverse_mass[v] / slowing;
   }
   sheet.prepare(h, limited(), ws.held, memory);
 }
 
 template <RealScalar S>
 template <class Sheet>
-void PositionBased<S>::unload(const Sheet& sheet, const typename Sheet::Scratch& memory,
-                              const Scalar& h, Workspace& ws) const {
-  for (Index v = 0; v < vertex_count(); ++v) {
-    const std::size_t at = sheet.offset(static_cast<int>(v));
-    for (Index c = 0; c < 3; ++c) {
-      const std::size_t k = at + static_cast<std::size_t>(c) * Sheet::kStride;
-      ws.positions(c, v) = memory.points[static_cast<Index>(k)];
-      ws.velocities(c, v) =
-          (memory.points[static_cast<Index>(k)] - memory.start[static_cast<Index>(k)]) / h;
-    }
-  }
-}
-
-template <RealScalar S>
-template <class Sheet>
 void PositionBased<S>::blow(const Sheet& sheet, typename Sheet::Scratch& memory,
                             const ClothInput<Scalar>& input, const Scalar& h, Workspace& ws) const {
-  unload(sheet, memory, h, ws);
+  detail::read_points(sheet, memory, h, ws.positions, ws.velocities);
   detail::apply_air_impulses(network_.triangles, ws.positions, ws.inverse_mass, input.wind, h,
                              settings_.air, ws.velocities);
-  for (Index v = 0; v < vertex_count(); ++v) {
-    Scalar* start = memory.start.data() + sheet.offset(static_cast<int>(v));
-    for (Index c = 0; c < 3; ++c)
-      start[static_cast<std::size_t>(c) * Sheet::kStride] =
-          ws.positions(c, v) - h * ws.velocities(c, v);
-  }
+  detail::write_points(sheet, memory, ws.positions, ws.velocities, h);
 }
 
 template <RealScalar S>
@@ -518,15 +445,7 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
           part == settings_.substeps ? end : begin + (end - begin) * done;
     }
   }
-  for (std::size_t i = 0; i < ws.carried.vertices.size(); ++i) {
-    const int vertex = ws.carried.vertices[i];
-    Scalar* x = memory.points.data() + sheet.offset(vertex);
-    for (Index c = 0; c < 3; ++c) {
-      x[static_cast<std::size_t>(c) * Sheet::kStride] =
-          state.positions(c, vertex) +
-          h * real(part) * ws.carried.velocities(c, static_cast<Index>(i));
-    }
-  }
+  detail::move_carried(sheet, memory, ws.carried, state.positions, Scalar(h * real(part)));
 }
 
 template <RealScalar S>

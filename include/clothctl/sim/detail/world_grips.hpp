@@ -94,11 +94,13 @@ class WorldGrips {
   void save() {
     saved_before_ = before_;
     saved_left_ = left_;
+    saved_dt_ = last_dt_;
     for (Touch& t : touches_) t.contacts.save();
   }
   void restore() {
     before_ = saved_before_;
     left_ = saved_left_;
+    last_dt_ = saved_dt_;
     for (Touch& t : touches_) t.contacts.restore();
   }
 
@@ -153,7 +155,7 @@ class WorldGrips {
   std::vector<GripContact<Scalar>> closed_;
   /// Motion of each pad: at the start of the part before, at its end, and as expected in this one.
   std::vector<RigidMotion<Scalar>> before_, left_, expected_, saved_before_, saved_left_;
-  Scalar last_dt_ = Scalar(0);
+  Scalar last_dt_ = Scalar(0), saved_dt_ = Scalar(0);
   std::vector<std::vector<PadContact<Scalar>>> told_;
   ContactSolver<Scalar> solver_;
 };
