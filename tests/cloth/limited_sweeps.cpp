@@ -24,6 +24,7 @@ struct RecordingSheet {
     std::size_t sweeps = 0;
     double slack = -1;          // of the last sweep for the limit alone
     std::vector<double> omega;  // of the sweeps for the limit alone
+    double still = -1;
   };
   int vertex_count() const { return 1; }
   std::size_t offset(int) const { return 0; }
@@ -59,7 +60,7 @@ StepReport<double> sweep(RecordingSheet::Scratch& memory, int part,
   StepReport<double> report;
   report.status = StepStatus::Converged;
   correct_on_levels(RecordingSheet{}, memory, settings, part, true, {});
-  sweep_within_limit(
+  memory.still = sweep_within_limit(
       RecordingSheet{}, memory, settings, part,
       [&](SweepOrder order) { memory.calls += order == SweepOrder::Forward ? 'e' : '<'; },
       [&] { memory.calls += 'a'; }, [&](double) { memory.calls += 'l'; }, report);
@@ -101,6 +102,16 @@ TEST_CASE("limited sweeps: the last substep sweeps until the limit is kept with 
   CHECK(report.status == StepStatus::Converged);
   // The two extra sweeps moved the vertex by 2 m; a quarter of that is left as velocity.
   CHECK(memory.points[0] - memory.start[0] == Approx(2.0 + 2.0 / 4.0));
+  CHECK(memory.still == 0.75);
+  // Without extra sweeps everything has its effect on velocities, and in substeps before the last.
+  RecordingSheet::Scratch other;
+  other.worst = {0.2, 0.01};
+  (void)sweep(other, 4, limit_of_five_percent());
+  CHECK(other.still == 0.0);
+  RecordingSheet::Scratch before;
+  before.worst = {0.2, 0.1};
+  (void)sweep(before, 3, limit_of_five_percent());
+  CHECK(before.still == 0.0);
 }
 
 TEST_CASE("limited sweeps: a limit that is not kept is reported", "[limited_sweeps]") {

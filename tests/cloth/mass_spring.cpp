@@ -693,14 +693,17 @@ TEST_CASE("bad data for create are refused with a message that names the item", 
   using N = SpringNetwork<double>;
   using Set = MassSpringSettings<double>;
   CHECK(error([](N&, Set&) {}) == "accepted");
-  CHECK(error([](N& n, Set&) { n.mass[4] = -1; }) == "mass of vertex 4 is not positive");
+  CHECK(error([](N& n, Set&) { n.mass[4] = -1; }) == "mass of vertex 4 is not positive: -1 kg");
   CHECK(error([](N& n, Set&) {
           n.bends[1].vertex[2] = n.bends[1].vertex[0];
         }).find("bending stencil 1 holds vertex") == 0);
   CHECK(error([](N& n, Set&) { n.triangles[2] = {3, 4, 3}; }) == "triangle 2 holds vertex 3 twice");
   CHECK(error([&](N&, Set& s) { s.gravity[1] = nan; }) == "gravity y is not finite: nan");
-  CHECK(error([](N&, Set& s) { s.pinned = {0, 9}; }) == "pinned vertex 9 is off the mesh");
-  CHECK(error([](N&, Set& s) { s.pinned = {-1}; }) == "pinned vertex -1 is off the mesh");
+  CHECK(error([](N&, Set& s) {
+          s.pinned = {0, 9};
+        }) == "pinned vertex 9 is off the mesh of 9 vertices");
+  CHECK(error([](N&, Set& s) { s.pinned = {-1}; }) ==
+        "pinned vertex -1 is off the mesh of 9 vertices");
 }
 
 TEMPLATE_TEST_CASE(

@@ -666,16 +666,16 @@ TEST_CASE("bad set-up data are refused with the item's name", "[position_based]"
   using Network = SpringNetwork<double>;
   CHECK(message([](Network&, Settings&) {}) == "accepted");
   CHECK(message([](Network& n, Settings&) { n.mass[4] = 0; }) ==
-        "mass of vertex 4 is not positive");
+        "mass of vertex 4 is not positive: 0 kg");
   CHECK(message([](Network& n, Settings&) { n.springs[2].b = 9; }) ==
         "spring 2 joins vertex 9 off the mesh");
   CHECK(message([](Network& n, Settings&) { n.bends[1].vertex[2] = n.bends[1].vertex[0]; }) ==
         "bending stencil 1 holds vertex 0 twice");
   CHECK(message([](Network&, Settings& s) { s.substeps = 0; }) ==
-        "substeps is 0, must be at least 1");
+        "substeps is 0, must be 1 to 1000000");
   CHECK(message([](Network&, Settings& s) {
           s.pinned = {0, 9};
-        }) == "pinned vertex 9 is off the mesh");
+        }) == "pinned vertex 9 is off the mesh of 9 vertices");
 }
 
 TEMPLATE_TEST_CASE("sheets, ropes and solids obey the laws of cloth in both schemes",

@@ -104,9 +104,12 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
   using Scalar = TestType;
   using Settings = PositionBasedSettings<Scalar>;
   const Scalar nan = Limits<Scalar>::quiet_NaN(), infinity = Limits<Scalar>::infinity();
+  CHECK(said<Scalar>([&](Settings& s) { s.substeps = 1000001; }) ==
+        "substeps is 1000001, must be 1 to 1000000");
   for (const int bad : {0, -1}) {
     const std::string tail = " is " + std::to_string(bad) + ", must be at least 1";
-    CHECK(said<Scalar>([&](Settings& s) { s.substeps = bad; }) == "substeps" + tail);
+    CHECK(said<Scalar>([&](Settings& s) { s.substeps = bad; }) ==
+          "substeps is " + std::to_string(bad) + ", must be 1 to 1000000");
     CHECK(said<Scalar>([&](Settings& s) { s.iterations = bad; }) == "iterations" + tail);
   }
   for (Index axis = 0; axis < 3; ++axis) {
@@ -157,11 +160,13 @@ TEMPLATE_TEST_CASE("position-based settings: a bad value is named", "[position_b
         "4 spring relaxations for 3 springs");
   CHECK(said<Scalar>([](Settings& s) {
           s.pinned = {0, -1};
-        }) == "pinned vertex -1 is off the mesh");
-  CHECK(said<Scalar>([](Settings& s) { s.pinned = {4, 0}; }) == "pinned vertex 4 is off the mesh");
+        }) == "pinned vertex -1 is off the mesh of 4 vertices");
+  CHECK(said<Scalar>([](Settings& s) {
+          s.pinned = {4, 0};
+        }) == "pinned vertex 4 is off the mesh of 4 vertices");
   CHECK(said<Scalar>([](Settings& s) {
           s.pinned = {3, 7, -2};
-        }) == "pinned vertex 7 is off the mesh");
+        }) == "pinned vertex 7 is off the mesh of 4 vertices");
 }
 
 TEST_CASE("position-based settings: the first of several bad values is named",
@@ -170,13 +175,13 @@ TEST_CASE("position-based settings: the first of several bad values is named",
   const SpringNetwork<double> network = row_of_four<double>();
   settings.air.density = -1;
   settings.pinned = {4};
-  CHECK(settings.validate(network) == "pinned vertex 4 is off the mesh");
+  CHECK(settings.validate(network) == "pinned vertex 4 is off the mesh of 4 vertices");
   settings.spring_relaxation = {1.0, 2.0, 3.0};
   CHECK(settings.validate(network) == "relaxation of spring 1 is outside 0 to 1: 2");
   settings.drag = -1;
   CHECK(settings.validate(network) == "drag is negative or not finite: -1");
   settings.substeps = 0;
-  CHECK(settings.validate(network) == "substeps is 0, must be at least 1");
+  CHECK(settings.validate(network) == "substeps is 0, must be 1 to 1000000");
 }
 
 TEST_CASE("position-based settings: verlet() is validated in the same way",

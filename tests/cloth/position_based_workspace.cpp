@@ -31,3 +31,25 @@ TEST_CASE("state is written to the buffers of a sheet and read back", "[cloth]")
   CHECK(y == x);
   CHECK(u == v);
 }
+
+TEST_CASE("held vertices end a step with the velocities that they were told", "[cloth]") {
+  PositionBasedWorkspace<double> ws;
+  ws.velocities = Points<double>::Constant(3, 4, 7);
+  ws.held.reserve(3);
+  for (const int v : {0, 2, 3}) ws.held.push_back(v);  // pinned, driven, carried
+  ws.carried.vertices = {3};
+  ws.carried.velocities = Points<double>::Constant(3, 1, 2);
+  ws.carried.impulses = Points<double>::Constant(3, 1, 9);
+  ws.held_impulses.reserve(3);
+  ws.held_impulses.begin(ws.held, VectorX<double>::Constant(4, 0.1));
+  ClothInput<double> input;
+  input.driven_vertices = {2};
+  input.driven_positions = Points<double>::Constant(3, 1, 1.5);
+  const Points<double> before = Points<double>::Constant(3, 4, 1);
+  detail::end_held({0}, before, input, 0.25, ws);
+  CHECK(ws.velocities.col(0) == Vector3<double>(0, 0, 0));
+  CHECK(ws.velocities.col(1) == Vector3<double>(7, 7, 7));  // free
+  CHECK(ws.velocities.col(2) == Vector3<double>(2, 2, 2));
+  CHECK(ws.velocities.col(3) == Vector3<double>(2, 2, 2));
+  CHECK(ws.carried.impulses.col(0) == Vector3<double>(0, 0, 0));  // no constraint pulled
+}

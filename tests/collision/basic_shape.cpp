@@ -14,17 +14,25 @@ using V = Vector3<double>;
 TEST_CASE("sizes, points and rotations are checked", "[contact]") {
   const double inf = std::numeric_limits<double>::infinity();
   CHECK(detail::validate_size("radius", 0.1).empty());
-  CHECK(detail::validate_size("radius", 1e25) == "the radius 1e+25 m, must be finite and positive");
+  CHECK(detail::validate_size("radius", 1e25) ==
+        "the radius 1e+25 m, must be finite and positive, at most 1e20");
   CHECK(detail::validate_size("radius", -0.0) == "the radius -0 m, must be finite and positive");
   CHECK(detail::validate_point<double>("centre", V(1, 2, 3)).empty());
   CHECK(detail::validate_point<double>("centre", V(1, 2, -inf)) ==
         "the centre with the coordinate 2 = -inf, must be finite");
+  CHECK(detail::validate_point<double>("centre", V(1, 1e30, 3)) ==
+        "the centre with the coordinate 1 = 1e+30, must be finite, at most 1e20");
   const Matrix3<double> R = rotation_exp<double>(V(1, -2, 0.5));
   CHECK(detail::validate_rotation<double>("pose", R).empty());
   CHECK(detail::validate_rotation<float>("pose", R.cast<float>()).empty());
-  CHECK(detail::validate_rotation<double>("pose", -R) == "the pose that is a reflection");
-  CHECK(detail::validate_rotation<double>("pose", 1.1 * R).find("no rotation") !=
-        std::string::npos);
+  CHECK(detail::validate_rotation<double>("pose", -R) ==
+        "the pose of a reflection, must be a rotation");
+  CHECK(detail::validate_rotation<double>("pose", 2 * Matrix3<double>::Identity()) ==
+        "the pose with columns that are off by 3, must be a rotation");
+  Matrix3<double> bad = R;
+  bad(1, 2) = inf;
+  CHECK(detail::validate_rotation<double>("pose", bad) ==
+        "the pose with the entry (1, 2) = inf, must be finite");
 }
 
 TEST_CASE("a rotation from single precision is made orthonormal", "[contact]") {

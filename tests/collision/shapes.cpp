@@ -339,12 +339,12 @@ TEST_CASE("what makes no shape is refused by name and value", "[contact]") {
   Matrix3<double> R = Matrix3<double>::Identity();
   R(0, 0) = -1;
   CHECK(BoxCollider<double>::create(o, V(1, 1, 1), R).error() ==
-        "the box has the orientation that is a reflection");
+        "the box has the orientation of a reflection, must be a rotation");
   R(0, 0) = nan;
   CHECK(BoxCollider<double>::create(o, V(1, 1, 1), R).error() ==
-        "the box has the orientation that is not finite");
+        "the box has the orientation with the entry (0, 0) = nan, must be finite");
   CHECK(BoxCollider<double>::create(o, V(1, 1, 1), 2 * Matrix3<double>::Identity()).error() ==
-        "the box has the orientation that is no rotation: its columns are off by 3");
+        "the box has the orientation with columns that are off by 3, must be a rotation");
   CHECK(SphereCollider<double>::create(o, std::numeric_limits<double>::infinity()).error() ==
         "the sphere has the radius inf m, must be finite and positive");
 }

@@ -78,6 +78,17 @@ TEST_CASE("other scalars are written as doubles, or as ? if they do not convert"
   CHECK(number_text(Sealed()) == "?");
 }
 
+TEST_CASE("messages about numbers that nothing has, and that are too large") {
+  using clothctl::missing_item_line;
+  CHECK(missing_item_line("obstacle", 99, 1) == "no obstacle 99 (there are 1)");
+  CHECK(missing_item_line("hand", -1, 0) == "no hand -1 (there are 0)");
+  using clothctl::detail::unbounded_text;
+  CHECK(unbounded_text(1e300) == ", at most 1e20");
+  CHECK(unbounded_text(1e19).empty());
+  CHECK(unbounded_text(-std::numeric_limits<double>::infinity()).empty());
+  CHECK(unbounded_text(std::numeric_limits<double>::quiet_NaN()).empty());
+}
+
 TEST_CASE("written numbers read back as the same number") {
   std::mt19937_64 engine(3);
   for (int i = 0; i < 2000; ++i) {

@@ -38,6 +38,20 @@ TEST_CASE("a good step has no error message", "[step_input]") {
   CHECK(empty.line().empty());
 }
 
+TEST_CASE("the message about a bad state names sizes, vertex and value", "[step_input]") {
+  const ClothState<double> good = Step().state;
+  CHECK(check_state(good, 4).empty());
+  CHECK(check_state(good, 5) == "4 positions in the state for 5 vertices of the model");
+  ClothState<double> bad = good;
+  bad.velocities.setZero(3, 0);
+  CHECK(check_state(bad, 4) == "0 velocities in the state for 4 vertices of the model");
+  bad = good;
+  bad.velocities(1, 2) = kNan;
+  CHECK(check_state(bad, 4) == "velocity of vertex 2: y is nan");
+  bad.positions(2, 3) = kInfinity;
+  CHECK(check_state(bad, 4) == "position of vertex 3: z is inf");
+}
+
 TEST_CASE("the message about a bad step names item, index and value", "[step_input]") {
   const auto spoilt = [](auto change) {
     Step step;

@@ -438,7 +438,7 @@ TEST_CASE("changes that do not fit are refused by name", "[network]") {
   Network bad = network;
   bad.mass[4] = 0;
   CHECK(change_network(bad, editor_of(network).change()).error() ==
-        "mass of vertex 4 is not positive");
+        "mass of vertex 4 is not positive: 0 kg");
   bad = network;
   bad.triangles.push_back(bad.triangles[0]);
   CHECK(change_network(bad, editor_of(network).change()).error() ==

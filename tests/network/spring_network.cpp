@@ -50,25 +50,25 @@ TEMPLATE_TEST_CASE("every error of a network is named with its index", "[cloth]"
   CHECK(fault([](auto& n) { n.mass.conservativeResize(2); }) ==
         "spring network has 2 masses for 3 vertices");
   CHECK(fault([](auto& n) { n.rest_positions(1, 2) = kNan<S>; }) ==
-        "rest position of vertex 2 is not finite");
-  CHECK(fault([](auto& n) { n.mass[1] = S(0); }) == "mass of vertex 1 is not positive");
-  CHECK(fault([](auto& n) { n.mass[2] = kNan<S>; }) == "mass of vertex 2 is not positive");
+        "rest position of vertex 2 is not finite: y is nan");
+  CHECK(fault([](auto& n) { n.mass[1] = S(0); }) == "mass of vertex 1 is not positive: 0 kg");
+  CHECK(fault([](auto& n) { n.mass[2] = kNan<S>; }) == "mass of vertex 2 is not positive: nan kg");
   CHECK(fault([](auto& n) { n.springs[1].b = 3; }) == "spring 1 joins vertex 3 off the mesh");
   CHECK(fault([](auto& n) { n.springs[0].a = -1; }) == "spring 0 joins vertex -1 off the mesh");
   CHECK(fault([](auto& n) { n.springs[1].b = 0; }) == "spring 1 joins vertex 0 to itself");
   CHECK(fault([](auto& n) { n.springs[1].rest_length = S(0); }) ==
-        "spring 1 has no positive rest length");
+        "spring 1 has no positive rest length: 0 m");
   CHECK(fault([](auto& n) { n.springs[1].stiffness = S(-1); }) ==
-        "spring 1 has a negative or non-finite stiffness");
+        "spring 1 has a negative or non-finite stiffness: -1 N/m");
   CHECK(fault([](auto& n) { n.springs[0].damping = kNan<S>; }) ==
-        "spring 0 has a negative or non-finite damping");
+        "spring 0 has a negative or non-finite damping: nan N s/m");
   CHECK(fault([](auto& n) { n.bends[0].count = 5; }) == "bending stencil 0 has 5 vertices");
   CHECK(fault([](auto& n) { n.bends[0].vertex[2] = 7; }) ==
         "bending stencil 0 holds vertex 7 off the mesh");
   CHECK(fault([](auto& n) { n.bends[0].weight[1] = kNan<S>; }) ==
-        "bending stencil 0 has a non-finite weight");
+        "bending stencil 0 has a non-finite weight: nan");
   CHECK(fault([](auto& n) { n.bends[0].stiffness = S(-2); }) ==
-        "bending stencil 0 has a negative or non-finite stiffness");
+        "bending stencil 0 has a negative or non-finite stiffness: -2");
   CHECK(fault([](auto& n) { n.triangles[0][2] = 9; }) == "triangle 0 holds vertex 9 off the mesh");
 }
 

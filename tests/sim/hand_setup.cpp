@@ -2,6 +2,9 @@
 
 #include "clothctl/sim/hand_setup.hpp"
 
+#include <limits>
+#include <string>
+
 #include "support/catch.hpp"
 #include "support/pads.hpp"
 
@@ -23,9 +26,17 @@ TEST_CASE("a hand begins where its set-up says, and is driven to stay there", "[
   CHECK((world.hand(hand).positions - setup.positions).norm() < 1e-12);
   HandState<double> thrown = world.hand(hand);
   thrown.velocities = Eigen::Vector3d(1, 0, 0);
-  CHECK(world.set_hand(hand, thrown));
+  CHECK(world.set_hand(hand, thrown).empty());
   CHECK(world.hand(hand).velocities == thrown.velocities);
   thrown.positions = Eigen::Vector2d(0, 0);
-  CHECK(!world.set_hand(hand, thrown));
+  CHECK(world.set_hand(hand, thrown) == "hand 0 has positions of 2 entries, must be 3");
+  thrown = world.hand(hand);
+  thrown.velocities[1] = std::numeric_limits<double>::infinity();
+  CHECK(world.set_hand(hand, thrown) ==
+        "hand 0 has velocities with the entry 1 = inf, must be finite");
   CHECK(world.hand(hand).positions == setup.positions);
+  CHECK(world.hand(hand).velocities == Eigen::Vector3d(1, 0, 0));
+  for (const int other : {-1, 1, 99})
+    CHECK(world.set_hand(other, world.hand(hand)) ==
+          "no hand " + std::to_string(other) + " (there are 1)");
 }

@@ -313,13 +313,20 @@ TEST_CASE("a pad refuses bad data and names the item", "[sim]") {
   CHECK(error([](Samples&, Set&, int&) {}) == "accepted");
   CHECK(error([](Samples& s, Set&, int&) { s.clear(); }) == "the pad has no samples");
   CHECK(error([](Samples& s, Set&, int&) { s[2].position[0] = std::nan(""); }) ==
-        "sample 2 of the pad is not finite");
+        "the pad has in sample 2 the position with the coordinate 0 = nan, must be finite");
+  CHECK(error([](Samples& s, Set&, int&) { s[3].normal[2] = std::nan(""); }) ==
+        "the pad has in sample 3 the normal with the coordinate 2 = nan, must be finite");
   CHECK(error([](Samples& s, Set&, int&) { s[1].normal *= 2; }) ==
-        "sample 1 of the pad has a normal that is not of length one");
+        "the pad has in sample 1 a normal of length 2, must be 1");
   CHECK(error([](Samples&, Set& s, int&) { s.stiffness = 0; }) ==
-        "the pad has the stiffness 0, must be positive");
+        "the pad has the stiffness 0, must be finite and positive");
+  CHECK(error([](Samples&, Set& s, int&) { s.stiffness = 1e300; }) ==
+        "the pad has the stiffness 1e+300, must be finite and positive, at most 1e20");
   CHECK(error([](Samples&, Set& s, int&) { s.friction = -0.5; }) ==
-        "the pad has the friction coefficient -0.5, must not be negative");
+        "the pad has the friction coefficient -0.5, must be finite and not negative");
+  CHECK(error([](Samples&, Set& s, int&) { s.release = std::nan(""); }) ==
+        "the pad has the release nan, must be finite and not negative");
+  CHECK(error([](Samples&, Set& s, int&) { s.release = 1; }) == "accepted");
   CHECK(error([](Samples&, Set&, int& side) { side = -1; }) ==
         "the pad has a side with a negative number");
   const auto triangles_error = [&](auto spoil) {

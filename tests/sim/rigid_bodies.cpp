@@ -724,6 +724,8 @@ TEST_CASE("set-up refuses what makes no sense") {
   RigidMotion<double> motion;
   motion.velocity[0] = nan;
   CHECK(!w.set_motion(0, motion).empty());
+  CHECK(w.set_motion(99, {}) == "no body 99 (there are " + std::to_string(w.body_count()) + ")");
+  CHECK(w.set_motion(-1, {}).find("no body -1 ") == 0);
   RigidBodiesSettings<double> settings;
   settings.relaxation = 0;
   RigidBodies<double> invalid(settings);

@@ -27,6 +27,11 @@ TEST_CASE("settings name what is out of range") {
   s = {};
   s.sweeps = 0;
   CHECK(!s.validate().empty());
+  s.sweeps = 2000000000;
+  CHECK(s.validate() == "2000000000 sweeps; 1 to 100000 are possible");
+  s = {};
+  s.gravity[2] = nan;
+  CHECK(s.validate() == "the gravity with the coordinate 2 = nan, must be finite");
 }
 
 TEST_CASE("set-up of bodies") {

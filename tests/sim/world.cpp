@@ -73,7 +73,7 @@ TEMPLATE_TEST_CASE("two sheets that fall on each other lie in layers", "[sim]", 
     turned.positions.col(i) =
         Vector3<double>(0.8 * x[0] - 0.6 * x[1] + 0.004, 0.6 * x[0] + 0.8 * x[1] + 0.007, x[2]);
   }
-  REQUIRE(world.set_state(high, turned));
+  REQUIRE(world.set_state(high, turned).empty());
   for (int i = 0; i < 240; ++i) {
     const WorldReport<double> report = world.step(1.0 / 60);
     if (!report.advanced || report.crossings > 0) FAIL("step " << i);
@@ -155,7 +155,8 @@ TEST_CASE("a moving obstacle goes on, and pushes a sheet", "[sim]") {
   CHECK((world.motion(obstacle).position - Vector3<double>(0, 0, 0.3)).norm() < 1e-12);
   CHECK(world.state(sheet).positions.row(2).minCoeff() > 0.2);
   motion.velocity.setConstant(kNan);
-  CHECK(world.set_motion(obstacle, motion).find("velocity") != std::string::npos);
+  CHECK(world.set_motion(obstacle, motion) ==
+        "obstacle 0 has the velocity with the coordinate 0 = nan, must be finite");
 }
 
 TEST_CASE("groups that do not meet do not touch", "[sim]") {
@@ -195,29 +196,39 @@ TEST_CASE("a world refuses what is wrong, and a failed step changes nothing", "[
   };
   WorldSheetSetup<double> setup;
   setup.thickness = 0;
-  CHECK(error(setup) == "sheet 0 has the thickness 0 m, must be finite and positive");
+  CHECK(error(setup) == "sheet 0 has the thickness 0 m, must be from 1e-6 to 1");
   setup = {};
   setup.substeps = 0;
   CHECK(error(setup).find("0 substeps") != std::string::npos);
   setup = {};
-  setup.meets_sheets = true;
-  setup.joined = {{0, 9}};
-  CHECK(error(setup) == "sheet 0: joined pair 0 holds vertex 9 off the sheet of 9 vertices");
+  setup.contacts = Index(1) << 40;
+  CHECK(error(setup).find("sheet 0 has room for 1099511627776 contacts") == 0);
+  for (const bool meets : {false, true}) {
+    setup = {};
+    setup.meets_sheets = meets;
+    setup.joined = {{0, 1}, {0, 9}};
+    CHECK(error(setup) == "sheet 0: joined pair 1 holds vertex 9 off the sheet of 9 vertices");
+    setup.joined = {{2, 2}};
+    CHECK(error(setup) == "sheet 0: joined pair 0 holds vertex 2 twice");
+  }
   Implicit model = make_model<Implicit>(3);
   ClothState<double> bad = model.rest_state();
   bad.velocities(0, 0) = kNan;
-  CHECK(world.add_sheet(model, bad).error() == "sheet 0: the state is not finite");
-  CHECK(world.add_sheet(model, ClothState<double>{}).error().find("9 vertices") !=
-        std::string::npos);
+  CHECK(world.add_sheet(model, bad).error() == "sheet 0: velocity of vertex 0: x is nan");
+  CHECK(world.add_sheet(model, ClothState<double>{}).error() ==
+        "sheet 0: 0 positions in the state for 9 vertices of the model");
   CHECK(!world.add_body(ball(0.1, kNan, Vector3<double>::Zero())));
   const int sheet = add_sheet<Implicit>(world, 3, 0);
   (void)world.add_body(ball(0.1, 1, Vector3<double>(0, 0, 1))).value();
   REQUIRE(world.step(0.01).advanced);
   const ClothState<double> before = world.state(sheet);
   const Vector3<double> where = world.bodies().motion(0).position;
-  for (const double dt : {0.0, -1.0, kNan}) {
+  CHECK(world.check_input(0.01).empty());
+  for (const double dt : {0.0, -1.0, kNan, 1e-300, 1e300}) {
     CHECK(world.step(dt).status == StepStatus::InvalidInput);
     CHECK(!world.step(dt).advanced);
+    CHECK(world.check_input(dt) ==
+          "step length dt must be from 1e-9 to 1000 s, got " + number_text(dt) + " s");
   }
   world.input(sheet).driven_vertices = {99};
   world.input(sheet).driven_positions.setZero(3, 1);
@@ -225,11 +236,51 @@ TEST_CASE("a world refuses what is wrong, and a failed step changes nothing", "[
   CHECK(report.status == StepStatus::InvalidInput);
   CHECK(report.sheet == sheet);
   CHECK(!report.advanced);
+  CHECK(world.check_input(0.01) ==
+        "sheet 0: driven vertex 0: vertex 99 is off the mesh of 9 vertices");
   CHECK(world.state(sheet) == before);
   CHECK(world.bodies().motion(0).position == where);
-  CHECK(!world.set_state(sheet, bad));
-  CHECK(!world.set_state(sheet, ClothState<double>{}));
-  CHECK(world.set_state(sheet, before));
+  CHECK(world.set_state(sheet, bad) == "sheet 0: velocity of vertex 0: x is nan");
+  CHECK(world.set_state(sheet, ClothState<double>{}) ==
+        "sheet 0: 0 positions in the state for 9 vertices of the model");
+  CHECK(world.state(sheet) == before);
+  CHECK(world.set_state(sheet, before).empty());
+}
+
+TEST_CASE("what sets or adds to a number that nothing has is refused", "[sim]") {
+  World<double> world;
+  const int sheet = add_sheet<Implicit>(world, 3, 0);
+  const ClothState<double> state = world.state(sheet);
+  (void)world.add_obstacle(floor_at(-1)).value();
+  (void)world.add_body(ball(0.1, 1, Vector3<double>(0, 0, 1))).value();
+  (void)world.add_body(ball(0.1, 1, Vector3<double>(0, 0, 2))).value();
+  const RigidMotion<double> motion = world.motion(0);
+  RigidMotion<double> moved;
+  moved.position[0] = 1;
+  for (const int none : {-1, 1, 99, std::numeric_limits<int>::max()}) {
+    const std::string number = std::to_string(none);
+    CHECK(world.set_state(none, state) == "no sheet " + number + " (there are 1)");
+    CHECK(world.set_motion(none, moved) == "no obstacle " + number + " (there are 1)");
+    CHECK(world.set_hand(none, {}) == "no hand " + number + " (there are 0)");
+  }
+  CHECK(world.motion(0).position == motion.position);
+  CHECK(world.state(sheet) == state);
+  const std::vector<PadSample<double>> samples(1);
+  CHECK(world.add_pad(99, samples).error() == "pad 0: no obstacle 99 (there are 1)");
+  CHECK(world.add_pad(-1 - 3, samples).error() == "pad 0: no body 3 (there are 2)");
+  CHECK(world.add_pad(std::numeric_limits<int>::min(), samples).error().find("pad 0: no body") ==
+        0);
+  CHECK(world.pad_count() == 0);
+}
+
+TEST_CASE("a wrong setting of a world is named, and every step is refused", "[sim]") {
+  WorldSettings<double> settings;
+  settings.sheet_friction = kNan;
+  World<double> world(settings);
+  (void)add_sheet<Implicit>(world, 3, 0);
+  CHECK(world.step(0.01).status == StepStatus::InvalidInput);
+  CHECK(world.check_setup() == "the sheet_friction nan, must be finite and not negative");
+  CHECK(world.check_input(0.01) == world.check_setup());
 }
 
 TEMPLATE_TEST_CASE("a world repeats bit for bit and a step does not allocate", "[sim]", Implicit,
@@ -287,7 +338,7 @@ TEST_CASE("random worlds stay finite", "[sim]") {
       state.positions.data()[k] += 0.01 * scale * uniform(random, -1, 1);
       state.velocities.data()[k] = scale * uniform(random, -1, 1);
     }
-    REQUIRE(world.set_state(sheet, state));
+    REQUIRE(world.set_state(sheet, state).empty());
     bool finite = true;
     for (int i = 0; i < 40 && finite; ++i) {
       const WorldReport<double> report = world.step(std::pow(10, uniform(random, -4, -1)));

@@ -209,7 +209,8 @@ auto MassSpring<S>::create(SpringNetwork<Scalar> network, MassSpringSettings<Sca
               " triangle elements, which MassSpring does not simulate; use PositionBased";
   for (int v : settings.pinned) {
     if (problem.empty() && (v < 0 || v >= network.vertex_count()))
-      problem = "pinned vertex " + std::to_string(v) + " is off the mesh";
+      problem = "pinned vertex " + std::to_string(v) + " is off the mesh of " +
+                std::to_string(network.vertex_count()) + " vertices";
   }
   if (!problem.empty()) return Error{problem};
   return MassSpring(std::move(network), std::move(settings));

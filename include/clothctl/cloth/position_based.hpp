@@ -174,14 +174,15 @@ class PositionBased {
   void predict(const Sheet& sheet, typename Sheet::Scratch& memory, const State& state,
                const ClothInput<Scalar>& input, int part, const Scalar& h, Workspace& ws) const;
 
-  /// Sweeps of a substep. `part` counts them from 1.
-  /// `touch()` corrects the points of contact.
+  /// Corrects the points of substep `part`, from 1 on.
+  template <class Sheet, class Touching>
+  void correct(const Sheet& sheet, typename Sheet::Scratch& memory, Touching& touching, int part,
+               const Scalar& h, Workspace& ws, StepReport<Scalar>& report) const;
+  /// Its sweeps. `touch()` corrects the points of contact. Returns the share of the last sweeps
+  /// that has no effect on velocities.
   template <class Sheet, class Touch, class Lift>
-  void correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
+  Scalar sweep(const Sheet& sheet, typename Sheet::Scratch& memory, int part, const Scalar& h,
                Touch touch, Lift lift, Workspace& ws, StepReport<Scalar>& report) const;
-  /// Gives held vertices their velocities, and carried ones their impulses.
-  void end_held(const State& state, const ClothInput<Scalar>& input, const Scalar& dt,
-                Workspace& ws) const;
   bool limited() const { return Scalar(0) < settings_.stretch_limit; }
   static Index carried_count(const Workspace& ws) {
     return static_cast<Index>(ws.carried.vertices.size());
@@ -317,23 +318,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   for (int part = 1; part <= settings_.substeps; ++part) {
     if (settings_.air.enabled()) blow(sheet, memory, input, h, ws);
     predict(sheet, memory, state, input, part, h, ws);
-    const auto points = [&](int v) { return memory.points.data() + sheet.offset(v); };
-    const auto start = [&](int v) { return memory.start.data() + sheet.offset(v); };
-    if (touching)
-      touching->begin_substep(h, Scalar(h * Scalar(static_cast<double>(part))), points, start);
-    Scalar pressed = Scalar(0);
-    const auto touch = [&] {
-      if (touching) pressed = touching->correct(points);
-    };
-    const auto lift = [&](const Scalar& counted) {
-      if (touching) touching->lift(points, counted);
-    };
-    correct(sheet, memory, part, h, touch, lift, ws, report);
-    if (touching) {
-      // Under a limit the springs come after the contacts.
-      touching->settle(points, limited() ? touching->correct(points) : pressed);
-      touching->end_substep(points, start);
-    }
+    correct(sheet, memory, touching, part, h, ws, report);
   }
   detail::read_points(sheet, memory, h, ws.positions, ws.velocities);
   if (limited() && rests) {
@@ -344,7 +329,7 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
         calm, [&](Index v) { return detail::column(ws.velocities, v); }, network_.mass,
         ws.inverse_mass);
   }
-  end_held(state, input, dt, ws);
+  detail::end_held(settings_.pinned, state.positions, input, dt, ws);
   if (!all_finite(ws.positions) || !all_finite(ws.velocities)) {
     report.status = StepStatus::NumericalFailure;
     if (contacts != nullptr) contacts->clear();
@@ -355,25 +340,6 @@ auto PositionBased<S>::advance(const Sheet& sheet, typename Sheet::Scratch& memo
   state.velocities = ws.velocities;
   report.advanced = true;
   return report;
-}
-
-template <RealScalar S>
-void PositionBased<S>::end_held(const State& state, const ClothInput<Scalar>& input,
-                                const Scalar& dt, Workspace& ws) const {
-  const Triple zero{Scalar(0), Scalar(0), Scalar(0)};
-  for (int vertex : settings_.pinned) detail::set_column(ws.velocities, vertex, zero);
-  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
-    const Index vertex = input.driven_vertices[i];
-    const Triple end = detail::column(input.driven_positions, static_cast<Index>(i));
-    detail::set_column(ws.velocities, vertex, (end - detail::column(state.positions, vertex)) / dt);
-  }
-  const std::size_t others = ws.held.size() - ws.carried.vertices.size();
-  ws.carried.total = ws.held_impulses.end();
-  for (std::size_t i = 0; i < ws.carried.vertices.size(); ++i) {
-    ws.velocities.col(ws.carried.vertices[i]) = ws.carried.velocities.col(static_cast<Index>(i));
-    detail::set_column(ws.carried.impulses, static_cast<Index>(i),
-                       ws.held_impulses.impulse(others + i));
-  }
 }
 
 template <RealScalar S>
@@ -449,10 +415,35 @@ void PositionBased<S>::predict(const Sheet& sheet, typename Sheet::Scratch& memo
 }
 
 template <RealScalar S>
-template <class Sheet, class Touch, class Lift>
-void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
-                               const Scalar& h, Touch touch, Lift lift, Workspace& ws,
+template <class Sheet, class Touching>
+void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memory,
+                               Touching& touching, int part, const Scalar& h, Workspace& ws,
                                StepReport<Scalar>& report) const {
+  const auto points = [&](int v) { return memory.points.data() + sheet.offset(v); };
+  const auto start = [&](int v) { return memory.start.data() + sheet.offset(v); };
+  const Scalar time = h * Scalar(static_cast<double>(part));
+  if (touching) touching->begin_substep(h, time, points, start);
+  Scalar pressed = Scalar(0);
+  const auto touch = [&] {
+    if (touching) pressed = touching->correct(points, Scalar(0));
+  };
+  const auto lift = [&](const Scalar& counted) {
+    if (touching) touching->lift(points, counted);
+  };
+  const Scalar still = sweep(sheet, memory, part, h, touch, lift, ws, report);
+  if (!touching) return;
+  detail::with_start(sheet, memory, still, [&] {
+    // Under a limit the springs come after the contacts.
+    touching->settle(points, limited() ? touching->correct(points, still) : pressed, still);
+  });
+  touching->end_substep(points, start);
+}
+
+template <RealScalar S>
+template <class Sheet, class Touch, class Lift>
+S PositionBased<S>::sweep(const Sheet& sheet, typename Sheet::Scratch& memory, int part,
+                          const Scalar& h, Touch touch, Lift lift, Workspace& ws,
+                          StepReport<Scalar>& report) const {
   const Scalar slowing = Scalar(1) + h * settings_.drag;
   const auto attach = [&] {
     ws.attachments.correct(
@@ -478,8 +469,10 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
   }
   ws.held_impulses.begin_sweeps(sheet, memory);
   const int sweeps = settings_.iterations;
+  Scalar still = Scalar(0);
   if (limited()) {
-    detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, lift, report);
+    still =
+        detail::sweep_within_limit(sheet, memory, settings_, part, strain, attach, lift, report);
   } else {
     report.iterations += sweeps;
     if (verlet)
@@ -488,6 +481,7 @@ void PositionBased<S>::correct(const Sheet& sheet, typename Sheet::Scratch& memo
       detail::sweep_compliantly<Scalar>(sheet, memory, sweeps, strain, attach);
   }
   ws.held_impulses.end_sweeps(h, sheet, memory);
+  return still;
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

@@ -88,7 +88,8 @@ struct PositionBasedSettings {
       return !is_finite(value) || value < Scalar(0);
     };
     const auto no_part = [&](const Scalar& value) { return negative(value) || Scalar(1) < value; };
-    if (substeps < 1) return "substeps is " + std::to_string(substeps) + ", must be at least 1";
+    if (substeps < 1 || substeps > 1000000)
+      return "substeps is " + std::to_string(substeps) + ", must be 1 to 1000000";
     if (iterations < 1)
       return "iterations is " + std::to_string(iterations) + ", must be at least 1";
     const std::string sign = "is negative or not finite", part = "is outside 0 to 1";
@@ -120,7 +121,8 @@ struct PositionBasedSettings {
     }
     for (int v : pinned) {
       if (v < 0 || v >= network.vertex_count())
-        return "pinned vertex " + std::to_string(v) + " is off the mesh";
+        return "pinned vertex " + std::to_string(v) + " is off the mesh of " +
+               std::to_string(network.vertex_count()) + " vertices";
     }
     return air.validate();
   }

@@ -95,6 +95,25 @@ struct SelfContactSettings {
   }
 };
 
+namespace detail {
+
+/// Returns "" or why a list of pairs of vertices is wrong. Allocates.
+inline std::string validate_pairs(const std::string& name,
+                                  const std::vector<std::array<int, 2>>& pairs, Index vertices) {
+  for (std::size_t i = 0; i < pairs.size(); ++i) {
+    const std::string item = name + " " + std::to_string(i) + " holds vertex ";
+    for (const int v : pairs[i]) {
+      if (v < 0 || v >= vertices)
+        return item + std::to_string(v) + " off the sheet of " + std::to_string(vertices) +
+               " vertices";
+    }
+    if (pairs[i][0] == pairs[i][1]) return item + std::to_string(pairs[i][0]) + " twice";
+  }
+  return {};
+}
+
+}  // namespace detail
+
 /// Finds contacts, impacts and crossings of sheets with themselves. `create` and `reserve` allocate
 /// all memory; `update`, `find`, `find_impacts` and `count_crossings` never do.
 template <RealScalar Scalar>
@@ -184,9 +203,6 @@ class SelfContactFinder {
                     std::vector<std::array<int, 2>> edges, std::vector<int> alias,
                     const SelfContactSettings<Scalar>& settings);
 
-  /// Returns "" or why a list of pairs of vertices is wrong.
-  static std::string bad_pairs(const std::string& name,
-                               const std::vector<std::array<int, 2>>& pairs, Index vertices);
   /// The smallest vertex among those that count as one with each vertex. Allocates.
   static std::vector<int> aliases(Index vertices, const std::vector<std::array<int, 2>>& joined);
 
@@ -224,22 +240,6 @@ class SelfContactFinder {
 };
 
 template <RealScalar Scalar>
-std::string SelfContactFinder<Scalar>::bad_pairs(const std::string& name,
-                                                 const std::vector<std::array<int, 2>>& pairs,
-                                                 Index vertices) {
-  for (std::size_t i = 0; i < pairs.size(); ++i) {
-    const std::string item = name + " " + std::to_string(i) + " holds vertex ";
-    for (const int v : pairs[i]) {
-      if (v < 0 || v >= vertices)
-        return item + std::to_string(v) + " off the sheet of " + std::to_string(vertices) +
-               " vertices";
-    }
-    if (pairs[i][0] == pairs[i][1]) return item + std::to_string(pairs[i][0]) + " twice";
-  }
-  return {};
-}
-
-template <RealScalar Scalar>
 std::vector<int> SelfContactFinder<Scalar>::aliases(Index vertices,
                                                     const std::vector<std::array<int, 2>>& joined) {
   std::vector<int> alias(static_cast<std::size_t>(vertices));
@@ -268,10 +268,9 @@ Result<SelfContactFinder<Scalar>> SelfContactFinder<Scalar>::create(
   }
   if (const Result<Topology> topology = make_topology(x.cols(), triangles); !topology)
     return Error{topology.error()};
-  if (const std::string bad = bad_pairs("thread", threads, x.cols()); !bad.empty())
-    return Error{bad};
-  if (const std::string bad = bad_pairs("joined pair", settings.joined, x.cols()); !bad.empty())
-    return Error{bad};
+  std::string bad = detail::validate_pairs("thread", threads, x.cols());
+  if (bad.empty()) bad = detail::validate_pairs("joined pair", settings.joined, x.cols());
+  if (!bad.empty()) return Error{std::move(bad)};
   return SelfContactFinder(x, triangles, detail::sheet_edges(triangles, threads),
                            aliases(x.cols(), settings.joined), settings);
 }

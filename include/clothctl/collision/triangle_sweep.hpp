@@ -145,7 +145,8 @@ template <RealScalar S>
 bool TriangleSweep<S>::follow(Triangle p, const Triangle& r, const Scalar& fastest,
                               TriangleImpact<Scalar>& out) const {
   const Scalar zero(0);
-  Scalar time = zero, stop = zero;
+  // The least distance, and how near to it an impact is.
+  Scalar time = zero, stop = zero, near = zero;
   Scalar tolerance = Scalar(1e-3) * thickness_;
   for (int i = 0; i < kMostAdvances; ++i) {
     const Deep deep = deepest(p, tolerance);
@@ -156,19 +157,21 @@ bool TriangleSweep<S>::follow(Triangle p, const Triangle& r, const Scalar& faste
     out.foot = foot;
     out.normal = deep.normal;
     if (i == 0) {
-      // A point that starts inside goes no deeper.
-      const bool inside = !(zero < deep.distance);
+      // A point that starts inside goes no deeper; what is nearer than the search tells is inside.
+      const bool inside = !(Scalar(2) * tolerance < deep.distance);
       out.target = inside ? deep.distance : Scalar(0.25) * thickness_;
       if (!inside && fastest < deep.distance) return false;
       if (!is_thin(foot, deep.normal, Scalar(2) * fastest + Scalar(4) * thickness_)) return false;
-      if (inside) {
+      if (deep.distance < Scalar(-0.1) * thickness_) {
         const Vec way = out.weight[0] * r[0] + out.weight[1] * r[1] + out.weight[2] * r[2];
         return deep.normal.dot(way) < Scalar(-0.02) * thickness_;
       }
-      stop = Scalar(0.1) * (deep.distance < thickness_ ? deep.distance : thickness_);
-      if (Scalar(0.1) * stop < tolerance) tolerance = Scalar(0.1) * stop;
+      near = Scalar(0.1) * (deep.distance < thickness_ ? deep.distance : thickness_);
+      if (inside) near = Scalar(0.002) * thickness_;
+      stop = inside ? Scalar(deep.distance - Scalar(10) * near) : near;
+      if (Scalar(0.1) * near < tolerance) tolerance = Scalar(0.1) * near;
     }
-    if (deep.distance < Scalar(2) * stop) return true;
+    if (deep.distance < stop + near) return true;
     Scalar step = (deep.distance - stop) / fastest, plane = Scalar(2);
     for (std::size_t k = 0; k < 3; ++k) {
       const Scalar above = deep.normal.dot(Vec(p[k] - foot)) - stop;

@@ -13,7 +13,7 @@
 //   1. Impacts are found by collision/triangle_sweep.hpp.
 //   2. The closest point at the impact then keeps n·Σ w_i p_i(1) >= a quarter of the thickness, by
 //      impulses along R n (Gauss-Seidel over all impacts so far). Search and sweeps alternate.
-//   3. What still passes after `kRounds` goes with the obstacle: r_i = 0.
+//   3. What still passes after `kRounds` goes with the obstacle: r_i = 0, and so does its velocity.
 //
 // Only obstacles that are thin next to the way and the thickness need this; in others a point that
 // is too deep still knows the way out. A triangle that starts inside goes no deeper.
@@ -119,8 +119,9 @@ class ObstacleGuard {
   void sweep();
   /// Lets the vertices of the impacts from `first` on go with their obstacles.
   void carry(std::size_t first, const Points<Scalar>& x, ObstacleGuardReport& report);
-  void store(const Points<Scalar>& before, const VectorX<Scalar>& inverse_mass,
-             ObstacleContacts<Scalar>& contacts) const;
+  /// Writes positions and velocities, and adds the impulses to the contacts.
+  void store(const Points<Scalar>& x, const VectorX<Scalar>& inverse_mass,
+             ObstacleContacts<Scalar>& contacts, ClothState<Scalar>& state) const;
 
   std::vector<std::array<int, 3>> triangles_;
   std::vector<SurfacePoint<Scalar>> near_;
@@ -163,13 +164,7 @@ ObstacleGuardReport ObstacleGuard<S>::resolve(Obstacles obstacles, const Points<
     sweep();
   }
   if (impacts_.empty()) return report;
-  store(state.positions, inverse_mass, contacts);
-  for (Index v = 0; v < y_.cols(); ++v) {
-    const Vec by = y_.col(v) - state.positions.col(v);
-    if (!(Scalar(0) < by.squaredNorm())) continue;
-    state.positions.col(v) = y_.col(v);
-    state.velocities.col(v) += by / dt;
-  }
+  store(x, inverse_mass, contacts, state);
   return report;
 }
 
@@ -328,14 +323,20 @@ void ObstacleGuard<S>::carry(std::size_t first, const Points<Scalar>& x,
 }
 
 template <RealScalar S>
-void ObstacleGuard<S>::store(const Points<Scalar>& before, const VectorX<Scalar>& inverse_mass,
-                             ObstacleContacts<Scalar>& contacts) const {
+void ObstacleGuard<S>::store(const Points<Scalar>& x, const VectorX<Scalar>& inverse_mass,
+                             ObstacleContacts<Scalar>& contacts, ClothState<Scalar>& state) const {
+  const auto change = [&](int v) -> Vec {
+    // A model's velocity at the end of a step need not be its displacement by the step.
+    const bool carried = Scalar(0) < inverse_mass[v] && !(Scalar(0) < inverse_[v]);
+    if (carried) return Vec(y_.col(v) - x.col(v)) / h_ - state.velocities.col(v);
+    return Vec(y_.col(v) - state.positions.col(v)) / h_;
+  };
   for (const Impact& impact : impacts_) {
     Vec impulse = (impact.pressed / h_) * impact.normal;
     if (impact.carried) {
-      // What moved the vertex, less its share of the impulses along normals.
+      // What changed its velocity, less its share of the impulses along normals.
       const int v = impact.point.vertex[0];
-      impulse = Vec(y_.col(v) - before.col(v)) / (inverse_mass[v] * h_);
+      impulse = change(v) / inverse_mass[v];
       for (const Impact& other : impacts_) {
         for (std::size_t k = 0; k < 3; ++k) {
           if (other.point.vertex[k] != v) continue;
@@ -345,6 +346,12 @@ void ObstacleGuard<S>::store(const Points<Scalar>& before, const VectorX<Scalar>
       }
     }
     if (Scalar(0) < impulse.squaredNorm()) contacts.add(impact.point, impact.obstacle, impulse);
+  }
+  for (Index v = 0; v < y_.cols(); ++v) {
+    const Vec by = change(static_cast<int>(v));
+    if (!(Scalar(0) < by.squaredNorm())) continue;
+    state.positions.col(v) = y_.col(v);
+    state.velocities.col(v) += by;
   }
 }
 

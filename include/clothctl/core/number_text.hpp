@@ -37,4 +37,21 @@ std::string bad_number_line(const std::string& name, const std::string& problem,
   return name + ' ' + problem + ": " + number_text(value);
 }
 
+namespace detail {
+
+/// Returns ", at most 1e20" for a number that is finite and yet counts as no bound (see
+/// `is_unbounded`), else "": the end of a message that says "must be finite".
+template <RealScalar Scalar>
+std::string unbounded_text(const Scalar& value) {
+  return is_finite(value) && is_unbounded(value) ? ", at most 1e20" : "";
+}
+
+}  // namespace detail
+
+/// Returns "no ITEM NUMBER (there are COUNT)", a message about a number that nothing has.
+/// Allocates.
+inline std::string missing_item_line(const std::string& item, long long number, long long count) {
+  return "no " + item + ' ' + std::to_string(number) + " (there are " + std::to_string(count) + ')';
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

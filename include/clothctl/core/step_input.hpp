@@ -68,6 +68,26 @@ inline std::string find_other_count(Index found, std::string_view what, Index ex
          " " + std::string(of);
 }
 
+/// Returns a text that names both sizes if those of the state are not of `vertex_count` vertices,
+/// else "".
+template <RealScalar Scalar>
+std::string find_other_size(const ClothState<Scalar>& state, Index vertex_count) {
+  std::string line = find_other_count(state.positions.cols(), "positions in the state",
+                                      vertex_count, "vertices of the model");
+  if (line.empty())
+    line = find_other_count(state.velocities.cols(), "velocities in the state", vertex_count,
+                            "vertices of the model");
+  return line;
+}
+
+/// Returns a text that names the first position or velocity of the state that is not finite, or "".
+template <RealScalar Scalar>
+std::string find_not_finite(const ClothState<Scalar>& state) {
+  std::string line = find_not_finite(state.positions, "position of vertex");
+  if (line.empty()) line = find_not_finite(state.velocities, "velocity of vertex");
+  return line;
+}
+
 /// Returns a text that names the first fault of the attachments of an input for `vertex_count`
 /// vertices, or "".
 template <RealScalar Scalar>
@@ -87,6 +107,15 @@ std::string find_bad_attachment(const ClothInput<Scalar>& input, Index vertex_co
 
 }  // namespace detail
 
+/// Returns why `state` is not one of a model of `vertex_count` vertices: one line that names the
+/// sizes, or the vertex and the value that is not finite. Returns an empty string when it is.
+/// Allocates. Complexity: O(vertices).
+template <RealScalar Scalar>
+std::string check_state(const ClothState<Scalar>& state, Index vertex_count) {
+  std::string line = detail::find_other_size(state, vertex_count);
+  return line.empty() ? detail::find_not_finite(state) : line;
+}
+
 /// Returns why a model of `vertex_count` vertices refuses to step `state` by `dt` (s) under
 /// `input`: one line that names the item, its index and the bad value, e.g. `force 2: vertex 81 is
 /// off the mesh of 81 vertices`. Returns an empty string when state, input and dt are valid. The
@@ -100,14 +129,7 @@ std::string check_step_input(const ClothState<Scalar>& state, const ClothInput<S
     return line;
   };
   return first_of(
-      [&] {
-        return detail::find_other_count(state.positions.cols(), "positions in the state",
-                                        vertex_count, "vertices of the model");
-      },
-      [&] {
-        return detail::find_other_count(state.velocities.cols(), "velocities in the state",
-                                        vertex_count, "vertices of the model");
-      },
+      [&] { return detail::find_other_size(state, vertex_count); },
       [&] {
         const bool good = is_finite(dt) && Scalar(0) < dt;
         return good ? std::string()
@@ -138,8 +160,7 @@ std::string check_step_input(const ClothState<Scalar>& state, const ClothInput<S
         return detail::find_bad_vertex(input.driven_vertices, vertex_count, true, "driven vertex");
       },
       [&] { return detail::find_bad_attachment(input, vertex_count); },
-      [&] { return detail::find_not_finite(state.positions, "position of vertex"); },
-      [&] { return detail::find_not_finite(state.velocities, "velocity of vertex"); });
+      [&] { return detail::find_not_finite(state); });
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

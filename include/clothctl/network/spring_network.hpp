@@ -233,10 +233,12 @@ struct SpringNetwork {
     for (Index i = 0; i < n; ++i) {
       for (Index c = 0; c < 3; ++c) {
         if (!is_finite(rest_positions(c, i)))
-          return "rest position of vertex " + std::to_string(i) + " is not finite";
+          return "rest position of vertex " + std::to_string(i) + " is not finite: " + "xyz"[c] +
+                 " is " + number_text(rest_positions(c, i));
       }
       if (!is_finite(mass[i]) || !(zero < mass[i]))
-        return "mass of vertex " + std::to_string(i) + " is not positive";
+        return bad_number_line("mass of vertex " + std::to_string(i), "is not positive", mass[i]) +
+               " kg";
     }
     for (std::size_t e = 0; e < springs.size(); ++e) {
       const Spring<Scalar>& s = springs[e];
@@ -245,28 +247,14 @@ struct SpringNetwork {
         return name + " joins vertex " + std::to_string(bad(s.a) ? s.a : s.b) + " off the mesh";
       if (s.a == s.b) return name + " joins vertex " + std::to_string(s.a) + " to itself";
       if (!is_finite(s.rest_length) || !(zero < s.rest_length))
-        return name + " has no positive rest length";
+        return bad_number_line(name, "has no positive rest length", s.rest_length) + " m";
       if (!is_finite(s.stiffness) || s.stiffness < zero)
-        return name + " has a negative or non-finite stiffness";
+        return bad_number_line(name, "has a negative or non-finite stiffness", s.stiffness) +
+               " N/m";
       if (!is_finite(s.damping) || s.damping < zero)
-        return name + " has a negative or non-finite damping";
+        return bad_number_line(name, "has a negative or non-finite damping", s.damping) + " N s/m";
     }
-    for (std::size_t e = 0; e < bends.size(); ++e) {
-      const BendStencil<Scalar>& s = bends[e];
-      const std::string name = "bending stencil " + std::to_string(e);
-      if (s.count < 2 || s.count > 4) return name + " has " + std::to_string(s.count) + " vertices";
-      for (int i = 0; i < s.count; ++i) {
-        const int v = s.vertex[static_cast<std::size_t>(i)];
-        if (bad(v)) return name + " holds vertex " + std::to_string(v) + " off the mesh";
-        if (!is_finite(s.weight[static_cast<std::size_t>(i)]))
-          return name + " has a non-finite weight";
-      }
-      if (!is_finite(s.stiffness) || s.stiffness < zero)
-        return name + " has a negative or non-finite stiffness";
-      if (std::string problem = s.validate_fold(); !problem.empty()) return name + " " + problem;
-      if (const int v = repeated(s.vertex, static_cast<std::size_t>(s.count)); v >= 0)
-        return name + " holds vertex " + std::to_string(v) + " twice";
-    }
+    if (std::string problem = validate_bends(); !problem.empty()) return problem;
     for (std::size_t e = 0; e < triangles.size(); ++e) {
       for (int v : triangles[e]) {
         if (bad(v))
@@ -280,6 +268,27 @@ struct SpringNetwork {
   }
 
  private:
+  std::string validate_bends() const {
+    for (std::size_t e = 0; e < bends.size(); ++e) {
+      const BendStencil<Scalar>& s = bends[e];
+      const std::string name = "bending stencil " + std::to_string(e);
+      if (s.count < 2 || s.count > 4) return name + " has " + std::to_string(s.count) + " vertices";
+      for (int i = 0; i < s.count; ++i) {
+        const int v = s.vertex[static_cast<std::size_t>(i)];
+        if (v < 0 || v >= vertex_count())
+          return name + " holds vertex " + std::to_string(v) + " off the mesh";
+        const Scalar& weight = s.weight[static_cast<std::size_t>(i)];
+        if (!is_finite(weight)) return bad_number_line(name, "has a non-finite weight", weight);
+      }
+      if (!is_finite(s.stiffness) || s.stiffness < Scalar(0))
+        return bad_number_line(name, "has a negative or non-finite stiffness", s.stiffness);
+      if (std::string problem = s.validate_fold(); !problem.empty()) return name + " " + problem;
+      if (const int v = repeated(s.vertex, static_cast<std::size_t>(s.count)); v >= 0)
+        return name + " holds vertex " + std::to_string(v) + " twice";
+    }
+    return {};
+  }
+
   std::string validate_elements() const {
     const auto bad = [](const Scalar& k) { return !is_finite(k) || k < Scalar(0); };
     for (std::size_t e = 0; e < elements.size(); ++e) {

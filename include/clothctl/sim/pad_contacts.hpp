@@ -89,29 +89,35 @@ struct PadSettings {
         {"stiffness", stiffness}, {"tangential stiffness", tangential_stiffness}, {"reach", reach}};
     for (const auto& [name, value] : positive) {
       if (!is_finite(value) || !(Scalar(0) < value) || is_unbounded(value))
-        return std::string("the ") + name + " " + number_text(value) + ", must be positive";
+        return std::string("the ") + name + " " + number_text(value) +
+               ", must be finite and positive" + detail::unbounded_text(value);
     }
     const std::pair<const char*, Scalar> others[] = {
         {"damping", damping}, {"friction coefficient", friction}, {"release", release}};
     for (const auto& [name, value] : others) {
       if (!is_finite(value) || value < Scalar(0) || is_unbounded(value))
-        return std::string("the ") + name + " " + number_text(value) + ", must not be negative";
+        return std::string("the ") + name + " " + number_text(value) +
+               ", must be finite and not negative" + detail::unbounded_text(value);
     }
     return {};
   }
 };
 
-/// Returns an empty string, or what is wrong with the samples of a pad.
+/// Returns an empty string, or what is wrong with the samples of a pad: the end of a message that
+/// begins with "the pad has".
 template <RealScalar Scalar>
 std::string validate_pad_samples(std::span<const PadSample<Scalar>> samples) {
   using std::abs;
-  if (samples.empty()) return "the pad has no samples";
+  using std::sqrt;
+  if (samples.empty()) return "no samples";
   for (std::size_t i = 0; i < samples.size(); ++i) {
-    const std::string name = "sample " + std::to_string(i) + " of the pad";
-    if (!all_finite(samples[i].position) || !all_finite(samples[i].normal))
-      return name + " is not finite";
-    if (Scalar(1e-4) < abs(samples[i].normal.squaredNorm() - Scalar(1)))
-      return name + " has a normal that is not of length one";
+    const std::string name = "in sample " + std::to_string(i) + " ";
+    std::string bad = detail::validate_point("position", samples[i].position);
+    if (bad.empty()) bad = detail::validate_point("normal", samples[i].normal);
+    if (!bad.empty()) return name + bad;
+    const Scalar square = samples[i].normal.squaredNorm();
+    if (Scalar(1e-4) < abs(square - Scalar(1)))
+      return name + "a normal of length " + number_text(Scalar(sqrt(square))) + ", must be 1";
   }
   return {};
 }
@@ -229,8 +235,8 @@ auto PadContacts<Scalar>::create(std::vector<PadSample<Scalar>> samples,
                                  std::vector<std::array<int, 3>> triangles,
                                  const SheetContactFinder<Scalar>& finder, int sheet, int pad,
                                  const PadSettings<Scalar>& settings) -> Result<PadContacts> {
-  if (std::string bad = validate_pad_samples<Scalar>(samples); !bad.empty())
-    return Error{std::move(bad)};
+  if (const std::string bad = validate_pad_samples<Scalar>(samples); !bad.empty())
+    return Error{"the pad has " + bad};
   if (static_cast<Index>(triangles.size()) != finder.triangle_count())
     return Error{"the pad gets " + std::to_string(triangles.size()) +
                  " triangles, its finder has " + std::to_string(finder.triangle_count())};

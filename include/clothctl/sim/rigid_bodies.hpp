@@ -100,7 +100,8 @@ class RigidBodies {
 
   /// Pose and velocities of the centre of mass of a body.
   const RigidMotion<Scalar>& motion(int body) const { return world_.body_state(body).motion; }
-  /// Gives a body a pose and velocities, and wakes it. Returns an empty string, or what is wrong.
+  /// Gives a body a pose and velocities, and wakes it. Returns an empty string, or what is wrong;
+  /// nothing changes then.
   std::string set_motion(int body, const RigidMotion<Scalar>& motion) {
     return world_.set_motion(body, motion);
   }

@@ -181,8 +181,7 @@ template <RealScalar Scalar>
 std::string RigidBodiesSettings<Scalar>::validate() const {
   const Scalar zero = Scalar(0), most = Scalar(1e15), tiny = Scalar(1e-12);
   using detail::validate_within;
-  std::string bad;
-  if (!all_finite(gravity)) bad = "a gravity that is not finite";
+  std::string bad = detail::validate_point("gravity", gravity);
   if (bad.empty()) bad = validate_within<Scalar>("stiffness", stiffness, Scalar(1), most);
   if (bad.empty()) bad = validate_within<Scalar>("relaxation", relaxation, Scalar(1e-3), Scalar(1));
   if (bad.empty()) bad = validate_within<Scalar>("push speed", push_speed, zero, most);
@@ -193,7 +192,8 @@ std::string RigidBodiesSettings<Scalar>::validate() const {
     bad = validate_within<Scalar>("velocity tolerance", velocity_tolerance, tiny, most);
   if (bad.empty() && (newton_contacts < 0 || newton_contacts > 200))
     bad = "room for " + std::to_string(newton_contacts) + " contacts; up to 200 are possible";
-  if (bad.empty() && sweeps < 1) bad = std::to_string(sweeps) + " sweeps; at least 1 is needed";
+  if (bad.empty() && (sweeps < 1 || sweeps > 100000))
+    bad = std::to_string(sweeps) + " sweeps; 1 to 100000 are possible";
   return bad;
 }
 

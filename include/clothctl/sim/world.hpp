@@ -19,6 +19,7 @@
 // The world owns what is added to it, no thread and no main loop. The same calls give the same
 // bits.
 
+#include <cassert>
 #include <cstddef>
 #include <memory>
 #include <span>
@@ -26,12 +27,19 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/collision/self_contacts.hpp"
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/core/step_input.hpp"
 #include "clothctl/sim/detail/world_step.hpp"
 #include "clothctl/sim/world_setup.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// A world of sheets, rigid bodies and obstacles.
+///
+/// Sheets, hands, bodies, obstacles and pads have numbers: each kind is counted from 0, in the
+/// order in which they were added. What adds or sets something refuses a number that nothing has;
+/// what reads something asserts that its number is between 0 and the count - 1.
 template <RealScalar S>
 class World {
  public:
@@ -51,7 +59,7 @@ class World {
   template <class Model>
   Result<int> add_sheet(Model model, ClothState<Scalar> state, const SheetSetup& setup = {});
   /// Adds an obstacle that may move, and returns its number. Its motion goes on with its velocities
-  /// until you set another. Allocates. Fails when: `MovingCollider::create` does.
+  /// until you set another (`set_motion`). Allocates. Fails when: `MovingCollider::create` does.
   template <Collider<S> C>
   Result<int> add_obstacle(C shape, const RigidMotion<Scalar>& motion = {},
                            const ColliderSurface<Scalar>& surface = {},
@@ -81,8 +89,9 @@ class World {
   /// The bodies.
   const RigidBodies<Scalar>& bodies() const { return step_.parts.bodies; }
 
-  /// Advances everything by `dt` (s). Driven vertices of the inputs go straight to their positions.
-  /// Allocates only in the first step after something was added.
+  /// Advances everything by `dt` (s), 1e-9 to 1000. Driven vertices of the inputs go straight to
+  /// their positions. Allocates only in the first step after something was added. Fails when: see
+  /// WorldReport; `check_input` says why an input was refused.
   [[nodiscard]] WorldReport<Scalar> step(const Scalar& dt, const ExecutorRef& executor = {}) {
     return step_.step(dt, executor);
   }
@@ -90,6 +99,10 @@ class World {
   /// Returns an empty string, or why every step returns InvalidInput: a setting, or parts that do
   /// not go together, such as pads on a sheet whose model makes no factor of its step. Allocates.
   std::string check_setup() { return step_.check_setup(); }
+  /// Returns an empty string, or why a step of `dt` (s) returns InvalidInput: what `check_setup`
+  /// returns, the step length, or an entry of a sheet's input or a hand's drive, with its index and
+  /// value. Allocates. Complexity: O(vertices).
+  std::string check_input(const Scalar& dt) { return step_.check_input(dt); }
 
   /// Number of sheets.
   int sheet_count() const { return static_cast<int>(step_.parts.sheets.size()); }
@@ -102,47 +115,52 @@ class World {
   /// What carries a pad: an obstacle, or -1 - b for body b.
   int pad_carrier(int pad) const { return step_.grips.carrier(pad); }
   /// What a hand is to do in the steps to come; change it at will.
-  HandDrive<Scalar>& drive(int hand) { return step_.parts.hands[index(hand)]->drive; }
+  HandDrive<Scalar>& drive(int hand) { return item(step_.parts.hands, hand)->drive; }
   /// Positions and velocities of a hand.
-  const HandState<Scalar>& hand(int hand) const { return step_.parts.hands[index(hand)]->state; }
+  const HandState<Scalar>& hand(int hand) const { return item(step_.parts.hands, hand)->state; }
   /// The torques (nv) of a hand's controller in the last step, with its answer to contact.
-  const VectorX<Scalar>& torques(int hand) const { return step_.parts.hands[index(hand)]->torques; }
-  /// Puts a hand elsewhere. Returns false, and changes nothing, when the state is of another size
-  /// or not finite.
-  bool set_hand(int hand, const HandState<Scalar>& state);
+  const VectorX<Scalar>& torques(int hand) const { return item(step_.parts.hands, hand)->torques; }
+  /// Puts a hand elsewhere. Returns an empty string, or what is wrong (there is no such hand, a
+  /// size or a value of the state); nothing changes then.
+  std::string set_hand(int hand, const HandState<Scalar>& state);
   /// The contacts of a pad in the last step (its last part).
   std::span<const PadContact<Scalar>> pad_contacts(int pad) const {
     return step_.grips.contacts(pad);
   }
   /// The input of a sheet in the steps to come; change it at will.
-  ClothInput<Scalar>& input(int sheet) { return at(sheet).input; }
+  ClothInput<Scalar>& input(int sheet) { return item(step_.parts.sheets, sheet)->input; }
   /// The state of a sheet.
-  const ClothState<Scalar>& state(int sheet) const { return at(sheet).state; }
-  /// Puts a sheet elsewhere; its contacts are forgotten. Returns false, and changes nothing, when
-  /// the state is of another size or not finite.
-  bool set_state(int sheet, const ClothState<Scalar>& state);
+  const ClothState<Scalar>& state(int sheet) const {
+    return item(step_.parts.sheets, sheet)->state;
+  }
+  /// Puts a sheet elsewhere; its contacts are forgotten. Returns an empty string, or what is wrong
+  /// (there is no such sheet, a size, or a vertex and its value); nothing changes then.
+  std::string set_state(int sheet, const ClothState<Scalar>& state);
   /// The contacts of a sheet in the last step (its last part): `obstacle` is the number of an
   /// obstacle, or -1 - b for body b.
   std::span<const ObstacleContact<Scalar>> contacts(int sheet) const {
-    return step_.contacts[index(sheet)];
+    return item(step_.contacts, sheet);
   }
   /// The motion of an obstacle.
   const RigidMotion<Scalar>& motion(int obstacle) const {
-    return step_.parts.obstacles[index(obstacle)]->motion();
+    return item(step_.parts.obstacles, obstacle)->motion();
   }
-  /// Gives an obstacle a motion. Returns an empty string, or what is wrong.
-  std::string set_motion(int obstacle, const RigidMotion<Scalar>& motion) {
-    std::string bad = step_.parts.obstacles[index(obstacle)]->set_motion(motion);
-    if (bad.empty()) step_.parts.bodies.wake_all();
-    return bad;
-  }
+  /// Gives an obstacle its pose at the start of the next step, and velocities that hold within it
+  /// and go on after it. (A shape on a link goes where the link does.) Returns an empty string, or
+  /// what is wrong (there is no such obstacle, or a number of the motion); nothing changes then.
+  std::string set_motion(int obstacle, const RigidMotion<Scalar>& motion);
 
  private:
-  using Sheet = detail::WorldSheet<Scalar>;
-
-  static std::size_t index(int i) { return static_cast<std::size_t>(i); }
-  Sheet& at(int sheet) { return *step_.parts.sheets[index(sheet)]; }
-  const Sheet& at(int sheet) const { return *step_.parts.sheets[index(sheet)]; }
+  /// Returns element i, which must be there.
+  template <class List>
+  static auto& item(List& list, int i) {
+    assert(has(list, i));
+    return list[static_cast<std::size_t>(i)];
+  }
+  template <class List>
+  static bool has(const List& list, int i) {
+    return i >= 0 && static_cast<std::size_t>(i) < list.size();
+  }
 
   detail::WorldStep<Scalar> step_;
 };
@@ -153,11 +171,9 @@ Result<int> World<S>::add_sheet(Model model, ClothState<Scalar> state, const She
   const std::string name = "sheet " + std::to_string(step_.parts.sheets.size());
   if (const std::string bad = setup.validate(); !bad.empty()) return Error{name + " has " + bad};
   const Index n = model.vertex_count();
-  if (state.positions.cols() != n || state.velocities.cols() != n)
-    return Error{name + ": the state is not of the " + std::to_string(n) +
-                 " vertices of the model"};
-  if (!all_finite(state.positions) || !all_finite(state.velocities))
-    return Error{name + ": the state is not finite"};
+  std::string bad = check_state(state, n);
+  if (bad.empty()) bad = detail::validate_pairs("joined pair", setup.joined, n);
+  if (!bad.empty()) return Error{name + ": " + bad};
   const SpringNetwork<Scalar>& network = model.network();
   if (setup.meets_sheets) {
     const Result<SelfContactFinder<Scalar>> itself = SelfContactFinder<Scalar>::create(
@@ -208,11 +224,10 @@ requires ArticulatedDynamics<Model, S> Result<int> World<S>::add_hand(
   using Traits = articulated_traits<Model>;
   const std::string name = "hand " + std::to_string(step_.parts.hands.size());
   const Index nq = Traits::nq(model), nv = Traits::nv(model);
-  if (setup.positions.size() != nq || !all_finite(setup.positions))
-    return Error{name + " needs " + std::to_string(nq) + " finite positions"};
-  if (setup.velocities.size() > 0 &&
-      (setup.velocities.size() != nv || !all_finite(setup.velocities)))
-    return Error{name + " needs " + std::to_string(nv) + " finite velocities, or none"};
+  std::string bad = detail::find_bad_entry("positions", setup.positions, nq);
+  if (bad.empty() && setup.velocities.size() > 0)
+    bad = detail::find_bad_entry("velocities", setup.velocities, nv);
+  if (!bad.empty()) return Error{name + " has " + bad};
   Result<StablePd<Model, Scalar>> pd = StablePd<Model, Scalar>::create(model, setup.control);
   if (!pd) return Error{name + ": " + pd.error()};
   step_.parts.hands.push_back(std::make_unique<detail::WorldHandOf<Model, Scalar>>(
@@ -226,8 +241,8 @@ template <Collider<S> C>
 Result<int> World<S>::add_link_shape(int hand, int frame, C shape,
                                      const ColliderSurface<Scalar>& surface,
                                      const CollisionGroups& groups) {
-  if (hand < 0 || hand >= hand_count()) return Error{"no hand " + std::to_string(hand)};
-  detail::WorldHand<Scalar>& carrier = *step_.parts.hands[index(hand)];
+  if (!has(step_.parts.hands, hand)) return Error{missing_item_line("hand", hand, hand_count())};
+  detail::WorldHand<Scalar>& carrier = *item(step_.parts.hands, hand);
   if (!carrier.has_frame(frame))
     return Error{"hand " + std::to_string(hand) + " has no frame " + std::to_string(frame)};
   Result<int> added = add_obstacle(std::move(shape), carrier.frame_motion(frame), surface, groups);
@@ -241,8 +256,11 @@ template <RealScalar S>
 Result<int> World<S>::add_pad(int carrier, std::vector<PadSample<Scalar>> samples,
                               const PadSettings<Scalar>& settings) {
   const std::string name = "pad " + std::to_string(pad_count());
-  if (carrier >= obstacle_count() || -1 - carrier >= step_.parts.bodies.body_count())
-    return Error{name + ": nothing has the number " + std::to_string(carrier)};
+  const int bodies = step_.parts.bodies.body_count();
+  if (carrier >= obstacle_count())
+    return Error{name + ": " + missing_item_line("obstacle", carrier, obstacle_count())};
+  if (-1 - carrier >= bodies)
+    return Error{name + ": " + missing_item_line("body", -1 - carrier, bodies)};
   std::string bad = validate_pad_samples<Scalar>(samples);
   if (bad.empty()) bad = settings.validate();
   if (!bad.empty()) return Error{name + " has " + bad};
@@ -251,16 +269,15 @@ Result<int> World<S>::add_pad(int carrier, std::vector<PadSample<Scalar>> sample
 }
 
 template <RealScalar S>
-bool World<S>::set_hand(int hand, const HandState<Scalar>& state) {
-  HandState<Scalar>& now = step_.parts.hands[index(hand)]->state;
-  if (state.positions.size() != now.positions.size() ||
-      state.velocities.size() != now.velocities.size() || !all_finite(state.positions) ||
-      !all_finite(state.velocities))
-    return false;
-  now = state;
-  step_.parts.hands[index(hand)]->update_frames();
+std::string World<S>::set_hand(int hand, const HandState<Scalar>& state) {
+  if (!has(step_.parts.hands, hand)) return missing_item_line("hand", hand, hand_count());
+  detail::WorldHand<Scalar>& now = *item(step_.parts.hands, hand);
+  if (const std::string bad = now.check_state(state); !bad.empty())
+    return "hand " + std::to_string(hand) + " has " + bad;
+  now.state = state;
+  now.update_frames();
   step_.move_links();
-  return true;
+  return {};
 }
 
 template <RealScalar S>
@@ -273,15 +290,25 @@ Result<int> World<S>::add_body(const RigidBodySetup<Scalar>& setup) {
 }
 
 template <RealScalar S>
-bool World<S>::set_state(int sheet, const ClothState<Scalar>& state) {
-  Sheet& s = at(sheet);
-  if (state.positions.cols() != s.state.positions.cols() ||
-      state.velocities.cols() != s.state.positions.cols() || !all_finite(state.positions) ||
-      !all_finite(state.velocities))
-    return false;
+std::string World<S>::set_state(int sheet, const ClothState<Scalar>& state) {
+  if (!has(step_.parts.sheets, sheet)) return missing_item_line("sheet", sheet, sheet_count());
+  detail::WorldSheet<Scalar>& s = *item(step_.parts.sheets, sheet);
+  if (const std::string bad = check_state(state, s.state.positions.cols()); !bad.empty())
+    return "sheet " + std::to_string(sheet) + ": " + bad;
   s.state = state;
   s.contacts.clear();
-  return true;
+  return {};
+}
+
+template <RealScalar S>
+std::string World<S>::set_motion(int obstacle, const RigidMotion<Scalar>& motion) {
+  if (!has(step_.parts.obstacles, obstacle))
+    return missing_item_line("obstacle", obstacle, obstacle_count());
+  if (const std::string bad = item(step_.parts.obstacles, obstacle)->set_motion(motion);
+      !bad.empty())
+    return "obstacle " + std::to_string(obstacle) + " has " + bad;
+  step_.parts.bodies.wake_all();
+  return {};
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -17,28 +17,29 @@ namespace clothctl::inline CLOTHCTL_ABI {
 /// How a sheet lives in a world.
 template <RealScalar Scalar>
 struct WorldSheetSetup {
-  /// Thickness, m: layers rest that far from each other, and half as far from obstacles. Of sheets
-  /// that meet each other, the largest counts for their layers.
+  /// Thickness, m, 1e-6 to 1: layers rest that far from each other, and half as far from obstacles.
+  /// Of sheets that meet each other, the largest counts for their layers.
   Scalar thickness = Scalar(2e-3);
   /// Whether it meets itself, and other sheets that have this set.
   bool meets_sheets = false;
   /// Pairs of vertices that count as one for that: seams, stitched layers.
   std::vector<std::array<int, 2>> joined = {};
-  /// Equal parts that a step of the world is divided into, at least; those of the sheet that asks
-  /// for most count. A thin sheet that a thin obstacle hits fast may need 2 to 4.
+  /// Equal parts that a step of the world is divided into, at least, 1 to 1000; those of the sheet
+  /// that asks for most count. A thin sheet that a thin obstacle hits fast may need 2 to 4.
   int substeps = 1;
   /// Which obstacles and bodies it touches.
   CollisionGroups groups = {};
-  /// Room for contacts; 0: 4 for each vertex.
+  /// Room for contacts, up to 1000000; 0: 4 for each vertex.
   Index contacts = 0;
 
   /// Returns an empty string, or what is wrong.
   std::string validate() const {
-    if (!is_finite(thickness) || !(Scalar(0) < thickness))
-      return "the thickness " + number_text(thickness) + " m, must be finite and positive";
+    if (!is_finite(thickness) || thickness < Scalar(1e-6) || Scalar(1) < thickness)
+      return "the thickness " + number_text(thickness) + " m, must be from 1e-6 to 1";
     if (substeps < 1 || substeps > 1000)
       return std::to_string(substeps) + " substeps, must be 1 to 1000";
-    if (contacts < 0) return "room for " + std::to_string(contacts) + " contacts";
+    if (contacts < 0 || contacts > 1000000)
+      return "room for " + std::to_string(contacts) + " contacts, must be 0 to 1000000";
     return {};
   }
 };
@@ -50,15 +51,24 @@ struct WorldSettings {
   RigidBodiesSettings<Scalar> bodies = {};
   /// Friction of sheets on sheets.
   Scalar sheet_friction = Scalar(0.3);
+
+  /// Returns an empty string, or what is wrong.
+  std::string validate() const {
+    if (!is_finite(sheet_friction) || sheet_friction < Scalar(0))
+      return "the sheet_friction " + number_text(sheet_friction) +
+             ", must be finite and not negative";
+    return bodies.validate();
+  }
 };
 
 /// What a step of a world did.
 template <RealScalar Scalar>
 struct WorldReport {
   /// Converged; IterationLimit: advanced, but a sheet, a pad, a body or the layers have not
-  /// settled: see the other entries. Any other status is that of sheet `sheet`, of hand `hand`, of
-  /// the pads where `pads` says so, else of the bodies; everything then is as before the step, but
-  /// contacts of sheets with obstacles are forgotten.
+  /// settled: see the other entries. InvalidInput: `World::check_input` says why. Any other status
+  /// is that of sheet `sheet`, of hand `hand`, of the pads where `pads` says so, else of the
+  /// bodies; everything then is as before the step, but contacts of sheets with obstacles are
+  /// forgotten.
   StepStatus status = StepStatus::Converged;
   /// The sheet or the hand that `status` is about.
   int sheet = -1, hand = -1;

@@ -8,7 +8,9 @@
 //   2. Sweeps over all constraints correct stretch beyond the limit rigidly (LimitRule).
 //   3. The last substep adds sweeps for the limit alone (TensionRule) until the largest stretch is
 //      well below it. Before each of them, points inside of obstacles are lifted to the surface:
-//      what the limit pulls in would come out later, at the cost of the limit.
+//      what the limit pulls in would come out later, at the cost of the limit. The contacts that
+//      the step corrects afterwards bring back what these sweeps took along, so that correction has
+//      as little effect on velocities: else what sticks would tremble.
 //
 // A sheet gives way to compression by folding: only large compressions are resisted, and partly.
 
@@ -50,6 +52,17 @@ void add_to_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Sca
   }
 }
 
+/// Calls `sweep()`; the share `still` of its corrections also moves the points at the start of the
+/// substep, so that it has no effect on velocities.
+template <class Sheet, RealScalar Scalar, class Sweep>
+void with_start(const Sheet& sheet, typename Sheet::Scratch& memory, const Scalar& still,
+                Sweep sweep) {
+  const bool moves = Scalar(0) < still;
+  if (moves) add_to_start(sheet, memory, Scalar(Scalar(0) - still));
+  sweep();
+  if (moves) add_to_start(sheet, memory, still);
+}
+
 /// Where the largest stretch `worst` is above `goal` (both by the current length), sweeps for the
 /// limit alone until none is, `extra_sweeps` at most, each after `lift(1 - still)`. The share
 /// `still` of the corrections also moves the points at the start of the substep, so it has no
@@ -69,20 +82,20 @@ Scalar sweep_until(const Scalar& goal, Scalar worst, const Scalar& still, const 
   if (!(goal < worst) || most < 1) return worst;
   const Scalar slack = slack_of_limit(settings.stretch_limit);
   const Rule plain{Sheet::Pack::all(slack)}, over = Rule::over_relaxed(slack);
-  add_to_start(sheet, memory, Scalar(Scalar(0) - still));
-  int end = 0, cycle = 0;
-  bool fast = false;
-  for (int i = 0; i < most && (fast || goal < worst); ++i) {
-    if (i == end) {
-      cycle += kCycle;
-      end = cycle < most - end ? end + cycle : most;
+  with_start(sheet, memory, still, [&] {
+    int end = 0, cycle = 0;
+    bool fast = false;
+    for (int i = 0; i < most && (fast || goal < worst); ++i) {
+      if (i == end) {
+        cycle += kCycle;
+        end = cycle < most - end ? end + cycle : most;
+      }
+      fast = goal < worst && i + kPlain < end;
+      lift(Scalar(Scalar(1) - still));
+      worst = sheet.sweep(fast ? over : plain, SweepOrder::Forward, memory).worst.largest();
+      ++report.iterations;
     }
-    fast = goal < worst && i + kPlain < end;
-    lift(Scalar(Scalar(1) - still));
-    worst = sheet.sweep(fast ? over : plain, SweepOrder::Forward, memory).worst.largest();
-    ++report.iterations;
-  }
-  add_to_start(sheet, memory, still);
+  });
   return worst;
 }
 
@@ -132,11 +145,12 @@ void correct_on_levels(const Sheet& sheet, typename Sheet::Scratch& memory,
 
 /// Does the sweeps of substep `part` on a sheet in lanes or batches. `strain()` corrects the
 /// triangle elements, `attach()` attached vertices and contacts, `lift()` lifts points out of
-/// obstacles. Writes sweeps, residual and status of the report.
+/// obstacles. Writes sweeps, residual and status of the report. Returns the share of the last
+/// sweeps that has no effect on velocities.
 template <class Sheet, RealScalar Scalar, class Strain, class Attach, class Lift>
-void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
-                        const PositionBasedSettings<Scalar>& settings, int part, Strain strain,
-                        Attach attach, Lift lift, StepReport<Scalar>& report) {
+Scalar sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
+                          const PositionBasedSettings<Scalar>& settings, int part, Strain strain,
+                          Attach attach, Lift lift, StepReport<Scalar>& report) {
   using Pack = typename Sheet::Pack;
   const Scalar zero = Scalar(0), one = Scalar(1), limit = settings.stretch_limit;
   const Scalar slack = slack_of_limit(limit);
@@ -152,15 +166,17 @@ void sweep_within_limit(const Sheet& sheet, typename Sheet::Scratch& memory,
     worst = sheet.sweep(rule, SweepOrder::Forward, memory).worst.largest();
     ++report.iterations;
   }
-  if (part < settings.substeps) return;
+  if (part < settings.substeps) return zero;
   const Scalar goal =
       relative_stretch(Scalar(limit < Scalar(0.02) ? limit * Scalar(0.75) : limit - Scalar(0.005)));
   // These sweeps correct what all substeps left, so the share of one substep goes into velocities.
   // The whole correction would keep a sheet near its pins in motion for ever.
   const Scalar others = one - one / Scalar(static_cast<double>(settings.substeps));
+  const int before = report.iterations;
   worst = sweep_until(goal, worst, others, sheet, memory, settings, lift, report);
   report.residual = zero < worst ? worst / (one - worst) : zero;
   if (relative_stretch(limit) < worst) report.status = StepStatus::IterationLimit;
+  return before < report.iterations ? others : zero;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -14,6 +14,7 @@
 #include "clothctl/cloth/detail/position_contacts.hpp"
 #include "clothctl/cloth/detail/reserved_list.hpp"
 #include "clothctl/cloth/detail/slow_motion.hpp"
+#include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -111,6 +112,26 @@ void move_carried(const Sheet& sheet, typename Sheet::Scratch& memory,
     for (Index c = 0; c < 3; ++c)
       x[static_cast<std::size_t>(c) * Sheet::kStride] =
           positions(c, v) + time * carried.velocities(c, static_cast<Index>(i));
+  }
+}
+
+/// Ends a step of `dt` s from `before` (3×n, m): gives the workspace's velocities of held vertices,
+/// and the impulses of carried ones.
+template <RealScalar Scalar>
+void end_held(const std::vector<int>& pinned, const Points<Scalar>& before,
+              const ClothInput<Scalar>& input, const Scalar& dt,
+              PositionBasedWorkspace<Scalar>& ws) {
+  for (const int vertex : pinned) ws.velocities.col(vertex).setConstant(Scalar(0));
+  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+    const Index vertex = input.driven_vertices[i];
+    const Vector3<Scalar> end = input.driven_positions.col(static_cast<Index>(i));
+    ws.velocities.col(vertex) = Vector3<Scalar>(end - before.col(vertex)) / dt;
+  }
+  const std::size_t others = ws.held.size() - ws.carried.vertices.size();
+  ws.carried.total = ws.held_impulses.end();
+  for (std::size_t i = 0; i < ws.carried.vertices.size(); ++i) {
+    ws.velocities.col(ws.carried.vertices[i]) = ws.carried.velocities.col(static_cast<Index>(i));
+    set_column(ws.carried.impulses, static_cast<Index>(i), ws.held_impulses.impulse(others + i));
   }
 }
 

@@ -14,8 +14,10 @@
 //   b ← b - r, at most μ (c - e) long     it sticks, or slips
 //
 // e = max(0, n·(x - x⁻ - h u_s)), at most c, is what this leaves of a motion outwards. At the end
-// of the substep x⁻ also moves by e n: pushing out gives no velocity. The impulse is ((c - e) n +
-// b)/(w h). A contact that slips forgets r; one that does not touch keeps it.
+// of the substep x⁻ also moves by e n: pushing out gives no velocity. The impulse is ((c - e) n + b
+// - s)/(w h), with s what of the corrections moved x⁻, too: they undo sweeps for a limit of stretch
+// that had no effect on velocities. A contact that slips forgets r; one that does not touch keeps
+// it.
 //
 // A point whose normal turned round since the last substep has passed through something thin: it
 // is corrected by the plane of that substep. Points inside edges and triangles keep the plane of
@@ -55,6 +57,8 @@ struct ContactPlane {
   /// c, m, and b.
   Scalar pressed;
   Triple<Scalar> held;
+  /// What of the corrections has no effect on velocities, m.
+  Triple<Scalar> still;
   /// x⁻ + h u_s, and the same less the way from where it stuck.
   Triple<Scalar> start, stuck;
   /// w_i/(m_i w); w, 1/kg; μ; the distance of the point from the surface where it rests, m.
@@ -111,19 +115,21 @@ class PositionContacts {
       Plane& plane = memory_.planes[i];
       if (plane.count == 0 || !ask(i, sum(plane, points))) continue;
       plane.pressed = Scalar(0);
-      plane.held = Vec{Scalar(0), Scalar(0), Scalar(0)};
+      plane.still = plane.held = Vec{Scalar(0), Scalar(0), Scalar(0)};
       plane.start = sum(plane, start) + plane.surface * h_;
       plane.stuck = plane.start - triple<Scalar>(contacts_.contacts()[i].offset);
       memory_.touching.push_back(static_cast<int>(i));
     }
   }
 
-  /// Corrects all points once. Returns the largest correction along a normal, either way, m.
+  /// Corrects all points once. The share `still` of it has no effect on velocities, and so gives no
+  /// impulse: the start of the substep moves with it. Returns the largest correction along a
+  /// normal, either way, m.
   template <class At>
-  Scalar correct(At points) {
+  Scalar correct(At points, const Scalar& still) {
     Scalar largest = Scalar(0);
     for (const int i : memory_.touching) {
-      const Scalar by = correct_one(memory_.planes[static_cast<std::size_t>(i)], points);
+      const Scalar by = correct_one(memory_.planes[static_cast<std::size_t>(i)], points, still);
       if (largest < by) largest = by;
     }
     return largest;
@@ -144,11 +150,11 @@ class PositionContacts {
 
   /// Corrects all points until none moves by a twentieth of the thickness, a few times at most:
   /// contacts that share vertices disturb each other. `last` is the largest correction of the pass
-  /// that was just made.
+  /// that was just made, `still` as above.
   template <class At>
-  void settle(At points, Scalar last) {
+  void settle(At points, Scalar last, const Scalar& still) {
     for (int pass = 0; pass < kMostPasses && Scalar(0.05) * thickness_ < last; ++pass)
-      last = correct(points);
+      last = correct(points, still);
   }
 
   /// Ends a substep: sets states and adds up impulses.
@@ -211,7 +217,7 @@ class PositionContacts {
   /// substep.
   bool ask(std::size_t i, const Vec& x);
   template <class At>
-  Scalar correct_one(Plane& plane, At points) const;
+  Scalar correct_one(Plane& plane, At points, const Scalar& still) const;
   template <class At, class StartAt>
   void end_one(std::size_t i, At points, StartAt start);
 
@@ -276,7 +282,7 @@ bool PositionContacts<S, kStride>::ask(std::size_t i, const Vec& x) {
 
 template <RealScalar S, std::size_t kStride>
 template <class At>
-S PositionContacts<S, kStride>::correct_one(Plane& plane, At points) const {
+S PositionContacts<S, kStride>::correct_one(Plane& plane, At points, const Scalar& still) const {
   using std::sqrt;
   const Scalar zero = Scalar(0);
   const Vec n = plane.normal, x = sum(plane, points);
@@ -296,7 +302,9 @@ S PositionContacts<S, kStride>::correct_one(Plane& plane, At points) const {
   held = held - n * dot(held, n);
   const Scalar square = squared_norm(held);
   if (limit * limit < square) held = held * (limit / sqrt(square));
-  move(plane, n * by + held - plane.held, points);
+  const Vec way = n * by + held - plane.held;
+  move(plane, way, points);
+  plane.still = plane.still + way * still;
   plane.held = held;
   return by < zero ? zero - by : by;
 }
@@ -318,7 +326,7 @@ void PositionContacts<S, kStride>::end_one(std::size_t i, At points, StartAt sta
   const Scalar e = outwards(dot(n, x - from), plane.pressed);
   move(plane, n * e, start);
   const Scalar normal = plane.pressed - e, limit = plane.friction * normal;
-  const Vec p = (n * normal + plane.held) / (plane.inverse_mass * h_);
+  const Vec p = (n * normal + plane.held - plane.still) / (plane.inverse_mass * h_);
   c.impulse += Vector3<Scalar>(p.x, p.y, p.z);
   const bool slips = !(squared_norm(plane.held) < Scalar(0.998) * limit * limit);
   c.state = slips ? ContactState::Slip : ContactState::Stick;

@@ -53,7 +53,8 @@ class BasicShape : public PointQueries<Shape, Scalar> {
 template <RealScalar Scalar>
 std::string validate_size(const char* name, const Scalar& value) {
   if (is_finite(value) && Scalar(0) < value && !is_unbounded(value)) return {};
-  return std::string("the ") + name + " " + number_text(value) + " m, must be finite and positive";
+  return std::string("the ") + name + " " + number_text(value) + " m, must be finite and positive" +
+         unbounded_text(value);
 }
 
 /// Returns an empty string, or the coordinate that is not finite. `name` is the point's.
@@ -62,7 +63,7 @@ std::string validate_point(const char* name, const Vector3<Scalar>& x) {
   for (int i = 0; i < 3; ++i) {
     if (!is_finite(x[i]) || is_unbounded(x[i]))
       return std::string("the ") + name + " with the coordinate " + std::to_string(i) + " = " +
-             number_text(x[i]) + ", must be finite";
+             number_text(x[i]) + ", must be finite" + unbounded_text(x[i]);
   }
   return {};
 }
@@ -72,7 +73,13 @@ std::string validate_point(const char* name, const Vector3<Scalar>& x) {
 template <RealScalar Scalar>
 std::string validate_rotation(const char* name, const Matrix3<Scalar>& R) {
   using std::abs;
-  if (!all_finite(R)) return std::string("the ") + name + " that is not finite";
+  for (int i = 0; i < 3; ++i) {
+    for (int j = 0; j < 3; ++j) {
+      if (is_finite(R(i, j))) continue;
+      return std::string("the ") + name + " with the entry (" + std::to_string(i) + ", " +
+             std::to_string(j) + ") = " + number_text(R(i, j)) + ", must be finite";
+    }
+  }
   const Matrix3<Scalar> product = R.transpose() * R;
   Scalar worst(0);
   for (int i = 0; i < 3; ++i) {
@@ -82,10 +89,11 @@ std::string validate_rotation(const char* name, const Matrix3<Scalar>& R) {
     }
   }
   if (Scalar(1e-5) < worst)
-    return std::string("the ") + name + " that is no rotation: its columns are off by " +
-           number_text(worst);
+    return std::string("the ") + name + " with columns that are off by " + number_text(worst) +
+           ", must be a rotation";
   const Vector3<Scalar> x = R.col(0), y = R.col(1), z = R.col(2);
-  if (x.cross(y).dot(z) < Scalar(0)) return std::string("the ") + name + " that is a reflection";
+  if (x.cross(y).dot(z) < Scalar(0))
+    return std::string("the ") + name + " of a reflection, must be a rotation";
   return {};
 }
 

@@ -270,6 +270,7 @@ void RigidWorld<Scalar>::reserve(std::size_t contacts) {
 
 template <RealScalar Scalar>
 std::string RigidWorld<Scalar>::set_motion(int n, const RigidMotion<Scalar>& motion) {
+  if (n < 0 || n >= count()) return missing_item_line("body", n, count());
   const std::string bad = motion.validate();
   if (!bad.empty()) return "body " + std::to_string(n) + " has " + bad;
   RigidMotion<Scalar> now = motion;

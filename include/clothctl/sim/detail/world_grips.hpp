@@ -6,6 +6,7 @@
 // in every step: a side is there when it is touched, and a point of what carries pads is a contact.
 
 #include <algorithm>
+#include <cassert>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -38,7 +39,10 @@ class WorldGrips {
     return pad_count() - 1;
   }
   int pad_count() const { return static_cast<int>(pads_.size()); }
-  int carrier(int pad) const { return pads_[static_cast<std::size_t>(pad)].carrier; }
+  int carrier(int pad) const {
+    assert(0 <= pad && pad < pad_count());
+    return pads_[index(pad)].carrier;
+  }
   /// Whether something carries a pad.
   bool carries(int carrier) const {
     return std::any_of(pads_.begin(), pads_.end(),
@@ -89,7 +93,8 @@ class WorldGrips {
 
   /// The contacts of a pad in the last solve.
   std::span<const PadContact<Scalar>> contacts(int pad) const {
-    return told_[static_cast<std::size_t>(pad)];
+    assert(0 <= pad && pad < pad_count());
+    return told_[index(pad)];
   }
   void save() {
     saved_before_ = before_;

@@ -6,15 +6,32 @@
 
 #include <cstddef>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "clothctl/collision/moving_collider.hpp"
 #include "clothctl/contact/articulated_response.hpp"
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/robot/stable_pd.hpp"
 #include "clothctl/sim/world_setup.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// Returns "" or what is wrong with a vector of a hand that must have `size` finite entries: the
+/// end of a message that begins with "hand 0 has".
+template <RealScalar Scalar>
+std::string find_bad_entry(const char* name, const VectorX<Scalar>& values, Index size) {
+  if (values.size() != size)
+    return std::string(name) + " of " + std::to_string(values.size()) + " entries, must be " +
+           std::to_string(size);
+  for (Index i = 0; i < size; ++i) {
+    if (!is_finite(values[i]))
+      return std::string(name) + " with the entry " + std::to_string(i) + " = " +
+             number_text(values[i]) + ", must be finite";
+  }
+  return {};
+}
 
 /// A hand whose model is not known.
 template <RealScalar Scalar>
@@ -48,6 +65,21 @@ class WorldHand {
   virtual bool finish(const Scalar& dt) = 0;
   /// Computes the frames at `state.positions`.
   virtual void update_frames() = 0;
+
+  /// Returns "" or what is wrong with a state of this hand, as `find_bad_entry` does.
+  std::string check_state(const HandState<Scalar>& other) const {
+    std::string bad = find_bad_entry("positions", other.positions, state.positions.size());
+    if (bad.empty()) bad = find_bad_entry("velocities", other.velocities, state.velocities.size());
+    return bad;
+  }
+  /// Returns "" or what is wrong with its drive, as `find_bad_entry` does.
+  std::string check_drive() const {
+    const Index nv = state.velocities.size();
+    std::string bad = find_bad_entry("a target", drive.target, state.positions.size());
+    if (bad.empty()) bad = find_bad_entry("a target_velocity", drive.target_velocity, nv);
+    if (bad.empty() && drive.torque.size() > 0) bad = find_bad_entry("a torque", drive.torque, nv);
+    return bad;
+  }
 
   HandState<Scalar> state;
   HandDrive<Scalar> drive;

@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/core/step_input.hpp"
 #include "clothctl/sim/detail/world_grips.hpp"
 #include "clothctl/sim/detail/world_layers.hpp"
 #include "clothctl/sim/detail/world_parts.hpp"
@@ -24,6 +26,8 @@ class WorldStep {
 
   /// Returns an empty string, or why every step is refused. Allocates after something was added.
   std::string check_setup();
+  /// Returns an empty string, or why a step of `dt` s is refused. Allocates.
+  std::string check_input(const Scalar& dt);
   /// Advances everything by `dt` s.
   Report step(const Scalar& dt, const ExecutorRef& executor);
   /// Gives the shapes of links the motion of their frames.
@@ -42,6 +46,9 @@ class WorldStep {
   using Obstacle = WorldObstacle<Scalar>;
 
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
+  static bool is_step_length(const Scalar& dt) {
+    return is_finite(dt) && !(dt < Scalar(1e-9)) && !(Scalar(1e3) < dt);
+  }
 
   /// Makes what depends on all that was added. Allocates. Returns an empty string, or what is
   /// wrong.
@@ -113,12 +120,30 @@ std::string WorldStep<S>::prepare() {
 
 template <RealScalar S>
 std::string WorldStep<S>::check_setup() {
-  std::string bad = settings.bodies.validate();
+  std::string bad = settings.validate();
   if (bad.empty() && !prepared) {
     bad = prepare();
     prepared = bad.empty();
   }
   return bad;
+}
+
+template <RealScalar S>
+std::string WorldStep<S>::check_input(const Scalar& dt) {
+  std::string bad = check_setup();
+  if (!bad.empty()) return bad;
+  if (!is_step_length(dt))
+    return "step length dt must be from 1e-9 to 1000 s, got " + number_text(dt) + " s";
+  for (std::size_t i = 0; i < parts.hands.size(); ++i) {
+    bad = parts.hands[i]->check_drive();
+    if (!bad.empty()) return "hand " + std::to_string(i) + " has " + bad;
+  }
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
+    const Sheet& sheet = *parts.sheets[i];
+    bad = check_step_input(sheet.state, sheet.input, dt, sheet.network().vertex_count());
+    if (!bad.empty()) return "sheet " + std::to_string(i) + ": " + bad;
+  }
+  return {};
 }
 
 template <RealScalar S>
@@ -151,7 +176,7 @@ template <RealScalar S>
 WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor) {
   Report report;
   report.status = StepStatus::InvalidInput;
-  if (!is_finite(dt) || !(Scalar(0) < dt) || !check_setup().empty()) return report;
+  if (!is_step_length(dt) || !check_setup().empty()) return report;
   report.status = StepStatus::Converged;
   save();
   grips.begin();
