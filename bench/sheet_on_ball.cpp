@@ -125,7 +125,7 @@ void xpbd(benchmark::State& state) {
 }
 void xpbd_limited(benchmark::State& state) {
   auto settings = PositionBasedSettings<double>::of(material_preset<double>("cotton").value());
-  settings.substeps = 4;
+  settings.substeps = static_cast<int>(state.range(1));
   settings.stretch_limit = 0.02;
   fall_on_ball(
       state, PositionBased<double>::create(level_sheet(static_cast<int>(state.range(0))), settings)
@@ -133,6 +133,6 @@ void xpbd_limited(benchmark::State& state) {
 }
 BENCHMARK(mass_spring)->Arg(33)->Arg(65)->Iterations(1)->Unit(benchmark::kSecond);
 BENCHMARK(xpbd)->Arg(33)->Arg(65)->Iterations(1)->Unit(benchmark::kSecond);
-BENCHMARK(xpbd_limited)->Arg(33)->Iterations(1)->Unit(benchmark::kSecond);
+BENCHMARK(xpbd_limited)->Args({33, 4})->Args({33, 20})->Iterations(1)->Unit(benchmark::kSecond);
 
 }  // namespace

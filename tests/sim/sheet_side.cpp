@@ -24,6 +24,8 @@ TEST_CASE("a position-based sheet answers with the masses of its vertices", "[si
   REQUIRE(side.attach(touched, state, ws, masses) == StepStatus::Converged);
   CHECK(side.point(2) == 1);
   CHECK(side.point(3) == -1);
+  REQUIRE(side.neighbours() != nullptr);  // pads hold patches of it
+  CHECK(side.neighbours()->of(5).size() > 1);
   VectorX<double> p(6);
   p << 0, 0, 1e-3, 2e-3, 0, 0;
   side.side().apply(p);
@@ -44,6 +46,7 @@ TEST_CASE("a mass-spring sheet answers as its step would with the force", "[sim]
   REQUIRE(model.step(pushed, none, 0.01, ws).advanced);
   detail::SheetSide<MassSpring<double>> side;
   REQUIRE(side.create(model, 1).empty());
+  CHECK(side.neighbours() == nullptr);
   const VectorX<double> masses = model.network().mass.cwiseInverse();
   const std::vector<int> touched{7};
   REQUIRE(side.attach(touched, pushed, ws, masses) == StepStatus::Converged);

@@ -12,8 +12,7 @@ Eigen::MatrixXd use_eigen_kernels(const Eigen::MatrixXd& a, const Eigen::MatrixX
   const Eigen::LLT<Eigen::MatrixXd> llt(square);
   const Eigen::PartialPivLU<Eigen::MatrixXd> lu(square);
   const Eigen::VectorXd x = llt.solve(a.col(0)) + lu.solve(b.col(0)) + a * b.col(0);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> eigen(square);
-  return llt.solve(a) + lu.solve(b) + square.inverse() + x * eigen.eigenvalues().transpose();
+  return llt.solve(a) + lu.solve(b) + square.inverse() + x * x.transpose();
 }
 
 }  // namespace clothctl_test

@@ -3,6 +3,8 @@
 // Instances of heavy templates that many tests use, besides those of CLOTHCTL_PRECOMPILED. They are
 // declared here, in the precompiled header of the tests, and compiled once, in instances.cpp.
 
+#include <Eigen/Dense>
+
 #include <clothctl/cloth.hpp>
 #include <clothctl/mpc.hpp>
 #include <clothctl/qp.hpp>
@@ -24,3 +26,12 @@ CLOTHCTL_TEST_EXTERN template void clothctl::BlockSymmetric<double>::multiply(
     const clothctl::Lanes<double, 8>&, clothctl::Lanes<double, 8>&) const;
 CLOTHCTL_TEST_EXTERN template void clothctl::BlockCholesky<double>::solve(
     clothctl::Lanes<double, 8>&);
+// Eigen's factors, an independent oracle of many tests.
+CLOTHCTL_TEST_EXTERN template class Eigen::LLT<Eigen::MatrixXd>;
+CLOTHCTL_TEST_EXTERN template Eigen::LLT<Eigen::MatrixXd>& Eigen::LLT<Eigen::MatrixXd>::compute(
+    const Eigen::EigenBase<Eigen::MatrixXd>&);
+CLOTHCTL_TEST_EXTERN template class Eigen::JacobiSVD<Eigen::MatrixXd>;
+CLOTHCTL_TEST_EXTERN template class Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>;
+CLOTHCTL_TEST_EXTERN template Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>&
+Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>::compute(const Eigen::EigenBase<Eigen::MatrixXd>&,
+                                                        int);

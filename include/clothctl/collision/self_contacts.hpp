@@ -492,4 +492,7 @@ int SelfContactFinder<Scalar>::count_crossings(const PointsView<Scalar>& x) {
   return count;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class SelfContactFinder<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

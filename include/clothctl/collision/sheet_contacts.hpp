@@ -455,4 +455,7 @@ void SheetContactFinder<Scalar>::search_inside(const ColliderRef<Scalar>& collid
       detail::closest_of<Scalar>(collider, x), slack);
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class SheetContactFinder<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

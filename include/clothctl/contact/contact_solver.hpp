@@ -335,4 +335,8 @@ ContactStatus ContactSolver<Scalar>::apply(std::span<const Sample> contacts, Sid
   return ContactStatus::Solved;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class detail::FrictionNewton<double>);
+CLOTHCTL_INSTANTIATE(class ContactSolver<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

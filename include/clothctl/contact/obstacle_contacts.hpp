@@ -325,4 +325,7 @@ QueryStatus ObstacleContacts<Scalar>::update(Obstacles obstacles,
   return status;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class ObstacleContacts<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

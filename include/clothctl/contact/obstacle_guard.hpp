@@ -355,4 +355,7 @@ void ObstacleGuard<S>::store(const Points<Scalar>& x, const VectorX<Scalar>& inv
   }
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class ObstacleGuard<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -447,4 +447,7 @@ void SheetImpacts<Scalar>::make_zones(SheetImpactReport& report) {
   report.zones = zones_.count();
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class SheetImpacts<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

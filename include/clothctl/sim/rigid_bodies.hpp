@@ -148,4 +148,8 @@ class RigidBodies {
   detail::RigidWorld<Scalar> world_;
 };
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class detail::IslandSolver<double>);
+CLOTHCTL_INSTANTIATE(struct detail::RigidWorld<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

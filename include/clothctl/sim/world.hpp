@@ -33,6 +33,12 @@
 #include "clothctl/sim/detail/world_step.hpp"
 #include "clothctl/sim/world_setup.hpp"
 
+#ifdef CLOTHCTL_PRECOMPILED
+#include "clothctl/cloth/mass_spring.hpp"  // what is compiled once
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
+#endif
+
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// A world of sheets, rigid bodies and obstacles.
@@ -310,5 +316,19 @@ std::string World<S>::set_motion(int obstacle, const RigidMotion<Scalar>& motion
   step_.parts.bodies.wake_all();
   return {};
 }
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp): a world with the sheets and
+// robots of this library.
+CLOTHCTL_INSTANTIATE(class detail::CarryingSide<PositionBased<double>>);
+CLOTHCTL_INSTANTIATE(class detail::WorldGrips<double>);
+CLOTHCTL_INSTANTIATE(class detail::WorldLayers<double>);
+CLOTHCTL_INSTANTIATE(class detail::WorldStep<double>);
+CLOTHCTL_INSTANTIATE(class World<double>);
+CLOTHCTL_INSTANTIATE(Result<int> World<double>::add_sheet(MassSpring<double>, ClothState<double>,
+                                                          const WorldSheetSetup<double>&));
+CLOTHCTL_INSTANTIATE(Result<int> World<double>::add_sheet(PositionBased<double>, ClothState<double>,
+                                                          const WorldSheetSetup<double>&));
+CLOTHCTL_INSTANTIATE(Result<int> World<double>::add_hand(KinematicTree<double>,
+                                                         const HandSetup<double>&));
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

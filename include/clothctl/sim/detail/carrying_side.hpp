@@ -70,6 +70,7 @@ class CarryingSide {
     start_ = velocity_ = Points<Scalar>::Constant(3, capacity, Scalar(0));
     return {};
   }
+  const VertexNeighbours<Scalar>* neighbours() const { return &neighbours_; }
   void carry(const GripPatches<Scalar>& grip, const ClothState<Scalar>& state, Workspace& ws);
   void hold(VectorX<Scalar>& inverse_masses) const {
     for (const int v : grip_.vertices()) inverse_masses[v] = Scalar(0);

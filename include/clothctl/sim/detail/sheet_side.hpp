@@ -36,7 +36,9 @@ class SheetSide {
     touched_.reserve(static_cast<std::size_t>(capacity));
     return {};
   }
-  /// Before and after the sheet's step, for a side that carries what pads hold.
+  /// What patches are found by, for a side that carries what pads hold: null for others.
+  const VertexNeighbours<Scalar>* neighbours() const { return nullptr; }
+  /// Before and after the sheet's step, for such a side.
   void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
   void hold(VectorX<Scalar>&) const {}
   void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
@@ -85,6 +87,7 @@ class SheetSide<Model> {
     impulses_.emplace(std::move(made).value());
     return {};
   }
+  const VertexNeighbours<Scalar>* neighbours() const { return nullptr; }
   void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
   void hold(VectorX<Scalar>&) const {}
   void release(const Model&, const ClothInput<Scalar>&, const Scalar&,

@@ -262,6 +262,7 @@ bool WorldGrips<Scalar>::closes(const WorldParts<Scalar>& parts, const Touch& t,
 template <RealScalar Scalar>
 void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, const Scalar& dt) {
   WorldSheet<Scalar>& there = *parts.sheets[index(sheet)];
+  if (there.neighbours() == nullptr) return;
   closed_.clear();
   for (Touch& t : touches_) {
     if (t.sheet != sheet) continue;
@@ -281,7 +282,7 @@ void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, cons
   };
   // The other links of a hand move with its pads.
   const auto counts = [&](int k) { return k < 0 || parts.obstacles[index(k)]->hand < 0; };
-  there.grip.find(closed_, there.neighbours, prescribed,
+  there.grip.find(closed_, *there.neighbours(), prescribed,
                   [&](int v) { return there.lies(v, counts); });
 }
 

@@ -38,6 +38,8 @@ class WorldSheet {
   /// The answer to impulses at the vertices, and the number of a vertex there.
   virtual ImpulseResponseRef<Scalar> side() = 0;
   virtual int point(int vertex) const = 0;
+  /// What the patches that pads hold are found by; null where the answer does not need them.
+  virtual const VertexNeighbours<Scalar>* neighbours() const = 0;
   /// Takes what impulses changed in `side` within a step of `dt` s.
   virtual void take_side(const Scalar& dt) = 0;
 
@@ -95,9 +97,8 @@ class WorldSheet {
   /// The obstacles that it may touch, and the number of each in the world's list.
   std::vector<ColliderRef<Scalar>> obstacles;
   std::vector<int> obstacle_number;
-  /// What pads hold, without pinned and driven vertices.
+  /// What pads hold, without pinned and driven vertices; empty where `neighbours` returns null.
   GripPatches<Scalar> grip;
-  VertexNeighbours<Scalar> neighbours;
   /// Number of its first vertex among those of all sheets that meet each other; -1 if it does not.
   Index first = -1;
 
@@ -145,9 +146,7 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
         model_(std::move(m)),
         ws_(model_.make_workspace(room)),
         guard_(ObstacleGuard<Scalar>::create(model_.vertex_count(), model_.network().triangles)),
-        inverse_mass_(model_.network().mass) {
-    this->neighbours = VertexNeighbours<Scalar>(model_.network());
-  }
+        inverse_mass_(model_.network().mass) {}
 
   StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) override {
     side_.carry(this->grip, this->state, ws_);
@@ -171,6 +170,7 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
   }
   ImpulseResponseRef<Scalar> side() override { return side_.side(); }
   int point(int vertex) const override { return side_.point(vertex); }
+  const VertexNeighbours<Scalar>* neighbours() const override { return side_.neighbours(); }
   void take_side(const Scalar& dt) override {
     side_.take(dt, 0 < this->contacts.report().closed, ws_);
   }
