@@ -5,9 +5,8 @@
 // contact of its own (ContactSample) with its share of the pad's stiffness. It remembers the
 // material point x_i = Σ w_k x_k of the sheet that it touches, a triangle and weights w.
 //
-// - Open: the line from p_i along n_i meets the sheet at the height g with |g| <= reach; where
-// there
-//   are several layers, at the least height. w is from there, and s_i = 0.
+// - Open: the line from p_i along n_i meets the sheet at the height g with |g| <= reach; of several
+//   layers, at the least height. w is from there, and s_i = 0.
 // - Sticking: triangle and weights stay. From the places at the start of the step,
 //   g = n_i·(x_i - p_i) and s_i is the part of x_i - p_i across the normal.
 // - Sliding: the sheet has moved on. w is where the line from p_i + s_i along n_i meets it, s_i
