@@ -69,10 +69,8 @@ TEST_CASE("momentum of a sheet and bodies with pads is kept without gravity", "[
   for (const double side : {1.0, -1.0}) {
     RigidBodySetup<double> ball{ConvexShape<double>::sphere(0.01).value()};
     ball.mass = 0.02;
-    ball.motion.position = at - side * Vec(0, 0.0095, 0);
     ball.motion.velocity = Vec(0.3, side * 0.2, -0.1);
-    const int body = world.add_body(ball).value();
-    (void)world.add_pad(-1 - body, pad_samples(side, side * Vec(0, 0.01, 0))).value();
+    add_ball_with_pad(world, side, at, ball);
   }
   const VectorX<double> mass = hanging_sheet(9).network().mass;
   const auto momentum = [&] {
@@ -155,13 +153,8 @@ TEST_CASE("a step with pads and a hand never allocates, and repeats its bits", "
   std::vector<Points<double>> ends;
   for (int run = 0; run < 2; ++run) {
     GrippedSheet held(9, 3);
-    REQUIRE(held.world.step(0.02).advanced);
-    const long before = allocations();
-    for (int i = 0; i < 50; ++i) {
-      held.world.drive(0).target[0] = 0.001 * i;
-      if (!held.world.step(0.02).advanced) FAIL("step " << i);
-    }
-    const long made = allocations() - before;
+    const long made = held.drag();
+    REQUIRE(made >= 0);
     if (allocation_counting_works()) CHECK(made == 0);
     ends.push_back(held.world.state(0).positions);
   }

@@ -15,6 +15,7 @@
 #include "clothctl/robot/kinematic_tree_builder.hpp"
 #include "clothctl/robot/kinematic_tree_model.hpp"
 #include "clothctl/sim/world.hpp"
+#include "support/allocations.hpp"
 
 namespace clothctl_test {
 
@@ -73,6 +74,16 @@ inline clothctl::SphereCollider<double> pad_ball() {
   return clothctl::SphereCollider<double>::create(clothctl::Vector3<double>::Zero(), 0.004).value();
 }
 
+/// Adds a ball with a pad on the `side` of `at`, where they press on a sheet in y = 0.
+inline void add_ball_with_pad(clothctl::World<double>& world, double side,
+                              const clothctl::Vector3<double>& at,
+                              clothctl::RigidBodySetup<double> ball) {
+  const clothctl::Vector3<double> y(0, side, 0);
+  ball.motion.position = at - 0.0095 * y;
+  const int body = world.add_body(ball).value();
+  (void)world.add_pad(-1 - body, pad_samples(side, 0.01 * y)).value();
+}
+
 /// A rail along x and two fingers on it that close along y, with their frames at the origin.
 inline clothctl::KinematicTree<double> two_fingers() {
   clothctl::KinematicTreeBuilder<double> robot;
@@ -124,6 +135,16 @@ struct GrippedSheet {
     }
   }
 
+  /// Moves the rail for a second. Returns the number of allocations, or -1 when a step failed.
+  long drag() {
+    if (!world.step(0.02).advanced) return -1;
+    const long before = allocations();
+    for (int i = 0; i < 50; ++i) {
+      world.drive(0).target[0] = 0.001 * i;
+      if (!world.step(0.02).advanced) return -1;
+    }
+    return allocations() - before;
+  }
   /// The sum of the impulses of the pads on the sheet, N s.
   clothctl::Vector3<double> impulse() const {
     clothctl::Vector3<double> sum = clothctl::Vector3<double>::Zero();

@@ -146,7 +146,7 @@ bool TriangleSweep<S>::follow(Triangle p, const Triangle& r, const Scalar& faste
                               TriangleImpact<Scalar>& out) const {
   const Scalar zero(0);
   // The least distance, and how near to it an impact is.
-  Scalar time = zero, stop = zero, near = zero;
+  Scalar time = zero, stop = zero, margin = zero;
   Scalar tolerance = Scalar(1e-3) * thickness_;
   for (int i = 0; i < kMostAdvances; ++i) {
     const Deep deep = deepest(p, tolerance);
@@ -166,12 +166,12 @@ bool TriangleSweep<S>::follow(Triangle p, const Triangle& r, const Scalar& faste
         const Vec way = out.weight[0] * r[0] + out.weight[1] * r[1] + out.weight[2] * r[2];
         return deep.normal.dot(way) < Scalar(-0.02) * thickness_;
       }
-      near = Scalar(0.1) * (deep.distance < thickness_ ? deep.distance : thickness_);
-      if (inside) near = Scalar(0.002) * thickness_;
-      stop = inside ? Scalar(deep.distance - Scalar(10) * near) : near;
-      if (Scalar(0.1) * near < tolerance) tolerance = Scalar(0.1) * near;
+      margin = Scalar(0.1) * (deep.distance < thickness_ ? deep.distance : thickness_);
+      if (inside) margin = Scalar(0.002) * thickness_;
+      stop = inside ? Scalar(deep.distance - Scalar(10) * margin) : margin;
+      if (Scalar(0.1) * margin < tolerance) tolerance = Scalar(0.1) * margin;
     }
-    if (deep.distance < stop + near) return true;
+    if (deep.distance < stop + margin) return true;
     Scalar step = (deep.distance - stop) / fastest, plane = Scalar(2);
     for (std::size_t k = 0; k < 3; ++k) {
       const Scalar above = deep.normal.dot(Vec(p[k] - foot)) - stop;

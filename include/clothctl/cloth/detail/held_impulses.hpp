@@ -50,28 +50,17 @@ class HeldImpulses {
     for (const int v : vertices) held_.push_back({v, mass[v], {}, {}, zero()});
     unaccounted_ = zero();
   }
-  /// Gives them the inverse mass ε/m, in the points of a sheet.
-  template <class Sheet>
-  void weigh(const Sheet& sheet, typename Sheet::Scratch& memory) const {
-    for (const Held& one : held_)
-      at(sheet, memory.points, one.vertex)[3 * Sheet::kStride] = light(one);
-  }
-  /// Gives them the inverse mass 0 again.
-  template <class Sheet>
-  void hold(const Sheet& sheet, typename Sheet::Scratch& memory) const {
-    for (const Held& one : held_)
-      at(sheet, memory.points, one.vertex)[3 * Sheet::kStride] = Scalar(0);
-  }
-  /// Before the sweeps of a substep, with the vertices where they are held.
+  /// Before the sweeps of a substep, with the vertices where they are held: gives them the inverse
+  /// mass ε/m in the points of the sheet.
   template <class Sheet>
   void begin_sweeps(const Sheet& sheet, typename Sheet::Scratch& memory) {
     for (Held& one : held_) {
       one.place = read(sheet, memory.points, one.vertex);
       one.moved = way_in_substep(sheet, memory, one.vertex);
+      at(sheet, memory.points, one.vertex)[3 * Sheet::kStride] = light(one);
     }
-    weigh(sheet, memory);
   }
-  /// After the sweeps of a substep of `h` s.
+  /// After the sweeps of a substep of `h` s: puts them back, with the inverse mass 0.
   template <class Sheet>
   void end_sweeps(const Scalar& h, const Sheet& sheet, typename Sheet::Scratch& memory) {
     for (Held& one : held_) {
@@ -79,8 +68,8 @@ class HeldImpulses {
       one.impulse = one.impulse - (now - one.moved) / (h * light(one));
       write(sheet, memory.points, one.vertex, one.place);
       write(sheet, memory.start, one.vertex, one.place - one.moved);
+      at(sheet, memory.points, one.vertex)[3 * Sheet::kStride] = Scalar(0);
     }
-    hold(sheet, memory);
   }
   /// Does something that keeps no momentum, and notes by how much that of the rest changes.
   /// `velocity(v)` returns that of a vertex, m/s; masses and inverse masses are n, kg and 1/kg.
