@@ -173,6 +173,38 @@ TEST_CASE("a contact brings back what sweeps without effect on velocities moved"
   CHECK((impulse - Vector3<double>(-0.25 * 6e-6, 0, 2e-5)).norm() < 1e-15);
 }
 
+TEST_CASE("a contact that sweeps for a limit release or press tells what it did, and never pulls",
+          "[cloth]") {
+  const double still = 0.95;
+  for (const double lifted : {1e-5, 5e-5, -5e-5}) {
+    for (const double in : {2e-5, -5e-5}) {  // it comes in, or is deep and on its way out
+      CAPTURE(lifted, in);
+      Particle<PlaneCollider<double>> p(floor_of(0.5),
+                                        Vector3<double>(0, 0, kThickness - (in < 0 ? 1e-4 : 0.0)));
+      p.before = p.now;
+      const auto at = [&](int v) { return p.now.data() + 3 * v; };
+      const auto start = [&](int v) { return p.before.data() + 3 * v; };
+      p.now.col(0) += Vector3<double>(1e-5, 0, -in);
+      const Vector3<double> way = (p.now - p.before).col(0);
+      p.solver->begin_substep(kH, kH, at, start);
+      (void)p.solver->correct(at, 0.0);
+      p.now(2, 0) += lifted;
+      p.before(2, 0) += still * lifted;
+      Points<double> reached = p.now;
+      (void)p.solver->correct(at, still);
+      p.before += still * (p.now - reached);
+      p.solver->end_substep(at, start);
+      // The sweep itself counts by 1 - still.
+      const Vector3<double> swept(0, 0, (1 - still) * lifted);
+      const Vector3<double> changed = (p.now - p.before).col(0) - way - swept;
+      const Vector3<double> impulse = p.contact().impulse * kH / 0.01;
+      CHECK((impulse - changed).norm() < 1e-18);
+      CHECK(impulse[2] >= -1e-18);
+      CHECK(impulse.head<2>().norm() <= 0.5 * impulse[2] + 1e-18);
+    }
+  }
+}
+
 TEST_CASE("a point inside an obstacle is lifted to its surface, one above is left alone",
           "[cloth]") {
   Particle<PlaneCollider<double>> p(floor_of(0.5), Vector3<double>(0, 0, kThickness));

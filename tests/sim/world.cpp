@@ -13,6 +13,7 @@
 
 #include "support/allocations.hpp"
 #include "support/meshes.hpp"
+#include "support/pads.hpp"
 #include "support/sheet_on_obstacles.hpp"
 #include "support/tier.hpp"
 
@@ -353,4 +354,98 @@ TEST_CASE("random worlds stay finite", "[sim]") {
     CHECK(finite);
   }
   CHECK(advanced > steps * 9 / 10);
+}
+
+namespace {
+
+/// A ball that does not answer, or wrongly.
+struct FaultyBall {
+  SphereCollider<double> ball;
+  int fault;
+
+  QueryStatus distance(const PointsView<double>& x, Eigen::Ref<VectorX<double>> d) const {
+    return ball.distance(x, d);
+  }
+  QueryStatus closest(const PointsView<double>& x, std::span<SurfacePoint<double>> out) const {
+    (void)ball.closest(x, out);
+    for (SurfacePoint<double>& q : out) {
+      if (fault == 1) q.distance = std::numeric_limits<double>::quiet_NaN();
+      if (fault == 2) q.normal[1] = std::numeric_limits<double>::quiet_NaN();
+      if (fault == 3) q.normal *= 5;
+    }
+    return fault == 0 ? QueryStatus::InvalidArgument : QueryStatus::Answered;
+  }
+  QueryStatus sweep(const PointsView<double>& from, const PointsView<double>& to, double radius,
+                    double dt, Eigen::Ref<VectorX<double>> times) const {
+    return ball.sweep(from, to, radius, dt, times);
+  }
+  BoundingBox<double> bounds(double dt) const { return ball.bounds(dt); }
+};
+
+}  // namespace
+
+TEST_CASE("a collider that does not answer, or wrongly, stops the step", "[sim]") {
+  for (const int fault : {0, 1, 2, 3, 4}) {
+    CAPTURE(fault);
+    World<double> world;
+    ClothState<double> state = hanging_sheet(9).rest_state();
+    state.positions.row(2).array() += 0.2 - state.positions.row(2).minCoeff();
+    const Points<double> start = state.positions;
+    (void)world.add_sheet(limited_sheet(9), std::move(state)).value();
+    const auto ball = SphereCollider<double>::create(Vector3<double>::Zero(), 0.15).value();
+    (void)world.add_obstacle(FaultyBall{ball, fault}).value();
+    int refused = 0;
+    for (int i = 0; i < 30; ++i) {
+      const Points<double> before = world.state(0).positions;
+      const WorldReport<double> report = world.step(1.0 / 60);
+      if (report.advanced) continue;
+      ++refused;
+      CHECK(report.status == StepStatus::InvalidState);
+      CHECK(report.sheet == 0);
+      CHECK(world.state(0).positions == before);
+    }
+    CHECK((fault < 4) == (refused > 0));
+    CHECK(world.state(0).positions != start);
+  }
+}
+
+TEST_CASE("an obstacle that is not valid is refused by number", "[sim]") {
+  World<double> world;
+  const auto ball = SphereCollider<double>::create(Vector3<double>::Zero(), 0.15).value();
+  ColliderSurface<double> surface;
+  surface.friction = -1;
+  (void)world.add_obstacle(ball).value();
+  CHECK(world.add_obstacle(ball, {}, surface).error() ==
+        "obstacle 1: the moving collider has the friction coefficient -1, must be finite and not "
+        "negative");
+  CHECK(world.obstacle_count() == 1);
+}
+
+TEST_CASE("fast sheets do not pass obstacles, or the report says that they may", "[sim]") {
+  const auto slab =
+      BoxCollider<double>::create(Vector3<double>(0, 0, -0.02), Vector3<double>(0.5, 0.5, 0.02))
+          .value();
+  for (const bool limited : {false, true}) {
+    for (const double speed : {5.0, 20.0, 40.0, 1000.0}) {
+      CAPTURE(limited, speed);
+      World<double> world;
+      (void)world.add_obstacle(slab).value();
+      ClothState<double> state = hanging_sheet(9).rest_state();
+      const Points<double> hanging = state.positions;
+      state.positions.row(1) = hanging.row(2);  // level
+      state.positions.row(2).setConstant(0.3);
+      state.velocities.row(2).setConstant(-speed);
+      (void)(limited ? world.add_sheet(limited_sheet(9), state)
+                     : world.add_sheet(hanging_sheet(9), state))
+          .value();
+      bool complete = true;
+      for (int i = 0; i < 20; ++i) {
+        const WorldReport<double> report = world.step(1.0 / 60);
+        REQUIRE(report.advanced);
+        complete = complete && report.complete;
+      }
+      CHECK(complete == (speed < 100));
+      if (complete) CHECK(world.state(0).positions.row(2).minCoeff() > -0.02);
+    }
+  }
 }

@@ -67,3 +67,70 @@ TEST_CASE("a step that fails leaves hands, pads and sheets as they were", "[sim]
   CHECK(held.world.state(0).positions == same.world.state(0).positions);
   CHECK(held.world.hand(0).positions == same.world.hand(0).positions);
 }
+
+TEST_CASE("what sheets pressed on a hand in a step that fails is forgotten", "[sim]") {
+  KinematicTreeBuilder<double> robot;
+  Inertia<double> tray;
+  tray.mass = 0.2;
+  tray.about_com.diagonal().setConstant(1e-4);
+  Joint<double> lift;
+  lift.name = "lift";
+  lift.type = JointType::Prismatic;
+  lift.parent = "world";
+  lift.child = "tray";
+  lift.axis = Vector3<double>(0, 0, 1);
+  lift.limits = {-10, 10, 100, 1e4};
+  robot.add_link("world").add_link("tray", tray).add_joint(lift);
+  const KinematicTree<double> tree = robot.build().value();
+  const auto plane =
+      PlaneCollider<double>::create(Vector3<double>::Zero(), Vector3<double>(0, 0, 1)).value();
+  // The sheet that is refused comes before the one that lies on the tray, or after it.
+  for (const int refused : {0, 1}) {
+    CAPTURE(refused);
+    const auto make = [&](World<double>& world) {
+      HandSetup<double> setup;
+      setup.positions = VectorX<double>::Zero(1);
+      setup.control = StablePdSettings<double>::uniform(1, 100, 10);
+      (void)world.add_hand(tree, setup).value();
+      (void)world.add_link_shape(0, tree.find_link("tray"), plane).value();
+      for (const int k : {0, 1}) {
+        ClothState<double> state = hanging_sheet(6).rest_state();
+        const Points<double> hanging = state.positions;
+        state.positions.row(1) = hanging.row(2);  // level
+        state.positions.row(2).setConstant(k == refused ? 1.0 : 0.002);
+        (void)world.add_sheet(hanging_sheet(6), std::move(state)).value();
+      }
+    };
+    World<double> failed, other;
+    make(failed);
+    make(other);
+    for (int i = 0; i < 50; ++i) {
+      REQUIRE(failed.step(0.01).advanced);
+      REQUIRE(other.step(0.01).advanced);
+    }
+    const VectorX<double> torques = failed.torques(0);
+    failed.input(refused).driven_vertices = {999};
+    failed.input(refused).driven_positions = Points<double>::Zero(3, 1);
+    failed.drive(0).target[0] = 0.01;
+    CHECK(!failed.step(0.01).advanced);
+    CHECK(failed.torques(0) == torques);
+    failed.input(refused).clear();
+    failed.drive(0).target[0] = 0;
+    // The failed step forgets contacts.
+    for (const int k : {0, 1}) REQUIRE(other.set_state(k, other.state(k)).empty());
+    for (int i = 0; i < 3; ++i) {
+      REQUIRE(failed.step(0.01).advanced);
+      REQUIRE(other.step(0.01).advanced);
+      CHECK(failed.hand(0).velocities == other.hand(0).velocities);
+    }
+  }
+}
+
+TEST_CASE("a body that was added elsewhere after a step is refused", "[sim]") {
+  World<double> world;
+  REQUIRE(world.step(0.01).advanced);
+  RigidBodySetup<double> ball{ConvexShape<double>::sphere(0.05).value()};
+  (void)world.bodies().add(ball).value();
+  CHECK(world.check_setup() == "a body was added elsewhere");
+  CHECK(!world.step(0.01).advanced);
+}

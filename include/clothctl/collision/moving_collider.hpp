@@ -94,7 +94,8 @@ class MovingCollider : public detail::PointQueries<MovingCollider<Scalar, C>, Sc
   Scalar distance_at(const Vector3<Scalar>& x) const {
     return detail::distance_of<Scalar>(shape_, to_body(x));
   }
-  /// Returns everything about the surface closest to a finite point.
+  /// Returns everything about the surface closest to a finite point. The distance is not a number
+  /// where the shape does not answer.
   SurfacePoint<Scalar> closest_at(const Vector3<Scalar>& x) const;
   /// Returns the time of impact of a ball with a finite path.
   Scalar sweep_at(const Vector3<Scalar>& from, const Vector3<Scalar>& to, const Scalar& radius,
@@ -119,7 +120,16 @@ class MovingCollider : public detail::PointQueries<MovingCollider<Scalar, C>, Sc
 template <RealScalar Scalar, Collider<Scalar> C>
 SurfacePoint<Scalar> MovingCollider<Scalar, C>::closest_at(const Vector3<Scalar>& x) const {
   const Vector3<Scalar> local = to_body(x);
-  SurfacePoint<Scalar> out = detail::closest_of<Scalar>(shape_, local);
+  SurfacePoint<Scalar> out;
+  const detail::OnePoint<Scalar> point(local.data(), 3, 1);
+  const std::span<SurfacePoint<Scalar>> answer(&out, 1);
+  if (collider_traits<C>::closest(shape_, PointsView<Scalar>(point), answer) !=
+      QueryStatus::Answered) {
+    const Scalar infinity = scalar_traits<Scalar>::infinity();
+    out = {};
+    out.distance = infinity - infinity;  // not a number
+    return out;
+  }
   const Matrix3<Scalar>& R = motion_.R_world_body;
   const Vector3<Scalar> arm = R * out.point;
   out.point = motion_.position + arm;

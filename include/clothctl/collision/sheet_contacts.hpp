@@ -141,7 +141,8 @@ class SheetContactFinder {
 
   /// Finds the contacts with a collider: points at most `margin` (m) from its surface, or inside of
   /// it. `dt` (s) is the step for which the collider's box is taken. InvalidArgument: a number is
-  /// negative or not finite, or the collider did not answer; there are no contacts then.
+  /// negative or not finite, or the collider did not answer, or with a distance that is not a
+  /// number or a normal that is not of length one; there are no contacts then.
   template <Collider<Scalar> C>
   QueryStatus find(const C& collider, const Scalar& margin, const Scalar& dt) {
     if constexpr (std::same_as<C, ColliderRef<Scalar>>)
@@ -170,6 +171,12 @@ class SheetContactFinder {
   void search_edge(const ColliderRef<Scalar>& collider, int edge, const Scalar& margin);
   void search_inside(const ColliderRef<Scalar>& collider, const detail::SheetPart& part,
                      const Scalar& margin);
+  /// Returns whether a distance is a number, and a normal within `margin` of length one.
+  static bool is_sound(const SurfacePoint<Scalar>& q, const Scalar& margin) {
+    if (margin < q.distance) return true;
+    const Scalar square = q.normal.squaredNorm();
+    return q.distance <= margin && Scalar(0.98) < square && square < Scalar(1.02);
+  }
   Deep evaluate(const ColliderRef<Scalar>& collider, const Vector3<Scalar>& x, const Scalar& s,
                 const Scalar& t) const {
     const SurfacePoint<Scalar> q = detail::closest_of<Scalar>(collider, x);
@@ -334,6 +341,9 @@ QueryStatus SheetContactFinder<Scalar>::find_in(const ColliderRef<Scalar>& colli
   if (collider.closest(near_x_.leftCols(count), answers) != QueryStatus::Answered)
     return QueryStatus::InvalidArgument;
   const Vector3<Scalar> whole(Scalar(1), Scalar(0), Scalar(0));
+  for (const int v : near_vertices_) {
+    if (!is_sound(answer(v), margin)) return QueryStatus::InvalidArgument;
+  }
   for (const int v : near_vertices_) {
     if (answer(v).distance <= margin) add({v, -1, -1}, whole, x_.col(v), answer(v));
   }

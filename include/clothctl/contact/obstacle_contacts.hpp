@@ -33,8 +33,8 @@ template <RealScalar Scalar>
 struct ObstacleContactSettings {
   /// Distance of the sheet's middle surface from a surface that it touches, m.
   Scalar thickness = Scalar(1e-3);
-  /// Largest distance at which contacts are listed, m. A vertex that comes from farther within one
-  /// step may pass through what is thin.
+  /// Largest distance at which contacts are listed, m. Where a step may go farther, a vertex may
+  /// pass through the obstacle, and `complete` says so.
   Scalar reach = Scalar(0.2);
   /// A point that starts a step too deep is pushed out at most this fast, m/s.
   Scalar push_out_speed = Scalar(0.5);
@@ -122,7 +122,8 @@ class ObstacleContacts {
   std::span<const ObstacleContact<Scalar>> contacts() const { return contacts_; }
   /// The number of contacts that there is room for.
   std::size_t capacity() const { return contacts_.capacity(); }
-  /// False when the last update found more contacts than there was room for.
+  /// False when the last update found more contacts than there was room for, or sheet and obstacle
+  /// can get farther in the step than `reach`.
   bool complete() const { return complete_; }
   /// True when a contact was closed in the last step.
   bool any_closed() const { return !memory_.empty(); }
@@ -153,6 +154,12 @@ class ObstacleContacts {
   /// which is added if there is none. Returns false where there is no room for it.
   bool add(const SheetContact<Scalar>& point, int obstacle, const Vector3<Scalar>& impulse);
 
+  /// Returns whether contacts of a step of `dt` s are listed far enough where sheet and obstacle
+  /// approach each other with `speed` (m/s).
+  bool reaches(const Scalar& speed, const Scalar& dt) const {
+    return margin_for(speed, dt) <= settings_.reach;
+  }
+
   /// Forgets all contacts, as after the sheet was put elsewhere.
   void clear() {
     contacts_.clear();
@@ -182,7 +189,11 @@ class ObstacleContacts {
   void remember();
   /// Gives a contact what is remembered of it.
   void recall(ObstacleContact<Scalar>& contact, const Scalar& dt) const;
-  /// Returns the distance at which contacts with an obstacle are listed.
+  Scalar margin_for(const Scalar& speed, const Scalar& dt) const {
+    // Tension pulls vertices faster than any was: the corner of a sheet cracks like a whip.
+    return Scalar(2) * settings_.thickness + dt * (Scalar(2) * speed + Scalar(40) * dt);
+  }
+  /// Returns the distance at which contacts with an obstacle should be listed.
   Scalar margin(const ColliderRef<Scalar>& obstacle, const Scalar& speed, const Scalar& dt,
                 const PointsView<Scalar>& x) const;
   QueryStatus list(Obstacles obstacles, const PointsView<Scalar>& velocities, const Scalar& dt,
@@ -269,10 +280,7 @@ Scalar ObstacleContacts<Scalar>::margin(const ColliderRef<Scalar>& obstacle, con
       if (other < size) other = size;
     }
   }
-  // Tension pulls vertices faster than any was: the corner of a sheet cracks like a whip.
-  const Scalar way = dt * (Scalar(2) * (speed + other) + Scalar(40) * dt);
-  const Scalar wanted = Scalar(2) * settings_.thickness + way;
-  return wanted < settings_.reach ? wanted : settings_.reach;
+  return margin_for(speed + other, dt);
 }
 
 template <RealScalar Scalar>
@@ -291,8 +299,10 @@ QueryStatus ObstacleContacts<Scalar>::list(Obstacles obstacles,
   speed = sqrt(speed);
   if (velocities.cols() == 0) return QueryStatus::Answered;
   for (std::size_t i = 0; i < obstacles.size(); ++i) {
-    const Scalar reach = margin(obstacles[i], speed, dt, finder.positions());
-    const QueryStatus status = finder.find(obstacles[i], reach, dt);
+    const Scalar wanted = margin(obstacles[i], speed, dt, finder.positions());
+    const bool within = wanted <= settings_.reach;
+    complete_ = complete_ && within;
+    const QueryStatus status = finder.find(obstacles[i], within ? wanted : settings_.reach, dt);
     if (status != QueryStatus::Answered) return status;
     complete_ = complete_ && finder.complete();
     for (const SheetContact<Scalar>& point : finder.contacts()) {

@@ -64,7 +64,8 @@ class World {
   /// not finite, or the mesh of its network is not sound.
   template <class Model>
   Result<int> add_sheet(Model model, ClothState<Scalar> state, const SheetSetup& setup = {});
-  /// Adds an obstacle that may move, and returns its number. Its motion goes on with its velocities
+  /// Adds an obstacle that may move, and returns its number. `surface` takes the place of the
+  /// friction and the body number that the collider answers. Its motion goes on with its velocities
   /// until you set another (`set_motion`). Allocates. Fails when: `MovingCollider::create` does.
   template <Collider<S> C>
   Result<int> add_obstacle(C shape, const RigidMotion<Scalar>& motion = {},
@@ -213,7 +214,7 @@ Result<int> World<S>::add_obstacle(C shape, const RigidMotion<Scalar>& motion,
                                    const CollisionGroups& groups) {
   Result<MovingCollider<Scalar, C>> moving =
       MovingCollider<Scalar, C>::create(std::move(shape), motion, surface);
-  if (!moving) return Error{moving.error()};
+  if (!moving) return Error{"obstacle " + std::to_string(obstacle_count()) + ": " + moving.error()};
   auto obstacle = std::make_unique<detail::WorldObstacleOf<Scalar, C>>(std::move(moving).value());
   obstacle->groups = groups;
   Result<int> added = step_.parts.bodies.add_obstacle(obstacle->collider(), Scalar(0), groups);

@@ -82,7 +82,9 @@ struct WorldReport {
   Scalar force_residual = Scalar(0);
   /// Edges that cross a triangle of a sheet.
   int crossings = 0;
-  /// False when there was not room for all contacts of a sheet.
+  /// False when contacts of a sheet may be missing: there was not room for all, or sheet and
+  /// obstacle can get farther in a part of the step than contacts are looked for (0.2 m). A step is
+  /// divided into up to 16 parts so that sheets do not.
   bool complete = true;
   /// The contacts of pads.
   ContactReport<Scalar> pads = {};

@@ -16,8 +16,9 @@
 // e = max(0, n·(x - x⁻ - h u_s)), at most c, is what this leaves of a motion outwards. At the end
 // of the substep x⁻ also moves by e n: pushing out gives no velocity. The impulse is ((c - e) n + b
 // - s)/(w h), with s what of the corrections moved x⁻, too: they undo sweeps for a limit of stretch
-// that had no effect on velocities. A contact that slips forgets r; one that does not touch keeps
-// it.
+// that had no effect on velocities. (c - s_n takes the place of c in e then, so that nothing is
+// pulled, and b - s_t is cut back to the cone.) A contact that slips forgets r; one that does not
+// touch keeps it.
 //
 // A point whose normal turned round since the last substep has passed through something thin: it
 // is corrected by the plane of that substep. Points inside edges and triangles keep the plane of
@@ -312,6 +313,7 @@ S PositionContacts<S, kStride>::correct_one(Plane& plane, At points, const Scala
 template <RealScalar S, std::size_t kStride>
 template <class At, class StartAt>
 void PositionContacts<S, kStride>::end_one(std::size_t i, At points, StartAt start) {
+  using std::sqrt;
   Plane& plane = memory_.planes[i];
   Contact& c = contacts_.contacts()[i];
   const Vec n = plane.normal, x = sum(plane, points);
@@ -320,14 +322,22 @@ void PositionContacts<S, kStride>::end_one(std::size_t i, At points, StartAt sta
   Vec moved = x - plane.stuck;
   moved = moved - n * dot(moved, n);
   c.offset = Vector3<Scalar>(moved.x, moved.y, moved.z);
-  if (!(Scalar(0) < plane.pressed)) return;
-  // Sweeps for a limit may have moved the start of the substep.
+  // What sweeps for a limit lifted off may have pressed before, with effect on velocities.
+  if (!(Scalar(0) < plane.pressed) && !(Scalar(0) < squared_norm(plane.still))) return;
+  // These sweeps may have moved the start of the substep. Only what counts for velocities can be
+  // taken from them: no contact pulls, nor across by more than its friction.
   const Vec from = sum(plane, start) + plane.surface * h_;
-  const Scalar e = outwards(dot(n, x - from), plane.pressed);
-  move(plane, n * e, start);
-  const Scalar normal = plane.pressed - e, limit = plane.friction * normal;
-  const Vec p = (n * normal + plane.held - plane.still) / (plane.inverse_mass * h_);
+  const Scalar lifted = dot(n, plane.still), counted = plane.pressed - lifted;
+  const Scalar e = counted < Scalar(0) ? counted : outwards(dot(n, x - from), counted);
+  const Vec across = plane.held - (plane.still - n * lifted);
+  const Scalar most = plane.friction * (counted - e), square = squared_norm(across);
+  Vec kept = across;
+  if (Scalar(0) < lifted * lifted && most * most < square) kept = across * (most / sqrt(square));
+  move(plane, n * e + across - kept, start);
+  const Vec p = (n * (counted - e) + kept) / (plane.inverse_mass * h_);
   c.impulse += Vector3<Scalar>(p.x, p.y, p.z);
+  if (!(Scalar(0) < plane.pressed)) return;
+  const Scalar limit = plane.friction * (plane.pressed - e);
   const bool slips = !(squared_norm(plane.held) < Scalar(0.998) * limit * limit);
   c.state = slips ? ContactState::Slip : ContactState::Stick;
   if (slips) c.offset.setConstant(Scalar(0));

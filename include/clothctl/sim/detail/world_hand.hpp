@@ -52,6 +52,8 @@ class WorldHand {
                            const Vector3<Scalar>& impulse) = 0;
   /// Changes the velocities by the impulses that were added.
   virtual void take_impulses() = 0;
+  /// Forgets them, after a step that failed.
+  virtual void forget_impulses() = 0;
   /// Makes room for points of contact. Allocates.
   virtual void reserve(Index points) = 0;
   /// Prepares `side` for points (3×n, m, world) on frames.
@@ -156,6 +158,10 @@ class WorldHandOf : public WorldHand<Scalar> {
         Traits::forward_dynamics(model_, rest_, sum_, pd_.diagonal(), work_, push_) < 0 &&
         Traits::forward_dynamics(model_, rest_, rest_, pd_.diagonal(), work_, free_) < 0;
     if (found) this->state.velocities += push_ - free_;
+    sum_.setConstant(Scalar(0));
+    pushed_ = false;
+  }
+  void forget_impulses() override {
     sum_.setConstant(Scalar(0));
     pushed_ = false;
   }

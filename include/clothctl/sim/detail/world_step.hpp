@@ -57,6 +57,9 @@ class WorldStep {
   void list_obstacles(std::size_t number);
   /// A part of a step.
   bool advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor, Report& report);
+  /// Parts that a step of `dt` s is divided into: those that are asked for, and so many that no
+  /// sheet gets farther in one than contacts are looked for.
+  int part_count(const Scalar& dt) const;
   bool step_hands(const Scalar& dt, const Scalar& rest, Report& report);
   bool step_sheet(int number, const Scalar& dt, const Scalar& share, Report& report);
   /// Gives bodies and hands the impulses of a sheet's contacts.
@@ -71,6 +74,8 @@ class WorldStep {
   void save();
   void restore();
 
+  /// Parts that fast sheets divide a step into, at most.
+  static constexpr int kMostParts = 16;
   int substeps_ = 1;
   WorldLayers<Scalar> layers_;
   std::vector<Vector3<Scalar>> body_impulse_;
@@ -79,6 +84,7 @@ class WorldStep {
   std::vector<ClothState<Scalar>> saved_states_;
   std::vector<RigidMotion<Scalar>> saved_motions_;
   std::vector<HandState<Scalar>> saved_hands_;
+  std::vector<VectorX<Scalar>> saved_torques_;
   RigidBodiesState<Scalar> saved_bodies_;
 };
 
@@ -100,7 +106,6 @@ void WorldStep<S>::list_obstacles(std::size_t number) {
 template <RealScalar S>
 std::string WorldStep<S>::prepare() {
   const std::size_t bodies = parts.body_groups.size();
-  if (bodies != index(parts.bodies.body_count())) return "a body was added elsewhere";
   substeps_ = 1;
   for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
     list_obstacles(i);
@@ -110,6 +115,7 @@ std::string WorldStep<S>::prepare() {
   saved_motions_.resize(parts.obstacles.size());
   saved_states_.resize(parts.sheets.size());
   saved_hands_.resize(parts.hands.size());
+  saved_torques_.resize(parts.hands.size());
   const std::size_t room = 32 * (bodies + 1);
   parts.bodies.reserve(room);
   saved_bodies_ = parts.bodies.state();
@@ -121,6 +127,8 @@ std::string WorldStep<S>::prepare() {
 template <RealScalar S>
 std::string WorldStep<S>::check_setup() {
   std::string bad = settings.validate();
+  if (bad.empty() && parts.body_groups.size() != index(parts.bodies.body_count()))
+    bad = "a body was added elsewhere";
   if (bad.empty() && !prepared) {
     bad = prepare();
     prepared = bad.empty();
@@ -151,7 +159,10 @@ void WorldStep<S>::save() {
   for (std::size_t i = 0; i < parts.sheets.size(); ++i) saved_states_[i] = parts.sheets[i]->state;
   for (std::size_t i = 0; i < parts.obstacles.size(); ++i)
     saved_motions_[i] = parts.obstacles[i]->motion();
-  for (std::size_t i = 0; i < parts.hands.size(); ++i) saved_hands_[i] = parts.hands[i]->state;
+  for (std::size_t i = 0; i < parts.hands.size(); ++i) {
+    saved_hands_[i] = parts.hands[i]->state;
+    saved_torques_[i] = parts.hands[i]->torques;
+  }
   grips.save();
   saved_bodies_ = parts.bodies.state();
 }
@@ -167,9 +178,31 @@ void WorldStep<S>::restore() {
   (void)parts.bodies.restore(saved_bodies_);
   for (std::size_t i = 0; i < parts.hands.size(); ++i) {
     parts.hands[i]->state = saved_hands_[i];
+    parts.hands[i]->torques = saved_torques_[i];
+    parts.hands[i]->forget_impulses();
     parts.hands[i]->update_frames();
   }
   grips.restore();
+}
+
+template <RealScalar S>
+int WorldStep<S>::part_count(const Scalar& dt) const {
+  using std::sqrt;
+  Scalar obstacle(0);
+  for (const auto& o : parts.obstacles) {
+    const Scalar square = o->motion().velocity.squaredNorm();
+    if (obstacle < square) obstacle = square;
+  }
+  obstacle = sqrt(obstacle);
+  int count = substeps_;
+  for (const auto& sheet : parts.sheets) {
+    if (sheet->obstacles.empty()) continue;
+    const Scalar fastest = sqrt(sheet->state.velocities.colwise().squaredNorm().maxCoeff());
+    while (count < kMostParts &&
+           !sheet->contacts.reaches(fastest + obstacle, dt / Scalar(static_cast<double>(count))))
+      ++count;
+  }
+  return count;
 }
 
 template <RealScalar S>
@@ -180,10 +213,11 @@ WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor)
   report.status = StepStatus::Converged;
   save();
   grips.begin();
-  for (int part = 0; part < substeps_; ++part) {
+  const int count = part_count(dt);
+  for (int part = 0; part < count; ++part) {
     // Driven vertices go an equal part of what is left of their way.
-    const Scalar share = Scalar(1) / Scalar(static_cast<double>(substeps_ - part));
-    if (!advance(dt / Scalar(static_cast<double>(substeps_)), share, executor, report)) {
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(count - part));
+    if (!advance(dt / Scalar(static_cast<double>(count)), share, executor, report)) {
       restore();
       report.advanced = false;
       return report;
@@ -301,10 +335,9 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
     report.status = StepStatus::InvalidState;
     return false;
   }
-  report.complete = report.complete && sheet.contacts.complete();
   grips.find_patches(parts, number, dt);
   const ClothInput<Scalar>* now = &sheet.input;
-  if (share < Scalar(1)) {
+  if (share < Scalar(1) && !sheet.input.driven_vertices.empty()) {
     sheet.part = sheet.input;
     const Index given = sheet.part.driven_positions.cols();
     for (std::size_t k = 0; k < sheet.part.driven_vertices.size(); ++k) {
@@ -318,6 +351,7 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
     now = &sheet.part;
   }
   const StepReport<Scalar> made = sheet.step(dt, *now);
+  report.complete = report.complete && sheet.contacts.complete();
   if (made.status != StepStatus::Converged) report.status = made.status;
   const ObstacleContactReport<Scalar>& told = sheet.contacts.report();
   report.contacts += told.closed;
