@@ -154,6 +154,8 @@ class ObstacleContacts {
   /// which is added if there is none. Returns false where there is no room for it.
   bool add(const SheetContact<Scalar>& point, int obstacle, const Vector3<Scalar>& impulse);
 
+  /// Returns the largest speed of an obstacle's surface near three points of a sheet (3×n, m), m/s.
+  static Scalar surface_speed(const ColliderRef<Scalar>& obstacle, const PointsView<Scalar>& x);
   /// Returns whether contacts of a step of `dt` s are listed far enough where sheet and obstacle
   /// approach each other with `speed` (m/s).
   bool reaches(const Scalar& speed, const Scalar& dt) const {
@@ -189,13 +191,11 @@ class ObstacleContacts {
   void remember();
   /// Gives a contact what is remembered of it.
   void recall(ObstacleContact<Scalar>& contact, const Scalar& dt) const;
+  /// Returns the distance at which contacts should be listed.
   Scalar margin_for(const Scalar& speed, const Scalar& dt) const {
     // Tension pulls vertices faster than any was: the corner of a sheet cracks like a whip.
     return Scalar(2) * settings_.thickness + dt * (Scalar(2) * speed + Scalar(40) * dt);
   }
-  /// Returns the distance at which contacts with an obstacle should be listed.
-  Scalar margin(const ColliderRef<Scalar>& obstacle, const Scalar& speed, const Scalar& dt,
-                const PointsView<Scalar>& x) const;
   QueryStatus list(Obstacles obstacles, const PointsView<Scalar>& velocities, const Scalar& dt,
                    SheetContactFinder<Scalar>& finder);
 
@@ -263,8 +263,8 @@ bool ObstacleContacts<Scalar>::add(const SheetContact<Scalar>& point, int obstac
 }
 
 template <RealScalar Scalar>
-Scalar ObstacleContacts<Scalar>::margin(const ColliderRef<Scalar>& obstacle, const Scalar& speed,
-                                        const Scalar& dt, const PointsView<Scalar>& x) const {
+Scalar ObstacleContacts<Scalar>::surface_speed(const ColliderRef<Scalar>& obstacle,
+                                               const PointsView<Scalar>& x) {
   using std::sqrt;
   // The velocity of a rigid obstacle at a few places tells whether it moves.
   const Index n = x.cols();
@@ -280,7 +280,7 @@ Scalar ObstacleContacts<Scalar>::margin(const ColliderRef<Scalar>& obstacle, con
       if (other < size) other = size;
     }
   }
-  return margin_for(speed + other, dt);
+  return other;
 }
 
 template <RealScalar Scalar>
@@ -299,7 +299,7 @@ QueryStatus ObstacleContacts<Scalar>::list(Obstacles obstacles,
   speed = sqrt(speed);
   if (velocities.cols() == 0) return QueryStatus::Answered;
   for (std::size_t i = 0; i < obstacles.size(); ++i) {
-    const Scalar wanted = margin(obstacles[i], speed, dt, finder.positions());
+    const Scalar wanted = margin_for(speed + surface_speed(obstacles[i], finder.positions()), dt);
     const bool within = wanted <= settings_.reach;
     complete_ = complete_ && within;
     const QueryStatus status = finder.find(obstacles[i], within ? wanted : settings_.reach, dt);

@@ -188,18 +188,18 @@ void WorldStep<S>::restore() {
 template <RealScalar S>
 int WorldStep<S>::part_count(const Scalar& dt) const {
   using std::sqrt;
-  Scalar obstacle(0);
-  for (const auto& o : parts.obstacles) {
-    const Scalar square = o->motion().velocity.squaredNorm();
-    if (obstacle < square) obstacle = square;
-  }
-  obstacle = sqrt(obstacle);
   int count = substeps_;
   for (const auto& sheet : parts.sheets) {
     if (sheet->obstacles.empty()) continue;
-    const Scalar fastest = sqrt(sheet->state.velocities.colwise().squaredNorm().maxCoeff());
+    Scalar obstacle(0);
+    for (const ColliderRef<Scalar>& o : sheet->obstacles) {
+      const Scalar speed = sheet->contacts.surface_speed(o, sheet->state.positions);
+      if (obstacle < speed) obstacle = speed;
+    }
+    const Scalar fastest =
+        obstacle + sqrt(sheet->state.velocities.colwise().squaredNorm().maxCoeff());
     while (count < kMostParts &&
-           !sheet->contacts.reaches(fastest + obstacle, dt / Scalar(static_cast<double>(count))))
+           !sheet->contacts.reaches(fastest, dt / Scalar(static_cast<double>(count))))
       ++count;
   }
   return count;
