@@ -11,8 +11,10 @@
 using namespace clothctl;
 using namespace clothctl_test;
 
-TEST_CASE("a sheet on the palm of a hand weighs on its controller", "[sim]") {
-  // A floor that a soft controller holds up: it sags by weight over stiffness.
+namespace {
+
+/// A tray of 200 g that moves up and down.
+KinematicTree<double> tray_on_a_lift() {
   KinematicTreeBuilder<double> robot;
   Inertia<double> body;
   body.mass = 0.2;
@@ -25,7 +27,14 @@ TEST_CASE("a sheet on the palm of a hand weighs on its controller", "[sim]") {
   joint.axis = Vector3<double>(0, 0, 1);
   joint.limits = {-10, 10, 100, 1e4};
   robot.add_link("world").add_link("tray", body).add_joint(joint);
-  const KinematicTree<double> tree = robot.build().value();
+  return robot.build().value();
+}
+
+}  // namespace
+
+TEST_CASE("a sheet on the palm of a hand weighs on its controller", "[sim]") {
+  // A floor that a soft controller holds up: it sags by weight over stiffness.
+  const KinematicTree<double> tree = tray_on_a_lift();
   World<double> world;
   HandSetup<double> setup;
   setup.positions = VectorX<double>::Zero(1);
@@ -69,19 +78,7 @@ TEST_CASE("a step that fails leaves hands, pads and sheets as they were", "[sim]
 }
 
 TEST_CASE("what sheets pressed on a hand in a step that fails is forgotten", "[sim]") {
-  KinematicTreeBuilder<double> robot;
-  Inertia<double> tray;
-  tray.mass = 0.2;
-  tray.about_com.diagonal().setConstant(1e-4);
-  Joint<double> lift;
-  lift.name = "lift";
-  lift.type = JointType::Prismatic;
-  lift.parent = "world";
-  lift.child = "tray";
-  lift.axis = Vector3<double>(0, 0, 1);
-  lift.limits = {-10, 10, 100, 1e4};
-  robot.add_link("world").add_link("tray", tray).add_joint(lift);
-  const KinematicTree<double> tree = robot.build().value();
+  const KinematicTree<double> tree = tray_on_a_lift();
   const auto plane =
       PlaneCollider<double>::create(Vector3<double>::Zero(), Vector3<double>(0, 0, 1)).value();
   // The sheet that is refused comes before the one that lies on the tray, or after it.
