@@ -133,6 +133,9 @@ void xpbd_limited(benchmark::State& state) {
 }
 BENCHMARK(mass_spring)->Arg(33)->Arg(65)->Iterations(1)->Unit(benchmark::kSecond);
 BENCHMARK(xpbd)->Arg(33)->Arg(65)->Iterations(1)->Unit(benchmark::kSecond);
-BENCHMARK(xpbd_limited)->Args({33, 4})->Args({33, 20})->Iterations(1)->Unit(benchmark::kSecond);
+BENCHMARK(xpbd_limited)
+    ->ArgsProduct({{17, 25, 33}, {4, 8, 20}})
+    ->Iterations(1)
+    ->Unit(benchmark::kSecond);
 
 }  // namespace

@@ -1,6 +1,8 @@
 // A sheet, simulated with one linear solve per step.
 
 #include "clothctl/cloth.hpp"
+#include "clothctl/mesh.hpp"
+#include "clothctl/network.hpp"
 
 using namespace clothctl;
 

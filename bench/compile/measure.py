@@ -33,6 +33,7 @@ UNITS = [
     "inverse_kinematics",
     "stable_pd",
     "planner",
+    "world",
 ]
 
 

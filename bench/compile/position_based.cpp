@@ -1,6 +1,8 @@
 // A sheet, simulated by the position-based scheme.
 
 #include "clothctl/cloth.hpp"
+#include "clothctl/mesh.hpp"
+#include "clothctl/network.hpp"
 
 using namespace clothctl;
 

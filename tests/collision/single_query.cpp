@@ -32,5 +32,9 @@ TEST_CASE("a single query without an answer says so", "[contact]") {
   const Vector3<double> x(0, nan, 0);
   CHECK(is_unbounded(detail::distance_of<double>(ground, x)));
   CHECK(detail::closest_of<double>(ground, x).body == -1);
+  SurfacePoint<double> out;
+  out.body = 3;
+  CHECK(detail::ask_closest<double>(ground, x, out) == QueryStatus::InvalidPoint);
+  CHECK(out.body == -1);
   CHECK(detail::sweep_of<double>(ground, x, x, 0.0, 0.0) == no_impact<double>());
 }

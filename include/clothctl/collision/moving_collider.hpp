@@ -121,13 +121,8 @@ template <RealScalar Scalar, Collider<Scalar> C>
 SurfacePoint<Scalar> MovingCollider<Scalar, C>::closest_at(const Vector3<Scalar>& x) const {
   const Vector3<Scalar> local = to_body(x);
   SurfacePoint<Scalar> out;
-  const detail::OnePoint<Scalar> point(local.data(), 3, 1);
-  const std::span<SurfacePoint<Scalar>> answer(&out, 1);
-  if (collider_traits<C>::closest(shape_, PointsView<Scalar>(point), answer) !=
-      QueryStatus::Answered) {
-    const Scalar infinity = scalar_traits<Scalar>::infinity();
-    out = {};
-    out.distance = infinity - infinity;  // not a number
+  if (detail::ask_closest<Scalar>(shape_, local, out) != QueryStatus::Answered) {
+    out.distance -= out.distance;  // infinity less infinity: not a number
     return out;
   }
   const Matrix3<Scalar>& R = motion_.R_world_body;

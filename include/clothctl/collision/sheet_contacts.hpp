@@ -171,7 +171,8 @@ class SheetContactFinder {
   void search_edge(const ColliderRef<Scalar>& collider, int edge, const Scalar& margin);
   void search_inside(const ColliderRef<Scalar>& collider, const detail::SheetPart& part,
                      const Scalar& margin);
-  /// Returns whether a distance is a number, and a normal within `margin` of length one.
+  /// Returns whether an answer is sound: the distance is a number, and the normal of what is at
+  /// most `margin` away is of length one.
   static bool is_sound(const SurfacePoint<Scalar>& q, const Scalar& margin) {
     if (margin < q.distance) return true;
     const Scalar square = q.normal.squaredNorm();
@@ -343,8 +344,6 @@ QueryStatus SheetContactFinder<Scalar>::find_in(const ColliderRef<Scalar>& colli
   const Vector3<Scalar> whole(Scalar(1), Scalar(0), Scalar(0));
   for (const int v : near_vertices_) {
     if (!is_sound(answer(v), margin)) return QueryStatus::InvalidArgument;
-  }
-  for (const int v : near_vertices_) {
     if (answer(v).distance <= margin) add({v, -1, -1}, whole, x_.col(v), answer(v));
   }
   if (!settings_.inside) return QueryStatus::Answered;

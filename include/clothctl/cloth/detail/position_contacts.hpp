@@ -323,7 +323,8 @@ void PositionContacts<S, kStride>::end_one(std::size_t i, At points, StartAt sta
   moved = moved - n * dot(moved, n);
   c.offset = Vector3<Scalar>(moved.x, moved.y, moved.z);
   // What sweeps for a limit lifted off may have pressed before, with effect on velocities.
-  if (!(Scalar(0) < plane.pressed) && !(Scalar(0) < squared_norm(plane.still))) return;
+  const bool undone = Scalar(0) < squared_norm(plane.still);
+  if (!(Scalar(0) < plane.pressed) && !undone) return;
   // These sweeps may have moved the start of the substep. Only what counts for velocities can be
   // taken from them: no contact pulls, nor across by more than its friction.
   const Vec from = sum(plane, start) + plane.surface * h_;
@@ -332,7 +333,7 @@ void PositionContacts<S, kStride>::end_one(std::size_t i, At points, StartAt sta
   const Vec across = plane.held - (plane.still - n * lifted);
   const Scalar most = plane.friction * (counted - e), square = squared_norm(across);
   Vec kept = across;
-  if (Scalar(0) < lifted * lifted && most * most < square) kept = across * (most / sqrt(square));
+  if (undone && most * most < square) kept = across * (most / sqrt(square));
   move(plane, n * e + across - kept, start);
   const Vec p = (n * (counted - e) + kept) / (plane.inverse_mass * h_);
   c.impulse += Vector3<Scalar>(p.x, p.y, p.z);

@@ -25,14 +25,23 @@ Scalar distance_of(const C& collider, const Vector3<Scalar>& x) {
   return out;
 }
 
+/// Writes the answer about one point; the default when the collider has none.
+template <RealScalar Scalar, class C>
+QueryStatus ask_closest(const C& collider, const Vector3<Scalar>& x, SurfacePoint<Scalar>& out) {
+  const OnePoint<Scalar> point(x.data(), 3, 1);
+  const PointsView<Scalar> view(point);
+  out = {};
+  const std::span<SurfacePoint<Scalar>> answers(&out, 1);
+  const QueryStatus status = collider_traits<C>::closest(collider, view, answers);
+  if (status != QueryStatus::Answered) out = {};
+  return status;
+}
+
 /// Returns the answer about one point; the default when the collider has none.
 template <RealScalar Scalar, class C>
 SurfacePoint<Scalar> closest_of(const C& collider, const Vector3<Scalar>& x) {
-  const OnePoint<Scalar> point(x.data(), 3, 1);
   SurfacePoint<Scalar> out;
-  const PointsView<Scalar> view(point);
-  const std::span<SurfacePoint<Scalar>> answers(&out, 1);
-  if (collider_traits<C>::closest(collider, view, answers) != QueryStatus::Answered) return {};
+  (void)ask_closest<Scalar>(collider, x, out);
   return out;
 }
 

@@ -21,9 +21,24 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
+/// A side that does not carry what pads hold.
+template <class Model>
+class FreeSide {
+ public:
+  using Scalar = typename Model::Scalar;
+
+  /// What patches are found by: none are.
+  const VertexNeighbours<Scalar>* neighbours() const { return nullptr; }
+  /// Before and after the sheet's step: nothing.
+  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
+  void hold(VectorX<Scalar>&) const {}
+  void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
+               const typename Model::Workspace&) {}
+};
+
 /// The answer of a sheet by the masses of its vertices.
 template <class Model>
-class SheetSide {
+class SheetSide : public FreeSide<Model> {
  public:
   using Scalar = typename Model::Scalar;
 
@@ -36,13 +51,6 @@ class SheetSide {
     touched_.reserve(static_cast<std::size_t>(capacity));
     return {};
   }
-  /// What patches are found by, for a side that carries what pads hold: null for others.
-  const VertexNeighbours<Scalar>* neighbours() const { return nullptr; }
-  /// Before and after the sheet's step, for such a side.
-  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
-  void hold(VectorX<Scalar>&) const {}
-  void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
-               const typename Model::Workspace&) {}
   /// Takes the vertices that are touched in a step that ended with `state`, and the inverse masses
   /// of all in it.
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
@@ -77,7 +85,7 @@ class SheetSide<Model> : public CarryingSide<Model> {};
 /// The answer of a sheet by its step matrix.
 template <class Model>
 requires requires { typename Model::Impulses; }
-class SheetSide<Model> {
+class SheetSide<Model> : public FreeSide<Model> {
  public:
   using Scalar = typename Model::Scalar;
 
@@ -87,11 +95,6 @@ class SheetSide<Model> {
     impulses_.emplace(std::move(made).value());
     return {};
   }
-  const VertexNeighbours<Scalar>* neighbours() const { return nullptr; }
-  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
-  void hold(VectorX<Scalar>&) const {}
-  void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
-               const typename Model::Workspace&) {}
   StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
                     typename Model::Workspace& ws, const VectorX<Scalar>&) {
     return impulses_->attach(vertices, state, ws);

@@ -158,8 +158,7 @@ class WorldHandOf : public WorldHand<Scalar> {
         Traits::forward_dynamics(model_, rest_, sum_, pd_.diagonal(), work_, push_) < 0 &&
         Traits::forward_dynamics(model_, rest_, rest_, pd_.diagonal(), work_, free_) < 0;
     if (found) this->state.velocities += push_ - free_;
-    sum_.setConstant(Scalar(0));
-    pushed_ = false;
+    forget_impulses();
   }
   void forget_impulses() override {
     sum_.setConstant(Scalar(0));
