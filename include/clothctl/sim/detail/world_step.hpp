@@ -57,9 +57,9 @@ class WorldStep {
   void list_obstacles(std::size_t number);
   /// A part of a step.
   bool advance(const Scalar& dt, const Scalar& share, const ExecutorRef& executor, Report& report);
-  /// Parts that a step of `dt` s is divided into: those that are asked for, and so many that no
-  /// sheet gets farther in one than contacts are looked for.
-  int part_count(const Scalar& dt) const;
+  /// Parts that `dt` s are divided into: at least `least`, and so many, up to `most`, that no sheet
+  /// gets farther in one than contacts are looked for.
+  int part_count(const Scalar& dt, int least, int most) const;
   bool step_hands(const Scalar& dt, const Scalar& rest, Report& report);
   bool step_sheet(int number, const Scalar& dt, const Scalar& share, Report& report);
   /// Gives bodies and hands the impulses of a sheet's contacts.
@@ -186,9 +186,9 @@ void WorldStep<S>::restore() {
 }
 
 template <RealScalar S>
-int WorldStep<S>::part_count(const Scalar& dt) const {
+int WorldStep<S>::part_count(const Scalar& dt, int least, int most) const {
   using std::sqrt;
-  int count = substeps_;
+  int count = least;
   for (const auto& sheet : parts.sheets) {
     if (sheet->obstacles.empty()) continue;
     Scalar obstacle(0);
@@ -198,7 +198,7 @@ int WorldStep<S>::part_count(const Scalar& dt) const {
     }
     const Scalar fastest =
         obstacle + sqrt(sheet->state.velocities.colwise().squaredNorm().maxCoeff());
-    while (count < kMostParts &&
+    while (count < most &&
            !sheet->contacts.reaches(fastest, dt / Scalar(static_cast<double>(count))))
       ++count;
   }
@@ -213,15 +213,19 @@ WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor)
   report.status = StepStatus::Converged;
   save();
   grips.begin();
-  const int count = part_count(dt);
-  for (int part = 0; part < count; ++part) {
+  Scalar left = dt;
+  for (int made = 0, open = substeps_; 0 < open; ++made) {
+    // A sheet may have become faster in the last part.
+    open = part_count(left, open, kMostParts - made);
     // Driven vertices go an equal part of what is left of their way.
-    const Scalar share = Scalar(1) / Scalar(static_cast<double>(count - part));
-    if (!advance(dt / Scalar(static_cast<double>(count)), share, executor, report)) {
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(open)), part = left * share;
+    if (!advance(part, share, executor, report)) {
       restore();
       report.advanced = false;
       return report;
     }
+    left -= part;
+    --open;
   }
   for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
     const auto list = parts.sheets[i]->contacts.contacts();
