@@ -6,6 +6,7 @@
 #include "clothctl/concepts/articulated.hpp"
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/concepts/collider.hpp"
+#include "clothctl/concepts/colliding_cloth.hpp"
 #include "clothctl/concepts/contact_model.hpp"
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/concepts/impulse_response.hpp"

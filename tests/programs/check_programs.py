@@ -169,6 +169,10 @@ def check_runs(programs, folder):
           f"no grip: exit {code}: {text} {errors}")
     code, text, _ = run(programs / "quickstart")
     check(code == 0 and text.strip(), f"quickstart: exit {code}")
+    code, text, _ = run(programs / "drape")
+    rests = re.findall(r"middle of the sheet at ([0-9.]+) m, the ball at ([-0-9.]+) m", text)
+    check(code == 0 and len(rests) == 6 and 0.19 < float(rests[-1][0]) < 0.21 and
+          -0.48 < float(rests[-1][1]) < -0.46, f"drape: exit {code}: {text}")
     code, text, _ = run(programs / "foreign_plant")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"foreign_plant: exit {code}: {text}")
@@ -931,7 +935,7 @@ def main():
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
-    names = ("handkerchief", "rope_ball", "quickstart", "foreign_plant", "bring_your_own",
+    names = ("handkerchief", "rope_ball", "quickstart", "drape", "foreign_plant", "bring_your_own",
              "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:

@@ -96,7 +96,7 @@ TEST_CASE("a rope lies on a thin rod between two of its vertices", "[sim]") {
   settings.segments = 3;
   settings.bending = 0.05;
   const SpringNetwork<double> rope = rope_network(settings).value();
-  CHECK(detail::thread_edges(rope).size() == 3);
+  CHECK(rope.rope_segments().size() == 3);
   World<double> world;
   (void)world
       .add_obstacle(CapsuleCollider<double>::create(Vector3<double>(0, -0.1, 0),
@@ -116,7 +116,7 @@ TEST_CASE("a rope lies on a thin rod between two of its vertices", "[sim]") {
   }
   CHECK(inside);
   const auto mesh = make_ball<double>(0.05, 2, Vector3<double>::Zero());
-  CHECK(detail::thread_edges(solid_network<double>(mesh.value(), {}).value()).empty());
+  CHECK(solid_network<double>(mesh.value(), {}).value().rope_segments().empty());
 }
 
 TEMPLATE_TEST_CASE("a soft ball comes to rest on the floor", "[sim]", Implicit, Xpbd) {

@@ -17,7 +17,7 @@ TEST_CASE("a position-based sheet answers with the masses of its vertices", "[si
   auto ws = model.make_workspace();
   ClothState<double> state = model.rest_state();
   const ClothState<double> before = state;
-  detail::SheetSide<PositionBased<double>> side;
+  detail::SheetSide<PositionBased<double>, double> side;
   REQUIRE(side.create(model, 3).empty());
   const std::vector<int> touched{5, 2};
   const VectorX<double> masses = network.mass.cwiseInverse();
@@ -44,7 +44,7 @@ TEST_CASE("a mass-spring sheet answers as its step would with the force", "[sim]
   none.clear();
   force.clear();
   REQUIRE(model.step(pushed, none, 0.01, ws).advanced);
-  detail::SheetSide<MassSpring<double>> side;
+  detail::SheetSide<MassSpring<double>, double> side;
   REQUIRE(side.create(model, 1).empty());
   CHECK(side.neighbours() == nullptr);
   const VectorX<double> masses = model.network().mass.cwiseInverse();

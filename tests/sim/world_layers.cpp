@@ -22,11 +22,12 @@ void add(Sheets& sheets, std::vector<WorldSheetSetup<double>>& setups, bool meet
   const SpringNetwork<double>& network = model.network();
   auto finder =
       SheetContactFinder<double>::create(network.rest_positions, network.triangles).value();
+  auto mesh = detail::SheetMesh<double>::of(model);
   ClothState<double> state = model.rest_state();
   state.positions.row(2).array() += z;
   state.positions.row(0).array() += 0.3 * z;  // no vertex over a vertex
-  sheets.push_back(std::make_unique<detail::WorldSheetOf<Model>>(
-      std::move(model), std::move(state), std::move(finder),
+  sheets.push_back(std::make_unique<detail::WorldSheetOf<Model, double>>(
+      std::move(model), std::move(mesh), std::move(state), std::move(finder),
       ObstacleContacts<double>::create(50).value(), 50));
   setups.emplace_back().meets_sheets = meets;
 }
@@ -59,7 +60,7 @@ TEST_CASE("sheets that meet are kept apart, others are left alone", "[sim]") {
       sheets[2]->state.positions.row(2).mean() - sheets[0]->state.positions.row(2).mean();
   CHECK(gap > -1e-3);
   // What the upper sheet lost of its momentum, the lower has.
-  const VectorX<double>& mass = sheets[0]->network().mass;
+  const VectorX<double>& mass = sheets[0]->mesh.mass;
   const double lower = sheets[0]->state.velocities.row(2).dot(mass.transpose()),
                upper = sheets[2]->state.velocities.row(2).dot(mass.transpose());
   CHECK(lower < -0.1 * mass.sum());

@@ -14,7 +14,7 @@ namespace {
 
 using Model = MassSpring<double>;
 
-detail::WorldSheetOf<Model> make_sheet() {
+detail::WorldSheetOf<Model, double> make_sheet() {
   MassSpringSettings<double> settings;
   settings.pinned = {2};
   Model model = Model::create(level_sheet<double>(3), settings).value();
@@ -22,8 +22,10 @@ detail::WorldSheetOf<Model> make_sheet() {
   auto finder =
       SheetContactFinder<double>::create(network.rest_positions, network.triangles).value();
   auto contacts = ObstacleContacts<double>::create(50).value();
+  auto mesh = detail::SheetMesh<double>::of(model);
   ClothState<double> state = model.rest_state();
-  return {std::move(model), std::move(state), std::move(finder), std::move(contacts), 50};
+  return {std::move(model),  std::move(mesh),     std::move(state),
+          std::move(finder), std::move(contacts), 50};
 }
 
 }  // namespace
@@ -33,8 +35,7 @@ TEST_CASE("inverse masses are zero where the motion is prescribed", "[sim]") {
   sheet.input.driven_vertices = {4};
   VectorX<double> w(9);
   sheet.write_inverse_masses(w);
-  for (Index v = 0; v < 9; ++v)
-    CHECK(w[v] == (v == 2 || v == 4 ? 0.0 : 1 / sheet.network().mass[v]));
+  for (Index v = 0; v < 9; ++v) CHECK(w[v] == (v == 2 || v == 4 ? 0.0 : 1 / sheet.mesh.mass[v]));
 }
 
 TEST_CASE("supports are where a contact touches at the end of the step", "[sim]") {

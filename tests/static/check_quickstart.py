@@ -1,37 +1,44 @@
 #!/usr/bin/env python3
-"""Checks that the README's first program equals examples/quickstart.cpp, which the examples compile
-and the ctest test `programs` runs, and that it has under 40 lines.
+"""Checks that the programs that the docs print equal those of examples/, which are compiled and run
+by the ctest test `programs`: README.md shows quickstart.cpp, in under 40 lines, and docs/world.md,
+where there is one, drape.cpp, in under 60.
 
-The program is the first ```cpp block of README.md with a `main`."""
+The program of a page is its first ```cpp block with a `main`."""
 
 import re
 
 from house import Report, arguments
 
+SHOWN = (("README.md", "quickstart.cpp", 40), ("docs/world.md", "drape.cpp", 60))
+
+
+def compare(report, root, page, program, most):
+    """Compares the program of a page with its source; returns the number of lines."""
+    source = root / "examples" / program
+    for path in (root / page, source):
+        if not path.exists():
+            report.add(path.relative_to(root), 0, "does not exist")
+            return 0
+    blocks = re.findall(r"^```(?:cpp|c\+\+)\n(.*?)^```", (root / page).read_text(encoding="utf-8"),
+                        re.M | re.S)
+    programs = [block for block in blocks if re.search(r"\bint main\s*\(", block)]
+    if not programs:
+        report.add(page, 0, "shows no program with a main")
+        return 0
+    lines = programs[0].strip().count("\n") + 1
+    if lines >= most:
+        report.add(page, 0, f"the program has {lines} lines; it must stay under {most}")
+    if programs[0].strip() != source.read_text(encoding="utf-8").strip():
+        report.add(page, 0, f"the program differs from examples/{program}")
+    return lines
+
 
 def main():
     options = arguments(__doc__)
     report = Report("quickstart")
-    readme = options.root / "README.md"
-    source = options.root / "examples" / "quickstart.cpp"
-    for path in (readme, source):
-        if not path.exists():
-            report.add(path.relative_to(options.root), 0, "does not exist")
-    if report.findings:
-        report.finish("")
-    blocks = re.findall(r"^```(?:cpp|c\+\+)\n(.*?)^```", readme.read_text(encoding="utf-8"),
-                        re.M | re.S)
-    programs = [block for block in blocks if re.search(r"\bint main\s*\(", block)]
-    if not programs:
-        report.add("README.md", 0, "shows no program with a main")
-        report.finish("")
-    program = programs[0]
-    lines = program.strip().count("\n") + 1
-    if lines >= 40:
-        report.add("README.md", 0, f"the program has {lines} lines; it must stay under 40")
-    if program.strip() != source.read_text(encoding="utf-8").strip():
-        report.add("README.md", 0, "the program differs from examples/quickstart.cpp")
-    report.finish(f"the program of the README, {lines} lines")
+    lines = [compare(report, options.root, *shown) for shown in SHOWN
+             if shown[0] == "README.md" or (options.root / shown[0]).exists()]
+    report.finish(f"programs in the docs, {' and '.join(map(str, lines))} lines")
 
 
 if __name__ == "__main__":

@@ -212,6 +212,11 @@ class MovingShape {
     if (Box* s = std::get_if<Box>(&shape_)) return s->set_motion(motion);
     return std::get_if<Hull>(&shape_)->set_motion(motion);
   }
+  /// The motion that it answers with.
+  const RigidMotion<Scalar>& motion() const {
+    return std::visit([](const auto& s) -> const RigidMotion<Scalar>& { return s.motion(); },
+                      shape_);
+  }
   /// Refers to the collider; valid while this lives where it is.
   ColliderRef<Scalar> collider() const {
     if (const Sphere* s = std::get_if<Sphere>(&shape_)) return ColliderRef<Scalar>(*s);

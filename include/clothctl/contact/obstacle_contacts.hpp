@@ -150,6 +150,13 @@ class ObstacleContacts {
   /// What the last step did.
   const ObstacleContactReport<Scalar>& report() const { return report_; }
 
+  /// Takes contacts that were listed for this step (`contacts` after `update`), as to make the step
+  /// again, perhaps with other velocities of the surface. What there is no room for is left out.
+  void set_contacts(std::span<const ObstacleContact<Scalar>> list) {
+    if (contacts_.capacity() < list.size()) list = list.first(contacts_.capacity());
+    contacts_.assign(list.begin(), list.end());
+    report_ = {};
+  }
   /// Adds an impulse (N s) on the sheet to the contact of an obstacle at the vertices of `point`,
   /// which is added if there is none. Returns false where there is no room for it.
   bool add(const SheetContact<Scalar>& point, int obstacle, const Vector3<Scalar>& impulse);

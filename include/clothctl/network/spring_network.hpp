@@ -189,6 +189,10 @@ struct SpringNetwork {
   /// Number of vertices.
   Index vertex_count() const { return rest_positions.cols(); }
 
+  /// Returns the segments of ropes: springs, other than those of bending, with an end on no
+  /// triangle that at most two of them have. Allocates.
+  std::vector<std::array<int, 2>> rope_segments() const;
+
   /// Returns the same network in another scalar. Allocates.
   template <RealScalar Other>
   SpringNetwork<Other> cast() const {
@@ -326,5 +330,27 @@ struct SpringNetwork {
     return -1;
   }
 };
+
+template <RealScalar Scalar>
+std::vector<std::array<int, 2>> SpringNetwork<Scalar>::rope_segments() const {
+  std::vector<bool> on_surface(static_cast<std::size_t>(vertex_count()), false);
+  for (const std::array<int, 3>& t : triangles) {
+    for (const int v : t) on_surface[static_cast<std::size_t>(v)] = true;
+  }
+  std::vector<int> ends(on_surface.size(), 0);
+  for (const Spring<Scalar>& s : springs) {
+    if (s.kind == SpringKind::Bend) continue;
+    for (const int v : {s.a, s.b}) ++ends[static_cast<std::size_t>(v)];
+  }
+  const auto of_rope = [&](int v) {
+    const std::size_t i = static_cast<std::size_t>(v);
+    return !on_surface[i] && ends[i] <= 2;
+  };
+  std::vector<std::array<int, 2>> out;
+  for (const Spring<Scalar>& s : springs) {
+    if (s.kind != SpringKind::Bend && (of_rope(s.a) || of_rope(s.b))) out.push_back({s.a, s.b});
+  }
+  return out;
+}
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -125,6 +125,22 @@ class RigidBodies {
   /// as long as this; queries see the pose after the last finish() or set_motion().
   ColliderRef<Scalar> collider(int body) const { return world_.body(body).moving->collider(); }
 
+  /// The motion of the body that `collider` answers with: pose and velocities at the end of the
+  /// last step.
+  const RigidMotion<Scalar>& surface_motion(int body) const {
+    return world_.body(body).moving->motion();
+  }
+  /// Lets `collider` answer with other velocities (m/s, rad/s) until the end of the step: those
+  /// that the body will probably have then. Returns an empty string, or what is wrong; nothing
+  /// changes then.
+  std::string set_surface_velocity(int body, const Vector3<Scalar>& velocity,
+                                   const Vector3<Scalar>& angular_velocity) {
+    RigidMotion<Scalar> motion = surface_motion(body);
+    motion.velocity = velocity;
+    motion.angular_velocity = angular_velocity;
+    return world_.body(body).moving->set_motion(motion);
+  }
+
   /// Whether a body is asleep.
   bool asleep(int body) const { return world_.body_state(body).asleep >= 0; }
   /// Wakes a body and its island.

@@ -13,8 +13,10 @@
 //               (contact/sheet_impacts.hpp)
 //   5. bodies   contacts and joints; everything moves
 //
-// A body or a link is as heavy as you like for the sheets in 2: it learns of them afterwards. That
-// is sound as long as the part of a sheet that touches it weighs less. Pads have no such bound.
+// Sheets take the motion of a link for granted in 2, and it learns of them afterwards: that is
+// sound as long as the part of a sheet that touches it weighs less. Where a body is too light for
+// that, the step of the sheet is made again with other velocities of the body. Pads have no such
+// bound.
 //
 // The world owns what is added to it, no thread and no main loop. The same calls give the same
 // bits.
@@ -28,6 +30,7 @@
 #include <vector>
 
 #include "clothctl/collision/self_contacts.hpp"
+#include "clothctl/concepts/colliding_cloth.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/step_input.hpp"
 #include "clothctl/sim/detail/world_step.hpp"
@@ -59,11 +62,12 @@ class World {
   /// Makes an empty world. When a setting is wrong, every step returns InvalidInput.
   explicit World(const Settings& settings = {}) : step_(settings) {}
 
-  /// Adds a sheet: a MassSpring, a PositionBased, or any model like them, and its state. Returns
-  /// its number. Allocates. Fails when: the set-up is not valid, the state is of another size or
-  /// not finite, or the mesh of its network is not sound.
+  /// Adds a sheet: a MassSpring, a PositionBased, or a model of yours (concept CollidingCloth), and
+  /// its state. Returns its number. Allocates. Fails when: the set-up is not valid, the state is of
+  /// another size or not finite, or the masses, pinned vertices or mesh of the model are not sound.
   template <class Model>
-  Result<int> add_sheet(Model model, ClothState<Scalar> state, const SheetSetup& setup = {});
+  requires CollidingCloth<Model, ObstacleContacts<S>, S> Result<int> add_sheet(
+      Model model, ClothState<Scalar> state, const SheetSetup& setup = {});
   /// Adds an obstacle that may move, and returns its number. `surface` takes the place of the
   /// friction and the body number that the collider answers. Its motion goes on with its velocities
   /// until you set another (`set_motion`). Allocates. Fails when: `MovingCollider::create` does.
@@ -174,23 +178,25 @@ class World {
 
 template <RealScalar S>
 template <class Model>
-Result<int> World<S>::add_sheet(Model model, ClothState<Scalar> state, const SheetSetup& setup) {
+requires CollidingCloth<Model, ObstacleContacts<S>, S> Result<int> World<S>::add_sheet(
+    Model model, ClothState<Scalar> state, const SheetSetup& setup) {
   const std::string name = "sheet " + std::to_string(step_.parts.sheets.size());
   if (const std::string bad = setup.validate(); !bad.empty()) return Error{name + " has " + bad};
-  const Index n = model.vertex_count();
-  std::string bad = check_state(state, n);
+  auto mesh = detail::SheetMesh<Scalar>::of(model);
+  const Index n = mesh.vertex_count();
+  std::string bad = mesh.validate();
+  if (bad.empty()) bad = check_state(state, n);
   if (bad.empty()) bad = detail::validate_pairs("joined pair", setup.joined, n);
   if (!bad.empty()) return Error{name + ": " + bad};
-  const SpringNetwork<Scalar>& network = model.network();
   if (setup.meets_sheets) {
     const Result<SelfContactFinder<Scalar>> itself = SelfContactFinder<Scalar>::create(
-        network.rest_positions, network.triangles, {}, {setup.thickness, setup.joined});
+        mesh.rest_positions, mesh.triangles, {}, {setup.thickness, setup.joined});
     if (!itself) return Error{name + ": " + itself.error()};
   }
   SheetContactSettings<Scalar> inside;
   inside.smooth_gain = Scalar(0.5) * setup.thickness;
   Result<SheetContactFinder<Scalar>> finder = SheetContactFinder<Scalar>::create(
-      network.rest_positions, network.triangles, detail::thread_edges(network), inside);
+      mesh.rest_positions, mesh.triangles, mesh.rope_segments, inside);
   if (!finder) return Error{name + ": " + finder.error()};
   ObstacleContactSettings<Scalar> touch;
   touch.thickness = Scalar(0.5) * setup.thickness;
@@ -198,9 +204,9 @@ Result<int> World<S>::add_sheet(Model model, ClothState<Scalar> state, const She
   const Index room = setup.contacts > 0 ? setup.contacts : 4 * n;
   Result<ObstacleContacts<Scalar>> contacts = ObstacleContacts<Scalar>::create(room, touch);
   if (!contacts) return Error{name + ": " + contacts.error()};
-  step_.parts.sheets.push_back(std::make_unique<detail::WorldSheetOf<Model>>(
-      std::move(model), std::move(state), std::move(finder).value(), std::move(contacts).value(),
-      room));
+  step_.parts.sheets.push_back(std::make_unique<detail::WorldSheetOf<Model, Scalar>>(
+      std::move(model), std::move(mesh), std::move(state), std::move(finder).value(),
+      std::move(contacts).value(), room));
   step_.parts.setups.push_back(setup);
   step_.contacts.emplace_back().reserve(static_cast<std::size_t>(room));
   step_.prepared = false;

@@ -269,7 +269,7 @@ void IslandSolver<Scalar>::correct_joints() {
       const Joint& j = joint(k);
       const typename Joint::Column r =
           j.velocity(body(j.a), body(j.b)) + j.bias + j.softness * j.impulse;
-      mu_.segment(row, j.rows()) = -r.head(j.rows());
+      for (Index i = 0; i < j.rows(); ++i) mu_[row + i] = -r[i];
       row += j.rows();
     }
     solve_lower<Scalar>(A_.data(), A_.rows(), joint_rows_, mu_.data());
@@ -278,7 +278,7 @@ void IslandSolver<Scalar>::correct_joints() {
     for (std::size_t k = 0; k < joints_.size(); ++k) {
       Joint& j = joint(k);
       typename Joint::Column change = Joint::Column::Constant(Scalar(0));
-      change.head(j.rows()) = mu_.segment(row, j.rows());
+      for (Index i = 0; i < j.rows(); ++i) change[i] = mu_[row + i];
       row += j.rows();
       j.impulse += change;
       push_joint(k, change);

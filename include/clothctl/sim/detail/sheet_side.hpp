@@ -13,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/concepts/cloth.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
@@ -22,30 +23,27 @@
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// A side that does not carry what pads hold.
-template <class Model>
+template <RealScalar Scalar>
 class FreeSide {
  public:
-  using Scalar = typename Model::Scalar;
-
   /// What patches are found by: none are.
   const VertexNeighbours<Scalar>* neighbours() const { return nullptr; }
   /// Before and after the sheet's step: nothing.
-  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, typename Model::Workspace&) {}
+  template <class Workspace>
+  void carry(const GripPatches<Scalar>&, const ClothState<Scalar>&, Workspace&) {}
   void hold(VectorX<Scalar>&) const {}
-  void release(const Model&, const ClothInput<Scalar>&, const Scalar&,
-               const typename Model::Workspace&) {}
+  template <class Model, class Workspace>
+  void release(const Model&, const ClothInput<Scalar>&, const Scalar&, const Workspace&) {}
 };
 
 /// The answer of a sheet by the masses of its vertices.
-template <class Model>
-class SheetSide : public FreeSide<Model> {
+template <class Model, RealScalar Scalar>
+class SheetSide : public FreeSide<Scalar> {
  public:
-  using Scalar = typename Model::Scalar;
-
   /// Makes room for `capacity` touched vertices. Allocates. Returns an empty string, or why it
   /// cannot.
   std::string create(const Model& model, Index capacity) {
-    const Index n = model.vertex_count();
+    const Index n = cloth_traits<Model>::vertex_count(model);
     response_ = ParticleResponse<Scalar>(capacity);
     point_.assign(static_cast<std::size_t>(n), -1);
     touched_.reserve(static_cast<std::size_t>(capacity));
@@ -53,8 +51,9 @@ class SheetSide : public FreeSide<Model> {
   }
   /// Takes the vertices that are touched in a step that ended with `state`, and the inverse masses
   /// of all in it.
-  StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state,
-                    typename Model::Workspace&, const VectorX<Scalar>& inverse_masses) {
+  template <class Workspace>
+  StepStatus attach(std::span<const int> vertices, ClothState<Scalar>& state, Workspace&,
+                    const VectorX<Scalar>& inverse_masses) {
     for (const int v : touched_) point_[static_cast<std::size_t>(v)] = -1;
     touched_.assign(vertices.begin(), vertices.end());
     for (std::size_t i = 0; i < touched_.size(); ++i)
@@ -66,7 +65,8 @@ class SheetSide : public FreeSide<Model> {
   int point(int vertex) const { return point_[static_cast<std::size_t>(vertex)]; }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(response_); }
   /// Moves the vertices by what the impulses changed in a step of `dt` s.
-  void take(const Scalar& dt, bool, const typename Model::Workspace&) {
+  template <class Workspace>
+  void take(const Scalar& dt, bool, const Workspace&) {
     for (const int v : touched_) state_->positions.col(v) -= dt * state_->velocities.col(v);
     (void)response_.scatter(touched_, state_->velocities);
     for (const int v : touched_) state_->positions.col(v) += dt * state_->velocities.col(v);
@@ -79,16 +79,14 @@ class SheetSide : public FreeSide<Model> {
 };
 
 /// The answer of a sheet with patches.
-template <CarryingModel Model>
-class SheetSide<Model> : public CarryingSide<Model> {};
+template <CarryingModel Model, RealScalar Scalar>
+class SheetSide<Model, Scalar> : public CarryingSide<Model> {};
 
 /// The answer of a sheet by its step matrix.
-template <class Model>
+template <class Model, RealScalar Scalar>
 requires requires { typename Model::Impulses; }
-class SheetSide<Model> : public FreeSide<Model> {
+class SheetSide<Model, Scalar> : public FreeSide<Scalar> {
  public:
-  using Scalar = typename Model::Scalar;
-
   std::string create(const Model& model, Index capacity) {
     Result<typename Model::Impulses> made = Model::Impulses::create(model, capacity);
     if (!made) return made.error();

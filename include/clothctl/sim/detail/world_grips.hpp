@@ -198,7 +198,7 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
       const WorldSheet<Scalar>& sheet = *parts.sheets[s];
       if (!parts.meet(s, p.carrier)) continue;
       Result<PadContacts<Scalar>> made = PadContacts<Scalar>::create(
-          p.samples, sheet.network().triangles, sheet.finder, 0, 0, p.settings);
+          p.samples, sheet.mesh.triangles, sheet.finder, 0, 0, p.settings);
       if (!made) return "pad " + std::to_string(pad) + ": " + made.error();
       touches_.push_back({pad, static_cast<int>(s), std::move(made).value(),
                           std::vector<Vector3<Scalar>>(p.samples.size())});
@@ -209,7 +209,7 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
   for (std::size_t s = 0; s < parts.sheets.size(); ++s) {
     const std::size_t room = touched_[s].capacity();
     if (room == 0) continue;
-    parts.sheets[s]->grip.reserve(room, parts.sheets[s]->network().vertex_count());
+    parts.sheets[s]->grip.reserve(room, parts.sheets[s]->mesh.vertex_count());
     const std::string bad = parts.sheets[s]->reserve_touched(static_cast<Index>(room));
     if (!bad.empty()) return "sheet " + std::to_string(s) + ": " + bad;
   }
@@ -278,7 +278,7 @@ void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, cons
     return std::find(list.begin(), list.end(), v) != list.end();
   };
   const auto prescribed = [&](int v) {
-    return has(there.pinned(), v) || has(there.input.driven_vertices, v);
+    return has(there.mesh.pinned, v) || has(there.input.driven_vertices, v);
   };
   // The other links of a hand move with its pads.
   const auto counts = [&](int k) { return k < 0 || parts.obstacles[index(k)]->hand < 0; };

@@ -86,17 +86,17 @@ std::string WorldLayers<Scalar>::prepare(const Sheets& sheets,
     WorldSheet<Scalar>& sheet = *sheets[i];
     sheet.first = setups[i].meets_sheets ? count : Index(-1);
     if (!setups[i].meets_sheets) continue;
-    for (const auto& t : sheet.network().triangles) triangles.push_back(moved(t));
+    for (const auto& t : sheet.mesh.triangles) triangles.push_back(moved(t));
     for (const auto& p : setups[i].joined) settings.joined.push_back(moved(p));
     if (settings.thickness < setups[i].thickness) settings.thickness = setups[i].thickness;
-    count += sheet.network().vertex_count();
+    count += sheet.mesh.vertex_count();
     room += sheet.contacts.capacity();
   }
   impacts_.reset();
   before_.resize(3, count);
   if (count == 0) return {};
   for_each(sheets, [this](const WorldSheet<Scalar>& sheet, Index n) {
-    before_.middleCols(sheet.first, n) = sheet.network().rest_positions;
+    before_.middleCols(sheet.first, n) = sheet.mesh.rest_positions;
   });
   Result<SheetImpacts<Scalar>> made = SheetImpacts<Scalar>::create(before_, triangles, settings);
   if (!made) return made.error();

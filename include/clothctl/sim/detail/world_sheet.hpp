@@ -10,15 +10,54 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/concepts/colliding_cloth.hpp"
 #include "clothctl/contact/obstacle_contacts.hpp"
 #include "clothctl/contact/obstacle_guard.hpp"
 #include "clothctl/contact/sheet_impacts.hpp"
 #include "clothctl/core/cloth_state.hpp"
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/core/report.hpp"
-#include "clothctl/network/spring_network.hpp"
+#include "clothctl/core/step_input.hpp"
 #include "clothctl/sim/detail/sheet_side.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
+
+/// What a world reads of a model, once.
+template <RealScalar Scalar>
+struct SheetMesh {
+  Points<Scalar> rest_positions;
+  VectorX<Scalar> mass;
+  std::vector<std::array<int, 3>> triangles;
+  std::vector<int> pinned;
+  std::vector<std::array<int, 2>> rope_segments;
+
+  template <class Model>
+  static SheetMesh of(const Model& model) {
+    using Traits = colliding_cloth_traits<Model>;
+    SheetMesh out;
+    out.rest_positions = ClothState<Scalar>(cloth_traits<Model>::rest_state(model)).positions;
+    out.mass = VectorX<Scalar>(Traits::masses(model));
+    out.triangles = std::vector<std::array<int, 3>>(Traits::triangles(model));
+    if constexpr (requires { Traits::pinned(model); })
+      out.pinned = std::vector<int>(Traits::pinned(model));
+    if constexpr (requires { Traits::rope_segments(model); })
+      out.rope_segments = std::vector<std::array<int, 2>>(Traits::rope_segments(model));
+    return out;
+  }
+  Index vertex_count() const { return rest_positions.cols(); }
+  /// Returns an empty string, or what is wrong with the masses or the pinned vertices.
+  std::string validate() const {
+    const Index n = vertex_count();
+    if (mass.size() != n)
+      return std::to_string(mass.size()) + " masses for " + std::to_string(n) + " vertices";
+    for (Index v = 0; v < n; ++v) {
+      if (!is_finite(mass[v]) || !(Scalar(0) < mass[v]))
+        return "mass of vertex " + std::to_string(v) + " must be positive and finite, got " +
+               number_text(mass[v]) + " kg";
+    }
+    return find_bad_vertex(pinned, n, false, "pinned vertex");
+  }
+};
 
 /// A sheet whose model is not known.
 template <RealScalar Scalar>
@@ -27,9 +66,6 @@ class WorldSheet {
   virtual ~WorldSheet() = default;
   /// Makes a step with `contacts`, and keeps the sheet out of what is thin.
   virtual StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) = 0;
-  /// The network of the model, and its pinned vertices.
-  virtual const SpringNetwork<Scalar>& network() const = 0;
-  virtual const std::vector<int>& pinned() const = 0;
 
   /// Makes room for vertices that pads touch. Allocates. Returns an empty string, or why it cannot.
   virtual std::string reserve_touched(Index vertices) = 0;
@@ -66,9 +102,8 @@ class WorldSheet {
   /// Writes the inverse masses (n, 1/kg): 0 for what is prescribed.
   template <class Out>
   void write_inverse_masses(Out&& out) const {
-    const VectorX<Scalar>& mass = network().mass;
-    for (Index v = 0; v < mass.size(); ++v) out[v] = Scalar(1) / mass[v];
-    for (const int v : pinned()) out[v] = Scalar(0);
+    for (Index v = 0; v < mesh.mass.size(); ++v) out[v] = Scalar(1) / mesh.mass[v];
+    for (const int v : mesh.pinned) out[v] = Scalar(0);
     for (const int v : input.driven_vertices) out[v] = Scalar(0);
   }
   /// Adds what the obstacles of a step of `dt` s hold up.
@@ -89,6 +124,7 @@ class WorldSheet {
     }
   }
 
+  SheetMesh<Scalar> mesh;
   ClothState<Scalar> state;
   /// The input as the user gives it, and that of a part of a step.
   ClothInput<Scalar> input, part;
@@ -103,54 +139,31 @@ class WorldSheet {
   Index first = -1;
 
  protected:
-  WorldSheet(ClothState<Scalar> s, SheetContactFinder<Scalar> f, ObstacleContacts<Scalar> c)
-      : state(std::move(s)), finder(std::move(f)), contacts(std::move(c)) {
+  WorldSheet(SheetMesh<Scalar> m, ClothState<Scalar> s, SheetContactFinder<Scalar> f,
+             ObstacleContacts<Scalar> c)
+      : mesh(std::move(m)), state(std::move(s)), finder(std::move(f)), contacts(std::move(c)) {
     input.clear();
     part.clear();
   }
 };
 
-/// Returns the segments of ropes in a network: springs, other than those of bending, with an end on
-/// no triangle that at most two of them have. Allocates.
-template <RealScalar Scalar>
-std::vector<std::array<int, 2>> thread_edges(const SpringNetwork<Scalar>& network) {
-  std::vector<bool> on_surface(static_cast<std::size_t>(network.vertex_count()), false);
-  for (const std::array<int, 3>& t : network.triangles) {
-    for (const int v : t) on_surface[static_cast<std::size_t>(v)] = true;
-  }
-  std::vector<int> springs(on_surface.size(), 0);
-  for (const Spring<Scalar>& s : network.springs) {
-    if (s.kind == SpringKind::Bend) continue;
-    for (const int v : {s.a, s.b}) ++springs[static_cast<std::size_t>(v)];
-  }
-  const auto of_rope = [&](int v) {
-    const std::size_t i = static_cast<std::size_t>(v);
-    return !on_surface[i] && springs[i] <= 2;
-  };
-  std::vector<std::array<int, 2>> out;
-  for (const Spring<Scalar>& s : network.springs) {
-    if (s.kind != SpringKind::Bend && (of_rope(s.a) || of_rope(s.b))) out.push_back({s.a, s.b});
-  }
-  return out;
-}
-
 /// A sheet of a model.
-template <class Model>
-class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
+template <class Model, RealScalar Scalar>
+class WorldSheetOf : public WorldSheet<Scalar> {
  public:
-  using Scalar = typename Model::Scalar;
+  using Traits = colliding_cloth_traits<Model>;
 
-  WorldSheetOf(Model m, ClothState<Scalar> s, SheetContactFinder<Scalar> f,
+  WorldSheetOf(Model m, SheetMesh<Scalar> parts, ClothState<Scalar> s, SheetContactFinder<Scalar> f,
                ObstacleContacts<Scalar> c, Index room)
-      : WorldSheet<Scalar>(std::move(s), std::move(f), std::move(c)),
+      : WorldSheet<Scalar>(std::move(parts), std::move(s), std::move(f), std::move(c)),
         model_(std::move(m)),
-        ws_(model_.make_workspace(room)),
-        guard_(ObstacleGuard<Scalar>::create(model_.vertex_count(), model_.network().triangles)),
-        inverse_mass_(model_.network().mass) {}
+        ws_(Traits::make_workspace(model_, room)),
+        guard_(ObstacleGuard<Scalar>::create(this->mesh.vertex_count(), this->mesh.triangles)),
+        inverse_mass_(this->mesh.mass) {}
 
   StepReport<Scalar> step(const Scalar& dt, const ClothInput<Scalar>& now) override {
     side_.carry(this->grip, this->state, ws_);
-    StepReport<Scalar> report = model_.step(this->state, now, this->contacts, dt, ws_);
+    StepReport<Scalar> report = Traits::step(model_, this->state, now, this->contacts, dt, ws_);
     if (!report.advanced) return report;
     this->write_inverse_masses(inverse_mass_);
     side_.hold(inverse_mass_);
@@ -161,8 +174,6 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
     if (0 < kept.left) report.status = StepStatus::IterationLimit;
     return report;
   }
-  const SpringNetwork<Scalar>& network() const override { return model_.network(); }
-  const std::vector<int>& pinned() const override { return model_.settings().pinned; }
 
   std::string reserve_touched(Index vertices) override { return side_.create(model_, vertices); }
   StepStatus attach(std::span<const int> vertices) override {
@@ -177,8 +188,8 @@ class WorldSheetOf : public WorldSheet<typename Model::Scalar> {
 
  private:
   Model model_;
-  typename Model::Workspace ws_;
-  SheetSide<Model> side_;
+  decltype(Traits::make_workspace(std::declval<const Model&>(), Index())) ws_;
+  SheetSide<Model, Scalar> side_;
   ObstacleGuard<Scalar> guard_;
   VectorX<Scalar> inverse_mass_;  // in the last step
 };

@@ -9,6 +9,7 @@
 
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/step_input.hpp"
+#include "clothctl/sim/detail/body_coupling.hpp"
 #include "clothctl/sim/detail/world_grips.hpp"
 #include "clothctl/sim/detail/world_layers.hpp"
 #include "clothctl/sim/detail/world_parts.hpp"
@@ -78,6 +79,7 @@ class WorldStep {
   static constexpr int kMostParts = 16;
   int substeps_ = 1;
   WorldLayers<Scalar> layers_;
+  BodyCoupling<Scalar> coupling_;
   std::vector<Vector3<Scalar>> body_impulse_;
 
   /// What a failed step goes back to.
@@ -112,6 +114,7 @@ std::string WorldStep<S>::prepare() {
     if (substeps_ < parts.setups[i].substeps) substeps_ = parts.setups[i].substeps;
   }
   body_impulse_.resize(bodies);
+  coupling_.reserve(static_cast<int>(bodies), parts.sheets);
   saved_motions_.resize(parts.obstacles.size());
   saved_states_.resize(parts.sheets.size());
   saved_hands_.resize(parts.hands.size());
@@ -148,7 +151,7 @@ std::string WorldStep<S>::check_input(const Scalar& dt) {
   }
   for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
     const Sheet& sheet = *parts.sheets[i];
-    bad = check_step_input(sheet.state, sheet.input, dt, sheet.network().vertex_count());
+    bad = check_step_input(sheet.state, sheet.input, dt, sheet.mesh.vertex_count());
     if (!bad.empty()) return "sheet " + std::to_string(i) + ": " + bad;
   }
   return {};
@@ -334,6 +337,7 @@ bool WorldStep<S>::move_all(const Scalar& dt, Report& report) {
 
 template <RealScalar S>
 bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share, Report& report) {
+  using std::sqrt;
   Sheet& sheet = *parts.sheets[index(number)];
   if (sheet.find_contacts(dt) != QueryStatus::Answered || !grips.find(parts, number)) {
     report.status = StepStatus::InvalidState;
@@ -354,7 +358,13 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
     }
     now = &sheet.part;
   }
-  const StepReport<Scalar> made = sheet.step(dt, *now);
+  coupling_.begin(index(number), sheet, parts.bodies);
+  // Speeds below this do no harm.
+  const Scalar fall = Scalar(0.01) + dt * sqrt(settings.bodies.gravity.squaredNorm());
+  StepReport<Scalar> made;
+  do made = sheet.step(dt, *now);
+  while (made.advanced && coupling_.again(sheet, parts.bodies, dt, fall));
+  if (made.advanced && !coupling_.settled()) made.status = StepStatus::IterationLimit;
   report.complete = report.complete && sheet.contacts.complete();
   if (made.status != StepStatus::Converged) report.status = made.status;
   const ObstacleContactReport<Scalar>& told = sheet.contacts.report();
@@ -389,7 +399,7 @@ void WorldStep<S>::push_back(const Sheet& sheet, const Scalar& dt) {
     const Scalar gain = parts.bodies.inverse_mass(b) * sqrt(body_impulse_[index(b)].squaredNorm());
     const Scalar fall = dt * sqrt(settings.bodies.gravity.squaredNorm());
     if (parts.bodies.asleep(b) && gain < fall + settings.bodies.sleep_speed) return;
-    parts.bodies.apply_impulse(b, back, at);
+    parts.bodies.apply_impulse(b, Vector3<Scalar>(coupling_.share(b) * back), at);
   });
 }
 
