@@ -176,7 +176,7 @@ struct Ghost {
     return {};
   }
 };
-// A network of MassSpring's, wrapped by a type that tells wrong masses or pins.
+// The net, with masses that the test gives.
 struct Wrong : other_engine::Net {
   VectorX<double> told;
 };

@@ -69,6 +69,63 @@ TEMPLATE_TEST_CASE("a light body that falls on a sheet over an obstacle is not t
   }
 }
 
+TEMPLATE_TEST_CASE("a sheet between an obstacle and a light body carries the body", "[sim]",
+                   Implicit, Xpbd) {
+  for (const double mass : {1e-3, 2e-3, 5e-3}) {
+    CAPTURE(mass);
+    World<double> world;
+    CollisionGroups floor_groups, ball_groups;
+    floor_groups.groups = 2;
+    ball_groups.collides_with = 1;  // the sheet alone holds the ball
+    ColliderSurface<double> surface;
+    surface.friction = 0.5;
+    const auto floor = PlaneCollider<double>::create(Vec::Zero(), Vec::UnitZ()).value();
+    (void)world.add_obstacle(floor, {}, surface, floor_groups).value();
+    const int sheet = add_sheet<TestType>(world, 13, 1.5e-3, Vec(0, 0, -9.81));
+    RigidBodySetup<double> setup = ball(mass, Vec(0.013, 0.021, 0.05), Vec(0, 0, -0.5));
+    setup.groups = ball_groups;
+    (void)world.add_body(setup).value();
+    double pressed = 0, highest = 0;
+    int count = 0;
+    for (int i = 0; i < 90; ++i) {
+      REQUIRE(world.step(1.0 / 60).advanced);
+      highest = std::max(highest, world.bodies().motion(0).position[2]);
+      if (i < 60) continue;
+      ++count;
+      for (const auto& c : world.contacts(sheet)) pressed -= c.obstacle < 0 ? c.impulse[2] : 0;
+    }
+    CHECK(highest < 0.08);
+    CHECK(world.bodies().motion(0).position[2] > 0.015);
+    CHECK(pressed / (count * mass * 9.81 / 60) == Approx(1).epsilon(0.2));
+  }
+}
+
+TEMPLATE_TEST_CASE("a light body that is held carries a sheet", "[sim]", Implicit, Xpbd) {
+  for (const double mass : {1e-2, 0.1, 1.0}) {
+    for (const bool hung : {false, true}) {
+      CAPTURE(mass, hung);
+      World<double> world;
+      const auto floor = PlaneCollider<double>::create(Vec::Zero(), Vec::UnitZ()).value();
+      (void)world.add_obstacle(floor).value();
+      const double height = hung ? 0.2 : 0.03;
+      (void)world.add_body(ball(mass, Vec(0.013, 0.021, height), Vec::Zero())).value();
+      RigidJointSetup<double> joint;
+      joint.a = 0;
+      joint.anchor = Vec(0.013, 0.021, height);
+      if (hung) (void)world.bodies().add_joint(joint).value();
+      const int sheet = add_sheet<TestType>(world, 13, height + 0.05, Vec(0, 0, -9.81));
+      double highest = 0;
+      for (int i = 0; i < 90; ++i) {
+        REQUIRE(world.step(1.0 / 60).advanced);
+        highest = std::max(highest, world.state(sheet).positions.row(2).maxCoeff());
+      }
+      CHECK(highest < height + 0.1);
+      CHECK(world.state(sheet).positions.row(2).maxCoeff() > height + 0.02);
+      CHECK(world.bodies().motion(0).position[2] > height - 0.02);
+    }
+  }
+}
+
 TEMPLATE_TEST_CASE("a light body and a free sheet keep their momentum and add no energy", "[sim]",
                    Implicit, Xpbd) {
   for (const double mass : {1e-4, 1e-3, 0.01}) {

@@ -130,6 +130,12 @@ class RigidBodies {
   const RigidMotion<Scalar>& surface_motion(int body) const {
     return world_.body(body).moving->motion();
   }
+  /// Returns whether a joint, or another body or obstacle that it touches, may stop a body that
+  /// gains the velocities (m/s; rad/s, about its centre of mass). Complexity: O(contacts + joints).
+  bool is_held(int body, const Vector3<Scalar>& velocity,
+               const Vector3<Scalar>& angular_velocity) const {
+    return world_.is_held(body, velocity, angular_velocity);
+  }
   /// Lets `collider` answer with other velocities (m/s, rad/s) until the end of the step: those
   /// that the body will probably have then. Returns an empty string, or what is wrong; nothing
   /// changes then.

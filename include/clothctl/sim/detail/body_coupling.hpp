@@ -13,8 +13,12 @@
 //
 // W: the wrench of the normal impulses at u_0, about the centre of mass. g falls with s; its root
 // is found for each body on its own by false position. (Friction needs no search: it is bounded by
-// the normal impulses.) Any model can be asked like this. What the search leaves open after `kMost`
-// steps, the body does not receive: it is not thrown back, and the step has not converged.
+// the normal impulses.) Any model can be asked like this. Bodies search at the same time, which may
+// fail where they act on each other through the sheet. What a search leaves open, the body does not
+// receive if the sheet can lean on something else, and the step has not converged.
+//
+// Bodies that joints or contacts hold are not searched for: how they answer is known only after
+// their own solve.
 
 #include <algorithm>
 #include <cmath>
@@ -86,8 +90,9 @@ class BodyCoupling {
   struct Try {
     /// J(u), and its normal part.
     Twist impulse, normal;
-    /// Power with which the body goes farther than to the sheet, at the points of contact, N s m/s.
-    Scalar approach = Scalar(0);
+    /// How much farther than to the sheet the body goes, times the normal impulses, and with
+    /// friction, N s m/s.
+    Scalar approach = Scalar(0), power = Scalar(0);
     /// What the sheet took for granted, how much faster the body is without it (v_free - u), and
     /// M⁻¹ J.
     Twist u, before, gain;
@@ -118,7 +123,7 @@ class BodyCoupling {
     }
     return {t.u0.linear + t.s * t.direction.linear, t.u0.angular + t.s * t.direction.angular};
   }
-  /// Returns whether the sheet touches something besides.
+  /// Returns whether the sheet can lean on something besides one body.
   bool add_impulses(const Sheet& sheet, const Bodies& bodies, const Scalar& dt);
   /// Starts the search of a body where its impulses are too large. Returns whether they are.
   static bool start(Try& t, const Twist& response, const Scalar& fall);
@@ -138,19 +143,19 @@ class BodyCoupling {
 
 template <RealScalar S>
 bool BodyCoupling<S>::add_impulses(const Sheet& sheet, const Bodies& bodies, const Scalar& dt) {
-  bool others = false;
+  bool others = !sheet.mesh.pinned.empty() || !sheet.input.driven_vertices.empty();
+  int last = -1;
   for (Try& t : tries_) {
     t.impulse = t.normal = {};
-    t.approach = Scalar(0);
+    t.approach = t.power = Scalar(0);
   }
   const Scalar thickness = sheet.contacts.settings().thickness;
   for (const ObstacleContact<Scalar>& c : sheet.contacts.contacts()) {
     const int b = body_of(sheet, c);
     if (c.state == ContactState::Open) continue;
-    if (!movable(bodies, b)) {
-      others = true;
-      continue;
-    }
+    if (!movable(bodies, b) || (0 <= last && b != last)) others = true;
+    if (!movable(bodies, b)) continue;
+    last = b;
     Try& t = tries_[static_cast<std::size_t>(b)];
     const SurfacePoint<Scalar>& there = c.point.surface;
     const Vec arm = there.point - bodies.motion(b).position;
@@ -165,8 +170,10 @@ bool BodyCoupling<S>::add_impulses(const Sheet& sheet, const Bodies& bodies, con
       before += c.point.weight[k] *
                 start_[number_].velocities.col(c.point.vertex[static_cast<std::size_t>(k)]);
     const Scalar gap = there.distance - thickness + c.point.slack;
-    t.approach += normal.dot(Vec(assumed(bodies, b, t).at(arm) - before));
-    if (Scalar(0) < gap) t.approach -= size * gap / dt;
+    const Vec closing = assumed(bodies, b, t).at(arm) - before;
+    const Scalar way = Scalar(0) < gap ? Scalar(size * gap / dt) : Scalar(0);
+    t.approach += normal.dot(closing) - way;
+    t.power += c.impulse.dot(closing) - way;
   }
   return others;
 }
@@ -252,7 +259,8 @@ bool BodyCoupling<S>::again(Sheet& sheet, Bodies& bodies, const Scalar& dt, cons
     const RigidMotion<Scalar>& m = bodies.motion(b);
     t.before = {m.velocity - t.u.linear, m.angular_velocity - t.u.angular};
     if (evaluations_ == 1) {
-      more = start(t, response(bodies, b, t.normal), fall) || more;
+      const Twist way = response(bodies, b, t.normal);
+      if (!bodies.is_held(b, way.linear, way.angular)) more = start(t, way, fall) || more;
     } else if (t.open && evaluations_ < kMost) {
       more = narrow(t, (t.wrench.dot(t.before) + t.wrench.dot(t.gain)) / t.scale) || more;
     }
@@ -270,8 +278,8 @@ void BodyCoupling<S>::limit(Try& t, bool squeezed, const Scalar& fall) {
   using std::sqrt;
   const Scalar gained = t.impulse.dot(t.gain);
   if (!(Scalar(0) < gained)) return;
-  const Scalar approach = Scalar(0) < t.approach ? t.approach : Scalar(0);
-  const Scalar most = Scalar(1.1) * approach +
+  const Scalar power = Scalar(0) < t.power ? t.power : Scalar(0);
+  const Scalar most = Scalar(1.1) * power +
                       Scalar(2) * fall * sqrt(t.impulse.linear.squaredNorm()) -
                       t.impulse.dot(t.before);
   if (!(most < gained)) return;

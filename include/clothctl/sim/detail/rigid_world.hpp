@@ -60,6 +60,7 @@ struct RigidWorld {
   Result<int> add_joint(const RigidJointSetup<Scalar>& setup);
   void reserve(std::size_t contacts);
   std::string set_motion(int n, const RigidMotion<Scalar>& motion);
+  bool is_held(int n, const Vector3<Scalar>& v, const Vector3<Scalar>& w) const;
   bool apply_impulse(int n, const Vector3<Scalar>& impulse, const Vector3<Scalar>& point);
   void wake(int n);
   bool restore(const State& from);
@@ -289,6 +290,21 @@ std::string RigidWorld<Scalar>::set_motion(int n, const RigidMotion<Scalar>& mot
   std::string moved = bodies[static_cast<std::size_t>(n)].moving->set_motion(now);
   assert(moved.empty());
   return moved;
+}
+
+template <RealScalar Scalar>
+bool RigidWorld<Scalar>::is_held(int n, const Vector3<Scalar>& v, const Vector3<Scalar>& w) const {
+  for (const Joint& j : joints) {
+    if (j.a == n || j.b == n) return true;
+  }
+  for (const Contact& c : state.contacts) {
+    if ((c.a != n && c.b != n) || !(c.touches() || c.gap <= Scalar(0))) continue;
+    // The normal points to a.
+    const Vector3<Scalar> arm = c.position - body_state(n).motion.position;
+    const Scalar leaves = c.sample.normal.dot(Vector3<Scalar>(v + w.cross(arm)));
+    if (c.a == n ? leaves < Scalar(0) : Scalar(0) < leaves) return true;
+  }
+  return false;
 }
 
 template <RealScalar Scalar>
