@@ -4,7 +4,6 @@
 // at obstacles. The type can be moved and nothing else.
 
 #include <array>
-#include <cstddef>
 #include <utility>
 #include <vector>
 

@@ -4,7 +4,6 @@
 #include "clothctl/concepts/colliding_cloth.hpp"
 
 #include <array>
-#include <cmath>
 #include <cstddef>
 #include <string>
 #include <utility>
@@ -13,7 +12,6 @@
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/mesh/grid.hpp"
-#include "clothctl/network/rope.hpp"
 #include "clothctl/sim/world.hpp"
 #include "laws/colliding_cloth_laws.hpp"
 #include "support/catch.hpp"

@@ -11,7 +11,7 @@
 //   refusal   a step that does not report `advanced` leaves the state bitwise as it was
 //   memory    a step does not allocate
 
-#include <cmath>
+#include <array>
 #include <limits>
 #include <vector>
 

@@ -126,7 +126,7 @@ class RigidBodies {
   ColliderRef<Scalar> collider(int body) const { return world_.body(body).moving->collider(); }
 
   /// The motion of the body that `collider` answers with: pose and velocities at the end of the
-  /// last step.
+  /// last step, or those that were set since.
   const RigidMotion<Scalar>& surface_motion(int body) const {
     return world_.body(body).moving->motion();
   }

@@ -14,11 +14,11 @@
 // W: the wrench of the normal impulses at u_0, about the centre of mass. g falls with s; its root
 // is found for each body on its own by false position. (Friction needs no search: it is bounded by
 // the normal impulses.) Any model can be asked like this. Bodies search at the same time, which may
-// fail where they act on each other through the sheet. What a search leaves open, the body does not
-// receive if the sheet can lean on something else, and the step has not converged.
+// fail where they act on each other through the sheet. Bodies that joints or contacts hold are not
+// searched for: how they answer is known only after their own solve.
 //
-// Bodies that joints or contacts hold are not searched for: how they answer is known only after
-// their own solve.
+// Where the impulses on a body, held or not, are too large after that, the step has not converged;
+// if the sheet can lean on something else, the body does not receive the excess.
 
 #include <algorithm>
 #include <cmath>
