@@ -278,8 +278,7 @@ void PinchWorld::drive(double t, double dt) {
   drive.target_velocity = (q_ - before) / dt;
 }
 
-bool PinchWorld::step(double t, double dt) {
-  drive(t, dt);
+bool PinchWorld::step(double dt) {
   report_ = world_.step(dt);
   return report_.advanced;
 }

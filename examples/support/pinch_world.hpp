@@ -44,8 +44,10 @@ class PinchWorld {
       const PinchSheet& sheet, const clothctl::Material<double>& material,
       const PinchMotion& motion, const clothctl::PadSettings<double>& pad);
 
-  /// Makes the step from t to t + dt. Returns whether the world was advanced.
-  bool step(double t, double dt);
+  /// Tells what carries the pads where to be at t + dt, by inverse kinematics for a hand.
+  void drive(double t, double dt);
+  /// Makes the step to there. Returns whether the world was advanced.
+  bool step(double dt);
   const clothctl::WorldReport<double>& report() const { return report_; }
   const clothctl::ClothState<double>& state() const { return world_.state(0); }
   const std::vector<std::array<int, 3>>& triangles() const { return triangles_; }
@@ -86,7 +88,6 @@ class PinchWorld {
   double turn(double t) const;
   /// Share of the force with which the pads press.
   static double closed(double t);
-  void drive(double t, double dt);
   /// Finds where the fingertips touch, and the first positions of the hand.
   void place_tips();
   /// Moves the hand's positions so that its tips are at the poses of time t.

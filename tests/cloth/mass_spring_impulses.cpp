@@ -5,12 +5,14 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/collision/shapes.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "laws/impulse_response_laws.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
+#include "support/sheet_on_obstacles.hpp"
 
 using namespace clothctl;
 
@@ -225,4 +227,109 @@ TEST_CASE("a response refuses what is not its step, and changes nothing", "[clot
   CHECK(MassSpringImpulses<double>::create(iterative.model(), 3).error().find("conjugate") !=
         std::string::npos);
   CHECK_FALSE(MassSpringImpulses<double>::create(model, -1));
+}
+
+TEMPLATE_TEST_CASE("what is expected of the impulses does not change the answer", "[cloth]", float,
+                   double) {
+  using S = TestType;
+  const Scene<S> scene;
+  const MassSpring<S> model = scene.model();
+  const VectorX<S> p = impulses(scene, 1e-3);
+  ClothState<S> states[2] = {scene.start, scene.start};
+  VectorX<S> velocities[2];
+  for (const bool expects : {false, true}) {
+    auto ws = model.make_workspace();
+    ClothState<S>& state = states[expects ? 1 : 0];
+    auto response = MassSpringImpulses<S>::create(model, 7).value();
+    // Twice at vertex 8, once at the driven vertex 48.
+    const std::vector<int> at{8, 41, 8, 48};
+    if (expects) REQUIRE(response.expect(at, noise<S>(5, 4, 1e-3), ws));
+    REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
+    REQUIRE(response.attach(scene.touched, state, ws) == StepStatus::Converged);
+    VectorX<S>& u = velocities[expects ? 1 : 0];
+    u.setZero(3 * response.point_count());
+    response.velocities(u);
+    // In two parts: only the first takes the place of what was expected.
+    response.apply(S(0.25) * p);
+    response.apply(S(0.75) * p);
+  }
+  const S tolerance = std::is_same_v<S, float> ? S(1e-4) : S(1e-12);
+  const S size = states[0].velocities.cwiseAbs().maxCoeff();
+  CHECK((velocities[1] - velocities[0]).cwiseAbs().maxCoeff() < tolerance * size);
+  CHECK((states[1].velocities - states[0].velocities).cwiseAbs().maxCoeff() < tolerance * size);
+  CHECK((states[1].positions - states[0].positions).cwiseAbs().maxCoeff() <
+        tolerance * size * scene.dt);
+}
+
+TEST_CASE("what cannot be expected is refused, and what was expected elsewhere", "[cloth]") {
+  const Scene<double> scene;
+  const MassSpring<double> model = scene.model();
+  auto ws = model.make_workspace();
+  auto response = MassSpringImpulses<double>::create(model, 7).value();
+  const Points<double> one = Points<double>::Constant(3, 1, 1e-3);
+  CHECK_FALSE(response.expect(std::vector<int>{49}, one, ws));
+  CHECK_FALSE(response.expect(std::vector<int>{-1}, one, ws));
+  CHECK_FALSE(response.expect(std::vector<int>{3, 4}, one, ws));
+  CHECK_FALSE(response.expect(std::vector<int>{3}, Points<double>(one * std::nan("")), ws));
+  ClothState<double> state = scene.start, other = scene.start;
+  auto fresh = model.make_workspace();
+  REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
+  REQUIRE(model.step(other, scene.input, scene.dt, fresh).advanced);
+  CHECK(state.velocities == other.velocities);
+  REQUIRE(response.expect(std::vector<int>{3}, one, ws));
+  REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
+  CHECK(response.attach(std::vector<int>{4}, state, ws) == StepStatus::InvalidInput);
+}
+
+TEST_CASE("contacts that change within a step change the mobility, as another factor would",
+          "[cloth]") {
+  // A sheet that falls on a ball and slides: contacts open, close and slip.
+  using Rig = clothctl_test::SheetOnObstacles<MassSpring<double>>;
+  auto settings = MassSpringSettings<double>::of(Material<double>());
+  settings.limit_energy = false;
+  const auto network = clothctl_test::level_sheet<double>(9, 0.0005);
+  const auto model = MassSpring<double>::create(network, settings).value();
+  const auto ball =
+      SphereCollider<double>::create(Vector3<double>(0.05, 0.01, -0.05), 0.05, {0.2, 0}).value();
+  Rig with(model), without(model);
+  for (Rig* rig : {&with, &without}) rig->obstacles = {ColliderRef<double>(ball)};
+  auto answer = MassSpringImpulses<double>::create(model, 7).value();
+  auto other = MassSpringImpulses<double>::create(model, 7).value();
+  const std::vector<int> touched{8, 41, 40, 25, 48};
+  const VectorX<double> p = VectorX<double>::LinSpaced(15, -2e-4, 3e-4);
+  Points<double> nothing = Points<double>::Zero(3, 5);
+  std::size_t changes = 0;
+  double mobility = 0, velocity = 0, contacts = 0;
+  for (int i = 0; i < 60; ++i) {
+    REQUIRE(answer.expect(touched, nothing, with.ws));
+    with.advance(0.01);
+    without.advance(0.01);
+    without.state = with.state;  // but for rounding they are the same
+    without.ws.velocity = with.ws.velocity;
+    without.ws.matrix = with.ws.matrix;
+    REQUIRE(answer.attach(touched, with.state, with.ws) == StepStatus::Converged);
+    REQUIRE(other.attach(touched, without.state, without.ws) == StepStatus::Converged);
+    changes += with.ws.factor_changes.list().size();
+    MatrixX<double> W = MatrixX<double>::Zero(15, 15), expected = W;
+    answer.add_mobility(W);
+    other.add_mobility(expected);
+    mobility = std::max(mobility, (W - expected).norm() / expected.norm());
+    const Points<double> before = with.state.velocities;
+    const Vector3<double> held = with.impulse(), momentum = with.momentum();
+    answer.apply(p);
+    other.apply(p);
+    const Points<double> by = without.state.velocities - before;
+    velocity = std::max(velocity, (with.state.velocities - before - by).norm() / by.norm());
+    answer.update_contacts(with.contacts, [](std::size_t, const Vector3<double>&) {});
+    Vector3<double> pushed = Vector3<double>::Zero();
+    for (Index k = 0; k < 5; ++k) pushed += p.segment<3>(3 * k);
+    const double drag = 1 + 0.01 * settings.drag;
+    const Vector3<double> lost =
+        drag * (with.momentum() - momentum) - pushed - (with.impulse() - held);
+    contacts = std::max(contacts, lost.norm() / pushed.norm());
+  }
+  CHECK(changes > 30);
+  CHECK(mobility < 1e-9);
+  CHECK(velocity < 1e-9);
+  CHECK(contacts < 1e-9);
 }

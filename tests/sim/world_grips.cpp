@@ -94,6 +94,58 @@ TEST_CASE("momentum of a sheet and bodies with pads is kept without gravity", "[
   CHECK((momentum() - before).norm() <= 1e-9 * pushed);
 }
 
+TEST_CASE("obstacles and bodies beside pads receive what the sheet receives", "[sim]") {
+  WorldSettings<double> settings;
+  settings.bodies.gravity.setZero();
+  World<double> world(settings);
+  const Vec at = add_hanging_sheet(world, 9, Vec::Zero());
+  // Pads pull the sheet's corner against a ball that stands, and a free one, both without pads.
+  for (const double side : {1.0, -1.0}) {
+    RigidMotion<double> motion;
+    motion.position = at + side * Vec(0, 0.0015, 0);
+    motion.velocity = Vec(0, 0.3, 0);
+    if (side < 0) motion.R_world_body = rotation_exp<double>(Vec(0, 0, std::acos(-1.0)));
+    (void)world.add_pad(world.add_obstacle(pad_ball(), motion).value(), pad_samples()).value();
+  }
+  RigidMotion<double> stands;
+  stands.position = at + Vec(0.06, 0.022, -0.02);
+  const auto shape = SphereCollider<double>::create(Vec::Zero(), 0.02).value();
+  const int ball = world.add_obstacle(shape, stands).value();
+  RigidBodySetup<double> free{ConvexShape<double>::sphere(0.02).value()};
+  free.mass = 0.3;
+  free.motion.position = at + Vec(0.02, 0.022, -0.07);
+  (void)world.add_body(free).value();
+  const VectorX<double> mass = hanging_sheet(9).network().mass;
+  double beside = 0, largest = 0;
+  for (int i = 0; i < 60; ++i) {
+    const Vec before = world.state(0).velocities * mass;
+    const Vec body_before = world.bodies().motion(0).velocity;
+    if (!world.step(0.005).advanced) FAIL("step " << i);
+    Vec received = Vec::Zero(), to_body = Vec::Zero();
+    double size = 0;
+    for (int pad = 0; pad < 2; ++pad) {
+      for (const auto& c : world.pad_contacts(pad)) {
+        received += c.impulse;
+        size += c.impulse.norm();
+      }
+    }
+    const bool pinched = 0 < size;
+    for (const auto& c : world.contacts(0)) {
+      if (c.state == ContactState::Open) continue;
+      received += c.impulse;
+      size += c.impulse.norm();
+      if (pinched && c.obstacle == ball) beside += c.impulse.norm();
+      if (c.obstacle < 0) to_body -= c.impulse;
+    }
+    const Vec gained = world.state(0).velocities * mass - before;
+    largest = std::max(largest, (gained - received).norm() / (size + 1e-12));
+    const Vec body_gained = 0.3 * (world.bodies().motion(0).velocity - body_before);
+    largest = std::max(largest, (body_gained - to_body).norm() / (size + 1e-12));
+  }
+  CHECK(beside > 1e-3);
+  CHECK(largest < 1e-9);
+}
+
 TEST_CASE("a pad on the first body is that of the body, whatever else carries pads", "[sim]") {
   GrippedSheet held(9, 3);  // a hand carries pads 0 and 1
   RigidBodySetup<double> ball{ConvexShape<double>::sphere(0.01).value()};

@@ -319,7 +319,10 @@ StepStatus MassSpring<S>::factorize_step(const State& state, Workspace& ws) cons
     return StepStatus::InvalidWorkspace;
   if (state.positions.cols() != n || state.velocities.cols() != n) return StepStatus::InvalidState;
   if (ws.linear) {
-    if (!ws.factor_is_current) ws.factor_is_current = ws.factor.factorize(ws.matrix, ws.held);
+    if (!ws.factor_is_current) {
+      ws.factor_changes.clear();
+      ws.factor_is_current = ws.factor.factorize(ws.matrix, ws.held);
+    }
     return ws.factor_is_current ? StepStatus::Converged : StepStatus::NumericalFailure;
   }
   for (const Scalar& compression : {Scalar(1), Scalar(0)}) {
@@ -409,6 +412,9 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
                           detail::column(input.forces, static_cast<Index>(i)));
   detail::freeze_air<Scalar>(network_, x, state.velocities, input.wind, settings_.air, ws.air,
                              ws.outer);
+  for (Index i = 0; ws.expects && i < vertex_count(); ++i) {
+    if (!ws.is_held(i)) detail::add_to_column(ws.outer, i, detail::column(ws.expected, i) / dt);
+  }
   ws.dt = dt;
   ws.advanced = false;
   ws.kept = Scalar(1);

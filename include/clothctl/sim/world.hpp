@@ -7,8 +7,10 @@
 //   2. sheets   each with its contacts with obstacles, links of hands and bodies, which move with
 //               their free velocities (contact/obstacle_contacts.hpp). Bodies and hands receive the
 //               opposite impulses.
+//               Mass-spring sheets expect of pads what they did in the last step.
 //   3. pads     the contacts of soft pads with sheets, hands and bodies as sides of one problem,
-//               each with the matrix of its step (contact/contact_solver.hpp)
+//               each with the matrix of its step (contact/contact_solver.hpp). What they change at
+//               the contacts of a mass-spring sheet with obstacles, the latter's sides receive.
 //   4. layers   sheets that meet themselves or each other are kept apart
 //               (contact/sheet_impacts.hpp)
 //   5. bodies   contacts and joints; everything moves

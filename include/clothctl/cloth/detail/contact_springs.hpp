@@ -38,6 +38,7 @@
 #include <span>
 #include <vector>
 
+#include "clothctl/cloth/detail/factor_changes.hpp"
 #include "clothctl/cloth/detail/reserved_list.hpp"
 #include "clothctl/cloth/detail/spring_forces.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
@@ -51,8 +52,8 @@ template <RealScalar Scalar>
 struct ContactSpring {
   /// n, f⁰ (N), velocity of the surface (m/s), force of the last solve (N).
   Triple<Scalar> normal, held_force, surface, force;
-  /// Its part h² K of the step matrix.
-  Matrix3<Scalar> block;
+  /// Its part h² K of the step matrix, and of the one that was factored.
+  Matrix3<Scalar> block, factored;
   /// 1/m, 1/kg.
   Scalar lightness;
   /// Normal force of the last step, N.
@@ -156,6 +157,28 @@ class ContactSprings {
   /// Replaces what the step matrix has of the contacts by h² Σ WᵀK W at the present states.
   void replace_blocks(BlockSymmetric<Scalar>& matrix) {
     for (std::size_t i = 0; i < springs_.size(); ++i) replace_block_of(i, matrix);
+  }
+
+  /// Remembers that the step matrix is factored as it is now.
+  void note_factor() {
+    for (Spring& s : springs_) s.factored = s.block;
+  }
+
+  /// Lists how the step matrix differs from the one that was factored. Returns false, and lists
+  /// none, where there are too many changes, or the matrix has no room for one.
+  bool list_changes(const BlockSymmetric<Scalar>& matrix, FactorChanges<Scalar>& changes) const {
+    changes.clear();
+    for (std::size_t i = 0; i < springs_.size(); ++i) {
+      const Matrix3<Scalar> block = springs_[i].block - springs_[i].factored;
+      if ((block.array() == Scalar(0)).all()) continue;
+      const SheetContact<Scalar>& p = contacts_[i].point;
+      if (changes.full() || !couples(matrix, p.vertex)) {
+        changes.clear();
+        return false;
+      }
+      changes.add({p.vertex, p.weight, block});
+    }
+    return true;
   }
 
   /// Calls add(vertex, Wᵀ f(0)), N, for the vertices of all closed contacts.
@@ -300,6 +323,15 @@ class ContactSprings {
     s.sticks = false;
     s.share = limit / size;
   }
+  /// Whether springs couple all vertices of a contact.
+  static bool couples(const BlockSymmetric<Scalar>& matrix, const std::array<int, 3>& vertex) {
+    for (std::size_t a = 0; a < 3 && vertex[a] >= 0; ++a) {
+      for (std::size_t b = 0; b < a; ++b) {
+        if (matrix.find(vertex[a], vertex[b]) < 0) return false;
+      }
+    }
+    return true;
+  }
   Matrix3<Scalar> block_of(const Spring& s) const;
   void replace_block_of(std::size_t i, BlockSymmetric<Scalar>& matrix);
 
@@ -345,6 +377,7 @@ auto ContactSprings<S>::make(const Contact& c, const VectorX<Scalar>& mass,
   s.expected = along;
   s.force = Vec{zero, zero, zero};
   s.block.setZero();
+  s.factored.setZero();
   s.lightness = inverse;
   s.share = Scalar(1);
   s.bound = zero;

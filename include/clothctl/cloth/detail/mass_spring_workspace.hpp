@@ -11,6 +11,7 @@
 #include "clothctl/cloth/detail/attachments.hpp"
 #include "clothctl/cloth/detail/conjugate_gradient.hpp"
 #include "clothctl/cloth/detail/contact_springs.hpp"
+#include "clothctl/cloth/detail/factor_changes.hpp"
 #include "clothctl/cloth/detail/find_grid.hpp"
 #include "clothctl/cloth/detail/step_input.hpp"
 #include "clothctl/cloth/detail/step_preconditioner.hpp"
@@ -39,6 +40,10 @@ struct MassSpringWorkspace {
   /// Room for the contacts of a step, and those of the step at hand; null without.
   ContactSpringList<Scalar> contact_springs;
   ContactSprings<Scalar>* contacts = nullptr;
+  /// The impulses at vertices that MassSpringImpulses expects in the step, N s, and whether it
+  /// does: it will ask for the factor then.
+  Points<Scalar> expected;
+  bool expects = false;
   /// Unit vectors of the springs at the start of the step.
   Points<Scalar> direction;
   /// Forces that are constant over the step (gravity, input, C w), velocities at the end of the
@@ -57,8 +62,9 @@ struct MassSpringWorkspace {
   Triple<Scalar> drift{Scalar(0), Scalar(0), Scalar(0)};
   /// True when the last step was a single linear solve; its matrix is in `matrix`.
   bool linear = false;
-  /// True when `factor` is that of this matrix.
+  /// True when `factor` is that of this matrix, apart from `factor_changes`.
   bool factor_is_current = false;
+  FactorChanges<Scalar> factor_changes;
   /// True when the last step advanced a state.
   bool advanced = false;
 
@@ -85,7 +91,8 @@ struct MassSpringWorkspace {
     held.assign(static_cast<std::size_t>(n), 0);
     attachments.reserve(n);
     direction.setZero(3, static_cast<Index>(network.springs.size()));
-    for (Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient}) p->setZero(3, n);
+    for (Points<Scalar>* p : {&expected, &outer, &velocity, &trial, &position, &gradient})
+      p->setZero(3, n);
     air.assign(air_count, Matrix3<Scalar>::Zero());
     rhs.setZero(1, 3 * n);
     product.setZero(1, 3 * n);
@@ -99,7 +106,7 @@ struct MassSpringWorkspace {
     bool good = true;
     for (const BlockSymmetric<Scalar>* m : {&matrix, &frozen})
       good = good && m->rows() == n && m->lower_count() == pattern.lower_count();
-    for (const Points<Scalar>* p : {&outer, &velocity, &trial, &position, &gradient})
+    for (const Points<Scalar>* p : {&expected, &outer, &velocity, &trial, &position, &gradient})
       good = good && p->cols() == n;
     good = good && cg.solution.cols() == 3 * n && attachments.fits(n);
     return good && direction.cols() == static_cast<Index>(network.springs.size()) &&

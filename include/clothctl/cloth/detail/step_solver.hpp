@@ -89,6 +89,7 @@ class StepSolver {
   /// Assembles A at `x` and factorises it. Returns false where it is not definite.
   [[nodiscard]] bool factorize_at(const Points<Scalar>& x, Scalar compression) {
     assemble(x, compression);
+    ws_.factor_changes.clear();
     return ws_.factor.factorize(ws_.matrix, ws_.held);
   }
 
@@ -173,12 +174,17 @@ class StepSolver {
   /// definite. Leaves the exact A in ws.matrix.
   bool refresh();
 
-  /// Solves A d = ws.rhs by conjugate gradients.
-  ConjugateGradientReport solve_truncated(Scalar forcing, Scalar tolerance, int max_iterations) {
+  /// Solves A d = ws.rhs by conjugate gradients; with `exact`, preconditioned by ws.factor.
+  ConjugateGradientReport solve_truncated(Scalar forcing, Scalar tolerance, int max_iterations,
+                                          bool exact = false) {
     const ConjugateGradientLimits<Scalar> limits{forcing, tolerance, max_iterations};
     return conjugate_gradient<Scalar>(
         ws_.matrix, ws_.rhs, network_.mass, ws_.held, limits,
-        [&](const Lanes<Scalar, 1>& r, Lanes<Scalar, 1>& z) { ws_.preconditioner.apply(r, z); },
+        [&](const Lanes<Scalar, 1>& r, Lanes<Scalar, 1>& z) {
+          if (!exact) return ws_.preconditioner.apply(r, z);
+          z = r;
+          ws_.factor.template solve<1>(z);
+        },
         ws_.cg);
   }
 
@@ -228,6 +234,7 @@ bool StepSolver<S>::solve_once(Scalar tolerance, StepReport<Scalar>& report) {
   if (!iterative) {
     if (!ws_.factor.factorize(ws_.matrix, ws_.held)) return false;
     ws_.factor_is_current = true;
+    ws_.factor_changes.clear();
     report.iterations = 1;
     ws_.factor.template solve<1>(ws_.rhs);
     move_along(ws_.velocity, Scalar(1), ws_.rhs, ws_.velocity);
@@ -250,6 +257,8 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
   const Scalar rounding = Scalar(4000) * scalar_traits<Scalar>::epsilon();
   const Scalar little = rounding < Scalar(kContactTolerance) ? Scalar(kContactTolerance) : rounding;
   predict_contacts();
+  // Where the factor of the step is asked for after it, it takes the place of the preconditioner.
+  const bool exact = ws_.expects && !ws_.preconditioner.is_incomplete();
   ws_.factor_is_current = false;
   // States that come back in turns never settle. After some rounds contacts may only open.
   const int last = kContactRounds + kOpeningRounds;
@@ -263,10 +272,15 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
     const bool opens = kContactRounds <= round;
     if (opens) report.status = StepStatus::IterationLimit;
     if (round == last) break;
-    if (round == 0 && !ws_.preconditioner.factorize(ws_.matrix, ws_.held)) return false;
+    if (round == 0) {
+      if (!(exact ? ws_.factor.factorize(ws_.matrix, ws_.held)
+                  : ws_.preconditioner.factorize(ws_.matrix, ws_.held)))
+        return false;
+      ws_.contacts->note_factor();
+    }
     const ConjugateGradientReport cg =
         solve_truncated(opens ? Scalar(0) : Scalar(0.1), Scalar(0.1) * little,
-                        opens ? kMostIncomplete : kMostIterations);
+                        opens ? kMostIncomplete : kMostIterations, exact);
     if (!cg.finite || cg.indefinite) return false;
     report.iterations += cg.iterations;
     move_along(ws_.velocity, Scalar(1), ws_.cg.solution, ws_.velocity);
@@ -278,6 +292,7 @@ bool StepSolver<S>::solve_with_contacts(StepReport<Scalar>& report) {
       ws_.contacts->update_friction(ws_.velocity);
   }
   report.residual = largest_magnitude(ws_.rhs);
+  if (exact) ws_.factor_is_current = ws_.contacts->list_changes(ws_.matrix, ws_.factor_changes);
   ws_.contacts->take(ws_.velocity);
   balance_momentum();
   ws_.contacts->for_each_constant_force([&](int v, const Triple<Scalar>& force) {

@@ -97,9 +97,18 @@ class SheetSide<Model, Scalar> : public FreeSide<Scalar> {
                     typename Model::Workspace& ws, const VectorX<Scalar>&) {
     return impulses_->attach(vertices, state, ws);
   }
+  void expect(std::span<const int> vertices, const PointsView<Scalar>& impulses,
+              typename Model::Workspace& ws) {
+    if (impulses_) (void)impulses_->expect(vertices, impulses, ws);
+  }
   int point(int vertex) const { return impulses_->point(vertex); }
   ImpulseResponseRef<Scalar> side() { return ImpulseResponseRef<Scalar>(*impulses_); }
   void take(const Scalar&, bool, const typename Model::Workspace&) {}
+  /// Gives the contacts of the step what they exert since then.
+  template <class More>
+  void update_contacts(ObstacleContacts<Scalar>& contacts, More more) const {
+    impulses_->update_contacts(contacts, more);
+  }
 
  private:
   std::optional<typename Model::Impulses> impulses_;

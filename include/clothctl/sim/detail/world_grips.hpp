@@ -71,6 +71,7 @@ class WorldGrips {
       }
       before_[i] = now;
     }
+    ratio_ = Scalar(0) < last_dt_ ? Scalar(dt / last_dt_) : Scalar(1);
     last_dt_ = dt;
   }
   /// Ends a part, after all has moved.
@@ -80,6 +81,9 @@ class WorldGrips {
   /// Finds the contacts of a sheet, whose finder is up to date, with all pads. Returns false where
   /// a motion is not valid.
   bool find(WorldParts<Scalar>& parts, int sheet);
+  /// Tells a sheet what pads are likely to do in the step that it is about to make: what they did
+  /// in the last one. After `find`.
+  void expect(WorldParts<Scalar>& parts, int sheet);
   /// Finds what pads hold of a sheet in a part of `dt` s, after `find`.
   void find_patches(WorldParts<Scalar>& parts, int sheet, const Scalar& dt);
   /// Begins a step, of one or more parts: impulses are summed over them.
@@ -160,7 +164,10 @@ class WorldGrips {
   std::vector<GripContact<Scalar>> closed_;
   /// Motion of each pad: at the start of the part before, at its end, and as expected in this one.
   std::vector<RigidMotion<Scalar>> before_, left_, expected_, saved_before_, saved_left_;
-  Scalar last_dt_ = Scalar(0), saved_dt_ = Scalar(0);
+  Scalar last_dt_ = Scalar(0), saved_dt_ = Scalar(0), ratio_ = Scalar(1);
+  /// Impulses that a sheet expects at vertices.
+  std::vector<int> expected_vertices_;
+  Points<Scalar> expected_impulses_;
   std::vector<std::vector<PadContact<Scalar>>> told_;
   ContactSolver<Scalar> solver_;
 };
@@ -213,6 +220,8 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
     const std::string bad = parts.sheets[s]->reserve_touched(static_cast<Index>(room));
     if (!bad.empty()) return "sheet " + std::to_string(s) + ": " + bad;
   }
+  expected_vertices_.reserve(3 * most);
+  expected_impulses_ = Points<Scalar>::Constant(3, static_cast<Index>(3 * most), Scalar(0));
   contacts_.reserve(most);
   closed_.reserve(most);
   for (auto* list : {&before_, &left_, &expected_, &saved_before_, &saved_left_})
@@ -241,6 +250,23 @@ bool WorldGrips<Scalar>::find(WorldParts<Scalar>& parts, int sheet) {
       return false;
   }
   return true;
+}
+
+template <RealScalar Scalar>
+void WorldGrips<Scalar>::expect(WorldParts<Scalar>& parts, int sheet) {
+  expected_vertices_.clear();
+  for (Touch& t : touches_) {
+    if (t.sheet != sheet) continue;
+    for (const ContactSample<Scalar>& c : t.contacts.contacts()) {
+      for (std::size_t k = 0; k < 3; ++k) {
+        expected_impulses_.col(static_cast<Index>(expected_vertices_.size())) =
+            (ratio_ * c.a.weight[static_cast<Index>(k)]) * c.impulse;
+        expected_vertices_.push_back(c.a.point[k]);
+      }
+    }
+  }
+  const Index count = static_cast<Index>(expected_vertices_.size());
+  parts.sheets[index(sheet)]->expect(expected_vertices_, expected_impulses_.leftCols(count));
 }
 
 template <RealScalar Scalar>

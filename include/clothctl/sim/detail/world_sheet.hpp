@@ -69,6 +69,8 @@ class WorldSheet {
 
   /// Makes room for vertices that pads touch. Allocates. Returns an empty string, or why it cannot.
   virtual std::string reserve_touched(Index vertices) = 0;
+  /// Tells, before a step, which impulses (N s) `side` is likely to receive after it.
+  virtual void expect(std::span<const int> vertices, const PointsView<Scalar>& impulses) = 0;
   /// Prepares `side` for the vertices, after a step.
   virtual StepStatus attach(std::span<const int> vertices) = 0;
   /// The answer to impulses at the vertices, and the number of a vertex there.
@@ -133,6 +135,8 @@ class WorldSheet {
   /// The obstacles that it may touch, and the number of each in the world's list.
   std::vector<ColliderRef<Scalar>> obstacles;
   std::vector<int> obstacle_number;
+  /// What the last `take_side` changed in the impulse of each contact, N s; empty before.
+  std::vector<Vector3<Scalar>> strained;
   /// What pads hold, without pinned and driven vertices; empty where `neighbours` returns null.
   GripPatches<Scalar> grip;
   /// Number of its first vertex among those of all sheets that meet each other; -1 if it does not.
@@ -144,6 +148,7 @@ class WorldSheet {
       : mesh(std::move(m)), state(std::move(s)), finder(std::move(f)), contacts(std::move(c)) {
     input.clear();
     part.clear();
+    strained.reserve(contacts.capacity());
   }
 };
 
@@ -176,6 +181,10 @@ class WorldSheetOf : public WorldSheet<Scalar> {
   }
 
   std::string reserve_touched(Index vertices) override { return side_.create(model_, vertices); }
+  void expect(std::span<const int> vertices, const PointsView<Scalar>& impulses) override {
+    if constexpr (requires { side_.expect(vertices, impulses, ws_); })
+      side_.expect(vertices, impulses, ws_);
+  }
   StepStatus attach(std::span<const int> vertices) override {
     return side_.attach(vertices, this->state, ws_, inverse_mass_);
   }
@@ -184,6 +193,10 @@ class WorldSheetOf : public WorldSheet<Scalar> {
   const VertexNeighbours<Scalar>* neighbours() const override { return side_.neighbours(); }
   void take_side(const Scalar& dt) override {
     side_.take(dt, 0 < this->contacts.report().closed, ws_);
+    this->strained.assign(this->contacts.contacts().size(), Vector3<Scalar>::Constant(Scalar(0)));
+    const auto note = [this](std::size_t i, const Vector3<Scalar>& q) { this->strained[i] = q; };
+    if constexpr (requires { side_.update_contacts(this->contacts, note); })
+      side_.update_contacts(this->contacts, note);
   }
 
  private:

@@ -66,6 +66,8 @@ class WorldStep {
   /// Gives bodies and hands the impulses of a sheet's contacts.
   void push_back(const Sheet& sheet, const Scalar& dt);
   bool solve_pads(const Scalar& dt, Report& report);
+  /// Gives bodies and hands what pads changed at a sheet's contacts.
+  void push_strained(const Sheet& sheet);
   void keep_layers_apart(const Scalar& dt, Report& report);
   /// Solves the bodies, and gives hands what bodies press on their links.
   bool finish_bodies(const ExecutorRef& executor, Report& report);
@@ -293,7 +295,9 @@ void WorldStep<S>::move_links() {
 
 template <RealScalar S>
 bool WorldStep<S>::solve_pads(const Scalar& dt, Report& report) {
+  for (const auto& sheet : parts.sheets) sheet->strained.clear();
   report.pads = grips.solve(parts, dt);
+  for (const auto& sheet : parts.sheets) push_strained(*sheet);
   if (report.pads.status == ContactStatus::Solved) return true;
   const bool found = report.pads.status == ContactStatus::NotConverged;
   report.status = found ? StepStatus::IterationLimit : StepStatus::NumericalFailure;
@@ -344,6 +348,7 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
     return false;
   }
   grips.find_patches(parts, number, dt);
+  grips.expect(parts, number);
   const ClothInput<Scalar>* now = &sheet.input;
   if (share < Scalar(1) && !sheet.input.driven_vertices.empty()) {
     sheet.part = sheet.input;
@@ -401,6 +406,21 @@ void WorldStep<S>::push_back(const Sheet& sheet, const Scalar& dt) {
     if (parts.bodies.asleep(b) && gain < fall + settings.bodies.sleep_speed) return;
     parts.bodies.apply_impulse(b, Vector3<Scalar>(coupling_.share(b) * back), at);
   });
+}
+
+template <RealScalar S>
+void WorldStep<S>::push_strained(const Sheet& sheet) {
+  for (std::size_t i = 0; i < sheet.strained.size(); ++i) {
+    const SheetContact<Scalar>& point = sheet.contacts.contacts()[i].point;
+    const Vector3<Scalar> back = Scalar(-1) * sheet.strained[i], &at = point.surface.point;
+    if (!(Scalar(0) < back.squaredNorm())) continue;
+    const int number = sheet.obstacle_number[index(sheet.contacts.contacts()[i].obstacle)];
+    if (number < 0) {
+      if (!parts.bodies.asleep(-1 - number)) parts.bodies.apply_impulse(-1 - number, back, at);
+    } else if (const Obstacle& obstacle = *parts.obstacles[index(number)]; obstacle.hand >= 0) {
+      parts.hands[index(obstacle.hand)]->add_impulse(obstacle.frame, at, back);
+    }
+  }
 }
 
 template <RealScalar S>
