@@ -87,7 +87,6 @@ int main(int argc, char** argv) {
   make_folder(r.out);  // before the work, since it may fail
   const auto material = read_material(r.material);
   const auto pinch = must(PinchWorld::create(r.sheet, material, r.motion, r.pad));
-
   clothctl::PlayerScene scene;
   scene.title = "Two soft pads hold a sheet";
   scene.subtitle = material.name;
