@@ -278,7 +278,26 @@ TEST_CASE("what cannot be expected is refused, and what was expected elsewhere",
   CHECK(state.velocities == other.velocities);
   REQUIRE(response.expect(std::vector<int>{3}, one, ws));
   REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
+  REQUIRE(model.step(other, scene.input, scene.dt, fresh).advanced);
   CHECK(response.attach(std::vector<int>{4}, state, ws) == StepStatus::InvalidInput);
+  // The state holds the impulse until it is replaced, however often one attaches.
+  CHECK(response.attach(std::vector<int>{3}, state, ws) == StepStatus::Converged);
+  CHECK(response.attach(std::vector<int>{3, 4}, state, ws) == StepStatus::Converged);
+  response.apply(VectorX<double>::Zero(6));
+  CHECK((state.velocities - other.velocities).cwiseAbs().maxCoeff() < 1e-12);
+  CHECK(response.attach(std::vector<int>{4}, state, ws) == StepStatus::Converged);
+  // What was refused is not expected of the next step.
+  REQUIRE(response.expect(std::vector<int>{3}, one, ws));
+  CHECK(response.attach(std::vector<int>{99}, state, ws) == StepStatus::InvalidInput);
+  state = other;
+  REQUIRE(model.step(state, scene.input, scene.dt, ws).advanced);
+  REQUIRE(model.step(other, scene.input, scene.dt, fresh).advanced);
+  CHECK(state.velocities == other.velocities);
+  Scene<double> larger;
+  larger.network.springs.pop_back();
+  const MassSpring<double> foreign = larger.model();
+  auto theirs = foreign.make_workspace();
+  CHECK_FALSE(response.expect(std::vector<int>{3}, one, theirs));
 }
 
 TEST_CASE("contacts that change within a step change the mobility, as another factor would",
@@ -297,18 +316,26 @@ TEST_CASE("contacts that change within a step change the mobility, as another fa
   auto other = MassSpringImpulses<double>::create(model, 7).value();
   const std::vector<int> touched{8, 41, 40, 25, 48};
   const VectorX<double> p = VectorX<double>::LinSpaced(15, -2e-4, 3e-4);
-  Points<double> nothing = Points<double>::Zero(3, 5);
+  const Points<double> noisy = noise<double>(8, 5, 1e-4);
   std::size_t changes = 0;
+  long allocated = 0;
   double mobility = 0, velocity = 0, contacts = 0;
   for (int i = 0; i < 60; ++i) {
-    REQUIRE(answer.expect(touched, nothing, with.ws));
+    REQUIRE(answer.expect(touched, noisy, with.ws));
     with.advance(0.01);
-    without.advance(0.01);
-    without.state = with.state;  // but for rounding they are the same
-    without.ws.velocity = with.ws.velocity;
-    without.ws.matrix = with.ws.matrix;
-    REQUIRE(answer.attach(touched, with.state, with.ws) == StepStatus::Converged);
+    // The same end of the step, with another factor.
+    without.ws = with.ws;
+    without.ws.factor_is_current = false;
+    without.state = with.state;
+    long before_all = clothctl_test::allocations();
+    const StepStatus attached = answer.attach(touched, with.state, with.ws);
+    allocated += clothctl_test::allocations() - before_all;
+    REQUIRE(attached == StepStatus::Converged);
     REQUIRE(other.attach(touched, without.state, without.ws) == StepStatus::Converged);
+    VectorX<double> u = VectorX<double>::Zero(15), u_other = u;
+    answer.velocities(u);
+    other.velocities(u_other);
+    velocity = std::max(velocity, (u - u_other).norm() / u.norm());
     changes += with.ws.factor_changes.list().size();
     MatrixX<double> W = MatrixX<double>::Zero(15, 15), expected = W;
     answer.add_mobility(W);
@@ -316,13 +343,20 @@ TEST_CASE("contacts that change within a step change the mobility, as another fa
     mobility = std::max(mobility, (W - expected).norm() / expected.norm());
     const Points<double> before = with.state.velocities;
     const Vector3<double> held = with.impulse(), momentum = with.momentum();
+    before_all = clothctl_test::allocations();
     answer.apply(p);
+    allocated += clothctl_test::allocations() - before_all;
     other.apply(p);
     const Points<double> by = without.state.velocities - before;
     velocity = std::max(velocity, (with.state.velocities - before - by).norm() / by.norm());
+    // What keeps sheets out of thin obstacles adds contacts after the step.
+    SheetContact<double> further;
+    further.vertex = {i, -1, -1};
+    further.weight = Vector3<double>(1, 0, 0);
+    REQUIRE(with.contacts.add(further, 0, Vector3<double>::Zero()));
     answer.update_contacts(with.contacts, [](std::size_t, const Vector3<double>&) {});
     Vector3<double> pushed = Vector3<double>::Zero();
-    for (Index k = 0; k < 5; ++k) pushed += p.segment<3>(3 * k);
+    for (Index k = 0; k < 5; ++k) pushed += p.segment<3>(3 * k) - noisy.col(k);
     const double drag = 1 + 0.01 * settings.drag;
     const Vector3<double> lost =
         drag * (with.momentum() - momentum) - pushed - (with.impulse() - held);
@@ -332,4 +366,5 @@ TEST_CASE("contacts that change within a step change the mobility, as another fa
   CHECK(mobility < 1e-9);
   CHECK(velocity < 1e-9);
   CHECK(contacts < 1e-9);
+  if (clothctl_test::allocation_counting_works()) CHECK(allocated == 0);
 }

@@ -8,6 +8,7 @@
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/pads.hpp"
+#include "support/sheet_on_obstacles.hpp"
 
 using namespace clothctl;
 using namespace clothctl_test;
@@ -144,6 +145,46 @@ TEST_CASE("obstacles and bodies beside pads receive what the sheet receives", "[
   }
   CHECK(beside > 1e-3);
   CHECK(largest < 1e-9);
+}
+
+TEST_CASE("a pad presses through the sheet on a body that something holds", "[sim]") {
+  for (const double mass : {0.02, 0.1, 1.0}) {
+    World<double> world;
+    const auto floor = PlaneCollider<double>::create(Vec::Zero(), Vec::UnitZ()).value();
+    CollisionGroups below, upper;
+    below.groups = 2;  // the sheet does not meet the floor
+    upper.collides_with = 3;
+    (void)world.add_obstacle(floor, {}, {}, below).value();
+    MassSpring<double> model = MassSpring<double>::create(level_sheet<double>(9, 0.0415)).value();
+    const double weight = 9.81 * (mass + model.network().mass.sum());
+    ClothState<double> state = model.rest_state();
+    (void)world.add_sheet(std::move(model), std::move(state)).value();
+    RigidBodySetup<double> ball{ConvexShape<double>::box(Vec(0.02, 0.02, 0.02)).value()};
+    ball.mass = mass;
+    ball.motion.position = Vec(0, 0, 0.02);
+    ball.groups = upper;
+    (void)world.add_body(ball).value();
+    RigidMotion<double> motion;
+    motion.position = Vec(0, 0, 0.0425);
+    const int carrier = world.add_obstacle(pad_ball(), motion).value();
+    std::vector<PadSample<double>> samples;
+    for (const auto& s : pad_samples())
+      samples.push_back({Vec(s.position[0], s.position[2], 0), Vec(0, 0, -1)});
+    (void)world.add_pad(carrier, samples).value();
+    double pressed = 0, carried = 0;
+    for (int i = 0; i < 200; ++i) {
+      motion.position.z() = 0.0425 - 0.005 * std::min(1.0, i / 60.0);
+      motion.velocity = Vec(0, 0, i < 60 ? -0.005 / 0.3 : 0);
+      (void)world.set_motion(carrier, motion);
+      if (!world.step(0.005).advanced) FAIL("step " << i);
+      if (i < 100) continue;
+      for (const auto& c : world.pad_contacts(0)) pressed -= c.impulse.z() / 0.5;
+      for (const auto& c : world.bodies().contacts()) carried += c.sample.impulse.z() / 0.5;
+    }
+    CAPTURE(mass, pressed, carried, weight);
+    CHECK(pressed > 1);
+    CHECK(std::abs(carried - pressed - weight) < 0.1 * pressed);
+  }
 }
 
 TEST_CASE("a pad on the first body is that of the body, whatever else carries pads", "[sim]") {

@@ -132,12 +132,12 @@ class MassSpring {
   bool holding_forces(std::span<const int> vertices, Workspace& ws,
                       Eigen::Ref<Points<Scalar>> forces) const;
 
-  /// Makes `ws.factor` the factor of the step matrix of the last step with this workspace, whose
-  /// end is `state`: at its start after a single linear solve, at its end (the projection where
-  /// that is not definite) after Newton's method. What answers to impulses within the step needs it
-  /// (MassSpringImpulses). Never allocates. Returns Converged, or InvalidState (another size),
-  /// InvalidWorkspace (another model's, its last step did not advance, no factor because the model
-  /// solves by conjugate gradients) or NumericalFailure (not definite).
+  /// Makes `ws.factor` with `ws.factor_changes` that of the step matrix of the last step with this
+  /// workspace, whose end is `state`: at its start after a single linear solve, at its end (the
+  /// projection where that is not definite) after Newton's method. What answers to impulses within
+  /// the step needs it (MassSpringImpulses). Never allocates. Returns Converged, or InvalidState
+  /// (another size), InvalidWorkspace (another model's, its last step did not advance, no factor
+  /// because the model solves by conjugate gradients) or NumericalFailure (not definite).
   [[nodiscard]] StepStatus factorize_step(const State& state, Workspace& ws) const;
 
   /// Advances `state` by `dt` (s) with at most `newton_steps` Newton steps that start from the end
@@ -153,6 +153,7 @@ class MassSpring {
 
  private:
   friend struct detail::StepParts<Scalar>;
+  friend class MassSpringImpulses<Scalar>;
 
   /// A step with contacts, unless they are null.
   StepReport<Scalar> step_with(ObstacleContacts<Scalar>* contacts, State& state,
@@ -415,6 +416,7 @@ void MassSpring<S>::prepare(const State& state, const ClothInput<Scalar>& input,
   for (Index i = 0; ws.expects && i < vertex_count(); ++i) {
     if (!ws.is_held(i)) detail::add_to_column(ws.outer, i, detail::column(ws.expected, i) / dt);
   }
+  ws.holds_expected = ws.expects;
   ws.dt = dt;
   ws.advanced = false;
   ws.kept = Scalar(1);

@@ -46,17 +46,19 @@ class MassSpringImpulses {
   using Model = MassSpring<Scalar>;
 
   /// Makes room for up to `capacity` touched vertices of a sheet of `model`, which must outlive
-  /// this. Allocates, 9 times vertices times `capacity` scalars. Fails when: the model solves by
-  /// conjugate gradients, or `capacity` is negative.
+  /// this. Allocates, 9 times vertices times (`capacity` + 48) scalars. Fails when: the model
+  /// solves by conjugate gradients, or `capacity` is negative.
   static Result<MassSpringImpulses> create(const Model& model, Index capacity);
 
-  /// Announces, before a step with `ws`, that `attach` will follow it, and the impulses (N s) that
-  /// are expected then: impulse k at vertex `vertices[k]`; a vertex may occur more than once. The
-  /// step is made with them, so that contacts with obstacles are found where the sheet will be;
-  /// apart from these contacts and from what bounds the energy, the answer does not depend on them.
-  /// They are forgotten at the next `attach` or `expect`. Never allocates. Returns false, and
-  /// expects nothing, where a vertex is off the mesh, an impulse is not finite, the numbers of both
-  /// differ, or `ws` is another model's.
+  /// Announces, before a step with `ws`, that `attach` and `apply` (if only of zeros) will follow
+  /// it, and the impulses (N s) that are expected then: impulse k at vertex `vertices[k]`; a vertex
+  /// may occur more than once. The step is made with them, so that contacts with obstacles are
+  /// found where the sheet will be. `velocities` are those without them, and `apply` replaces them:
+  /// after a single linear solve what they were does not matter, apart from these contacts and from
+  /// what bounds the energy; after Newton's method they matter to second order. Steps expect them
+  /// until the next `attach` or `expect`. Never allocates. Returns false, and expects nothing,
+  /// where a vertex is off the mesh, an impulse is not finite, the numbers of both differ, or `ws`
+  /// is another model's.
   [[nodiscard]] bool expect(std::span<const int> vertices, const PointsView<Scalar>& impulses,
                             typename Model::Workspace& ws) const;
 
@@ -96,9 +98,11 @@ class MassSpringImpulses {
   /// Changes velocities and positions of the whole sheet by the impulses p (3n, N s). Complexity:
   /// one solve with the factor.
   void apply(const Eigen::Ref<const VectorX<Scalar>>& p);
-  /// Gives the contacts of the step (those that `model.step` got) what they exert since the last
-  /// `apply`: while they touch they are springs, which the impulses strain. Calls more(i, q) for
-  /// contact i whose impulse on the sheet has changed by q (N s). Never allocates.
+  /// Gives the contacts of the step (those that `model.step` got, in front of any others) what they
+  /// exert since the last `apply`: what touched within the step is a spring, which the impulses
+  /// strain. It stays one, so that an impulse that lifts the sheet leaves a contact that pulls, for
+  /// this step. Calls more(i, q) for contact i whose impulse on the sheet has changed by q (N s).
+  /// After Newton's method contacts are constant forces: nothing changes. Never allocates.
   template <class More>
   void update_contacts(ObstacleContacts<Scalar>& contacts, More more) const;
 
@@ -149,6 +153,7 @@ class MassSpringImpulses {
   void clear() {
     for (const int v : vertices_) point_[static_cast<std::size_t>(v)] = -1;
     vertices_.clear();
+    ws_ = nullptr;
   }
 
   const Model* model_;
@@ -189,7 +194,7 @@ bool MassSpringImpulses<S>::expect(std::span<const int> vertices,
                                    const PointsView<Scalar>& impulses,
                                    typename Model::Workspace& ws) const {
   const Index n = model_->vertex_count();
-  if (ws.expected.cols() != n) return false;
+  if (!model_->fits(ws)) return false;
   ws.expects = false;
   ws.expected.setZero();
   bool good = impulses.cols() == static_cast<Index>(vertices.size()) && all_finite(impulses);
@@ -205,7 +210,7 @@ template <RealScalar S>
 bool MassSpringImpulses<S>::take_expected(typename Model::Workspace& ws) {
   expected_.setZero();
   bool all = true;
-  for (Index v = 0; ws.expects && v < model_->vertex_count(); ++v) {
+  for (Index v = 0; ws.holds_expected && v < model_->vertex_count(); ++v) {
     if (ws.is_held(v) || !(Scalar(0) < ws.expected.col(v).squaredNorm())) continue;
     const int i = point(static_cast<int>(v));
     if (0 <= i)
@@ -213,7 +218,6 @@ bool MassSpringImpulses<S>::take_expected(typename Model::Workspace& ws) {
     else
       all = false;
   }
-  ws.expects = false;
   return all;
 }
 
@@ -221,6 +225,8 @@ template <RealScalar S>
 StepStatus MassSpringImpulses<S>::attach(std::span<const int> vertices, ClothState<Scalar>& state,
                                          typename Model::Workspace& ws) {
   clear();
+  change_.setZero();
+  ws.expects = false;
   StepStatus status = StepStatus::InvalidInput;
   if (vertices.size() <= capacity_ && list(vertices)) status = model_->factorize_step(state, ws);
   if (status == StepStatus::Converged && !take_expected(ws)) status = StepStatus::InvalidInput;
@@ -263,11 +269,12 @@ bool MassSpringImpulses<S>::find_mobility() {
 template <RealScalar S>
 void MassSpringImpulses<S>::apply(const Eigen::Ref<const VectorX<Scalar>>& p) {
   assert(p.size() == 3 * point_count());
-  if (vertices_.empty()) return;
   change_.setZero();
+  if (vertices_.empty()) return;
   auto more = more_.head(p.size());
   more = p - expected_.head(p.size());
   expected_.setZero();
+  ws_->holds_expected = false;
   for (Index i = 0; i < point_count(); ++i)
     add_to_change(vertices_[static_cast<std::size_t>(i)], more.template segment<3>(3 * i));
   // The factor does not know of the changes: A u = p - Σ Gᵀ D G u.
@@ -296,8 +303,9 @@ void MassSpringImpulses<S>::update_contacts(ObstacleContacts<Scalar>& contacts, 
   if (ws_ == nullptr || !ws_->linear) return;
   const std::span<ObstacleContact<Scalar>> list = contacts.contacts();
   const auto& springs = ws_->contact_springs;
-  if (list.size() != springs.size()) return;
-  for (std::size_t i = 0; i < list.size(); ++i) {
+  // What keeps the sheet out of thin obstacles adds contacts behind those of the step.
+  if (list.size() < springs.size()) return;
+  for (std::size_t i = 0; i < springs.size(); ++i) {
     if (!springs[i].closed) continue;
     ObstacleContact<Scalar>& c = list[i];
     Vector3<Scalar> way = Vector3<Scalar>::Constant(Scalar(0));

@@ -40,10 +40,12 @@ struct MassSpringWorkspace {
   /// Room for the contacts of a step, and those of the step at hand; null without.
   ContactSpringList<Scalar> contact_springs;
   ContactSprings<Scalar>* contacts = nullptr;
-  /// The impulses at vertices that MassSpringImpulses expects in the step, N s, and whether it
-  /// does: it will ask for the factor then.
+  /// The impulses at vertices that MassSpringImpulses expects in the steps to come, N s, and
+  /// whether it does: it will ask for the factor then.
   Points<Scalar> expected;
   bool expects = false;
+  /// True when the state of the last step holds them.
+  bool holds_expected = false;
   /// Unit vectors of the springs at the start of the step.
   Points<Scalar> direction;
   /// Forces that are constant over the step (gravity, input, C w), velocities at the end of the

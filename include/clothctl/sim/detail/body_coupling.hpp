@@ -269,7 +269,11 @@ bool BodyCoupling<S>::again(Sheet& sheet, Bodies& bodies, const Scalar& dt, cons
     go_back(sheet, bodies);
     return true;
   }
-  for (Try& t : tries_) limit(t, squeezed, fall);
+  for (std::size_t i = 0; i < tries_.size(); ++i) {
+    // Pads may press the sheet on a body with all their impulses.
+    const Scalar pressed = bodies.inverse_mass(static_cast<int>(i)) * sheet.expected_impulse;
+    limit(tries_[i], squeezed, Scalar(fall + Scalar(0.5) * pressed));
+  }
   return false;
 }
 

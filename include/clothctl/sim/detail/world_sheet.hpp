@@ -135,6 +135,10 @@ class WorldSheet {
   /// The obstacles that it may touch, and the number of each in the world's list.
   std::vector<ColliderRef<Scalar>> obstacles;
   std::vector<int> obstacle_number;
+  /// Sum of the magnitudes of what the sheet expects of pads in its step, N s.
+  Scalar expected_impulse = Scalar(0);
+  /// The part of each contact's impulse that a body received (body_coupling.hpp).
+  std::vector<Scalar> shares;
   /// What the last `take_side` changed in the impulse of each contact, N s; empty before.
   std::vector<Vector3<Scalar>> strained;
   /// What pads hold, without pinned and driven vertices; empty where `neighbours` returns null.
@@ -149,6 +153,7 @@ class WorldSheet {
     input.clear();
     part.clear();
     strained.reserve(contacts.capacity());
+    shares.reserve(contacts.capacity());
   }
 };
 
@@ -182,8 +187,13 @@ class WorldSheetOf : public WorldSheet<Scalar> {
 
   std::string reserve_touched(Index vertices) override { return side_.create(model_, vertices); }
   void expect(std::span<const int> vertices, const PointsView<Scalar>& impulses) override {
-    if constexpr (requires { side_.expect(vertices, impulses, ws_); })
+    using std::sqrt;
+    if constexpr (requires { side_.expect(vertices, impulses, ws_); }) {
       side_.expect(vertices, impulses, ws_);
+      this->expected_impulse = Scalar(0);
+      for (Index k = 0; k < impulses.cols(); ++k)
+        this->expected_impulse += sqrt(impulses.col(k).squaredNorm());
+    }
   }
   StepStatus attach(std::span<const int> vertices) override {
     return side_.attach(vertices, this->state, ws_, inverse_mass_);

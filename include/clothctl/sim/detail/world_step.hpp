@@ -64,10 +64,16 @@ class WorldStep {
   bool step_hands(const Scalar& dt, const Scalar& rest, Report& report);
   bool step_sheet(int number, const Scalar& dt, const Scalar& share, Report& report);
   /// Gives bodies and hands the impulses of a sheet's contacts.
-  void push_back(const Sheet& sheet, const Scalar& dt);
+  void push_back(Sheet& sheet, const Scalar& dt);
   bool solve_pads(const Scalar& dt, Report& report);
   /// Gives bodies and hands what pads changed at a sheet's contacts.
-  void push_strained(const Sheet& sheet);
+  void push_strained(const Sheet& sheet, const Scalar& dt);
+  /// Whether a body sleeps on when an impulse changes its velocity by `gain` (m/s).
+  bool sleeps_on(int body, const Scalar& gain, const Scalar& dt) const {
+    using std::sqrt;
+    const Scalar fall = dt * sqrt(settings.bodies.gravity.squaredNorm());
+    return parts.bodies.asleep(body) && gain < fall + settings.bodies.sleep_speed;
+  }
   void keep_layers_apart(const Scalar& dt, Report& report);
   /// Solves the bodies, and gives hands what bodies press on their links.
   bool finish_bodies(const ExecutorRef& executor, Report& report);
@@ -297,7 +303,7 @@ template <RealScalar S>
 bool WorldStep<S>::solve_pads(const Scalar& dt, Report& report) {
   for (const auto& sheet : parts.sheets) sheet->strained.clear();
   report.pads = grips.solve(parts, dt);
-  for (const auto& sheet : parts.sheets) push_strained(*sheet);
+  for (const auto& sheet : parts.sheets) push_strained(*sheet, dt);
   if (report.pads.status == ContactStatus::Solved) return true;
   const bool found = report.pads.status == ContactStatus::NotConverged;
   report.status = found ? StepStatus::IterationLimit : StepStatus::NumericalFailure;
@@ -380,9 +386,14 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
 }
 
 template <RealScalar S>
-void WorldStep<S>::push_back(const Sheet& sheet, const Scalar& dt) {
+void WorldStep<S>::push_back(Sheet& sheet, const Scalar& dt) {
   using std::sqrt;
   for (Vector3<Scalar>& sum : body_impulse_) sum.setConstant(Scalar(0));
+  sheet.shares.clear();
+  for (const ObstacleContact<Scalar>& c : sheet.contacts.contacts()) {
+    const int b = -1 - sheet.obstacle_number[index(c.obstacle)];
+    sheet.shares.push_back(b < 0 ? Scalar(1) : coupling_.share(b));
+  }
   const auto for_each = [&](auto visit) {
     for (const ObstacleContact<Scalar>& c : sheet.contacts.contacts()) {
       if (c.state != ContactState::Open) visit(sheet.obstacle_number[index(c.obstacle)], c);
@@ -402,21 +413,24 @@ void WorldStep<S>::push_back(const Sheet& sheet, const Scalar& dt) {
     // A sheet that lies on a sleeping body does not wake it.
     const int b = -1 - number;
     const Scalar gain = parts.bodies.inverse_mass(b) * sqrt(body_impulse_[index(b)].squaredNorm());
-    const Scalar fall = dt * sqrt(settings.bodies.gravity.squaredNorm());
-    if (parts.bodies.asleep(b) && gain < fall + settings.bodies.sleep_speed) return;
+    if (sleeps_on(b, gain, dt)) return;
     parts.bodies.apply_impulse(b, Vector3<Scalar>(coupling_.share(b) * back), at);
   });
 }
 
 template <RealScalar S>
-void WorldStep<S>::push_strained(const Sheet& sheet) {
+void WorldStep<S>::push_strained(const Sheet& sheet, const Scalar& dt) {
+  using std::sqrt;
   for (std::size_t i = 0; i < sheet.strained.size(); ++i) {
     const SheetContact<Scalar>& point = sheet.contacts.contacts()[i].point;
     const Vector3<Scalar> back = Scalar(-1) * sheet.strained[i], &at = point.surface.point;
-    if (!(Scalar(0) < back.squaredNorm())) continue;
+    const Scalar size = sqrt(back.squaredNorm());
+    if (!(Scalar(0) < size)) continue;
     const int number = sheet.obstacle_number[index(sheet.contacts.contacts()[i].obstacle)];
-    if (number < 0) {
-      if (!parts.bodies.asleep(-1 - number)) parts.bodies.apply_impulse(-1 - number, back, at);
+    const int b = -1 - number;
+    if (b >= 0) {
+      if (!sleeps_on(b, Scalar(parts.bodies.inverse_mass(b) * size), dt))
+        parts.bodies.apply_impulse(b, Vector3<Scalar>(sheet.shares[i] * back), at);
     } else if (const Obstacle& obstacle = *parts.obstacles[index(number)]; obstacle.hand >= 0) {
       parts.hands[index(obstacle.hand)]->add_impulse(obstacle.frame, at, back);
     }
