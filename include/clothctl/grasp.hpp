@@ -1,0 +1,9 @@
+#pragma once
+
+// Everything in clothctl/grasp.
+
+#include "clothctl/grasp/grasp_poses.hpp"
+#include "clothctl/grasp/joint_path_planner.hpp"
+#include "clothctl/grasp/keyframe_path.hpp"
+#include "clothctl/grasp/rectify.hpp"
+#include "clothctl/grasp/robot_clearance.hpp"
