@@ -7,3 +7,4 @@
 #include "clothctl/grasp/keyframe_path.hpp"
 #include "clothctl/grasp/rectify.hpp"
 #include "clothctl/grasp/robot_clearance.hpp"
+#include "clothctl/grasp/static_contacts.hpp"
