@@ -131,17 +131,17 @@ namespace detail {
 
 /// Searches a path between two free postures. Returns it, or none.
 template <RealScalar Scalar, class Clearance>
-std::vector<Posture<Scalar>> search_path(MotionCheck<Scalar, Clearance>& check,
+std::vector<Posture<Scalar>> search_path(MotionCheck<Scalar, Clearance>& motions,
                                          const JointBox<Scalar>& box, const Posture<Scalar>& from,
                                          const Posture<Scalar>& to,
                                          const JointPathSettings<Scalar>& settings,
                                          int& iterations) {
-  if (check.is_free(from, to)) return {from, to};
+  if (motions.is_free(from, to)) return {from, to};
   SplitMix random(settings.seed);
-  JointTrees<Scalar, Clearance> trees(check, box, settings.step, from, to);
+  JointTrees<Scalar, Clearance> trees(motions, box, settings.step, from, to);
   std::vector<Posture<Scalar>> found = trees.connect(random, settings.max_iterations, iterations);
   if (found.empty() || settings.shortcuts == 0) return found;
-  PathShortcuts<Scalar, Clearance> path(check, std::move(found));
+  PathShortcuts<Scalar, Clearance> path(motions, std::move(found));
   for (int k = 0; k < settings.shortcuts; ++k) path.cut(random);
   path.drop_corners();
   return path.path();
@@ -162,47 +162,48 @@ requires std::is_invocable_r_v < Scalar, Clearance&, const VectorX<Scalar>
         const VectorX<Scalar>& from, const VectorX<Scalar>& to, const VectorX<Scalar>& lower,
         const VectorX<Scalar>& upper, const VectorX<Scalar>& reach, Clearance&& clearance,
         const std::type_identity_t<JointPathSettings<Scalar>>& settings = {}) {
-  using Status = JointPathStatus;
+  using Ended = JointPathStatus;
   JointPath<Scalar> result;
-  const auto end = [&result](Status status, const std::string& message) {
+  const auto end = [&result](Ended status, const std::string& message) {
     result.status = status;
     result.message = message;
     return result;
   };
   if (const std::string bad = settings.validate(); !bad.empty())
-    return end(Status::InvalidInput, bad);
+    return end(Ended::InvalidInput, bad);
   if (const std::string bad = detail::bad_joint_input(from, to, lower, upper, reach); !bad.empty())
-    return end(Status::InvalidInput, bad);
+    return end(Ended::InvalidInput, bad);
   if (const std::string bad = detail::beyond_limit("start", from, lower, upper); !bad.empty())
-    return end(Status::OutOfLimits, bad);
+    return end(Ended::OutOfLimits, bad);
   if (const std::string bad = detail::beyond_limit("goal", to, lower, upper); !bad.empty())
-    return end(Status::OutOfLimits, bad);
+    return end(Ended::OutOfLimits, bad);
 
   using Check = detail::MotionCheck<Scalar, std::remove_reference_t<Clearance>>;
-  Check check(clearance, reach, settings.margin, settings.resolution);
+  Check motions(clearance, reach, settings.margin, settings.resolution);
   std::vector<detail::Posture<Scalar>> path;
-  const auto start = check.posture(from), goal = check.posture(to);
-  if (!check.collides(start) && !check.collides(goal)) {
-    path = detail::search_path(check, detail::sampling_box(from, to, lower, upper, reach), start,
+  const auto start = motions.posture(from), goal = motions.posture(to);
+  if (!motions.collides(start) && !motions.collides(goal)) {
+    path = detail::search_path(motions, detail::sampling_box(from, to, lower, upper, reach), start,
                                goal, settings, result.iterations);
   }
-  result.queries = check.queries();
+  result.queries = motions.queries();
   const auto collides = [&settings](const char* what, const Scalar& clearance_there) {
     return std::string("the ") + what + " has a clearance of " + number_text(clearance_there) +
            " m, less than the margin " + number_text(settings.margin) + " m";
   };
-  if (check.broken()) return end(Status::InvalidInput, detail::broken_clearance(check.broken_at()));
-  if (check.collides(start)) return end(Status::StartCollides, collides("start", start.clearance));
-  if (check.collides(goal)) return end(Status::GoalCollides, collides("goal", goal.clearance));
+  if (motions.broken())
+    return end(Ended::InvalidInput, detail::broken_clearance(motions.broken_at()));
+  if (motions.collides(start)) return end(Ended::StartCollides, collides("start", start.clearance));
+  if (motions.collides(goal)) return end(Ended::GoalCollides, collides("goal", goal.clearance));
   if (path.empty()) {
-    return end(Status::NotFound,
+    return end(Ended::NotFound,
                "no path was found in " + std::to_string(result.iterations) + " iterations");
   }
   for (const detail::Posture<Scalar>& p : path) {
-    if (!result.positions.empty()) result.length += check.way(result.positions.back(), p.q);
+    if (!result.positions.empty()) result.length += motions.way(result.positions.back(), p.q);
     result.positions.push_back(p.q);
   }
-  result.status = Status::Found;
+  result.status = Ended::Found;
   return result;
 }
 
@@ -219,12 +220,12 @@ requires std::is_invocable_r_v < Scalar, Clearance&, const VectorX<Scalar>
                                     const std::type_identity_t<Scalar>& resolution) {
   assert(Scalar(0) < resolution);
   using Check = detail::MotionCheck<Scalar, std::remove_reference_t<Clearance>>;
-  Check check(clearance, reach, margin, resolution);
+  Check motions(clearance, reach, margin, resolution);
   detail::Posture<Scalar> last;
   for (std::size_t i = 0; i < positions.size(); ++i) {
     assert(positions[i].size() == reach.size());
-    detail::Posture<Scalar> next = check.posture(positions[i]);
-    if (check.collides(next) || (i > 0 && !check.is_free(last, next))) return false;
+    detail::Posture<Scalar> next = motions.posture(positions[i]);
+    if (motions.collides(next) || (i > 0 && !motions.is_free(last, next))) return false;
     last = std::move(next);
   }
   return true;

@@ -85,14 +85,14 @@ struct JointBox {
   }
 };
 
-/// The two trees. Refers to the check and to the box.
+/// The two trees. Refers to the motions and to the box.
 template <RealScalar Scalar, class Clearance>
 class JointTrees {
  public:
   /// Makes the trees of a free start and a free goal, which grow by `step` (m, > 0) at most.
-  JointTrees(MotionCheck<Scalar, Clearance>& check, const JointBox<Scalar>& box, const Scalar& step,
-             Posture<Scalar> from, Posture<Scalar> to)
-      : check_(check),
+  JointTrees(MotionCheck<Scalar, Clearance>& motions, const JointBox<Scalar>& box,
+             const Scalar& step, Posture<Scalar> from, Posture<Scalar> to)
+      : check_(motions),
         box_(box),
         step_(step),
         trees_{JointTree<Scalar>(std::move(from)), JointTree<Scalar>(std::move(to))} {}
@@ -105,8 +105,8 @@ class JointTrees {
       const std::size_t side = static_cast<std::size_t>(iterations % 2);
       ++iterations;
       box_.draw(random, target);
-      const std::size_t near = trees_[side].nearest(target, check_.reach());
-      const Extension made = extend(side, near, target);
+      const std::size_t closest = trees_[side].nearest(target, check_.reach());
+      const Extension made = extend(side, closest, target);
       if (made.kind == Growth::Trapped) continue;
       const VectorX<Scalar> meeting = trees_[side][made.node].q;
       const std::size_t other = 1 - side;

@@ -15,7 +15,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// A path of free motions that becomes shorter. Refers to the check.
+/// A path of free motions that becomes shorter. Refers to the motions.
 template <RealScalar Scalar, class Clearance>
 class PathShortcuts {
  public:
@@ -23,8 +23,8 @@ class PathShortcuts {
   using Path = std::vector<Posture<Scalar>>;
 
   /// Takes a path of at least two postures.
-  PathShortcuts(MotionCheck<Scalar, Clearance>& check, Path path)
-      : check_(check), path_(std::move(path)) {}
+  PathShortcuts(MotionCheck<Scalar, Clearance>& motions, Path path)
+      : check_(motions), path_(std::move(path)) {}
 
   /// Tries a shortcut between two random points. Allocates. Complexity: O(postures · joints), and
   /// the checks of three motions.
