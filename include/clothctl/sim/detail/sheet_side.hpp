@@ -15,6 +15,7 @@
 
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
+#include "clothctl/contact/obstacle_contacts.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
 #include "clothctl/core/step_input.hpp"
