@@ -55,8 +55,7 @@ enum class KeyframeTangents {
   /// where no joint limit is near.
   CatmullRom,
   /// The same, limited, so that each joint stays between its positions at the two keys around:
-  /// limits
-  /// that hold at the keys hold everywhere. A joint that turns round at a key stops there.
+  /// limits that hold at the keys hold everywhere. A joint that turns round at a key stops there.
   Monotone
 };
 

@@ -42,7 +42,6 @@ class FactorChanges {
   static constexpr std::size_t kMost = 16;
 
   void clear() { count_ = 0; }
-  bool empty() const { return count_ == 0; }
   bool full() const { return count_ == kMost; }
   void add(const FactorChange<Scalar>& change) { changes_[count_++] = change; }
   std::span<const FactorChange<Scalar>> list() const { return {changes_.data(), count_}; }

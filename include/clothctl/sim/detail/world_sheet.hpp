@@ -203,10 +203,11 @@ class WorldSheetOf : public WorldSheet<Scalar> {
   const VertexNeighbours<Scalar>* neighbours() const override { return side_.neighbours(); }
   void take_side(const Scalar& dt) override {
     side_.take(dt, 0 < this->contacts.report().closed, ws_);
-    this->strained.assign(this->contacts.contacts().size(), Vector3<Scalar>::Constant(Scalar(0)));
     const auto note = [this](std::size_t i, const Vector3<Scalar>& q) { this->strained[i] = q; };
-    if constexpr (requires { side_.update_contacts(this->contacts, note); })
+    if constexpr (requires { side_.update_contacts(this->contacts, note); }) {
+      this->strained.assign(this->contacts.contacts().size(), Vector3<Scalar>::Constant(Scalar(0)));
       side_.update_contacts(this->contacts, note);
+    }
   }
 
  private:
