@@ -42,6 +42,12 @@ else()
   message(STATUS "What reads URDF is not built; missing: tinyxml2 (libtinyxml2-dev)")
 endif()
 
+# nlohmann_json::nlohmann_json is what bridge/hand_json.hpp needs.
+find_package(nlohmann_json QUIET)
+if(NOT TARGET nlohmann_json::nlohmann_json)
+  message(STATUS "What reads JSON is not built; missing: nlohmann_json (nlohmann-json3-dev)")
+endif()
+
 # What examples and benchmarks link: the heavy templates compiled once, for the same processor.
 if(CLOTHCTL_BUILD_EXAMPLES OR CLOTHCTL_BUILD_BENCH)
   clothctl_add_precompiled(clothctl_native_precompiled)

@@ -9,5 +9,6 @@
 #include "clothctl/collision/moving_collider.hpp"
 #include "clothctl/collision/self_contacts.hpp"
 #include "clothctl/collision/shapes.hpp"
+#include "clothctl/collision/sheet_collider.hpp"
 #include "clothctl/collision/sheet_contacts.hpp"
 #include "clothctl/collision/triangle_sweep.hpp"

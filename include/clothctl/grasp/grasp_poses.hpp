@@ -7,11 +7,13 @@
 //   min Σ |x_i(q) - c_i|² + ℓ² Σ |turn from n_i(q) to N_i|² + w |q - q_shape|²
 //
 // x_i, n_i: contact point and outward normal of fingertip i; c_i, N_i: where it shall touch, and
-// the direction in which it shall press. The fingertips then go all the way, from there and without
-// wishes. Limits of joints are kept.
+// the direction in which it shall press. The contact point of a round fingertip of radius r and
+// centre o_i is o_i + r N_i, however it is turned. The fingertips then go all the way: places
+// first, and directions and posture as far as places leave them free. Limits of joints are kept.
 //
 // Reference: [Bai 2016], section 5.
 
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -23,6 +25,7 @@
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/grasp/detail/split_mix.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
+#include "clothctl/robot/prioritised_ik.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -37,6 +40,12 @@ struct FingerPad {
   Vector3<Scalar> point = Vector3<Scalar>::Constant(Scalar(0));
   /// The outward unit normal there, in the frame.
   Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-1));
+  /// Radius of the round surface there, m; 0 for a flat one. A round fingertip touches where its
+  /// surface faces what it touches, a flat one at its middle.
+  Scalar radius = Scalar(0);
+
+  /// The centre of the round surface, or the middle of the flat one, in the frame, m.
+  Vector3<Scalar> centre() const { return point - radius * normal; }
 };
 
 /// Where a finger shall touch.
@@ -143,6 +152,9 @@ std::string find_bad_grasp(const Model& model, std::span<const FingerPad<Scalar>
     if (!has_frame(model, fingers[i].frame))
       return name + " is on frame " + std::to_string(fingers[i].frame) + ", which does not exist";
     if (!all_finite(fingers[i].point)) return name + " has a point that is not finite";
+    if (!is_finite(fingers[i].radius) || fingers[i].radius < Scalar(0))
+      return name + " has the radius " + number_text(fingers[i].radius) +
+             " m, must be finite and not negative";
     if (!unit(fingers[i].normal)) return name + " has a normal that is not a unit vector";
     if (!all_finite(contacts[i].place)) return name + " has a place that is not finite";
     if (!unit(contacts[i].press))
@@ -177,6 +189,7 @@ class GraspPoseSearch {
         settings_(settings),
         work_(Traits::make_workspace(model)),
         wishing_(model, 2 * static_cast<int>(fingers.size()), wishing(settings)),
+        turning_(model, 2 * static_cast<int>(fingers.size()), 2, wishing(settings)),
         reaching_(model, static_cast<int>(fingers.size()), reaching(settings)),
         random_(settings.seed) {}
 
@@ -187,6 +200,7 @@ class GraspPoseSearch {
     list(places, contacts);
     q = shape;
     (void)wishing_.solve(model_, wishes_, shape, q);
+    (void)turning_.solve(model_, levels_, level_sizes(), shape, q);
     (void)reaching_.solve(model_, tasks_, q, q);
     VectorX<Scalar> best = errors(places, q);
     if (!(settings_.tolerance < best.maxCoeff()) || settings_.restarts == 0) return best;
@@ -217,14 +231,24 @@ class GraspPoseSearch {
             std::span<const GraspContact<Scalar>> contacts) {
     tasks_.clear();
     wishes_.clear();
+    levels_.clear();
     for (std::size_t i = 0; i < fingers_.size(); ++i) {
       const FingerPad<Scalar>& f = fingers_[i];
-      tasks_.push_back(IkTask<Scalar>::position(f.frame, f.point, places[i]));
+      tasks_.push_back(IkTask<Scalar>::position(f.frame, f.centre(), places[i]));
       wishes_.push_back(tasks_.back());
       if (Scalar(0) < settings_.normal_weight)
         wishes_.push_back(IkTask<Scalar>::pointing(f.frame, f.normal, contacts[i].press,
                                                    settings_.normal_weight));
     }
+    levels_ = tasks_;
+    for (const IkTask<Scalar>& wish : wishes_) {
+      if (wish.kind == IkKind::Pointing) levels_.push_back(wish);
+    }
+  }
+  /// Places first, then directions.
+  std::array<int, 2> level_sizes() const {
+    const int places = static_cast<int>(tasks_.size());
+    return {places, static_cast<int>(levels_.size()) - places};
   }
   VectorX<Scalar> errors(std::span<const Vector3<Scalar>> places, const VectorX<Scalar>& q) {
     using std::sqrt;
@@ -234,7 +258,7 @@ class GraspPoseSearch {
     Vector3<Scalar> p;
     for (std::size_t i = 0; i < places.size(); ++i) {
       Traits::frame_pose(model_, work_, fingers_[i].frame, R, p);
-      const Vector3<Scalar> miss = p + R * fingers_[i].point - places[i];
+      const Vector3<Scalar> miss = p + R * fingers_[i].centre() - places[i];
       out[static_cast<Index>(i)] = sqrt(miss.squaredNorm());
     }
     return out;
@@ -243,8 +267,10 @@ class GraspPoseSearch {
   std::span<const FingerPad<Scalar>> fingers_;
   const GraspPoseSettings<Scalar>& settings_;
   typename Traits::workspace_type work_;
-  InverseKinematics<Model, Scalar> wishing_, reaching_;
-  std::vector<IkTask<Scalar>> tasks_, wishes_;
+  InverseKinematics<Model, Scalar> wishing_;
+  PrioritisedIk<Model, Scalar> turning_;
+  InverseKinematics<Model, Scalar> reaching_;
+  std::vector<IkTask<Scalar>> tasks_, wishes_, levels_;
   SplitMix random_;
 };
 
@@ -264,11 +290,12 @@ requires ArticulatedModel<Model, Scalar> GraspPoses<Scalar> find_grasp_poses(
     out.message = detail::find_bad_grasp<Model, Scalar>(model, fingers, contacts, pre_shape, grip);
   if (!out.message.empty()) return out;
   std::vector<Vector3<Scalar>> places, waits;
-  for (const GraspContact<Scalar>& c : contacts) {
+  for (std::size_t i = 0; i < contacts.size(); ++i) {
+    const GraspContact<Scalar>& c = contacts[i];
     const bool given = Scalar(0) < c.away.squaredNorm();
     const Vector3<Scalar> away = given ? c.away : Vector3<Scalar>(Scalar(-1) * c.press);
-    places.push_back(c.place);
-    waits.push_back(c.place + settings.distance * away);
+    places.push_back(c.place - fingers[i].radius * c.press);
+    waits.push_back(places.back() + settings.distance * away);
   }
   detail::GraspPoseSearch<Model, Scalar> search(model, fingers, settings);
   out.touch_errors = search.find(places, contacts, grip, out.touch);

@@ -8,6 +8,7 @@
 //
 // Sizes and masses of its parts are in detail/hand34_parts.hpp.
 
+#include <cmath>
 #include <cstddef>
 #include <string>
 #include <utility>
@@ -127,6 +128,53 @@ VectorX<Scalar> hand34_home(const KinematicTree<Scalar>& tree) {
   set("thumb_mcp_flex", 0.3);
   set("thumb_ip", 0.3);
   return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());
+}
+
+/// Returns positions (nq) of a hand that pinches: the tips of thumb and index face each other, 10
+/// mm apart, below the palm; the other fingers are stretched and out of the way. The line from
+/// thumb to index is mostly along +x of the palm, so that a sheet between them is mostly across x.
+/// What is said of `hand34_home` is true here, too. Allocates.
+template <RealScalar Scalar>
+VectorX<Scalar> hand34_pinch(const KinematicTree<Scalar>& tree) {
+  VectorX<Scalar> q = hand34_home(tree);
+  const std::pair<const char*, double> joints[] = {
+      {"base_ry", 0.0},    {"index_mcp_flex", 0.8},   {"index_pip", 0.8},
+      {"index_dip", 0.5},  {"middle_mcp_flex", -0.3}, {"middle_pip", 0.1},
+      {"middle_dip", 0.0}, {"ring_mcp_flex", -0.3},   {"ring_pip", 0.1},
+      {"ring_dip", 0.0},   {"little_mcp_flex", -0.3}, {"little_pip", 0.1},
+      {"little_dip", 0.0}, {"thumb_cmc_flex", 0.4}};
+  for (const auto& [joint, value] : joints) {
+    const int k = tree.find_joint(joint);
+    if (k < 0) continue;
+    const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(k)];
+    if (body.type != JointType::Free && !body.follows) q[body.position] = Scalar(value);
+  }
+  return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());
+}
+
+/// Puts the base of a hand34, in positions q (nq), at `origin` (m, world), turned by `R` (from the
+/// palm to the world, for a straight wrist). Returns false, and changes nothing, when the tree has
+/// no such base or a number is not finite. Allocates.
+template <RealScalar Scalar>
+bool hand34_place_base(const KinematicTree<Scalar>& tree, const Matrix3<Scalar>& R,
+                       const Vector3<Scalar>& origin, VectorX<Scalar>& q) {
+  using std::asin;
+  using std::atan2;
+  if (!all_finite(R) || !all_finite(origin) || q.size() != tree.nq()) return false;
+  Scalar sine = -R(2, 0);
+  if (Scalar(1) < sine) sine = Scalar(1);
+  if (sine < Scalar(-1)) sine = Scalar(-1);
+  // R = Rz Ry Rx
+  const std::pair<const char*, Scalar> joints[] = {
+      {"base_tx", origin[0]},          {"base_ty", origin[1]},
+      {"base_tz", origin[2]},          {"base_rz", Scalar(atan2(R(1, 0), R(0, 0)))},
+      {"base_ry", Scalar(asin(sine))}, {"base_rx", Scalar(atan2(R(2, 1), R(2, 2)))}};
+  for (const auto& [joint, value] : joints) {
+    if (tree.find_joint(joint) < 0) return false;
+  }
+  for (const auto& [joint, value] : joints)
+    q[tree.bodies()[static_cast<std::size_t>(tree.find_joint(joint))].position] = value;
+  return true;
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

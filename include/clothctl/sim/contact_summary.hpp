@@ -1,10 +1,11 @@
 #pragma once
 
-// What a planner of contact forces needs to know of the contacts of a sheet in a world, after a
-// step: the outer forces f_e on its vertices, and which vertices a finger holds. Both read
-// `World::contacts` and `World::pad_contacts`.
+// What a planner of contact forces and a grasp controller need to know of the contacts in a world,
+// after a step: the outer forces f_e on the vertices of a sheet, which vertices a finger holds, and
+// what a soft pad feels. All read `World::contacts` and `World::pad_contacts`.
 
 #include <algorithm>
+#include <cmath>
 #include <span>
 #include <vector>
 
@@ -62,6 +63,35 @@ void add_static_contacts(const World<Scalar>& world, int sheet, int carrier,
         if (state != ContactState::Stick || weight < Scalar(0.2)) return;
         if (std::find(vertices.begin(), vertices.end(), v) == vertices.end()) vertices.push_back(v);
       });
+}
+
+/// What a soft pad, or a tactile sensor, feels.
+template <RealScalar Scalar>
+struct PadTouch {
+  /// Sum of the normal forces of its contacts, N.
+  Scalar normal_force = Scalar(0);
+  /// Size of the sum of the forces across the normals, N.
+  Scalar tangential_force = Scalar(0);
+  /// Samples in contact, and how many of them slide.
+  int contacts = 0, sliding = 0;
+};
+
+/// Returns what a pad felt in the last step, of `dt` s. Never allocates.
+template <RealScalar Scalar>
+PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt) {
+  using std::sqrt;
+  PadTouch<Scalar> out;
+  Vector3<Scalar> across = Vector3<Scalar>::Constant(Scalar(0));
+  for (const PadContact<Scalar>& c : world.pad_contacts(pad)) {
+    if (c.state == ContactState::Open) continue;
+    const Scalar along = c.impulse.dot(c.normal) / dt;
+    out.normal_force += along;
+    across += c.impulse / dt - along * c.normal;
+    ++out.contacts;
+    if (c.state == ContactState::Slip) ++out.sliding;
+  }
+  out.tangential_force = sqrt(across.squaredNorm());
+  return out;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,0 +1,76 @@
+#pragma once
+
+// The grips that a planner of contact forces plans for, from what fingers hold: each segment of
+// StaticContacts is a finger on the vertices that stick to it, on the side of the sheet that it
+// presses from.
+
+#include <cmath>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "clothctl/contact/grip.hpp"
+#include "clothctl/core/number_text.hpp"
+#include "clothctl/core/result.hpp"
+#include "clothctl/core/types.hpp"
+#include "clothctl/grasp/static_contacts.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// A finger of a hand that holds a sheet.
+template <RealScalar Scalar>
+struct HoldingFinger {
+  /// Its segment in StaticContacts.
+  int segment = 0;
+  /// The direction in which it presses, unit, world.
+  Vector3<Scalar> press = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(-1));
+  /// Friction coefficient.
+  Scalar friction = Scalar(0.6);
+  /// Largest normal force, N: of what it presses with, or of what its joints can exert
+  /// (FingertipTracker::largest_force).
+  Scalar max_normal_force = Scalar(10);
+};
+
+/// Makes the grip of one hand. `x` (3×n, m): the sheet; `triangles`: its faces, which say where its
+/// front is. Fingers that hold nothing are left out. Allocates. Fails when: no finger holds
+/// anything, a segment does not exist, or a direction is not finite.
+template <RealScalar Scalar>
+Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
+                                    std::span<const HoldingFinger<Scalar>> fingers,
+                                    const PointsView<Scalar>& x,
+                                    std::span<const std::array<int, 3>> triangles) {
+  Grip<Scalar> out;
+  for (std::size_t i = 0; i < fingers.size(); ++i) {
+    const HoldingFinger<Scalar>& f = fingers[i];
+    const std::string name = "finger " + std::to_string(i);
+    if (f.segment < 0 || contacts.segment_count() <= f.segment)
+      return Error{name + ": there is no segment " + std::to_string(f.segment)};
+    if (!all_finite(f.press)) return Error{name + " has a direction that is not finite"};
+    Finger<Scalar> finger;
+    for (const auto& held : contacts.held(f.segment)) {
+      if (held.vertex >= x.cols())
+        return Error{name + " holds vertex " + std::to_string(held.vertex) + " off a mesh of " +
+                     std::to_string(x.cols()) + " vertices"};
+      finger.vertices.push_back(held.vertex);
+    }
+    if (finger.vertices.empty()) continue;
+    Vector3<Scalar> front = Vector3<Scalar>::Constant(Scalar(0));
+    for (const std::array<int, 3>& t : triangles) {
+      bool held = false;
+      for (const int corner : t) {
+        for (const int v : finger.vertices) held = held || v == corner;
+      }
+      if (!held) continue;
+      const Vector3<Scalar> a = x.col(t[0]), b = x.col(t[1]), c = x.col(t[2]);
+      front += (b - a).cross(c - a);
+    }
+    finger.side = front.dot(f.press) < Scalar(0) ? Scalar(-1) : Scalar(1);
+    finger.contact.friction = f.friction;
+    finger.max_normal_force = f.max_normal_force;
+    out.fingers.push_back(std::move(finger));
+  }
+  if (out.fingers.empty()) return Error{"no finger holds a vertex of the sheet"};
+  return out;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

@@ -1,0 +1,164 @@
+#include "clothctl/grasp/fingertip_tracker.hpp"
+
+#include <cmath>
+
+#include "clothctl/grasp/hand_geometry.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+#include "support/grasping.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+namespace {
+
+using Vec = Vector3<double>;
+using Tracker = FingertipTracker<Hand34>;
+
+HandDrive<double> drive_of(const Hand34& tree) {
+  const VectorX<double> still = VectorX<double>::Zero(tree.nv());
+  return {VectorX<double>::Zero(tree.nq()), still, still};
+}
+
+/// Targets where the tips of thumb and index are, moved by `way`.
+std::vector<FingertipTarget<double>> targets_at(Tracker& tracker, const Vec& way) {
+  std::vector<FingertipTarget<double>> out(2);
+  for (int f = 0; f < 2; ++f) {
+    auto& t = out[static_cast<std::size_t>(f)];
+    t.finger = f;
+    tracker.pose(f, t.R_world_frame, t.place);
+    t.place += way;
+  }
+  return out;
+}
+
+}  // namespace
+
+TEST_CASE("fingertips follow a moving target, and the base carries them", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  const auto geometry = hand34_geometry(tree);
+  Tracker tracker = Tracker::create(tree, geometry.fingers).value();
+  const VectorX<double> start = hand34_pinch(tree);
+  REQUIRE(tracker.start(start));
+  HandDrive<double> drive = drive_of(tree);
+  const auto first = targets_at(tracker, Vec::Zero());
+  for (int i = 1; i <= 100; ++i) {
+    auto targets = first;
+    for (auto& t : targets) t.place += Vec(0.003 * i, 0.001 * i, -0.001 * i);
+    const auto report = tracker.track(targets, 0.02, drive);
+    REQUIRE(report.error < 2e-4);
+  }
+  // 0.3 m: more than fingers reach. The base has gone there, the fingers are as they were.
+  CHECK(drive.target.head<3>().isApprox((start.head<3>() + Vec(0.3, 0.1, -0.1)).eval(), 0.01));
+  CHECK((drive.target.tail(26) - start.tail(26)).cwiseAbs().maxCoeff() < 0.05);
+  CHECK(drive.target_velocity.head<3>().isApprox(Vec(0.15, 0.05, -0.05), 0.05));
+}
+
+TEST_CASE("the torques that are fed forward are those of the motion and of the forces", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  Tracker tracker = Tracker::create(tree, hand34_geometry(tree).fingers).value();
+  const VectorX<double> start = hand34_pinch(tree);
+  REQUIRE(tracker.start(start));
+  HandDrive<double> drive = drive_of(tree);
+
+  // At rest with a force: Jᵀ f, seen at the base, is the force and its moment.
+  auto targets = targets_at(tracker, Vec::Zero());
+  targets[0].force = Vec(0.5, -1, 2);
+  REQUIRE(tracker.track(targets, 0.02, drive).error < 1e-9);
+  CHECK((drive.torque.head<3>() - Vec(0.5, -1, 2)).norm() < 1e-12);
+
+  // A base that starts along x needs M a: the mass of all that it carries.
+  REQUIRE(tracker.start(start));
+  VectorX<double> q = start;
+  q[0] += 0.02 * 0.1;
+  REQUIRE(tracker.move_to(q, 0.02, drive));
+  double mass = 0;
+  for (const auto& body : tree.bodies()) mass += body.inertia.mass;
+  CHECK(drive.torque[0] == Approx(mass * 0.1 / 0.02).epsilon(1e-9));
+  CHECK(drive.torque[1] == Approx(0).margin(1e-9));
+}
+
+TEST_CASE("a finger is as strong as its weakest joint", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  Tracker tracker = Tracker::create(tree, hand34_geometry(tree).fingers).value();
+  REQUIRE(tracker.start(hand34_pinch(tree)));
+  const Vec press = Vec(1, 0, 0);
+  const double most = tracker.largest_force(0, press);
+  CHECK(most > 1);
+  CHECK(most < 250);  // of the base
+  // With that force one joint is at its limit, and none beyond.
+  HandDrive<double> drive = drive_of(tree);
+  auto targets = targets_at(tracker, Vec::Zero());
+  targets[0].force = most * press;
+  REQUIRE(tracker.track(targets, 0.02, drive).error < 1e-9);
+  auto work = articulated_traits<Hand34>::make_workspace(tree);
+  const VectorX<double> still = VectorX<double>::Zero(tree.nv());
+  VectorX<double> gravity = still;
+  using Traits = articulated_traits<Hand34>;
+  Traits::forward_kinematics(tree, tracker.positions(), work);
+  Traits::inverse_dynamics(tree, still, still, work, gravity);
+  const VectorX<double> share =
+      (drive.torque + gravity).cwiseAbs().cwiseQuotient(tree.effort_limits());
+  CHECK(share.maxCoeff() == Approx(1).epsilon(1e-9));
+}
+
+TEST_CASE("half-spaces keep a finger above a table", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  const auto geometry = hand34_geometry(tree);
+  Tracker tracker = Tracker::create(tree, geometry.fingers).value();
+  REQUIRE(tracker.start(hand34_pinch(tree)));
+  Matrix3<double> R;
+  Vec middle;
+  tracker.pose(2, R, middle);  // the middle finger, which has no target
+  const HalfSpace<double> plane{geometry.fingers[2].frame, geometry.fingers[2].centre(),
+                                Vec(0, 0, 1), middle.z() - 0.002};
+  const std::vector<HalfSpace<double>> planes{plane};
+  tracker.set_half_spaces(planes);
+  HandDrive<double> drive = drive_of(tree);
+  for (int i = 1; i <= 20; ++i)
+    (void)tracker.track(targets_at(tracker, Vec(0, 0, -0.001)), 0.02, drive);
+  Vec now;
+  tracker.pose(2, R, now);
+  CHECK(now.z() > middle.z() - 0.0021);
+}
+
+TEST_CASE("bad targets are refused and change nothing; tracking never allocates", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  const auto geometry = hand34_geometry(tree);
+  Tracker tracker = Tracker::create(tree, geometry.fingers).value();
+  REQUIRE(tracker.start(hand34_pinch(tree)));
+  HandDrive<double> drive = drive_of(tree);
+  auto targets = targets_at(tracker, Vec(0.001, 0, 0));
+  (void)tracker.track(targets, 0.02, drive);
+  const long allocated = allocations();
+  (void)tracker.track(targets, 0.02, drive);
+  CHECK(allocations() == allocated);
+
+  const VectorX<double> before = tracker.positions();
+  const double nan = std::nan("");
+  auto bad = targets;
+  bad[1].place[1] = nan;
+  CHECK(tracker.track(bad, 0.02, drive).status == IkStatus::InvalidInput);
+  bad = targets;
+  bad[1].force[0] = nan;
+  CHECK(tracker.track(bad, 0.02, drive).message == "a force holds NaN or an infinity");
+  bad = targets;
+  bad[0].finger = 5;
+  CHECK(tracker.track(bad, 0.02, drive).message == "a target is for a finger that does not exist");
+  CHECK(tracker.track(targets, 0, drive).message == "the step length is not positive");
+  HandDrive<double> other;
+  CHECK(tracker.track(targets, 0.02, other).message == "the drive is not that of this hand");
+  CHECK_FALSE(tracker.move_to(VectorX<double>::Zero(3), 0.02, drive));
+  CHECK_FALSE(tracker.start(VectorX<double>::Constant(34, nan)));
+  CHECK(tracker.positions() == before);
+
+  CHECK(Tracker::create(tree, {}).error() == "the hand has no finger pads");
+  auto fingers = geometry.fingers;
+  fingers[1].frame = 999;
+  CHECK(Tracker::create(tree, fingers).error() ==
+        "finger 1 (index) is on frame 999, which does not exist");
+  FingertipSettings<double> settings;
+  settings.tolerance = 0;
+  CHECK(Tracker::create(tree, geometry.fingers, settings).error() ==
+        "tolerance is 0 m, must be finite and positive");
+}

@@ -1,0 +1,238 @@
+#include "clothctl/grasp/grasp_controller.hpp"
+
+#include <cmath>
+#include <limits>
+
+#include "archetypes/articulated.hpp"
+#include "support/allocations.hpp"
+#include "support/catch.hpp"
+#include "support/grasping.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+namespace {
+
+using Vec = Vector3<double>;
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+/// Steps until the phase changes from `phase`, at most `steps` times.
+GraspReport<double> run_through(PinchingHand& hand, GraspController<Hand34>& controller,
+                                GraspPhase phase, int steps = 300) {
+  GraspReport<double> report;
+  for (int i = 0; i < steps; ++i) {
+    report = hand.step(controller);
+    if (report.phase != phase) break;
+  }
+  return report;
+}
+
+/// Grasps, and takes the sheet off its pins.
+GraspReport<double> take(PinchingHand& hand, GraspController<Hand34>& controller) {
+  REQUIRE(hand.poses.status == GraspPoseStatus::Found);
+  REQUIRE(controller.begin(hand.grasp) == "");
+  auto report = run_through(hand, controller, GraspPhase::Approach);
+  REQUIRE(report.phase == GraspPhase::Close);
+  report = run_through(hand, controller, GraspPhase::Close);
+  REQUIRE(report.phase == GraspPhase::Hold);
+  hand.world.input(0).clear();
+  return report;
+}
+
+}  // namespace
+
+TEST_CASE("a hand closes until it presses as wanted, holds, moves and opens", "[grasp]") {
+  PinchingHand hand(17);
+  GraspController<Hand34> controller = hand.controller();
+  GraspReport<double> report = take(hand, controller);
+  CHECK(std::abs(report.mean_force - 3) < 0.25 * 3);
+  for (int i = 0; i < 50; ++i) report = hand.step(controller);
+  REQUIRE(report.phase == GraspPhase::Hold);
+  CHECK(report.mean_force == Approx(report.wanted_force).epsilon(0.05));
+  CHECK(report.ik_error < 1e-4);
+
+  // What hangs from the fingers weighs what the sheet weighs.
+  Vec load = Vec::Zero();
+  for (const int pad : {hand.in.pads[0], hand.in.pads[1]}) {
+    for (const auto& c : hand.world.pad_contacts(pad)) load += c.impulse / hand.dt;
+  }
+  const double weight = 9.81 * hanging_sheet(17).network().mass.sum();
+  CHECK(load.z() == Approx(weight).epsilon(0.1));
+
+  // Moved 0.1 m within a second and turned by 0.3 rad: the sheet comes along.
+  const auto middle = [&] {
+    Vec sum = Vec::Zero();
+    double count = 0;
+    for (const auto& c : hand.world.pad_contacts(hand.in.pads[0])) {
+      sum += c.place;
+      ++count;
+    }
+    return Vec(sum / count);
+  };
+  const Vec before = middle();
+  for (int i = 1; i <= 100; ++i) {
+    const double share = std::min(1.0, 0.02 * i);
+    const Matrix3<double> R = rotation_exp<double>(Vec(0, 0.3 * share, 0));
+    REQUIRE(controller.move_to(R, Vec(0.1 * share, 0, 0) + before - R * before));
+    report = hand.step(controller);
+    REQUIRE(report.phase == GraspPhase::Hold);
+  }
+  CHECK((middle() - before - Vec(0.1, 0, 0)).norm() < 3e-3);
+
+  controller.release();
+  report = run_through(hand, controller, GraspPhase::Open);
+  CHECK(report.phase == GraspPhase::Free);
+  for (int i = 0; i < 20; ++i) (void)hand.step(controller);
+  CHECK(hand.touches()[0].contacts == 0);
+  CHECK(hand.touches()[1].contacts == 0);
+  CHECK(hand.world.drive(0).target_velocity.norm() == 0);
+  CHECK(hand.advanced);
+}
+
+TEST_CASE("steps of a grasp never allocate and give the same bits", "[grasp]") {
+  std::vector<double> first;
+  for (int run = 0; run < 2; ++run) {
+    PinchingHand hand(9);
+    GraspController<Hand34> controller = hand.controller();
+    REQUIRE(controller.begin(hand.grasp) == "");
+    std::vector<double> now;
+    long allocated = 0;
+    for (int i = 0; i < 90; ++i) {
+      const auto felt = hand.touches();
+      const HandState<double> state = hand.world.hand(0);
+      const long before = allocations();
+      (void)controller.update(0.02, state, felt, hand.world.drive(0));
+      allocated += allocations() - before;
+      REQUIRE(hand.world.step(0.02).advanced);
+      now.push_back(hand.world.drive(0).target.sum());
+      now.push_back(hand.world.drive(0).torque.sum());
+    }
+    if (allocation_counting_works()) CHECK(allocated == 0);
+    if (run == 1) CHECK(first == now);
+    first = now;
+  }
+}
+
+TEST_CASE("a grasp of nothing says that it touched nothing", "[grasp]") {
+  PinchingHand hand(9);
+  hand.world.input(0).clear();  // the sheet falls away before the hand is there
+  GraspController<Hand34> controller = hand.controller();
+  REQUIRE(controller.begin(hand.grasp) == "");
+  (void)run_through(hand, controller, GraspPhase::Approach);
+  const auto report = run_through(hand, controller, GraspPhase::Close);
+  CHECK(report.phase == GraspPhase::Failed);
+  CHECK(report.fault == GraspFault::NoTouch);
+  CHECK(controller.describe(report).find("touched nothing") != std::string::npos);
+  for (int i = 0; i < 100; ++i) (void)hand.step(controller);  // the hand comes to rest
+  CHECK(hand.world.hand(0).velocities.norm() < 1e-3);
+}
+
+TEST_CASE("a load that slides raises the force, and a force at its limit is too weak", "[grasp]") {
+  for (const double most : {10.0, 0.3}) {
+    PinchingHand hand(17);
+    GraspSettings<double> settings;
+    settings.most_force = most;
+    hand.grasp.force = 0.3;  // 0.36 N of friction for 0.18 N of sheet, and the shake below
+    settings.firm_contacts = 1;
+    GraspController<Hand34> controller = hand.controller(settings);
+    GraspReport<double> report = take(hand, controller);
+    bool slid = false, weak = false;
+    double highest = 0;
+    for (int i = 0; i < 200 && report.phase == GraspPhase::Hold; ++i) {
+      const double t = 0.02 * i;
+      (void)controller.move_to(Matrix3<double>::Identity(),
+                               Vec(0.08 * (1 - std::cos(12.566 * t)), 0, 0));
+      report = hand.step(controller);
+      slid = slid || report.slides;
+      weak = weak || report.too_weak;
+      highest = std::max(highest, report.wanted_force);
+    }
+    if (most > 1) {
+      CHECK(report.phase == GraspPhase::Hold);
+      CHECK(highest > 0.5);
+      CHECK_FALSE(weak);
+    } else {
+      CHECK(slid);
+      CHECK(weak);
+      CHECK(report.slips > 0);
+    }
+  }
+}
+
+TEST_CASE("bad grasps and measurements are refused in words, and nothing changes", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  const auto refused = [&](auto change) {
+    Grasp<double> bad = hand.grasp;
+    change(bad);
+    const std::string message = controller.begin(bad);
+    CHECK(controller.phase() == GraspPhase::Free);
+    return message;
+  };
+  CHECK(refused([](auto& g) { g.fingers.clear(); }) == "the grasp has no fingers");
+  CHECK(refused([](auto& g) { g.fingers[1].finger = 7; }) ==
+        "finger 1 of the grasp is finger 7 of a hand of 5");
+  CHECK(refused([](auto& g) { g.fingers[1].finger = 0; }) ==
+        "finger 1 of the grasp is finger 0 of the hand, as finger 0 is");
+  CHECK(refused([](auto& g) { g.fingers[0].press = Vec(0, kNan, 0); }) ==
+        "finger 0 of the grasp has a direction to press that is not a unit vector");
+  CHECK(refused([](auto& g) { g.force = -1; }).find("the force is -1 N") == 0);
+  CHECK(refused([](auto& g) { g.force = 11; }).find("the force is 11 N") == 0);
+  CHECK(refused([](auto& g) { g.keyframes.clear(); }) == "the grasp has no keyframes");
+  CHECK(refused([](auto& g) { g.keyframes[0].resize(3); }).find("keyframe 0 has 3 entries") == 0);
+  CHECK(refused([](auto& g) { g.keyframes[0][2] = kNan; }).find("keyframe 0") == 0);
+  CHECK_FALSE(controller.move_to(Matrix3<double>::Identity(), Vec::Zero()));  // it does not hold
+  CHECK_FALSE(controller.set_force(kNan));
+
+  GraspSettings<double> settings;
+  settings.friction = 0;
+  const auto slippery =
+      GraspController<Hand34>::create(hand.tree, hand.geometry.fingers, hand.poses.wait, settings);
+  REQUIRE_FALSE(slippery);
+  CHECK(slippery.error() == "friction is 0, must be finite and positive: fingers hold by friction");
+  CHECK(GraspController<Hand34>::create(hand.tree, {}, hand.poses.wait).error() ==
+        "the hand has no finger pads");
+  CHECK(GraspController<Hand34>::create(hand.tree, hand.geometry.fingers, VectorX<double>(3))
+            .error()
+            .find("q has 3 entries") == 0);
+
+  REQUIRE(controller.begin(hand.grasp) == "");
+  (void)hand.step(controller);
+  auto felt = hand.touches();
+  felt[1].normal_force = kNan;
+  const auto report = controller.update(0.02, hand.world.hand(0), felt, hand.world.drive(0));
+  CHECK(report.fault == GraspFault::BadInput);
+  CHECK(hand.world.drive(0).target.allFinite());
+  CHECK(hand.world.drive(0).target_velocity.norm() == 0);
+}
+
+TEST_CASE("a grasp moves at most at its largest speeds", "[grasp]") {
+  PinchingHand hand(9);
+  GraspSettings<double> settings;
+  settings.hold_speed = 0.5;
+  settings.turn_speed = 0.5;
+  GraspController<Hand34> controller = hand.controller(settings);
+  (void)take(hand, controller);
+  Matrix3<double> R0, R1;
+  Vec a, b;
+  controller.tracker().pose(0, R0, a);
+  REQUIRE(controller.move_by(rotation_exp<double>(Vec(0, 0, 1)), Vec(1, 0, 0)));
+  for (int i = 0; i < 5; ++i) {
+    (void)hand.step(controller);
+    controller.tracker().pose(0, R1, b);
+    CHECK((b - a).norm() < 0.02 * (0.5 + 0.5 * 0.02) + 2e-3);
+    CHECK(rotation_log<double>(R1 * R0.transpose()).norm() < 0.5 * 0.02 + 0.05);
+    a = b;
+    R0 = R1;
+  }
+}
+
+// What is refused needs no hand of ours.
+TEST_CASE("any robot of the concept can be given a grasp controller", "[grasp]") {
+  using Gantry = GantryArchetype<double>;
+  const Gantry gantry;
+  const auto controller = GraspController<Gantry, double>::create(
+      gantry, {{"hook", 1, Vec::Zero(), Vec(0, 0, -1)}}, Vec(0, 0, 0.5));
+  REQUIRE(controller);
+  CHECK(controller->phase() == GraspPhase::Free);
+}

@@ -1,0 +1,47 @@
+#include "clothctl/grasp/held_grips.hpp"
+
+#include "clothctl/mesh/grid.hpp"
+#include "support/catch.hpp"
+#include "support/pads.hpp"
+
+using namespace clothctl;
+using namespace clothctl_test;
+
+TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same vertices", "[grasp]") {
+  using Vec = Vector3<double>;
+  GrippedSheet held(17, 3);
+  auto contacts = StaticContacts<double>::create(held.world, 0, {0, 1}).value();
+  const auto triangles = hanging_sheet(17).network().triangles;
+  const auto& x = held.world.state(0).positions;
+  const std::vector<HoldingFinger<double>> fingers{{0, Vec(0, 1, 0), 0.4, 7},
+                                                   {1, Vec(0, -1, 0), 0.4, 5}};
+  CHECK(make_held_grip<double>(contacts, fingers, x, triangles).error() ==
+        "no finger holds a vertex of the sheet");
+  for (int i = 0; i < 20; ++i) {
+    REQUIRE(held.world.step(0.02).advanced);
+    contacts.update(held.world);
+  }
+  const auto grip = make_held_grip<double>(contacts, fingers, x, triangles);
+  REQUIRE(grip);
+  REQUIRE(grip->fingers.size() == 2);
+  CHECK(validate_grips(std::vector<Grip<double>>{*grip}, x.cols()) == "");
+  // They press from opposite sides; the front of this sheet faces -y or +y for all triangles.
+  CHECK(grip->fingers[0].side == -grip->fingers[1].side);
+  const auto& t = triangles.front();
+  const Vec front = Vec(x.col(t[1]) - x.col(t[0])).cross(Vec(x.col(t[2]) - x.col(t[0])));
+  CHECK((front.y() > 0 ? 1 : -1) == grip->fingers[0].side);
+  CHECK(grip->fingers[0].max_normal_force == 7);
+  CHECK(grip->fingers[1].contact.friction == 0.4);
+  for (int f = 0; f < 2; ++f) {
+    CHECK(grip->fingers[static_cast<std::size_t>(f)].vertices.size() == contacts.held(f).size());
+  }
+
+  auto bad = fingers;
+  bad[1].segment = 2;
+  CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
+        "finger 1: there is no segment 2");
+  bad = fingers;
+  bad[0].press[2] = std::nan("");
+  CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
+        "finger 0 has a direction that is not finite");
+}
