@@ -56,6 +56,31 @@ TEST_CASE("hand34 has five pads on the surfaces of its last bones", "[grasp]") {
   }
 }
 
+TEST_CASE("a pinching hand34 is where it is put", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  const auto geometry = hand34_geometry(tree);
+  auto tracker = FingertipTracker<Hand34>::create(tree, geometry.fingers).value();
+  const Vec place(0.3, -0.2, 0.5);
+  const Vec axes[] = {Vec(0, 1, 0), Vec(1, 0, 0), Vec(0, 0, 1), Vec(0.6, 0, 0.8), Vec(-1, 0, 0)};
+  for (const Vec& axis : axes) {
+    for (const Vec& approach : {Vec(0, 0.1, -1), Vec(1, 0.2, 0.3)}) {
+      const VectorX<double> q = hand34_pinch_at<double>(tree, place, axis, approach);
+      Matrix3<double> R;
+      Vec thumb, index;
+      tracker.pose_at(q, 0, R, thumb);
+      tracker.pose_at(q, 1, R, index);
+      CHECK((0.5 * (thumb + index) - place).norm() < 1e-12);
+      CHECK((index - thumb).normalized().dot(axis) > 1 - 1e-12);
+      const double gap = (index - thumb).norm() - geometry.fingers[0].radius;
+      CHECK(gap - geometry.fingers[1].radius == Approx(0.01).epsilon(0.05));
+    }
+  }
+  // Without a direction the hand stays whole.
+  const Vec bad(0, std::nan(""), 0);
+  CHECK(hand34_pinch_at<double>(tree, place, bad, Vec(0, 0, 1)).allFinite());
+  CHECK(hand34_pinch_at<double>(tree, place, Vec(0, 0, 1), Vec(0, 0, 1)).allFinite());
+}
+
 TEST_CASE("the parts of a hand in a world are where it says", "[grasp]") {
   PinchingHand hand(5);
   CHECK(hand.in.shapes.size() == hand.geometry.capsules.size());

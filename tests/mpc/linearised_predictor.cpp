@@ -387,6 +387,35 @@ TEST_CASE("states of another size and held vertices off the mesh are refused", "
   CHECK(RolloutSettings{-1}.validate().find("newton_steps is -1") == 0);
 }
 
+TEST_CASE("the last frame is remembered when vertices are let go", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
+  const Points<double>&x = sheet.state.positions, &v = sheet.state.velocities;
+  WindowRequest<double> both = request_for(sheet, GripInput::Pose, 2), one = both;
+  one.held.pop_back();
+  one.plan.setZero(3, 2);
+  one.applied.setZero(3);
+  const auto predictor = [&](double measured_force) {
+    return LinearisedPredictor<MassSpringResponse<double>, double>(
+        MassSpringResponse<double>(sheet.model(Integration::LinearlyImplicit)), {measured_force});
+  };
+  auto goes_on = predictor(1.0), models = predictor(0.0);
+  WindowResponse<double> first, measured, modelled;
+  goes_on.reserve(both, first);
+  REQUIRE(goes_on.predict(x, v, both, first));
+  goes_on.reserve(one, measured);
+  models.reserve(one, modelled);
+  REQUIRE(goes_on.predict(x, v, one, measured));
+  REQUIRE(models.predict(x, v, one, modelled));
+  // The vertex let go falls, although it was at rest; elsewhere the measured force counts.
+  const double falls = modelled.free_response(11, 1) - x(2, sheet.upper_right());
+  CHECK(falls < -0.001);
+  CHECK(measured.free_response(11, 1) - x(2, sheet.upper_right()) < 0.3 * falls);
+  CHECK((measured.free_response - modelled.free_response).norm() > 1e-6);
+  goes_on.reset();
+  REQUIRE(goes_on.predict(x, v, one, measured));
+  CHECK(measured.free_response == modelled.free_response);
+}
+
 TEST_CASE("predicting does not allocate and repeats bit by bit", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 10);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);

@@ -16,45 +16,6 @@ namespace clothctl_test {
 
 using Hand34 = clothctl::KinematicTree<double>;
 
-/// Where the tips of thumb and index of a pinching hand34 are, with its base at the origin.
-struct PinchFrame {
-  clothctl::Vector3<double> thumb, index;
-
-  explicit PinchFrame(const Hand34& tree) {
-    clothctl::VectorX<double> q = clothctl::hand34_pinch(tree);
-    (void)clothctl::hand34_place_base<double>(tree, clothctl::Matrix3<double>::Identity(),
-                                              clothctl::Vector3<double>::Zero(), q);
-    auto tracker =
-        clothctl::FingertipTracker<Hand34>::create(tree, clothctl::hand34_geometry(tree).fingers)
-            .value();
-    clothctl::Matrix3<double> R;
-    tracker.pose_at(q, 0, R, thumb);
-    tracker.pose_at(q, 1, R, index);
-  }
-};
-
-/// Positions of hand34 that pinches at `at`: the line from thumb to index is along `axis`, and the
-/// palm faces `down`.
-inline clothctl::VectorX<double> pinch_posture(const Hand34& tree,
-                                               const clothctl::Vector3<double>& at,
-                                               const clothctl::Vector3<double>& axis,
-                                               const clothctl::Vector3<double>& down) {
-  using Vec = clothctl::Vector3<double>;
-  const PinchFrame tips(tree);
-  const auto frame = [](const Vec& x, const Vec& along) {
-    const Vec a = x.normalized(), b = (along - along.dot(a) * a).normalized();
-    clothctl::Matrix3<double> out;
-    out << a, b, a.cross(b);
-    return out;
-  };
-  const clothctl::Matrix3<double> R =
-      frame(axis, down) * frame(tips.index - tips.thumb, Vec(0, 0, -1)).transpose();
-  clothctl::VectorX<double> q = clothctl::hand34_pinch(tree);
-  const Vec origin = at - R * (0.5 * (tips.thumb + tips.index));
-  (void)clothctl::hand34_place_base<double>(tree, R, origin, q);
-  return q;
-}
-
 /// The world: sheet 0, hand 0 and its controller. Thumb and index are fingers 0 and 1 of the grasp.
 struct PinchingHand {
   clothctl::World<double> world;
@@ -76,7 +37,8 @@ struct PinchingHand {
       const int v = input.driven_vertices[static_cast<std::size_t>(k)];
       input.driven_positions.col(k) = world.state(0).positions.col(v);
     }
-    const clothctl::VectorX<double> grip = pinch_posture(tree, at, Vec(0, 1, 0), Vec(0, 0, -1));
+    const clothctl::VectorX<double> grip =
+        clothctl::hand34_pinch_at<double>(tree, at, Vec(0, 1, 0), Vec(0, 0, -1));
     const std::vector<clothctl::FingerPad<double>> two{geometry.fingers[0], geometry.fingers[1]};
     const std::vector<clothctl::GraspContact<double>> places{{at, Vec(0, 1, 0), {Vec::Zero()}},
                                                              {at, Vec(0, -1, 0), {Vec::Zero()}}};

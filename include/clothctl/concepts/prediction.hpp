@@ -163,7 +163,7 @@ struct predictor_traits : detail::scalar_of<P> {
 ///
 /// Axioms: after `reserve` for a request, predictions of that size never allocate; when `predict`
 /// returns false, callers ignore the response; the prediction depends only on state, request and
-/// the predictions since the last `reserve` or `reset`; an input changes no output of an earlier
+/// the predictions since the last `reset`; an input changes no output of an earlier
 /// frame; a response of another size than `reserve` made is refused by the planner.
 ///
 /// Optional hooks: `vertex_count(predictor)`, checked against the sheet where it exists.

@@ -331,20 +331,19 @@ void GraspController<Model, Scalar>::press(const Scalar& dt, std::span<const Tou
   const Scalar count(static_cast<double>(tips_.size()));
   report.mean_force = sum / count;
   report.slides = sliding;
-  // The force rises at once and falls within a second.
+  // The force rises at once where the load asks for it, steadily while something slides, and falls
+  // within a second.
   Scalar wanted = grasp_.force;
   if (phase_ == GraspPhase::Hold) {
-    const Scalar needed = settings_.margin * load / settings_.friction;
-    if (sliding) raised_ += Scalar(5) * grasp_.force * dt;
-    if (grasp_.force + raised_ < needed) raised_ = needed - grasp_.force;
+    const Scalar room = settings_.most_force - grasp_.force;
+    const Scalar needed = settings_.margin * load / settings_.friction - grasp_.force;
+    raised_ -= raised_ * (dt < Scalar(1) ? dt : Scalar(1));
+    if (sliding) raised_ += Scalar(2) * grasp_.force * dt;
+    if (raised_ < needed) raised_ = needed;
+    if (room < raised_) raised_ = room;
     wanted += raised_;
-    if (!sliding) raised_ -= raised_ * (dt < Scalar(1) ? dt : Scalar(1));
   }
   const bool most = !(wanted < settings_.most_force);
-  if (most) {
-    wanted = settings_.most_force;
-    raised_ = settings_.most_force - grasp_.force;
-  }
   report.wanted_force = wanted;
   report.too_weak = most && sliding;
   const Scalar fastest = settings_.closing_speed * dt;

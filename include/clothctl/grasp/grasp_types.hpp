@@ -35,8 +35,8 @@ struct GraspSettings {
   /// Largest force F*, N.
   Scalar most_force = Scalar(10);
   /// A grasp is firm when each finger has `firm_contacts` contacts that do not slide, its force is
-  /// within `force_share` of F*, and no joint is faster than `rest_speed`, for `firm_steps` steps on
-  /// end.
+  /// within `force_share` of F*, and no joint is faster than `rest_speed`, for `firm_steps` steps
+  /// on end.
   int firm_contacts = 3, firm_steps = 5;
   /// Largest share of F* by which the force of a firm finger differs from it.
   Scalar force_share = Scalar(0.25);

@@ -16,6 +16,7 @@
 #include "clothctl/grasp/grasp_poses.hpp"
 #include "clothctl/grasp/robot_clearance.hpp"
 #include "clothctl/robot/hand34.hpp"
+#include "clothctl/robot/kinematic_tree_model.hpp"
 #include "clothctl/sim/world.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -56,6 +57,47 @@ HandGeometry<Scalar> hand34_geometry(const KinematicTree<Scalar>& tree) {
     f.radius = -f.point[2];  // a point of the capsule of its bone, which lies on the x axis
   }
   return out;
+}
+
+/// Returns positions (nq) of a `hand34` that pinches (hand34_pinch) at `place` (m, world): the line
+/// from its thumb to its index is along `axis`, and its palm faces `approach`, as far as that is
+/// across the axis. Where the directions are parallel or not finite, the base stays where
+/// hand34_pinch has it. Allocates.
+template <RealScalar Scalar>
+VectorX<Scalar> hand34_pinch_at(const KinematicTree<Scalar>& tree, const Vector3<Scalar>& place,
+                                const Vector3<Scalar>& axis, const Vector3<Scalar>& approach) {
+  using std::sqrt;
+  using Traits = articulated_traits<KinematicTree<Scalar>>;
+  using Vec = Vector3<Scalar>;
+  const Vec origin(Scalar(0), Scalar(0), Scalar(0)), palm(Scalar(0), Scalar(0), Scalar(-1));
+  VectorX<Scalar> q = hand34_pinch(tree);
+  (void)hand34_place_base<Scalar>(tree, Matrix3<Scalar>::Identity(), origin, q);
+  const HandGeometry<Scalar> hand = hand34_geometry(tree);
+  const int thumb = hand.find_finger("thumb"), index = hand.find_finger("index");
+  if (thumb < 0 || index < 0) return q;
+  auto work = Traits::make_workspace(tree);
+  Traits::forward_kinematics(tree, q, work);
+  const auto tip = [&](int finger) {
+    Matrix3<Scalar> R;
+    Vec p;
+    const FingerPad<Scalar>& f = hand.fingers[static_cast<std::size_t>(finger)];
+    Traits::frame_pose(tree, work, f.frame, R, p);
+    return Vec(p + R * f.centre());
+  };
+  const auto frame = [](const Vec& x, const Vec& along) {
+    const Vec a = x / sqrt(x.squaredNorm());
+    Vec b = along - along.dot(a) * a;
+    b /= sqrt(b.squaredNorm());
+    Matrix3<Scalar> out;
+    out.col(0) = a;
+    out.col(1) = b;
+    out.col(2) = a.cross(b);
+    return out;
+  };
+  const Vec from = tip(thumb), to = tip(index);
+  const Matrix3<Scalar> R = frame(axis, approach) * frame(to - from, palm).transpose();
+  (void)hand34_place_base<Scalar>(tree, R, Vec(place - R * (Scalar(0.5) * (from + to))), q);
+  return q;
 }
 
 /// The samples of a fingertip's pad.

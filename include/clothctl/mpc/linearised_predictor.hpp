@@ -51,8 +51,9 @@ struct LinearisedPredictorSettings {
   /// minus the input that was applied: M are the masses, α is the drag, v₋ and w₋ are velocity and
   /// wind of the last frame, w is the wind now, v̄ the mean velocity of the sheet, C and C₋ are the
   /// matrices of the air drag now and in the last frame. Internal damping is left out, because it
-  /// would add noise on plants that jitter. Held vertices whose input is not known keep the model's
-  /// force. Use it for plants whose elongation does not tell their tension.
+  /// would add noise on plants that jitter. Vertices whose input is not known, or that were let go
+  /// after it, keep the model's force. Use it for plants whose elongation does not tell their
+  /// tension.
   Scalar measured_force = Scalar(0);
 
   /// Returns an empty string, or a line that names the bad setting and its value.
@@ -78,7 +79,8 @@ class LinearisedPredictor {
   /// Takes a response. Allocates. Fails when the settings are not valid (assert).
   explicit LinearisedPredictor(Response response, LinearisedPredictorSettings<S> settings = {});
 
-  /// Makes room for requests of this size. Allocates.
+  /// Makes room for requests of this size. The last frame is not forgotten, whatever vertices were
+  /// held in it. Allocates.
   void reserve(const WindowRequest<S>& request, WindowResponse<S>& response);
 
   /// Predicts the window from positions `x` (3×n, m) and velocities `v` (3×n, m/s). Returns false
@@ -147,7 +149,7 @@ class LinearisedPredictor {
   Vector3<Inner> last_wind_ = Vector3<Inner>::Zero();
   std::array<Points<Inner>, 3> gust_;
   MatrixX<Inner> gust_response_;
-  std::vector<int> none_;
+  std::vector<int> none_, last_held_;
   Inner share_ = Inner(0);
   bool airy_ = false;
   bool has_last_ = false;
@@ -178,7 +180,7 @@ void LinearisedPredictor<Response, S>::reserve(const WindowRequest<S>& request,
   response.plan.setZero(request.inputs(), request.horizon);
   held_sum_.setZero(kLanes, request.inputs());
   gust_response_.setZero(3 * kLanes, request.horizon);
-  has_last_ = false;
+  last_held_.reserve(request.held.size());
 }
 
 template <StepResponse Response, RealScalar S>
@@ -216,6 +218,7 @@ bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const Poi
   response.plan = request.plan;
   last_velocity_ = v_;
   last_wind_ = wind.template cast<Inner>();
+  last_held_ = request.held;
   has_last_ = true;
   return true;
 }
@@ -238,6 +241,10 @@ template <StepResponse Response, RealScalar S>
 void LinearisedPredictor<Response, S>::blend_measured(const WindowRequest<S>& request) {
   const Vector3<S> wind = request.wind.col(0);
   Traits::add_wind_force(response_, wind.template cast<Inner>(), measured_);
+  for (const int vertex : last_held_) {  // what was let go felt an input that is not known here
+    if (std::find(request.held.begin(), request.held.end(), vertex) == request.held.end())
+      measured_.col(vertex) = force_.col(vertex);
+  }
   for (std::size_t j = 0; j < request.held.size(); ++j) {
     const int vertex = request.held[j];
     if (request.kind == GripInput::Force && request.has_applied) {

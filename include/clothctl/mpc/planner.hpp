@@ -13,6 +13,7 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/mpc/detail/agreement.hpp"
 #include "clothctl/mpc/detail/finger_plan.hpp"
+#include "clothctl/mpc/detail/grip_change.hpp"
 #include "clothctl/mpc/detail/plan_change.hpp"
 #include "clothctl/mpc/detail/plan_input.hpp"
 #include "clothctl/mpc/detail/plan_output.hpp"
@@ -94,6 +95,18 @@ class Planner {
   /// is wrong or a force is not finite. Allocates when the size changes.
   [[nodiscard]] bool set_outer_force(const PointsView<Scalar>& force);
 
+  /// Goes on with other grips (vertices, fingers, limits, number of grips) from the next frame on,
+  /// on a sheet that stands at `x` (3×n, m). Returns an empty string, or what is wrong, and then
+  /// changes nothing. A grip goes on from the one that shares most vertices with it, else from that
+  /// of its index. What it does not concern is kept: the plan (vertices that join a grip share its
+  /// planned force, or move with it), path, finger forces, active set, hand velocities, anchors
+  /// (moved by as much as the grip's centroid jumps; a new grip gets one at `x`), memory of the
+  /// last prediction, outer forces and, as far as `reserve` keeps it, the predictor's state. With
+  /// the same vertices and generators nothing but the grips' parameters changes. Else call
+  /// `make_result` afterwards. Allocates; `plan` does not.
+  [[nodiscard]] std::string set_grips(std::vector<Grip<Scalar, Contact>> grips,
+                                      const PointsView<Scalar>& x);
+
   /// Forgets plan, active set and measurements. Call it after the plant jumped.
   void reset();
 
@@ -101,6 +114,8 @@ class Planner {
   static constexpr int kMostAttempts = 4;
 
   using Traits = predictor_traits<P>;
+  using Basis = detail::GripBasis<Scalar, Contact>;
+  using Problem = detail::WindowProblem<Scalar, Contact>;
 
   Planner(Setup setup, PlannerSettings<Scalar> settings, P predictor,
           const PointsView<Scalar>& start);
@@ -110,15 +125,24 @@ class Planner {
   static PointFeatures<Scalar> point_features(const Features& features);
 
   /// Returns true when the predictor's response has the size of the request.
-  bool response_fits() const;
+  static bool response_fits(const Problem& problem);
 
   /// Returns the step weight at which the damping of a plan starts when the settings ask for less,
   /// s²/m².
   static Scalar least_step_weight() { return Scalar(1e-4); }
   static Vector3<Scalar> still_air(const Scalar&) { return Vector3<Scalar>::Zero(); }
-  std::size_t grip_count() const { return problem_.basis.grips().size(); }
+  static constexpr const char* wrong_response() {
+    return "the predictor's reserve sized its response for another window";
+  }
 
-  std::vector<HandAnchor<Scalar>> anchors_for(const PointsView<Scalar>& start) const;
+  /// Returns anchors that keep the offsets of the grips of `basis` from the features at `x`.
+  std::vector<HandAnchor<Scalar>> anchors_at(const Basis& basis, const PointsView<Scalar>& x) const;
+
+  /// Makes room for the parts that work on the problem, but for the QP.
+  void reserve(std::vector<HandAnchor<Scalar>> anchors);
+
+  /// Goes on with a problem of other grips, for which the predictor has made room.
+  void take_over(Problem next, const PointsView<Scalar>& x);
 
   /// Sets the plan before the first frame: the gravity load for forces, rest for poses.
   void start_plan();
@@ -142,7 +166,7 @@ class Planner {
 
   Setup setup_;
   P predictor_;
-  detail::WindowProblem<Scalar, Contact> problem_;
+  Problem problem_;
   Index vertex_count_;
   detail::WindowCost<Scalar, Contact> cost_;
   detail::WindowQp<Scalar, Contact, BoxSolver, RowSolver> qp_;
@@ -150,6 +174,7 @@ class Planner {
   detail::PlanChange<Scalar> change_;
   detail::FingerPlan<Scalar> finger_plan_;
   detail::PredictionAgreement<Scalar> agreement_;
+  Points<Scalar> last_velocity_;    // of all vertices, measured in the last frame
   Scalar step_weight_ = Scalar(0);  // grows where forces would change the hands' path too much
   bool has_last_ = false;
   bool has_plan_ = false;
@@ -171,8 +196,7 @@ auto Planner<P, Setup, BoxSolver, RowSolver>::create(Setup setup, PlannerSetting
   }
   if (!problem.empty()) return Error{problem};
   Planner planner(std::move(setup), std::move(settings), std::move(predictor), start);
-  if (!planner.response_fits())
-    return Error{"the predictor's reserve sized its response for another window"};
+  if (!response_fits(planner.problem_)) return Error{wrong_response()};
   return planner;
 }
 
@@ -192,6 +216,7 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan(const PointsView<Scalar
   if (!detail::fits(problem_, result) ||
       !detail::take_plan_input(problem_, cost_, vertex_count_, x, v, t, target, wind))
     return PlanStatus::InvalidInput;
+  last_velocity_ = v;
   if (!has_last_) problem_.motion.last_velocity = problem_.motion.velocity;
   return plan_frame(x, v, result);
 }
@@ -236,6 +261,32 @@ bool Planner<P, Setup, BoxSolver, RowSolver>::set_outer_force(const PointsView<S
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
           QpSolver<PredictorScalar<P>> RowSolver>
+std::string Planner<P, Setup, BoxSolver, RowSolver>::set_grips(
+    std::vector<Grip<Scalar, Contact>> grips, const PointsView<Scalar>& x) {
+  if (x.cols() != vertex_count_) {
+    return "there are " + std::to_string(x.cols()) + " columns of position for " +
+           std::to_string(vertex_count_) + " vertices";
+  }
+  if (!all_finite(x)) return "the positions are not finite";
+  std::string problem = validate_grips(grips, vertex_count_);
+  if (!problem.empty()) return problem;
+  if (!problem_.basis.replace(grips)) {
+    Problem next(problem_.settings,
+                 Basis(std::move(grips), setup_.triangles, problem_.settings.input),
+                 point_features(setup_.features));
+    Traits::reserve(predictor_, next.request, next.response);
+    if (!response_fits(next)) {
+      Traits::reserve(predictor_, problem_.request, problem_.response);
+      return wrong_response();
+    }
+    take_over(std::move(next), x);
+  }
+  setup_.grips = problem_.basis.grips();
+  return {};
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
 void Planner<P, Setup, BoxSolver, RowSolver>::reset() {
   has_last_ = false;
   has_plan_ = false;
@@ -253,18 +304,46 @@ Planner<P, Setup, BoxSolver, RowSolver>::Planner(Setup setup, PlannerSettings<Sc
                                                  P predictor, const PointsView<Scalar>& start)
     : setup_(std::move(setup)),
       predictor_(std::move(predictor)),
-      problem_(settings,
-               detail::GripBasis<Scalar, Contact>(setup_.grips, setup_.triangles, settings.input),
+      problem_(settings, Basis(setup_.grips, setup_.triangles, settings.input),
                point_features(setup_.features)),
       vertex_count_(start.cols()) {
   Traits::reserve(predictor_, problem_.request, problem_.response);
-  problem_.response.plan = problem_.request.plan;
-  cost_.reserve(problem_, anchors_for(start));
+  Traits::reset(predictor_);
+  reserve(setup_.anchors.empty() ? anchors_at(problem_.basis, start) : setup_.anchors);
   qp_.reserve(problem_);
+  agreement_.reserve(problem_.feature_count);
+  last_velocity_.setZero(3, vertex_count_);
+  start_plan();
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::reserve(std::vector<HandAnchor<Scalar>> anchors) {
+  problem_.response.plan = problem_.request.plan;
+  cost_.reserve(problem_, std::move(anchors));
   point_.reserve(held().size());
   change_.reserve(problem_);
-  agreement_.reserve(problem_.feature_count);
-  start_plan();
+}
+
+template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
+          QpSolver<PredictorScalar<P>> RowSolver>
+void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const PointsView<Scalar>& x) {
+  next.basis.update(x);
+  const detail::GripChange<Scalar, Contact> change(problem_.basis, next.basis, x);
+  std::vector<HandAnchor<Scalar>> anchors = anchors_at(next.basis, x);
+  for (std::size_t g = 0; g < anchors.size(); ++g) {
+    if (change.grip(g) < 0) continue;
+    anchors[g] = cost_.anchors()[static_cast<std::size_t>(change.grip(g))];
+    anchors[g].offset += change.jump(g);
+  }
+  if (!setup_.anchors.empty()) setup_.anchors = anchors;
+  change.carry_request(problem_, last_velocity_, next);
+  finger_plan_.carry(next.basis, change.weights());
+  if (next.settings.input == GripInput::Force) finger_plan_.sum(next.basis, next.request.plan);
+  problem_ = std::move(next);
+  reserve(std::move(anchors));
+  qp_.carry(problem_, change.unknowns());
+  if (!has_plan_) start_plan();
 }
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
@@ -279,9 +358,9 @@ auto Planner<P, Setup, BoxSolver, RowSolver>::point_features(const Features& fea
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
           QpSolver<PredictorScalar<P>> RowSolver>
-bool Planner<P, Setup, BoxSolver, RowSolver>::response_fits() const {
-  const WindowRequest<Scalar>& q = problem_.request;
-  const WindowResponse<Scalar>& r = problem_.response;
+bool Planner<P, Setup, BoxSolver, RowSolver>::response_fits(const Problem& problem) {
+  const WindowRequest<Scalar>& q = problem.request;
+  const WindowResponse<Scalar>& r = problem.response;
   return r.impulse_response.rows() == q.output_rows() &&
          r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
          r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
@@ -290,13 +369,14 @@ bool Planner<P, Setup, BoxSolver, RowSolver>::response_fits() const {
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
           QpSolver<PredictorScalar<P>> RowSolver>
-auto Planner<P, Setup, BoxSolver, RowSolver>::anchors_for(const PointsView<Scalar>& start) const
+auto Planner<P, Setup, BoxSolver, RowSolver>::anchors_at(const Basis& basis,
+                                                         const PointsView<Scalar>& x) const
     -> std::vector<HandAnchor<Scalar>> {
-  if (!setup_.anchors.empty()) return setup_.anchors;
-  Points<Scalar> features(3, problem_.feature_count), hands(3, static_cast<Index>(grip_count()));
-  evaluate_features<Scalar>(setup_.features, start, features);
-  for (std::size_t g = 0; g < grip_count(); ++g)
-    hands.col(static_cast<Index>(g)) = problem_.basis.held().centroid(start, g);
+  const std::size_t count = basis.grips().size();
+  Points<Scalar> features(3, problem_.feature_count), hands(3, static_cast<Index>(count));
+  evaluate_features<Scalar>(setup_.features, x, features);
+  for (std::size_t g = 0; g < count; ++g)
+    hands.col(static_cast<Index>(g)) = basis.held().centroid(x, g);
   return make_anchors(features, hands);
 }
 
@@ -324,7 +404,8 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
   problem_.basis.update(x);
   for (detail::HeldPatch<Scalar>& patch : problem_.patches) patch.update(problem_.motion.position);
   problem_.response.plan = problem_.request.plan;
-  if (!Traits::predict(predictor_, x, v, problem_.request, problem_.response) || !response_fits())
+  if (!Traits::predict(predictor_, x, v, problem_.request, problem_.response) ||
+      !response_fits(problem_))
     return fail(result);
   PlanStatus status = PlanStatus::Failed;
   step_weight_ *= Scalar(0.5);

@@ -65,7 +65,8 @@ class RolloutPredictor {
   /// (assert).
   RolloutPredictor(Model model, Inner inner, RolloutSettings settings = {});
 
-  /// Makes room for requests of this size. Allocates.
+  /// Makes room for requests of this size. Earlier rollouts over as many frames are not forgotten,
+  /// whatever vertices were held in them. Allocates.
   void reserve(const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
 
   /// Predicts the window from positions `x` (3×n, m) and velocities `v` (3×n, m/s). Returns false
@@ -115,8 +116,11 @@ requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& request,
                                              WindowResponse<Scalar>& response) {
   predictor_traits<Inner>::reserve(inner_, request, response);
-  velocities_.assign(static_cast<std::size_t>(request.horizon),
-                     Points<Scalar>::Zero(3, cloth_traits<Model>::vertex_count(model_)));
+  const std::size_t frames = static_cast<std::size_t>(request.horizon);
+  if (velocities_.size() != frames) {
+    velocities_.assign(frames, Points<Scalar>::Zero(3, cloth_traits<Model>::vertex_count(model_)));
+    fresh_ = true;
+  }
   input_.clear();
   const Index held = static_cast<Index>(request.held.size());
   input_.driven_vertices = request.held;
@@ -127,7 +131,6 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   for (Index i = 0; i < count; ++i) input_.force_vertices.push_back(static_cast<int>(i));
   free_ = response.free_response;
   plan_.setZero(request.inputs(), request.horizon);
-  fresh_ = true;
 }
 
 template <class Model, class Inner>

@@ -28,6 +28,38 @@ class FingerPlan {
     frames_.assign(static_cast<std::size_t>(horizon), none);
   }
 
+  /// Goes on with the fingers of `basis`: force i becomes Σ_j weights(i, j) force j in each frame.
+  /// Normals are those of the last update of `basis`. Allocates.
+  template <class Contact>
+  void carry(const GripBasis<Scalar, Contact>& basis, const MatrixX<Scalar>& weights) {
+    std::vector<FingerForce<Scalar>> next(static_cast<std::size_t>(basis.force_count()));
+    const VectorX<Scalar> none = VectorX<Scalar>::Zero(basis.unknowns());
+    basis.finger_forces(none, next);  // names grip, finger, vertex and normal
+    for (std::vector<FingerForce<Scalar>>& frame : frames_) {
+      for (std::size_t i = 0; i < next.size(); ++i) {
+        next[i].force.setZero();
+        for (std::size_t j = 0; j < frame.size(); ++j)
+          next[i].force += weights(static_cast<Index>(i), static_cast<Index>(j)) * frame[j].force;
+      }
+      frame = next;
+    }
+  }
+
+  /// Writes the planned forces of the held vertices, the sums over their fingers, to `plan` (3·held
+  /// × K, N). Never allocates.
+  template <class Contact>
+  void sum(const GripBasis<Scalar, Contact>& basis, MatrixX<Scalar>& plan) const {
+    plan.setZero();
+    for (std::size_t k = 0; k < frames_.size(); ++k) {
+      for (const auto& columns : basis.fingers()) {
+        for (std::size_t j = 0; j < columns.held_slots.size(); ++j) {
+          plan.template block<3, 1>(3 * columns.held_slots[j], static_cast<Index>(k)) +=
+              frames_[k][static_cast<std::size_t>(columns.first_force) + j].force;
+        }
+      }
+    }
+  }
+
   /// Moves the plan on by a frame and repeats the last frame. Never allocates.
   void shift() {
     for (std::size_t k = 0; k + 1 < frames_.size(); ++k) frames_[k].swap(frames_[k + 1]);

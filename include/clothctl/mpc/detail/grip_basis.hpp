@@ -14,6 +14,28 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
+/// Returns true when the fingers of `a` hold the same vertices as those of `b`, with generators on
+/// the same vertices.
+template <RealScalar Scalar, class Contact>
+bool same_layout(const std::vector<Grip<Scalar, Contact>>& a,
+                 const std::vector<Grip<Scalar, Contact>>& b) {
+  using Traits = contact_traits<Contact>;
+  if (a.size() != b.size()) return false;
+  for (std::size_t g = 0; g < a.size(); ++g) {
+    if (a[g].fingers.size() != b[g].fingers.size()) return false;
+    for (std::size_t f = 0; f < a[g].fingers.size(); ++f) {
+      const Finger<Scalar, Contact>&p = a[g].fingers[f], &q = b[g].fingers[f];
+      const Index m = static_cast<Index>(p.vertices.size());
+      const Index count = Traits::generators(p.contact, m);
+      if (p.vertices != q.vertices || Traits::generators(q.contact, m) != count) return false;
+      for (Index i = 0; i < count; ++i) {
+        if (Traits::support(p.contact, m, i) != Traits::support(q.contact, m, i)) return false;
+      }
+    }
+  }
+  return true;
+}
+
 /// The map from unknowns to raw inputs, rebuilt in each frame without allocation.
 template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
 class GripBasis {
@@ -33,6 +55,14 @@ class GripBasis {
     matrix_.setZero(3 * static_cast<Index>(held_.vertices().size()),
                     static_cast<Index>(columns_.size()));
     offset_.setZero(matrix_.rows());
+  }
+
+  /// Takes grips that differ only in limits, friction and sides. Returns false and changes nothing
+  /// when they need another layout. Never allocates when it returns false.
+  bool replace(const Grips& grips) {
+    if (!same_layout(grips_, grips)) return false;
+    grips_ = grips;
+    return true;
   }
 
   /// What the unknowns are.

@@ -33,17 +33,20 @@ PlanResult<Scalar> make_plan_result(const WindowProblem<Scalar, Contact>& proble
   return result;
 }
 
-/// Returns true when a result has the sizes that `make_plan_result` gives it.
+/// Returns true when a result has the sizes and the vertices that `make_plan_result` gives it.
 template <RealScalar Scalar, class Contact>
 bool fits(const WindowProblem<Scalar, Contact>& problem, const PlanResult<Scalar>& result) {
   const Index held_count = static_cast<Index>(problem.request.held.size());
-  const Index sent = sends_forces(problem.settings) ? result.input.forces.cols()
-                                                    : result.input.driven_positions.cols();
+  const bool forces = sends_forces(problem.settings);
+  const Index sent = forces ? result.input.forces.cols() : result.input.driven_positions.cols();
+  const std::vector<int>& vertices =
+      forces ? result.input.force_vertices : result.input.driven_vertices;
   return result.finger_forces.size() == static_cast<std::size_t>(problem.basis.force_count()) &&
          result.plan.rows() == problem.basis.inputs() &&
          result.plan.cols() == problem.settings.horizon &&
          result.predicted.rows() == 3 * problem.feature_count &&
-         result.predicted.cols() == problem.settings.horizon && sent == held_count;
+         result.predicted.cols() == problem.settings.horizon && sent == held_count &&
+         vertices == problem.request.held;
 }
 
 /// Stores the velocities of the held vertices that the outputs predicted under the plan

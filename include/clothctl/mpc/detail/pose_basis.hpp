@@ -18,8 +18,15 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 template <RealScalar Scalar>
 class PoseBasis {
  public:
-  /// Appends the row ranges of the columns of all grips: three columns for a grip of one vertex,
-  /// six for a larger one. Allocates.
+  /// Returns the first column of grip `g` and its number of columns: three for a grip of one
+  /// vertex, six for a larger one.
+  static std::pair<Index, Index> columns(const HeldVertices<Scalar>& held, std::size_t g) {
+    Index first = 0;
+    for (std::size_t i = 0; i < g; ++i) first += turns(held, i) ? 6 : 3;
+    return {first, turns(held, g) ? 6 : 3};
+  }
+
+  /// Appends the row ranges of the columns of all grips. Allocates.
   static void reserve(const HeldVertices<Scalar>& held,
                       std::vector<std::pair<Index, Index>>& columns) {
     for (std::size_t g = 0; g < held.grip_count(); ++g) {

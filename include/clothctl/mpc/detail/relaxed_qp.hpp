@@ -23,18 +23,28 @@ int iterations_of(const Result& result) {
   return 0;
 }
 
-/// Loads a problem with rows into a solver and solves it.
+/// Makes the next solve start from `x`, where the solver has that hook. A solver that refuses `x`
+/// starts as it would without.
+template <class Solver, RealScalar Scalar>
+void start_from(Solver& solver, const VectorX<Scalar>& x) {
+  if constexpr (requires { qp_solver_traits<Solver>::warm_start(solver, x); })
+    (void)qp_solver_traits<Solver>::warm_start(solver, x);
+}
+
+/// Loads a problem with rows into a solver and solves it, from `start` unless that is empty.
 template <class Solver, RealScalar Scalar>
 QpStatus solve_with_rows(Solver& solver, const MatrixX<Scalar>& hessian,
                          const MatrixX<Scalar>& rows, const VectorX<Scalar>& gradient,
                          const VectorX<Scalar>& lower, const VectorX<Scalar>& upper,
                          const VectorX<Scalar>& row_lower, const VectorX<Scalar>& row_upper,
-                         typename qp_solver_traits<Solver>::result_type& result) {
+                         typename qp_solver_traits<Solver>::result_type& result,
+                         const VectorX<Scalar>& start = {}) {
   using Traits = qp_solver_traits<Solver>;
   using View = Eigen::Ref<const VectorX<Scalar>>;
   QpStatus status = Traits::set_hessian(solver, hessian);
   if (status == QpStatus::Solved) status = Traits::set_rows(solver, rows);
   if (status != QpStatus::Solved) return status;
+  if (start.size() > 0) start_from(solver, start);
   return Traits::solve(solver, View(gradient), View(lower), View(upper), View(row_lower),
                        View(row_upper), result);
 }

@@ -17,13 +17,28 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Moves `points` (3×m, m) for `dt` seconds by the rigid motion that fits their `velocities` (3×m,
-/// m/s) best, and writes the new positions to `moved`. Points on a line do not rotate about it.
-/// Never allocates.
+/// The velocities of a rigid body.
 template <RealScalar Scalar>
-void move_rigidly(const PointsView<Scalar>& points, const PointsView<Scalar>& velocities,
-                  std::type_identity_t<Scalar> dt,
-                  std::type_identity_t<Eigen::Ref<Points<Scalar>>> moved) {
+struct RigidVelocity {
+  /// c, m.
+  Vector3<Scalar> centroid;
+  /// v, m/s.
+  Vector3<Scalar> linear;
+  /// ω, rad/s.
+  Vector3<Scalar> angular;
+
+  /// Returns the velocity at the point `p` (m), m/s.
+  Vector3<Scalar> at(const Vector3<Scalar>& p) const {
+    const Vector3<Scalar> arm = p - centroid;
+    return linear + angular.cross(arm);
+  }
+};
+
+/// Returns the rigid motion that fits the `velocities` (3×m, m/s) of `points` (3×m, m) best. Points
+/// on a line do not rotate about it. Never allocates.
+template <RealScalar Scalar>
+RigidVelocity<Scalar> fit_rigid_velocity(const PointsView<Scalar>& points,
+                                         const PointsView<Scalar>& velocities) {
   Vector3<Scalar> c = Vector3<Scalar>::Zero(), v = Vector3<Scalar>::Zero();
   const Scalar number = Scalar(static_cast<double>(points.cols()));
   for (Index j = 0; j < points.cols(); ++j) {
@@ -39,17 +54,28 @@ void move_rigidly(const PointsView<Scalar>& points, const PointsView<Scalar>& ve
     inertia += arm.squaredNorm() * Matrix3<Scalar>::Identity() - arm * arm.transpose();
     momentum += arm.cross(velocities.col(j) - v);
   }
-  Matrix3<Scalar> turn = Matrix3<Scalar>::Identity();
+  Vector3<Scalar> omega = Vector3<Scalar>::Zero();
   const Scalar size = inertia.trace();
   if (Scalar(0) < size) {
     inertia.diagonal().array() +=
         Scalar(16) * scalar_traits<Scalar>::epsilon() * size;  // a line does not turn about itself
-    const Vector3<Scalar> omega = dt * inertia.ldlt().solve(momentum);
-    turn = rotation_exp<Scalar>(omega);
+    omega = inertia.ldlt().solve(momentum);
   }
+  return {c, v, omega};
+}
+
+/// Moves `points` (3×m, m) for `dt` seconds by the rigid motion that fits their `velocities` (3×m,
+/// m/s) best, and writes the new positions to `moved`. Never allocates.
+template <RealScalar Scalar>
+void move_rigidly(const PointsView<Scalar>& points, const PointsView<Scalar>& velocities,
+                  std::type_identity_t<Scalar> dt,
+                  std::type_identity_t<Eigen::Ref<Points<Scalar>>> moved) {
+  const RigidVelocity<Scalar> motion = fit_rigid_velocity<Scalar>(points, velocities);
+  const Vector3<Scalar> angle = dt * motion.angular;
+  const Matrix3<Scalar> turn = rotation_exp<Scalar>(angle);
   for (Index j = 0; j < points.cols(); ++j) {
-    const Vector3<Scalar> arm = points.col(j) - c;
-    moved.col(j) = c + dt * v + turn * arm;
+    const Vector3<Scalar> arm = points.col(j) - motion.centroid;
+    moved.col(j) = motion.centroid + dt * motion.linear + turn * arm;
   }
 }
 

@@ -57,6 +57,9 @@ class WindowCost {
     anchor_targets_.setZero(3 * grips, horizon);
   }
 
+  /// The anchors, one for each grip.
+  const std::vector<HandAnchor<Scalar>>& anchors() const { return anchors_; }
+
   /// Samples the wanted positions of features and hands at the ends of the frames that follow `t`
   /// (s); `target(feature, time)` in m. Returns false when one is not finite or beyond
   /// `largest_target`; the samples are then of no use. Never allocates.

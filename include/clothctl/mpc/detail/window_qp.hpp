@@ -58,11 +58,27 @@ class WindowQp {
     if (problem.settings.input == GripInput::Force) reserve_rows(problem);
   }
 
+  /// Makes room for a problem with other grips, the unknowns of whose frames are `map` times those
+  /// of the last problem: the next solve starts from the last solution, where there is one.
+  /// Allocates.
+  void carry(const Problem& problem, const MatrixX<Scalar>& map) {
+    const VectorX<Scalar> last = start_.size() > 0 ? start_ : solution_;
+    const bool known = start_.size() > 0 || solved_;
+    const Index p = map.rows(), q = map.cols();
+    reset();
+    reserve(problem);
+    if (!known) return;
+    start_.setZero(unknowns_);
+    for (Index k = 0; k < problem.settings.horizon; ++k)
+      start_.segment(k * p, p).noalias() = map * last.segment(k * q, q);
+  }
+
   /// The unknowns of frame `k` of the last solution.
   auto frame(Index k, Index unknowns) const { return solution_.segment(k * unknowns, unknowns); }
 
   /// Moves the warm start one frame on.
   void shift(Index unknowns) {
+    for (Index i = 0; i + unknowns < start_.size(); ++i) start_[i] = start_[i + unknowns];
     if constexpr (requires { qp_solver_traits<BoxSolver>::shift(box_, unknowns); }) {
       qp_solver_traits<BoxSolver>::shift(box_, unknowns);
     }
@@ -72,6 +88,8 @@ class WindowQp {
   }
   /// Forgets warm starts.
   void reset() {
+    start_.resize(0);
+    solved_ = false;
     if constexpr (requires { qp_solver_traits<BoxSolver>::reset(box_); })
       qp_solver_traits<BoxSolver>::reset(box_);
     if constexpr (requires { qp_solver_traits<RowSolver>::reset(rows_); })
@@ -102,6 +120,18 @@ class WindowQp {
   /// Solves and returns Planned, Suboptimal, Relaxed or Failed. Sets qp_status and used_rows of
   /// `result`, and adds to its qp_iterations. Never allocates.
   PlanStatus solve(const Problem& problem, PlanResult<Scalar>& result) {
+    const PlanStatus status = solve_problem(problem, result);
+    start_.resize(0);  // the solvers remember from here
+    solved_ = status != PlanStatus::Failed;
+    return status;
+  }
+
+ private:
+  using BoxResult = typename qp_solver_traits<BoxSolver>::result_type;
+  using RowResult = typename qp_solver_traits<RowSolver>::result_type;
+  using View = Eigen::Ref<const VectorX<Scalar>>;
+
+  PlanStatus solve_problem(const Problem& problem, PlanResult<Scalar>& result) {
     const bool force = problem.settings.input == GripInput::Force;
     bool hard = false;
     if (force && patch_rows_a_frame_ > 0) {
@@ -119,11 +149,6 @@ class WindowQp {
     if (status != PlanStatus::Failed) keep_limits(problem);
     return status;
   }
-
- private:
-  using BoxResult = typename qp_solver_traits<BoxSolver>::result_type;
-  using RowResult = typename qp_solver_traits<RowSolver>::result_type;
-  using View = Eigen::Ref<const VectorX<Scalar>>;
 
   void reserve_rows(const Problem& problem) {
     Index hard = 0;
@@ -197,6 +222,7 @@ class WindowQp {
     using Traits = qp_solver_traits<BoxSolver>;
     result.qp_status = Traits::set_hessian(box_, hessian_);
     if (result.qp_status != QpStatus::Solved) return PlanStatus::Failed;
+    if (start_.size() > 0) start_from(box_, start_);
     result.qp_status =
         Traits::solve(box_, View(gradient_), View(lower_), View(upper_), box_result_);
     result.qp_iterations += iterations_of(box_result_);
@@ -207,7 +233,7 @@ class WindowQp {
   PlanStatus solve_rows(const Problem& problem, bool hard, PlanResult<Scalar>& result) {
     fill_rows(problem);
     result.qp_status = solve_with_rows(rows_, hessian_, row_matrix_, gradient_, lower_, upper_,
-                                       row_lower_, row_upper_, row_result_);
+                                       row_lower_, row_upper_, row_result_, start_);
     result.qp_iterations += iterations_of(row_result_);
     if (!hard || result.qp_status != QpStatus::PrimalInfeasible)
       return take<RowSolver>(row_result_, result.qp_status);
@@ -345,9 +371,10 @@ class WindowQp {
   RelaxedQp<Scalar, RowSolver> relaxed_;
   MatrixX<Scalar> raw_hessian_, hessian_, row_matrix_;
   VectorX<Scalar> raw_gradient_, gradient_, lower_, upper_, solution_, column_, input_, row_lower_,
-      row_upper_;
+      row_upper_, start_;
   std::vector<OutputTerm<Scalar>> point_;
   Index unknowns_ = 0, limits_a_frame_ = 0, patch_rows_a_frame_ = 0;
+  bool solved_ = false;  // solution_ is that of the last frame
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail
