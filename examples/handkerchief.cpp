@@ -9,6 +9,7 @@
 
 #include "clothctl/network/sheet.hpp"
 #include "support/command_line.hpp"
+#include "support/hand_loop.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 
@@ -39,6 +40,7 @@ Options read_options(int argc, char** argv, std::string& features) {
   app.add_option("--features", features,
                  "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: "
                  "lower corners)");
+  app.add_flag("--hands", o.hands, "Simulated hands grasp the sheet and move it");
   parse(app, o, argc, argv);
   if (2 * o.patch_size > o.cloth)
     refuse("--patch-size: " + std::to_string(o.patch_size) + " is over half of --cloth " +
@@ -136,7 +138,9 @@ int main(int argc, char** argv) {
   for (int v : scene.setup.grips[1].vertices()) held.push_back(v);
   const clothctl::ClothState<double> state =
       settle(o, scene.body, place(o, grid, scene.task), held, is_implicit(o.plant) ? 2.4 : 4.8);
-  fit_task(o, grid, corners, state.positions, scene);
+  const auto fit = [&](const Points& x, Scene& s) { fit_task(o, grid, corners, x, s); };
+  if (o.hands) return run_hands(std::move(scene), o, grid, state, fit);
+  fit(state.positions, scene);
   AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
   plant.set_state(state);
   AnyPredictor predictor = make_predictor(o, scene.body, scene.settings);

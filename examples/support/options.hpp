@@ -46,6 +46,7 @@ struct Options {
   double max_step_mm = 50;
   double spread = 0.9;
   std::uint64_t seed = 1;
+  bool hands = false;
   bool json = false;
   std::string out;
   bool dt_given = false;

@@ -378,3 +378,24 @@ TEMPLATE_TEST_CASE("bad input of time_keyframes is refused", "[keyframe_path]", 
   limits[0] = std::numeric_limits<Scalar>::denorm_min();
   CHECK(error(other, limits, Scalar(0)) == "key 1: time is inf, expected a finite number");
 }
+
+TEST_CASE("a path that stands still at its keys is straight between them", "[grasp]") {
+  using Path = KeyframePath<double>;
+  std::vector<Keyframe<double>> keys(4);
+  for (int i = 0; i < 4; ++i) {
+    auto& key = keys[static_cast<std::size_t>(i)];
+    key.time = i * i;
+    key.positions = Eigen::Vector3d(std::sin(3.0 * i), 0.5 * i, i == 2 ? 4 : -1);
+  }
+  const Path path = Path::create(keys, KeyframeTangents::Standstill).value();
+  VectorX<double> q(3), qd(3);
+  for (std::size_t i = 0; i + 1 < keys.size(); ++i) {
+    const VectorX<double> way = keys[i + 1].positions - keys[i].positions;
+    for (double s = 0; s <= 1; s += 0.0625) {
+      path.sample(keys[i].time + s * (keys[i + 1].time - keys[i].time), q, qd);
+      const VectorX<double> gone = q - keys[i].positions;
+      CHECK((gone - gone.dot(way) / way.squaredNorm() * way).norm() < 1e-14);
+      if (s == 0) CHECK(qd.norm() == 0);
+    }
+  }
+}

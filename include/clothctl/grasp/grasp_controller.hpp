@@ -217,7 +217,7 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
       VectorX<Scalar>::Constant(keys[0].size(), settings_.approach_speed);
   auto timed = time_keyframes<Scalar>(std::move(keys), limits, Scalar(0));
   if (!timed) return timed.error();
-  auto path = KeyframePath<Scalar>::create(std::move(timed).value());
+  auto path = KeyframePath<Scalar>::create(std::move(timed).value(), grasp.tangents);
   if (!path) return path.error();
   path_.clear();
   path_.push_back(std::move(path).value());

@@ -10,6 +10,7 @@
 
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/grasp/fingertip_tracker.hpp"
+#include "clothctl/grasp/keyframe_path.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -99,6 +100,8 @@ struct Grasp {
   /// Joint positions (nq each) to go through; the fingertips touch at the last of them, which is
   /// the posture of the fingers from then on.
   std::vector<VectorX<Scalar>> keyframes;
+  /// How they are gone through. A path that was planned around obstacles wants Standstill.
+  KeyframeTangents tangents = KeyframeTangents::Monotone;
   /// Normal force F* of each finger, N.
   Scalar force = Scalar(3);
   /// Whether fingers close together, as they do around a sheet. On a table each closes by itself.

@@ -54,6 +54,9 @@ enum class KeyframeTangents {
   /// From the two neighbours of a key. Smooth, but the path leaves the range of its keys: take it
   /// where no joint limit is near.
   CatmullRom,
+  /// Zero: it stands still at each key, and moves on a straight line of joint positions between two
+  /// of them. So it keeps to a path that was proved free (plan_joint_path).
+  Standstill,
   /// The same, limited, so that each joint stays between its positions at the two keys around:
   /// limits that hold at the keys hold everywhere. A joint that turns round at a key stops there.
   Monotone
@@ -103,7 +106,7 @@ class KeyframePath {
                                      KeyframeTangents tangents = KeyframeTangents::Monotone) {
     if (std::string bad = detail::bad_keyframe(keys); !bad.empty()) return Error{std::move(bad)};
     KeyframePath path;
-    path.monotone_ = tangents == KeyframeTangents::Monotone;
+    path.tangents_ = tangents;
     path.keys_ = std::move(keys);
     const std::size_t n = path.keys_.size();
     path.velocities_.assign(n, VectorX<Scalar>::Constant(path.size(), Scalar(0)));
@@ -113,7 +116,7 @@ class KeyframePath {
                      number_text(path.keys_[i + 1].time) +
                      " is too close to the key before for its positions"};
       }
-      if (i > 0) path.set_velocity(i);
+      if (i > 0 && tangents != KeyframeTangents::Standstill) path.set_velocity(i);
     }
     return path;
   }
@@ -144,7 +147,7 @@ class KeyframePath {
              h * s * r * (r * m[j] - s * m_next[j]);
       qd[j] = r * r * m[j] + Scalar(2) * r * s * (Scalar(3) * (way / h) - m[j] - m_next[j]) +
               s * s * m_next[j];
-      if (!monotone_) continue;
+      if (tangents_ == KeyframeTangents::CatmullRom) continue;
       // Rounding must not leave the limits either.
       const Scalar low = way < Scalar(0) ? to[j] : from[j];
       const Scalar high = way < Scalar(0) ? from[j] : to[j];
@@ -179,7 +182,7 @@ class KeyframePath {
         (keys_[i].time - keys_[i - 1].time) / (keys_[i + 1].time - keys_[i - 1].time);
     VectorX<Scalar>& m = velocities_[i];
     m = weight * before + (Scalar(1) - weight) * after;
-    if (!monotone_) return;
+    if (tangents_ == KeyframeTangents::CatmullRom) return;
     for (Index j = 0; j < m.size(); ++j) {
       const bool rising = Scalar(0) < before[j] && Scalar(0) < after[j];
       const bool falling = before[j] < Scalar(0) && after[j] < Scalar(0);
@@ -194,7 +197,7 @@ class KeyframePath {
 
   std::vector<Key> keys_;
   std::vector<VectorX<Scalar>> velocities_;
-  bool monotone_ = true;
+  KeyframeTangents tangents_ = KeyframeTangents::Monotone;
 };
 
 /// Gives times to `positions` (m or rad, of each key), the first at `start` (s), such that no joint

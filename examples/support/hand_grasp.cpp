@@ -1,0 +1,234 @@
+#include "support/hand_grasp.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <random>
+#include <utility>
+
+#include "clothctl/grasp/joint_path_planner.hpp"
+#include "clothctl/robot/hand34.hpp"
+#include "support/timing.hpp"
+
+namespace program {
+
+using clothctl::Index;
+using Vec = clothctl::Vector3<double>;
+using Vector = clothctl::VectorX<double>;
+using Traits = clothctl::articulated_traits<GraspingHand::Hand>;
+
+clothctl::Result<std::unique_ptr<GraspingHand>> GraspingHand::create(
+    World& world, const std::vector<std::array<int, 3>>& triangles,
+    std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
+    const GraspOptions& options) {
+  std::unique_ptr<GraspingHand> out(new GraspingHand(world));
+  const std::string bad = out->add(triangles, std::move(obstacles), place, options);
+  if (!bad.empty()) return clothctl::Error{bad};
+  return out;
+}
+
+std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
+                              std::vector<clothctl::ColliderRef<double>> obstacles,
+                              const GraspPlace& place, const GraspOptions& options) {
+  options_ = options;
+  tree_ = clothctl::hand34<double>();
+  geometry_ = clothctl::hand34_geometry(tree_);
+  work_ = std::make_unique<clothctl::KinematicTreeWorkspace<double>>(Traits::make_workspace(tree_));
+  press_ = {place.press, -place.press};
+  const std::vector<clothctl::FingerPad<double>> fingers(geometry_.fingers.begin(),
+                                                         geometry_.fingers.begin() + 2);
+  const std::vector<clothctl::GraspContact<double>> contacts{{place.place, press_[0]},
+                                                             {place.place, press_[1]}};
+  const Vector pinch =
+      clothctl::hand34_pinch_at<double>(tree_, place.place, place.press, place.approach);
+  const auto poses =
+      clothctl::find_grasp_poses<Hand, double>(tree_, fingers, contacts, pinch, pinch);
+  if (poses.status != clothctl::GraspPoseStatus::Found) return poses.message;
+
+  auto sheet = clothctl::SheetCollider<double>::create(world_.state(0).positions, triangles, 2e-3);
+  if (!sheet) return sheet.error();
+  sheet_ = std::make_unique<clothctl::SheetCollider<double>>(std::move(*sheet));
+  std::vector<clothctl::LinkCapsule<double>> links;
+  for (const auto& c : geometry_.capsules) {
+    if (c.frame != fingers[0].frame && c.frame != fingers[1].frame) links.push_back(c);
+  }
+  links_ = std::make_unique<clothctl::RobotClearance<Hand>>(
+      clothctl::RobotClearance<Hand>::create(tree_, links).value());
+  obstacles.emplace_back(*sheet_);
+  links_->set_obstacles(obstacles);
+  links_->ignore_pairs(pinch, 10);  // m: all
+  clothctl::Grasp<double> grasp;
+  if (std::string bad = plan_way(obstacles, poses.wait, options.seed, grasp.keyframes);
+      !bad.empty())
+    return bad;
+  const Vector start = grasp.keyframes.front();
+  grasp.keyframes.push_back(poses.touch);
+  grasp.tangents = clothctl::KeyframeTangents::Standstill;  // the way was proved free
+  grasp.fingers = {{0, press_[0]}, {1, press_[1]}};
+  grasp.force = options.force;
+
+  clothctl::HandSetup<double> setup;
+  setup.positions = start;
+  setup.control = clothctl::StablePdSettings<double>::uniform(tree_.nv());
+  if (options.implicit) setup.control.form = clothctl::PdForm::Implicit;
+  const auto hand = world_.add_hand(tree_, setup);
+  if (!hand) return hand.error();
+  clothctl::HandSurface<double> surface;
+  surface.pad.friction = options.friction;
+  surface.with_pads = {0, 1};
+  auto parts = clothctl::add_hand_geometry<double>(world_, *hand, geometry_, surface);
+  if (!parts) return parts.error();
+  parts_ = std::move(*parts);
+  clothctl::GraspSettings<double> settings;
+  settings.friction = options.friction;
+  settings.most_force = options.most_force;
+  auto controller =
+      clothctl::GraspController<Hand>::create(tree_, geometry_.fingers, start, settings);
+  if (!controller) return controller.error();
+  controller_ = std::make_unique<clothctl::GraspController<Hand>>(std::move(*controller));
+  clothctl::BodyPoses<double> bodies(tree_);
+  (void)clothctl::forward_kinematics(tree_, start, bodies);
+  shape_ = make_hand_shape(tree_, bodies);
+  return controller_->begin(std::move(grasp));
+}
+
+std::string GraspingHand::plan_way(std::span<const clothctl::ColliderRef<double>> obstacles,
+                                   const Vector& wait, std::uint64_t seed,
+                                   std::vector<Vector>& keys) {
+  keys = {wait};
+  if (seed == 0) return {};
+  auto clearance = clothctl::RobotClearance<Hand>::create(tree_, geometry_.capsules);
+  if (!clearance) return clearance.error();
+  clearance->set_obstacles(obstacles);
+  // Neighbouring bones and fingers touch, or nearly.
+  clearance->ignore_pairs(clothctl::hand34_home(tree_), 5e-3);
+  clearance->ignore_pairs(wait, 5e-3);
+  const auto reach = clothctl::joint_reach<double>(tree_, geometry_.capsules);
+  if (!reach) return reach.error();
+  std::mt19937_64 random(seed);
+  const auto uniform = [&random](double most) {
+    return most * (static_cast<double>(random() >> 11) / 4503599627370496.0 - 1);
+  };
+  Vector start = wait;
+  for (int i = 0; i < 100; ++i) {
+    start = wait;
+    for (Index k = 0; k < 3; ++k) start[k] += uniform(0.3);
+    for (Index k = 3; k < 6; ++k) start[k] += uniform(0.4);
+    for (Index k = 6; k < start.size(); ++k) start[k] += uniform(0.1);
+    start = start.cwiseMax(tree_.lower()).cwiseMin(tree_.upper());
+    if ((*clearance)(start) > 2e-3) break;
+  }
+  clothctl::JointPathSettings<double> settings;
+  settings.seed = seed;
+  auto path = clothctl::plan_joint_path<double>(start, wait, tree_.lower(), tree_.upper(), *reach,
+                                                *clearance, settings);
+  if (path.status != clothctl::JointPathStatus::Found)
+    return "no way to the sheet: " + std::string(to_string(path.status)) + ", " + path.message;
+  keys = std::move(path.positions);
+  return {};
+}
+
+std::vector<clothctl::HoldingFinger<double>> GraspingHand::holding(int k) const {
+  return {{2 * k, press_[0], options_.friction, options_.most_force},
+          {2 * k + 1, press_[1], options_.friction, options_.most_force}};
+}
+
+std::array<clothctl::PadTouch<double>, 2> GraspingHand::touches(double dt) const {
+  return {clothctl::pad_touch(world_, parts_.pads[0], dt),
+          clothctl::pad_touch(world_, parts_.pads[1], dt)};
+}
+
+void GraspingHand::drive(double t, double dt) {
+  before_ = world_.hand(parts_.hand);
+  const double start = thread_seconds();
+  const auto felt = touches(dt);
+  figures_.last = controller_->update(dt, before_, felt, world_.drive(parts_.hand));
+  figures_.ms.push_back(1000 * (thread_seconds() - start));
+  if (figures_.last.phase == clothctl::GraspPhase::Failed)
+    figures_.fault = controller_->describe(figures_.last);
+  if (!holds()) return;
+  figures_.too_weak = figures_.too_weak || figures_.last.too_weak;
+  if (figures_.firm_s < 0) figures_.firm_s = t;
+  figures_.force_sum += figures_.last.mean_force;
+  figures_.ik_error_max_m = std::max(figures_.ik_error_max_m, figures_.last.ik_error);
+  ++figures_.held_steps;
+}
+
+void GraspingHand::measure(double dt) {
+  const Vector torques = world_.torques(parts_.hand) + world_.drive(parts_.hand).torque;
+  const Vector limits = tree_.effort_limits();
+  for (Index i = 0; i < torques.size(); ++i)
+    figures_.torque_max_share =
+        std::max(figures_.torque_max_share, std::abs(torques[i]) / limits[i]);
+  if (sheet_->update(world_.state(0).positions).empty()) {
+    // The sheet counts with half its thickness; a link that reaches its middle is in it.
+    const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
+    figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
+  }
+  // The base slides along x, y and z: its rows of M q̈ + C + g are forces, and those that its joints
+  // and the sheet do not exert are missing.
+  const clothctl::HandState<double>& now = world_.hand(parts_.hand);
+  const Vector change = (now.velocities - before_.velocities) / dt;
+  Vector needed = Vector::Zero(torques.size());
+  Traits::forward_kinematics(tree_, before_.positions, *work_);
+  Traits::inverse_dynamics(tree_, before_.velocities, change, *work_, needed);
+  Vec on_sheet = Vec::Zero();
+  double size = 1;  // N
+  const auto add = [&](const Vec& impulse) {
+    on_sheet += impulse / dt;
+    size = std::max(size, impulse.norm() / dt);
+  };
+  for (const int pad : {parts_.pads[0], parts_.pads[1]}) {
+    for (const auto& c : world_.pad_contacts(pad)) add(c.impulse);
+  }
+  for (const auto& c : world_.contacts(0)) {
+    const auto end = parts_.shapes.end();
+    if (std::find(parts_.shapes.begin(), end, c.obstacle) != end) add(c.impulse);
+  }
+  const Vec missing = (needed - torques).head<3>() + on_sheet;
+  figures_.momentum_residual = std::max(figures_.momentum_residual, missing.norm() / size);
+}
+
+GraspingHand::Points GraspingHand::touched(const Points& rest) const {
+  Points out = Points::Constant(3, kArrows / 2, std::nan(""));
+  for (int k = 0; k < 2; ++k) {
+    for (const auto& c : world_.pad_contacts(parts_.pads[static_cast<std::size_t>(k)])) {
+      Vec at = Vec::Zero();
+      for (std::size_t i = 0; i < 3; ++i)
+        at += c.weight[static_cast<Index>(i)] * rest.col(c.vertex[i]);
+      out.col(13 * k + c.sample) = at;
+    }
+  }
+  return out;
+}
+
+double GraspingHand::slip(const Points& rest) const {
+  if (marked_.cols() == 0) return 0;
+  const Points ways = touched(rest) - marked_;
+  Vec sum = Vec::Zero();
+  double count = 0;
+  for (Index k = 0; k < ways.cols(); ++k) {
+    if (!ways.col(k).allFinite()) continue;
+    sum += ways.col(k);
+    ++count;
+  }
+  return count > 0 ? sum.norm() / count : 0;
+}
+
+void GraspingHand::add_arrows(double dt, Index first, Points& places, Points& forces) const {
+  for (int k = 0; k < 2; ++k) {
+    for (const auto& c : world_.pad_contacts(parts_.pads[static_cast<std::size_t>(k)])) {
+      const Index i = first + 26 * k + c.sample;
+      places.col(i) = places.col(i + 13) = c.place;
+      forces.col(i) = c.impulse / dt;
+      forces.col(i + 13) = -c.impulse / dt;
+    }
+  }
+}
+
+void GraspingHand::place_shape(Points& vertices) {
+  clothctl::BodyPoses<double> bodies(tree_);
+  (void)clothctl::forward_kinematics(tree_, world_.hand(parts_.hand).positions, bodies);
+  place_hand(shape_, bodies, vertices);
+}
+
+}  // namespace program

@@ -1,0 +1,115 @@
+#pragma once
+
+// A hand34 in a world that grasps a sheet, and the figures of its run.
+
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "clothctl/collision/sheet_collider.hpp"
+#include "clothctl/grasp/grasp_controller.hpp"
+#include "clothctl/grasp/hand_geometry.hpp"
+#include "clothctl/grasp/held_grips.hpp"
+#include "clothctl/grasp/robot_clearance.hpp"
+#include "clothctl/grasp/static_contacts.hpp"
+#include "support/hand_shape.hpp"
+
+namespace program {
+
+/// Where a hand grasps a sheet.
+struct GraspPlace {
+  clothctl::Vector3<double> place;     ///< m
+  clothctl::Vector3<double> press;     ///< of the thumb, into the sheet
+  clothctl::Vector3<double> approach;  ///< where the palm faces, along the sheet
+};
+
+/// How it grasps.
+struct GraspOptions {
+  double force = 3, most_force = 10;  ///< N
+  double friction = 0.6;
+  bool implicit = false;   ///< PdForm::Implicit instead of Stable
+  std::uint64_t seed = 0;  ///< of a random start; 0: where it waits
+};
+
+/// The figures of a hand.
+struct GraspFigures {
+  clothctl::GraspReport<double> last;
+  std::string fault;
+  double firm_s = -1;  ///< when it held firmly; negative: never
+  double force_sum = 0, ik_error_max_m = 0, torque_max_share = 0, momentum_residual = 0;
+  double penetration_max_m = 0;  ///< of links without pads into the sheet and what is in the way
+  long held_steps = 0;
+  bool too_weak = false;   ///< it slid at the largest force
+  std::vector<double> ms;  ///< processor time of each step of the controller
+};
+
+/// The hand.
+class GraspingHand {
+ public:
+  using World = clothctl::World<double>;
+  using Hand = clothctl::KinematicTree<double>;
+  using Points = clothctl::Points<double>;
+
+  /// Adds a hand to the world, and plans its way to `place` around the sheet as it is now, which
+  /// has these triangles, and `obstacles`.
+  static clothctl::Result<std::unique_ptr<GraspingHand>> create(
+      World& world, const std::vector<std::array<int, 3>>& triangles,
+      std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
+      const GraspOptions& options);
+
+  /// Drives the hand in the coming step.
+  void drive(double t, double dt);
+  /// Measures after the step.
+  void measure(double dt);
+
+  clothctl::GraspController<Hand>& controller() { return *controller_; }
+  const clothctl::HandInWorld& parts() const { return parts_; }
+  const GraspFigures& figures() const { return figures_; }
+  bool holds() const { return controller_->phase() == clothctl::GraspPhase::Hold; }
+  /// The fingers, as a planner wants them; their segments are 2 k and 2 k + 1 of StaticContacts.
+  std::vector<clothctl::HoldingFinger<double>> holding(int k) const;
+
+  /// Remembers the points of the sheet that the pads touch, for `slip`.
+  void mark(const Points& rest) { marked_ = touched(rest); }
+  /// Mean way of the sheet under the samples that touch now and did then, on the sheet at rest, m.
+  double slip(const Points& rest) const;
+
+  /// The arrows of a page: forces on the sheet and on the fingers, N, and where they act.
+  static constexpr clothctl::Index kArrows = 52;
+  void add_arrows(double dt, clothctl::Index first, Points& places, Points& forces) const;
+  /// The shape of the hand, for a page.
+  const HandShape& shape() const { return shape_; }
+  void place_shape(Points& vertices);
+
+ private:
+  explicit GraspingHand(World& world) : world_(world) {}
+  std::string add(const std::vector<std::array<int, 3>>& triangles,
+                  std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
+                  const GraspOptions& options);
+  /// Finds a way from a random start to the first waiting pose.
+  std::string plan_way(std::span<const clothctl::ColliderRef<double>> obstacles,
+                       const clothctl::VectorX<double>& wait, std::uint64_t seed,
+                       std::vector<clothctl::VectorX<double>>& keys);
+  Points touched(const Points& rest) const;
+  std::array<clothctl::PadTouch<double>, 2> touches(double dt) const;
+
+  World& world_;
+  Hand tree_;
+  clothctl::HandGeometry<double> geometry_;
+  clothctl::HandInWorld parts_;
+  GraspOptions options_;
+  std::array<clothctl::Vector3<double>, 2> press_;
+  std::unique_ptr<clothctl::GraspController<Hand>> controller_;
+  std::unique_ptr<clothctl::KinematicTreeWorkspace<double>> work_;
+  std::unique_ptr<clothctl::SheetCollider<double>> sheet_;
+  std::unique_ptr<clothctl::RobotClearance<Hand>> links_;  // without the fingertips that press
+  clothctl::HandState<double> before_;
+  GraspFigures figures_;
+  HandShape shape_;
+  Points marked_;
+};
+
+}  // namespace program

@@ -1,0 +1,276 @@
+#include "support/hand_loop.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/grasp/rectify.hpp"
+#include "clothctl/mpc/planner.hpp"
+#include "clothctl/mpc/run_frame.hpp"
+#include "support/figure_text.hpp"
+#include "support/hand_figures.hpp"
+#include "support/hand_page.hpp"
+
+namespace program {
+
+namespace {
+
+using Planner = clothctl::Planner<AnyPredictor>;
+constexpr double kDt = 0.02;
+
+/// Distances of the features from their targets in a run.
+struct Errors {
+  double sum = 0, most = 0;
+  long count = 0;
+  void add(const Scene& scene, const Points& x, double t) {
+    for (Index i = 0; i < scene.setup.features.count(); ++i) {
+      Vec gap = -scene.task.curves[static_cast<std::size_t>(i)].position(t);
+      using Map = clothctl::feature_traits<clothctl::PointFeatures<double>>;
+      Map::for_each_term(scene.setup.features, i,
+                         [&](int v, double weight) { gap += weight * x.col(v); });
+      sum += gap.norm();
+      most = std::max(most, gap.norm());
+      ++count;
+    }
+  }
+  double mean() const { return sum / static_cast<double>(std::max(1L, count)); }
+};
+
+long scored_frames(const Scene& scene) {
+  return std::lround(scene.task.duration / kDt) - scene.settings.horizon + 1;
+}
+
+auto targets(const Scene& scene) {
+  return [&scene](Index i, double t) {
+    return scene.task.curves[static_cast<std::size_t>(i)].position(t);
+  };
+}
+
+/// The task with bare forces on the vertices of the grips.
+Errors run_bare(Scene scene, const Options& o, const clothctl::ClothState<double>& state,
+                const FitTask& fit_task) {
+  fit_task(state.positions, scene);
+  AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
+  plant.set_state(state);
+  AnyPredictor predictor = make_predictor(o, scene.body, scene.settings);
+  Planner planner =
+      must(Planner::create(scene.setup, scene.settings, std::move(predictor), plant.positions()));
+  auto plan = planner.make_result();
+  Errors errors;
+  for (long frame = 0; frame < scored_frames(scene); ++frame) {
+    const double t = kDt * static_cast<double>(frame);
+    if (!run_frame(planner, plant, t, targets(scene), scene.task.wind, plan).advanced()) break;
+    errors.add(scene, plant.positions(), t + kDt);
+  }
+  return errors;
+}
+
+/// The world of sheet and hands.
+class HandsRun {
+ public:
+  HandsRun(Scene scene, const Options& o, const clothctl::ClothState<double>& state,
+           const std::array<int, 2>& places)
+      : scene_(std::move(scene)), options_(o) {
+    add_sheet(state);
+    for (std::size_t k = 0; k < 2; ++k) add_hand(places[k]);
+    std::vector<int> segments;
+    for (const auto& hand : hands_)
+      segments.insert(segments.end(), hand->parts().segments.begin(),
+                      hand->parts().segments.begin() + 2);
+    contacts_ = std::make_unique<clothctl::StaticContacts<double>>(
+        must(clothctl::StaticContacts<double>::create(world_, 0, segments)));
+    clothctl::PlayerScene page;
+    page.title = "Two hands move a handkerchief: " + o.task;
+    page.dt = kDt;
+    page.triangles = scene_.body.network.triangles;
+    page_ =
+        std::make_unique<HandPage>(page, state.positions.cols(), scene_.setup.features.count(),
+                                   std::vector<GraspingHand*>{hands_[0].get(), hands_[1].get()});
+  }
+
+  /// Both hands grasp; the sheet is taken off its pins and comes to rest. Returns what went wrong.
+  std::string grasp() {
+    for (int i = 0; i < 300 && !(hands_[0]->holds() && hands_[1]->holds()); ++i) {
+      if (std::string bad = step(); !bad.empty()) return bad;
+    }
+    world_.input(0).clear();
+    for (int i = 0; i < 100; ++i) {
+      if (std::string bad = step(); !bad.empty()) return bad;
+    }
+    return {};
+  }
+  /// Runs the task. Returns what went wrong.
+  std::string follow(const FitTask& fit_task) {
+    fit_task(x(), scene_);
+    if (std::string bad = take_grips(); !bad.empty()) return bad;
+    scene_.settings.command = clothctl::PlantCommand::Position;
+    Options o = options_;
+    o.predictor = "linearised";  // rollouts turn patches of few vertices faster than hands can
+    AnyPredictor predictor = make_predictor(o, scene_.body, scene_.settings);
+    Planner planner =
+        must(Planner::create(scene_.setup, scene_.settings, std::move(predictor), x()));
+    auto plan = planner.make_result();
+    for (long frame = 0; frame < scored_frames(scene_); ++frame) {
+      const double t = kDt * static_cast<double>(frame);
+      if (contacts_->changed() && take_grips().empty()) {
+        if (std::string bad = planner.set_grips(scene_.setup.grips, x()); !bad.empty()) return bad;
+        plan = planner.make_result();
+        ++grip_changes;
+      }
+      const auto status =
+          planner.plan(x(), world_.state(0).velocities, t, targets(scene_), scene_.task.wind, plan);
+      if (!can_apply(status)) return "planner " + std::string(to_string(status));
+      move_hands(plan);
+      world_.input(0).wind = scene_.task.wind(t);
+      time_ = t + kDt;
+      if (std::string bad = step(); !bad.empty()) return bad;
+      errors.add(scene_, x(), time_);
+    }
+    return {};
+  }
+
+  std::vector<std::unique_ptr<GraspingHand>>& hands() { return hands_; }
+  HandPage& page() { return *page_; }
+  Errors errors;
+  double rectify_residual = 0;
+  int grip_changes = 0;
+
+ private:
+  const Points& x() const { return world_.state(0).positions; }
+
+  void add_sheet(const clothctl::ClothState<double>& state) {
+    clothctl::MassSpringSettings<double> settings;
+    if (options_.plant == "newton") settings.integration = clothctl::Integration::Newton;
+    settings.drag = scene_.body.drag;
+    settings.air = scene_.body.air;
+    must(world_.add_sheet(must(clothctl::MassSpring<double>::create(scene_.body.network, settings)),
+                          state));
+    std::vector<int> pins;
+    for (const auto& grip : scene_.setup.grips) {
+      for (const int v : grip.vertices()) pins.push_back(v);
+    }
+    world_.input(0).driven_vertices = pins;
+    world_.input(0).driven_positions = state.positions(Eigen::all, pins);
+  }
+  void add_hand(int vertex) {
+    Vec front = Vec::Zero();
+    for (const auto& t : scene_.body.network.triangles) {
+      if (t[0] != vertex && t[1] != vertex && t[2] != vertex) continue;
+      front += Vec(x().col(t[1]) - x().col(t[0])).cross(Vec(x().col(t[2]) - x().col(t[0])));
+    }
+    GraspOptions options;
+    options.friction = scene_.setup.grips.front().fingers.front().contact.friction;
+    hands_.push_back(
+        must(GraspingHand::create(world_, scene_.body.network.triangles, {},
+                                  {x().col(vertex), front.normalized(), Vec(0, 0, -1)}, options)));
+  }
+  /// Makes the grips of the planner from what the fingers hold.
+  std::string take_grips() {
+    std::vector<clothctl::Grip<double>> grips;
+    for (int k = 0; k < 2; ++k) {
+      auto grip = clothctl::make_held_grip<double>(*contacts_,
+                                                   hands_[static_cast<std::size_t>(k)]->holding(k),
+                                                   x(), scene_.body.network.triangles);
+      if (!grip) return grip.error();
+      grips.push_back(std::move(*grip));
+    }
+    scene_.setup.grips = std::move(grips);
+    return {};
+  }
+  /// Each hand makes the rigid motion nearest to what is planned for its vertices.
+  void move_hands(const clothctl::PlanResult<double>& plan) {
+    Index first = 0;
+    for (std::size_t k = 0; k < 2; ++k) {
+      const std::vector<int> held = scene_.setup.grips[k].vertices();
+      const Points now = x()(Eigen::all, held);
+      const Points next =
+          plan.input.driven_positions.middleCols(first, static_cast<Index>(held.size()));
+      first += static_cast<Index>(held.size());
+      const auto moved = clothctl::rectify<double>(now, next, clothctl::VectorX<double>(),
+                                                   clothctl::Matrix3<double>::Identity());
+      if (!moved.found()) continue;
+      rectify_residual = std::max(rectify_residual, moved.largest_residual);
+      (void)hands_[k]->controller().move_by(moved.R_world_frame, moved.position);
+    }
+  }
+  /// One step of hands and world. Returns what went wrong.
+  std::string step() {
+    for (auto& hand : hands_) {
+      hand->drive(time_, kDt);
+      if (!hand->figures().fault.empty()) return hand->figures().fault;
+    }
+    if (!world_.step(kDt).advanced) return "the world did not advance";
+    contacts_->update(world_);
+    for (auto& hand : hands_) hand->measure(kDt);
+    if (options_.out.empty()) return {};
+    const Index count = scene_.setup.features.count();
+    Points now(3, count), wanted = Points::Constant(3, count, std::nan(""));
+    clothctl::evaluate_features<double>(scene_.setup.features, x(), now);
+    for (Index i = 0; i < count && !scene_.task.curves.empty(); ++i)
+      wanted.col(i) = scene_.task.curves[static_cast<std::size_t>(i)].position(time_);
+    page_->add_frame(x(), now, wanted, kDt);
+    return {};
+  }
+
+  Scene scene_;
+  Options options_;
+  clothctl::World<double> world_;
+  std::vector<std::unique_ptr<GraspingHand>> hands_;
+  std::unique_ptr<clothctl::StaticContacts<double>> contacts_;
+  std::unique_ptr<HandPage> page_;
+  double time_ = 0;
+};
+
+}  // namespace
+
+int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& grid,
+              const clothctl::ClothState<double>& state, const FitTask& fit_task) {
+  if (!is_implicit(o.plant)) refuse("--hands: --plant must be newton or linear-implicit");
+  const int in = std::max(1, static_cast<int>(std::lround(0.02 / o.size * (o.cloth - 1))));
+  const int row = grid.rows - 1 - in, last = grid.cols - 1;
+  if (row < 1 || last < 2 * in) refuse("--hands: the sheet is too coarse");
+  const std::array<int, 2> places{grid.vertex(row, in), grid.vertex(row, last - in)};
+  const Errors bare = run_bare(scene, o, state, fit_task);
+  HandsRun run(std::move(scene), o, state, places);
+  std::string bad = run.grasp();
+  if (bad.empty()) bad = run.follow(fit_task);
+  const GraspFigures& a = run.hands()[0]->figures();
+  const GraspFigures& b = run.hands()[1]->figures();
+  std::vector<double> ms;  // of both hands
+  for (std::size_t i = 0; i < std::min(a.ms.size(), b.ms.size()); ++i)
+    ms.push_back(a.ms[i] + b.ms[i]);
+  const auto most = [&](double GraspFigures::*figure) { return std::max(a.*figure, b.*figure); };
+  nlohmann::ordered_json j;
+  j["status"] = bad.empty() ? "finished" : bad;
+  j["vertices"] = state.positions.cols();
+  j["mean_error_m"] = known(run.errors.mean(), run.errors.count > 0);
+  j["max_error_m"] = known(run.errors.most, run.errors.count > 0);
+  j["bare_mean_error_m"] = known(bare.mean(), bare.count > 0);
+  j["bare_max_error_m"] = known(bare.most, bare.count > 0);
+  j["grasp_firm_share"] = 0.5 * ((a.firm_s >= 0 ? 1 : 0) + (b.firm_s >= 0 ? 1 : 0));
+  j["slips"] = a.last.slips + b.last.slips;
+  j["grip_force_mean_N"] =
+      known((a.force_sum + b.force_sum) / static_cast<double>(a.held_steps + b.held_steps),
+            a.held_steps + b.held_steps > 0);
+  j["grip_changes"] = run.grip_changes;
+  j["ik_error_max_m"] = most(&GraspFigures::ik_error_max_m);
+  j["rectify_residual_max_m"] = run.rectify_residual;
+  j["penetration_max_m"] = most(&GraspFigures::penetration_max_m);
+  j["torque_max_share"] = most(&GraspFigures::torque_max_share);
+  j["momentum_residual"] = most(&GraspFigures::momentum_residual);
+  j["hand_frame_ms"] = quantile(ms, 0.5);
+  j["hand_frame_ms_p99"] = quantile(ms, 0.99);
+  if (!o.out.empty()) {
+    for (const auto& [key, value] : j.items())
+      run.page().scene().figures.emplace_back(key, figure_text(value));
+    if (const std::string error = run.page().write(o.out); !error.empty()) refuse(error);
+  }
+  print_figures(j, o.json);
+  return bad.empty() ? 0 : 1;
+}
+
+}  // namespace program
