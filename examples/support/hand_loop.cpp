@@ -73,10 +73,10 @@ Errors run_bare(Scene scene, const Options& o, const clothctl::ClothState<double
 class HandsRun {
  public:
   HandsRun(Scene scene, const Options& o, const clothctl::ClothState<double>& state,
-           const std::array<int, 2>& places)
+           const clothctl::GridMesh<double>& grid)
       : scene_(std::move(scene)), options_(o) {
     add_sheet(state);
-    for (std::size_t k = 0; k < 2; ++k) add_hand(places[k]);
+    for (int side : {0, 1}) add_hand(grid, side);
     std::vector<int> segments;
     for (const auto& hand : hands_)
       segments.insert(segments.end(), hand->parts().segments.begin(),
@@ -156,17 +156,21 @@ class HandsRun {
     world_.input(0).driven_vertices = pins;
     world_.input(0).driven_positions = state.positions(Eigen::all, pins);
   }
-  void add_hand(int vertex) {
-    Vec front = Vec::Zero();
-    for (const auto& t : scene_.body.network.triangles) {
-      if (t[0] != vertex && t[1] != vertex && t[2] != vertex) continue;
-      front += Vec(x().col(t[1]) - x().col(t[0])).cross(Vec(x().col(t[2]) - x().col(t[0])));
-    }
+  /// The right one with `side` 1 holds the sheet at a vertex about 20 mm inside its upper corner:
+  /// planners move vertices.
+  void add_hand(const clothctl::GridMesh<double>& grid, int side) {
+    const long in = std::max(1L, std::lround(0.02 * (grid.cols - 1) / options_.size));
+    const auto at = [&](int down, int across) {
+      const int row = grid.rows - 1 - static_cast<int>(in) - down;
+      const int col = static_cast<int>(in) + across;
+      return Vec(x().col(grid.vertex(row, side == 0 ? col : grid.cols - 1 - col)));
+    };
+    const Vec across = (1 - 2 * side) * (at(0, 1) - at(0, 0)), down = at(1, 0) - at(0, 0);
     GraspOptions options;
     options.friction = scene_.setup.grips.front().fingers.front().contact.friction;
-    hands_.push_back(
-        must(GraspingHand::create(world_, scene_.body.network.triangles, {},
-                                  {x().col(vertex), front.normalized(), Vec(0, 0, -1)}, options)));
+    hands_.push_back(must(
+        GraspingHand::create(world_, scene_.body.network.triangles, {},
+                             {at(0, 0), down.cross(across).normalized(), Vec(0, 0, -1)}, options)));
   }
   /// Makes the grips of the planner from what the fingers hold.
   std::string take_grips() {
@@ -230,12 +234,9 @@ class HandsRun {
 int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& grid,
               const clothctl::ClothState<double>& state, const FitTask& fit_task) {
   if (!is_implicit(o.plant)) refuse("--hands: --plant must be newton or linear-implicit");
-  const int in = std::max(1, static_cast<int>(std::lround(0.02 / o.size * (o.cloth - 1))));
-  const int row = grid.rows - 1 - in, last = grid.cols - 1;
-  if (row < 1 || last < 2 * in) refuse("--hands: the sheet is too coarse");
-  const std::array<int, 2> places{grid.vertex(row, in), grid.vertex(row, last - in)};
+  if (o.cloth < 4 || o.size < 0.15) refuse("--hands: the sheet is too coarse or too small");
   const Errors bare = run_bare(scene, o, state, fit_task);
-  HandsRun run(std::move(scene), o, state, places);
+  HandsRun run(std::move(scene), o, state, grid);
   std::string bad = run.grasp();
   if (bad.empty()) bad = run.follow(fit_task);
   const GraspFigures& a = run.hands()[0]->figures();

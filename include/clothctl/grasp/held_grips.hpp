@@ -4,6 +4,7 @@
 // StaticContacts is a finger on the vertices that stick to it, on the side of the sheet that it
 // presses from.
 
+#include <array>
 #include <cmath>
 #include <span>
 #include <string>
