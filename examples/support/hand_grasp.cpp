@@ -164,8 +164,9 @@ void GraspingHand::measure(double dt) {
     const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
     figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
   }
-  // The base slides along x, y and z: its rows of M q̈ + C + g are forces, and those that its joints
-  // and the sheet do not exert are missing.
+  // The base slides along x, y and z: its rows of M a + C + g are forces, and those that its joints
+  // and the sheet do not exert are missing. (Where the world divides a step, its torques are those
+  // of the last part, and this says nothing.)
   const clothctl::HandState<double>& now = world_.hand(parts_.hand);
   const Vector change = (now.velocities - before_.velocities) / dt;
   Vector needed = Vector::Zero(torques.size());
