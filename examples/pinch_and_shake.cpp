@@ -1,4 +1,5 @@
-// A hand goes to the corner of a hanging sheet, pinches it, takes it off its pins and shakes it.
+// A hand goes to the corner of a hanging sheet, or to the edge of one on a table, pinches it, takes
+// it off and shakes it.
 //
 //   pinch_and_shake --out out           then open out/player.html
 //   pinch_and_shake --force 0.5 --most-force 0.5      too little: the sheet slides out
@@ -8,13 +9,11 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "clothctl/cloth/mass_spring.hpp"
-#include "clothctl/mesh/grid.hpp"
-#include "clothctl/network/sheet.hpp"
 #include "support/command_line.hpp"
 #include "support/figure_text.hpp"
 #include "support/hand_figures.hpp"
 #include "support/hand_page.hpp"
+#include "support/hand_scene.hpp"
 #include "support/inputs.hpp"
 #include "support/timing.hpp"
 
@@ -28,7 +27,7 @@ struct Request {
   GraspOptions grasp;
   int cloth = 33;
   double size = 0.5, amplitude = 0.08, frequency = 2, dt = 0.02, seconds = 30;
-  std::string material = "handkerchief", pd = "stable", out;
+  std::string material = "handkerchief", pd = "stable", from = "hanging", out;
   bool json = false;
 };
 
@@ -50,6 +49,10 @@ Request read_request(int argc, char** argv) {
   app.add_option("--pd", r.pd, "Form of the hand's control")
       ->check(CLI::IsMember({"stable", "implicit"}))
       ->capture_default_str();
+  app.add_option("--from", r.from,
+                 "Where the sheet is: hanging from its upper corners, or on a table, over its edge")
+      ->check(CLI::IsMember({"hanging", "table"}))
+      ->capture_default_str();
   app.add_option("--seed", r.grasp.seed, "Of a random start of the hand; 0: beside the corner")
       ->check(seed_number())
       ->capture_default_str();
@@ -62,51 +65,39 @@ Request read_request(int argc, char** argv) {
   return r;
 }
 
-/// The sheet hangs from its upper corners.
-clothctl::GridMesh<double> add_sheet(const Request& r, const clothctl::Material<double>& material,
-                                     clothctl::World<double>& world) {
-  auto grid = must(clothctl::make_grid<double>(r.cloth, r.cloth, r.size, r.size));
-  auto network = must(clothctl::sheet_network(grid, material));
-  auto settings = clothctl::MassSpringSettings<double>::of(material);
-  auto model = must(clothctl::MassSpring<double>::create(std::move(network), settings));
-  auto state = model.rest_state();
-  must(world.add_sheet(std::move(model), std::move(state)));
-  const int pins[] = {grid.vertex(grid.rows - 1, 0), grid.vertex(grid.rows - 1, grid.cols - 1)};
-  world.input(0).driven_vertices = {pins[0], pins[1]};
-  world.input(0).driven_positions = grid.positions(Eigen::all, pins);
-  return grid;
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
   const Request r = read_request(argc, argv);
   make_folder(r.out);  // before the work, since it may fail
   const auto material = read_material(r.material);
-  clothctl::World<double> world;
-  const auto grid = add_sheet(r, material, world);
-  const double inside = std::max(0.02, 1.01 * r.size / (r.cloth - 1));
-  const Vec corner = world.input(0).driven_positions.col(0) + Vec(inside, 0, -inside);
-  const auto hand = must(GraspingHand::create(world, grid.triangles, {},
-                                              {corner, Vec(0, 1, 0), Vec(0, 0, -1)}, r.grasp));
+  const bool flat = r.from == "table";
+  const auto place = make_hand_scene(r.cloth, r.size, material, flat, r.dt);
+  clothctl::World<double>& world = place->world;
+  const clothctl::GridMesh<double>& grid = place->grid;
+  const auto hand =
+      must(GraspingHand::create(world, grid.triangles, place->obstacles(), place->place, r.grasp));
   clothctl::PlayerScene scene;
   scene.title = "A hand pinches a sheet and shakes it";
   scene.dt = r.dt;
   scene.triangles = grid.triangles;
+  scene.solids = place->solids();
   HandPage page(scene, grid.positions.cols(), 0, {hand.get()});
   const Points none(3, 0);
   Progress progress;
   bool failed = false;
   double slip = 0, held = 0;
-  const double rest = 0.5;  // s from the pins to the shake
+  const double rest = flat ? 1.5 : 0.5;  // s from the pins, or the table, to the shake
   double t = 0;
   while (!failed && hand->figures().fault.empty() && held < r.seconds + rest) {
     progress.show(std::lround(held / r.dt), std::lround((r.seconds + rest) / r.dt));
     if (hand->holds()) {
       world.input(0).clear();
-      const double w = 2 * 3.14159265358979323846 * r.frequency * std::max(0.0, held + r.dt - rest);
+      const double shaken = std::max(0.0, held + r.dt - rest);
+      const double w = 2 * 3.14159265358979323846 * r.frequency * shaken;
+      const double lift = flat ? 0.25 * smooth_share(held / rest) : 0;  // m
       (void)hand->controller().move_to(clothctl::Matrix3<double>::Identity(),
-                                       Vec(r.amplitude * (1 - std::cos(w)), 0, 0));
+                                       Vec(r.amplitude * (1 - std::cos(w)), 0, lift));
       held += r.dt;
     }
     hand->drive(t, r.dt);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "clothctl/grasp/joint_path_planner.hpp"
+#include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/hand34.hpp"
 #include "support/timing.hpp"
 
@@ -33,17 +34,8 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
   tree_ = clothctl::hand34<double>();
   geometry_ = clothctl::hand34_geometry(tree_);
   work_ = std::make_unique<clothctl::KinematicTreeWorkspace<double>>(Traits::make_workspace(tree_));
-  press_ = {place.press, -place.press};
   const std::vector<clothctl::FingerPad<double>> fingers(geometry_.fingers.begin(),
                                                          geometry_.fingers.begin() + 2);
-  const std::vector<clothctl::GraspContact<double>> contacts{{place.place, press_[0]},
-                                                             {place.place, press_[1]}};
-  const Vector pinch =
-      clothctl::hand34_pinch_at<double>(tree_, place.place, place.press, place.approach);
-  const auto poses =
-      clothctl::find_grasp_poses<Hand, double>(tree_, fingers, contacts, pinch, pinch);
-  if (poses.status != clothctl::GraspPoseStatus::Found) return poses.message;
-
   auto sheet = clothctl::SheetCollider<double>::create(world_.state(0).positions, triangles, 2e-3);
   if (!sheet) return sheet.error();
   sheet_ = std::make_unique<clothctl::SheetCollider<double>>(std::move(*sheet));
@@ -53,12 +45,18 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
   }
   links_ = std::make_unique<clothctl::RobotClearance<Hand>>(
       clothctl::RobotClearance<Hand>::create(tree_, links).value());
-  obstacles.emplace_back(*sheet_);
+  const Vector home = clothctl::hand34_home(tree_);
+  links_->ignore_pairs(home, 10);  // m: all
   links_->set_obstacles(obstacles);
-  links_->ignore_pairs(pinch, 10);  // m: all
+  obstacles.emplace_back(*sheet_);
+  auto whole = clothctl::RobotClearance<Hand>::create(tree_, geometry_.capsules).value();
+  whole.set_obstacles(obstacles);
+  whole.ignore_pairs(home, 5e-3);  // neighbouring bones and fingers touch, or nearly
+  clothctl::GraspPoses<double> poses;
+  if (std::string bad = find_poses(place, fingers, poses); !bad.empty()) return bad;
+  links_->set_obstacles(obstacles);
   clothctl::Grasp<double> grasp;
-  if (std::string bad = plan_way(obstacles, poses.wait, options.seed, grasp.keyframes);
-      !bad.empty())
+  if (std::string bad = plan_way(whole, poses.wait, options.seed, grasp.keyframes); !bad.empty())
     return bad;
   const Vector start = grasp.keyframes.front();
   grasp.keyframes.push_back(poses.touch);
@@ -91,17 +89,41 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
   return controller_->begin(std::move(grasp));
 }
 
-std::string GraspingHand::plan_way(std::span<const clothctl::ColliderRef<double>> obstacles,
-                                   const Vector& wait, std::uint64_t seed,
-                                   std::vector<Vector>& keys) {
+std::string GraspingHand::find_poses(const GraspPlace& place,
+                                     const std::vector<clothctl::FingerPad<double>>& fingers,
+                                     clothctl::GraspPoses<double>& poses) {
+  // The palm faces the edge, or the hand is turned about the line between its fingertips.
+  double best = -1;  // m, clearance of the links from what is beside the sheet
+  std::string message;
+  for (const double turn : {0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2}) {
+    const Vec approach = clothctl::rotation_exp<double>(turn * place.press) * place.approach;
+    const std::vector<clothctl::GraspContact<double>> contacts{{place.place, place.press},
+                                                               {place.place, -place.press}};
+    const Vector pinch =
+        clothctl::hand34_pinch_at<double>(tree_, place.place, place.press, approach);
+    const auto found =
+        clothctl::find_grasp_poses<Hand, double>(tree_, fingers, contacts, pinch, pinch);
+    if (found.status != clothctl::GraspPoseStatus::Found) {
+      message = found.message;
+      continue;
+    }
+    const double clearance = std::min((*links_)(found.wait), (*links_)(found.touch));
+    if (!(best < clearance)) continue;
+    best = clearance;
+    poses = found;
+    if (clearance > 5e-3) break;
+  }
+  press_ = {place.press, -place.press};
+  if (best > 1e-3) return {};
+  if (poses.touch.size() == 0) return message;
+  return "the hand has no room at the sheet: " + std::to_string(best) + " m";
+}
+
+std::string GraspingHand::plan_way(clothctl::RobotClearance<Hand>& whole, const Vector& wait,
+                                   std::uint64_t seed, std::vector<Vector>& keys) {
   keys = {wait};
   if (seed == 0) return {};
-  auto clearance = clothctl::RobotClearance<Hand>::create(tree_, geometry_.capsules);
-  if (!clearance) return clearance.error();
-  clearance->set_obstacles(obstacles);
-  // Neighbouring bones and fingers touch, or nearly.
-  clearance->ignore_pairs(clothctl::hand34_home(tree_), 5e-3);
-  clearance->ignore_pairs(wait, 5e-3);
+  whole.ignore_pairs(wait, 5e-3);
   const auto reach = clothctl::joint_reach<double>(tree_, geometry_.capsules);
   if (!reach) return reach.error();
   std::mt19937_64 random(seed);
@@ -115,12 +137,12 @@ std::string GraspingHand::plan_way(std::span<const clothctl::ColliderRef<double>
     for (Index k = 3; k < 6; ++k) start[k] += uniform(0.4);
     for (Index k = 6; k < start.size(); ++k) start[k] += uniform(0.1);
     start = start.cwiseMax(tree_.lower()).cwiseMin(tree_.upper());
-    if ((*clearance)(start) > 2e-3) break;
+    if (whole(start) > 2e-3) break;
   }
   clothctl::JointPathSettings<double> settings;
   settings.seed = seed;
   auto path = clothctl::plan_joint_path<double>(start, wait, tree_.lower(), tree_.upper(), *reach,
-                                                *clearance, settings);
+                                                whole, settings);
   if (path.status != clothctl::JointPathStatus::Found)
     return "no way to the sheet: " + std::string(to_string(path.status)) + ", " + path.message;
   keys = std::move(path.positions);

@@ -89,10 +89,13 @@ class GraspingHand {
   std::string add(const std::vector<std::array<int, 3>>& triangles,
                   std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
                   const GraspOptions& options);
+  /// Finds poses in which the links keep clear of what is beside the sheet.
+  std::string find_poses(const GraspPlace& place,
+                         const std::vector<clothctl::FingerPad<double>>& fingers,
+                         clothctl::GraspPoses<double>& poses);
   /// Finds a way from a random start to the first waiting pose.
-  std::string plan_way(std::span<const clothctl::ColliderRef<double>> obstacles,
-                       const clothctl::VectorX<double>& wait, std::uint64_t seed,
-                       std::vector<clothctl::VectorX<double>>& keys);
+  std::string plan_way(clothctl::RobotClearance<Hand>& whole, const clothctl::VectorX<double>& wait,
+                       std::uint64_t seed, std::vector<clothctl::VectorX<double>>& keys);
   Points touched(const Points& rest) const;
   std::array<clothctl::PadTouch<double>, 2> touches(double dt) const;
 

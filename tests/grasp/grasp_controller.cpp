@@ -159,6 +159,122 @@ TEST_CASE("a load that slides raises the force, and a force at its limit is too 
   }
 }
 
+TEST_CASE("a hand opens whatever came before, and only once", "[grasp]") {
+  for (const int before : {0, 1, 2, 3}) {
+    PinchingHand hand(9);
+    GraspController<Hand34> controller = hand.controller();
+    (void)take(hand, controller);
+    if (before == 1) controller.stop();  // it rests, closed
+    if (before == 2) {                   // a sensor fails
+      auto felt = hand.touches();
+      felt[0].normal_force = kNan;
+      const auto bad = controller.update(0.02, hand.world.hand(0), felt, hand.world.drive(0));
+      CHECK(bad.fault == GraspFault::BadInput);
+    }
+    for (int i = 0; i < 3; ++i) (void)hand.step(controller);
+    CHECK(hand.touches()[0].contacts > 0);
+    controller.release();
+    CHECK(controller.phase() == GraspPhase::Open);
+    (void)hand.step(controller);
+    if (before == 3) controller.release();  // told twice
+    CHECK_FALSE(controller.set_load(0, Vec(0, 0, 1)));
+    auto report = run_through(hand, controller, GraspPhase::Open);
+    CHECK(report.phase == GraspPhase::Free);
+    CHECK(report.fault == GraspFault::Nothing);
+    CHECK(hand.world.drive(0).target_velocity.norm() == 0);
+    for (int i = 0; i < 10; ++i) (void)hand.step(controller);
+    CHECK(hand.touches()[0].contacts + hand.touches()[1].contacts == 0);
+  }
+}
+
+TEST_CASE("a finger that loses the sheet fails, and nothing jumps when it opens", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  (void)take(hand, controller);
+  REQUIRE(controller.move_to(Matrix3<double>::Identity(), Vec(1, 0, 0)));
+  const std::array<PadTouch<double>, 2> nothing{};
+  GraspReport<double> report;
+  for (int i = 0; i < 5; ++i) {
+    report = controller.update(0.02, hand.world.hand(0), nothing, hand.world.drive(0));
+    REQUIRE(hand.world.step(0.02).advanced);
+  }
+  CHECK(report.phase == GraspPhase::Failed);
+  CHECK(report.fault == GraspFault::Lost);
+  CHECK(controller.describe(report) == "finger 1 (index) lost the sheet");
+  report = controller.update(0.02, hand.world.hand(0), nothing, hand.world.drive(0));
+  CHECK(report.fault == GraspFault::Lost);  // it still says so
+  const VectorX<double> rested = hand.world.drive(0).target;
+  controller.release();
+  (void)controller.update(0.02, hand.world.hand(0), nothing, hand.world.drive(0));
+  CHECK((hand.world.drive(0).target - rested).head<3>().norm() < 2e-3);
+}
+
+TEST_CASE("a grasp that is not there, or not firm, says why", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  REQUIRE(controller.begin(hand.grasp) == "");
+  // The base is measured 5 mm beside where it was sent.
+  HandState<double> state = hand.world.hand(0);
+  GraspReport<double> report;
+  for (int i = 0; i < 100 && report.phase != GraspPhase::Failed; ++i) {
+    state.positions = controller.tracker().positions();
+    state.positions[0] += 5e-3;
+    report = controller.update(0.02, state, hand.touches(), hand.world.drive(0));
+  }
+  CHECK(report.fault == GraspFault::NotThere);
+  CHECK(hand.world.drive(0).target_velocity.norm() == 0);
+
+  // Fingers that feel 1 N and no more.
+  REQUIRE(controller.begin(hand.grasp) == "");
+  std::array<PadTouch<double>, 2> weak{};
+  for (auto& t : weak) {
+    t.normal_force = 1;
+    t.contacts = 6;
+  }
+  report = {};
+  for (int i = 0; i < 300 && report.phase != GraspPhase::Failed; ++i) {
+    state.positions = controller.tracker().positions();
+    report = controller.update(0.02, state, weak, hand.world.drive(0));
+    CHECK(report.depth <= 0.015);
+  }
+  CHECK(report.fault == GraspFault::NotFirm);
+  for (int i = 0; i < 2; ++i) {
+    CHECK(controller.describe(report) ==
+          "finger 0 (thumb) did not hold firmly in time: 1 N of 3 N");
+    report = controller.update(0.02, state, weak, hand.world.drive(0));
+  }
+  CHECK(report.depth == Approx(0.015));
+}
+
+TEST_CASE("fingers that close each by themselves meet their own forces", "[grasp]") {
+  PinchingHand hand(9);
+  hand.grasp.together = false;
+  GraspController<Hand34> controller = hand.controller();
+  REQUIRE(controller.begin(hand.grasp) == "");
+  // Two springs of 2000 N/m, one of them 4 mm behind the other.
+  HandState<double> state = hand.world.hand(0);
+  std::array<PadTouch<double>, 2> felt{};
+  GraspReport<double> report;
+  std::array<Vec, 2> from{};
+  for (int i = 0; i < 400 && report.phase != GraspPhase::Hold; ++i) {
+    state.positions = controller.tracker().positions();
+    report = controller.update(0.02, state, felt, hand.world.drive(0));
+    for (int f = 0; f < 2; ++f) {
+      Matrix3<double> R;
+      Vec at;
+      controller.tracker().pose(f, R, at);
+      const auto k = static_cast<std::size_t>(f);
+      if (report.phase == GraspPhase::Approach) from[k] = at;
+      const double depth = (at - from[k]).dot(hand.grasp.fingers[k].press) - (f == 0 ? 0 : 4e-3);
+      felt[k].normal_force = std::max(0.0, 2000 * depth);
+      felt[k].contacts = depth > 0 ? 5 : 0;
+    }
+  }
+  REQUIRE(report.phase == GraspPhase::Hold);
+  CHECK(felt[0].normal_force == Approx(3).epsilon(0.25));
+  CHECK(felt[1].normal_force == Approx(3).epsilon(0.25));
+}
+
 TEST_CASE("bad grasps and measurements are refused in words, and nothing changes", "[grasp]") {
   PinchingHand hand(9);
   GraspController<Hand34> controller = hand.controller();
@@ -181,6 +297,8 @@ TEST_CASE("bad grasps and measurements are refused in words, and nothing changes
   CHECK(refused([](auto& g) { g.keyframes.clear(); }) == "the grasp has no keyframes");
   CHECK(refused([](auto& g) { g.keyframes[0].resize(3); }).find("keyframe 0 has 3 entries") == 0);
   CHECK(refused([](auto& g) { g.keyframes[0][2] = kNan; }).find("keyframe 0") == 0);
+  CHECK(refused([](auto& g) { g.keyframes[0][4] = 5; }) ==
+        "keyframe 0 is 5 at position 4, beyond its limits -1.45 and 1.45");
   CHECK_FALSE(controller.move_to(Matrix3<double>::Identity(), Vec::Zero()));  // it does not hold
   CHECK_FALSE(controller.set_force(kNan));
 

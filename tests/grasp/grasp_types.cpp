@@ -23,6 +23,8 @@ TEST_CASE("settings of a grasp name the first bad value", "[grasp]") {
   CHECK(message([](auto& s) { s.margin = -1; }) == "margin is -1, must be finite and not negative");
   CHECK(message([](auto& s) { s.firm_contacts = 0; }) == "firm_contacts is 0, must be at least 1");
   CHECK(message([](auto& s) { s.firm_steps = 0; }) == "firm_steps is 0, must be at least 1");
+  CHECK(message([](auto& s) { s.approach_speed = 11; }) ==
+        "approach_speed is 11, must be at most that of the fingertips, 10");
   CHECK(message([](auto& s) { s.fingertips.max_iterations = 0; }) ==
         "max_iterations is 0, must be at least 1");
 }

@@ -75,10 +75,14 @@ TEST_CASE("a pinching hand34 is where it is put", "[grasp]") {
       CHECK(gap - geometry.fingers[1].radius == Approx(0.01).epsilon(0.05));
     }
   }
-  // Without a direction the hand stays whole.
+  // The palm faces the way it is told: its origin is on the other side.
+  const VectorX<double> q = hand34_pinch_at<double>(tree, place, Vec(0, 1, 0), Vec(0, 0, -1));
+  CHECK(q[2] - place.z() > 0.05);
+  // Without directions the base stays where it was.
   const Vec bad(0, std::nan(""), 0);
-  CHECK(hand34_pinch_at<double>(tree, place, bad, Vec(0, 0, 1)).allFinite());
-  CHECK(hand34_pinch_at<double>(tree, place, Vec(0, 0, 1), Vec(0, 0, 1)).allFinite());
+  CHECK(hand34_pinch_at<double>(tree, place, bad, Vec(0, 0, 1)) == hand34_pinch(tree));
+  const Vec axis = Vec(1, 2, 3).normalized();
+  CHECK(hand34_pinch_at<double>(tree, place, axis, 0.1 * axis) == hand34_pinch(tree));
 }
 
 TEST_CASE("the parts of a hand in a world are where it says", "[grasp]") {
@@ -113,6 +117,11 @@ TEST_CASE("bad geometry is refused in words", "[grasp]") {
   CHECK(refused([](auto& g) { g.fingers[0].frame = 0; }) ==
         "finger thumb has no capsule on its frame");
   HandSurface<double> surface;
+  surface.with_pads = {1, 1};
+  CHECK(refused([](auto&) {}, surface) == "finger index gets two pads");
+  surface.with_pads.clear();
+  CHECK(refused([](auto& g) { g.fingers[2].radius = std::nan(""); }, surface)
+            .find("finger middle has the radius nan m") == 0);
   surface.with_pads = {9};
   CHECK(refused([](auto&) {}, surface) == "there is no finger 9");
   surface.with_pads.clear();

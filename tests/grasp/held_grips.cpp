@@ -1,5 +1,9 @@
 #include "clothctl/grasp/held_grips.hpp"
 
+#include <array>
+#include <cmath>
+#include <vector>
+
 #include "clothctl/mesh/grid.hpp"
 #include "support/catch.hpp"
 #include "support/pads.hpp"
@@ -33,7 +37,9 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
   CHECK(grip->fingers[0].max_normal_force == 7);
   CHECK(grip->fingers[1].contact.friction == 0.4);
   for (int f = 0; f < 2; ++f) {
-    CHECK(grip->fingers[static_cast<std::size_t>(f)].vertices.size() == contacts.held(f).size());
+    std::vector<int> vertices;
+    for (const auto& h : contacts.held(f)) vertices.push_back(h.vertex);
+    CHECK(grip->fingers[static_cast<std::size_t>(f)].vertices == vertices);
   }
 
   auto bad = fingers;
@@ -44,4 +50,13 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
   bad[0].press[2] = std::nan("");
   CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
         "finger 0 has a direction that is not finite");
+
+  const int first = grip->fingers[0].vertices[0];
+  std::vector<std::array<int, 3>> broken{{first, 9999, 4}};
+  CHECK(make_held_grip<double>(contacts, fingers, x, broken).error() ==
+        "a triangle has vertex 9999 off a mesh of 289 vertices");
+  Points<double> spoilt = x;
+  spoilt(1, first) = std::nan("");
+  CHECK(make_held_grip<double>(contacts, fingers, spoilt, triangles).error() ==
+        "finger 0 holds the sheet where it is not finite");
 }

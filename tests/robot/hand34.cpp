@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/inverse_dynamics.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
 #include "clothctl/robot/kinematic_tree_model.hpp"
@@ -229,4 +230,33 @@ TEST_CASE("hand34: home is within the limits, and is found by name in a larger r
   CHECK(q[3] == 0);  // the renamed joint
   const Body<double>& pip = tree.bodies()[static_cast<std::size_t>(tree.find_joint("index_pip"))];
   CHECK(q[pip.position] == 0.6);
+}
+
+TEST_CASE("the base of hand34 is turned and placed as told, also at its gimbal lock", "[robot]") {
+  const KinematicTree<double> tree = hand34<double>();
+  using Traits = articulated_traits<KinematicTree<double>>;
+  auto work = Traits::make_workspace(tree);
+  const Vector3<double> origin(0.1, -0.2, 0.3);
+  for (const double pitch : {0.0, 0.7, -1.2, 2.0, 0.5 * std::acos(-1.0), -0.5 * std::acos(-1.0)}) {
+    for (const double roll : {0.0, 0.5, -2.0}) {
+      for (const double yaw : {0.0, 1.0, -3.0}) {
+        const Matrix3<double> R = rotation_exp<double>(Vector3<double>(0, 0, yaw)) *
+                                  rotation_exp<double>(Vector3<double>(0, pitch, 0)) *
+                                  rotation_exp<double>(Vector3<double>(roll, 0, 0));
+        VectorX<double> q = hand34_pinch(tree);
+        REQUIRE(hand34_place_base<double>(tree, R, origin, q));
+        Traits::forward_kinematics(tree, q, work);
+        Matrix3<double> now;
+        Vector3<double> p;
+        Traits::frame_pose(tree, work, tree.find_link("palm"), now, p);
+        CHECK((now - R).norm() < 1e-7);
+      }
+    }
+  }
+  VectorX<double> q = hand34_pinch(tree);
+  const VectorX<double> before = q;
+  CHECK_FALSE(hand34_place_base<double>(tree, 2 * Matrix3<double>::Identity(), origin, q));
+  CHECK_FALSE(hand34_place_base<double>(tree, Matrix3<double>::Identity(),
+                                        Vector3<double>(0, std::nan(""), 0), q));
+  CHECK(q == before);
 }

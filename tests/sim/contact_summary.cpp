@@ -44,3 +44,28 @@ TEST_CASE("static contacts are the vertices at a finger, each once", "[sim]") {
   add_static_contacts(held.world, 0, 99, vertices);
   CHECK(vertices.empty());
 }
+
+TEST_CASE("a pad feels what presses it, what pulls it, and whether it slides", "[sim]") {
+  GrippedSheet held(9, 3);
+  PadTouch<double> before = pad_touch(held.world, 0, 0.02);
+  CHECK(before.contacts == 0);
+  for (int i = 0; i < 300; ++i) REQUIRE(held.world.step(0.02).advanced);
+  double pull = 0;
+  for (int pad = 0; pad < 2; ++pad) {
+    const PadTouch<double> felt = pad_touch(held.world, pad, 0.02);
+    CHECK(felt.normal_force == Approx(3).epsilon(0.01));
+    CHECK(felt.contacts == 4);
+    CHECK(felt.sliding == 0);
+    pull += felt.tangential_force;
+  }
+  const double weight = 9.81 * hanging_sheet(9).network().mass.sum();
+  CHECK(pull >= 0.99 * weight);  // each pad carries its share, and they may pull at each other
+  // Too weak a grip slides.
+  held.world.drive(0).torque = Eigen::Vector3d(0, 0.05, 0.05);
+  int sliding = 0;
+  for (int i = 0; i < 5; ++i) {
+    REQUIRE(held.world.step(0.02).advanced);
+    sliding += pad_touch(held.world, 0, 0.02).sliding;
+  }
+  CHECK(sliding > 0);
+}

@@ -19,6 +19,8 @@
 //
 // Reference: [Bai 2016], section 4.3.
 
+#include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <cstddef>
 #include <span>
@@ -92,7 +94,7 @@ class FingertipTracker {
   /// Sets the posture (nq) that joints go to where the fingertips leave them free. Returns false,
   /// and changes nothing, when it is of another size or not finite.
   [[nodiscard]] bool set_posture(const VectorX<Scalar>& q);
-  /// Sets the half-spaces that points of the hand shall stay in. Allocates.
+  /// Sets the half-spaces that points of the hand shall stay in, at most 64. Allocates.
   void set_half_spaces(std::span<const HalfSpace<Scalar>> planes) {
     planes_.assign(planes.begin(), planes.end());
   }
@@ -112,13 +114,14 @@ class FingertipTracker {
   /// Positions (nq) of the last targets.
   const VectorX<Scalar>& positions() const { return q_; }
   /// Writes how a finger's frame is turned and where the centre of its tip is at these positions.
+  /// The finger must exist (assert).
   void pose(int finger, Matrix3<Scalar>& R_world_frame, Vector3<Scalar>& centre);
   /// The same at positions q (nq).
   void pose_at(const VectorX<Scalar>& q, int finger, Matrix3<Scalar>& R_world_frame,
                Vector3<Scalar>& centre);
   /// Largest force along `direction` (unit, world) that a finger can exert at the last targets
-  /// beside holding the hand up, N: where the first joint reaches its effort limit. Never
-  /// allocates.
+  /// beside holding the hand up, N: where the first joint reaches its effort limit. 0 where there
+  /// is no such finger or direction. Never allocates.
   Scalar largest_force(int finger, const Vector3<Scalar>& direction);
 
   /// The fingers.
@@ -341,6 +344,7 @@ requires ArticulatedDynamics<Model, Scalar>
 void FingertipTracker<Model, Scalar>::pose_at(const VectorX<Scalar>& q, int finger,
                                               Matrix3<Scalar>& R_world_frame,
                                               Vector3<Scalar>& centre) {
+  assert(finger >= 0 && static_cast<std::size_t>(finger) < fingers_.size());
   const FingerPad<Scalar>& f = fingers_[static_cast<std::size_t>(finger)];
   Traits::forward_kinematics(*model_, q, work_);
   Traits::frame_pose(*model_, work_, f.frame, R_world_frame, centre);
@@ -351,6 +355,8 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> Scalar
 FingertipTracker<Model, Scalar>::largest_force(int finger, const Vector3<Scalar>& direction) {
   using std::abs;
+  if (finger < 0 || static_cast<std::size_t>(finger) >= fingers_.size() || !all_finite(direction))
+    return Scalar(0);
   const FingerPad<Scalar>& f = fingers_[static_cast<std::size_t>(finger)];
   Traits::forward_kinematics(*model_, q_, work_);
   step_.setConstant(Scalar(0));

@@ -52,7 +52,8 @@ class GraspController {
                                         const GraspSettings<Scalar>& settings = {});
 
   /// Begins a grasp from the last targets of the hand. Returns an empty string, or what is wrong;
-  /// nothing changes then. It may begin in any phase: a sheet that is held is let go. Allocates.
+  /// nothing changes then. It may begin in any phase, and starts from rest: a sheet that is held is
+  /// let go, and a hand that moves stops at once. Allocates.
   std::string begin(Grasp<Scalar> grasp);
   /// Makes one step of `dt` s: reads the state of the hand and what each finger *of the grasp*
   /// feels, and writes the drive. Never allocates.
@@ -70,12 +71,18 @@ class GraspController {
   /// is not one.
   [[nodiscard]] bool set_force(const Scalar& force);
   /// Sets the force (N, world) that finger i of the grasp shall exert beside pressing: its share of
-  /// the load. It is fed forward.
+  /// the load. It is fed forward. Returns false, and changes nothing, when there is no such finger,
+  /// the force is not finite, or the hand opens.
   [[nodiscard]] bool set_load(int i, const Vector3<Scalar>& force);
-  /// Opens: fingertips go back, and the hand stays there.
+  /// Opens, whatever it does: fingertips that have begun to close go back, and the hand stays
+  /// there.
   void release();
-  /// Stops where the hand was sent last.
-  void stop() { phase_ = GraspPhase::Free; }
+  /// Stops where the hand was sent last, open or closed; `release` opens it later.
+  void stop() {
+    phase_ = GraspPhase::Free;
+    fault_ = GraspFault::Nothing;
+    fault_finger_ = -1;
+  }
 
   /// The grasp that was begun last.
   const Grasp<Scalar>& grasp() const { return grasp_; }
@@ -95,13 +102,15 @@ class GraspController {
   FingertipTracker<Model, Scalar>& tracker() { return tracker_; }
 
  private:
+  using Traits = articulated_traits<Model>;
+
   /// A finger of the grasp on its way.
   struct Tip {
     Vector3<Scalar> place = Vector3<Scalar>::Constant(Scalar(0));
     Vector3<Scalar> press = Vector3<Scalar>::Constant(Scalar(0));
     Vector3<Scalar> load = Vector3<Scalar>::Constant(Scalar(0));
     Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
-    Scalar depth = Scalar(0), load_force = Scalar(0);
+    Scalar depth = Scalar(0);
     bool touched = false, slid = false;
   };
 
@@ -113,7 +122,7 @@ class GraspController {
   }
 
   std::string find_fault(const Grasp<Scalar>& grasp) const;
-  void approach(const Scalar& dt, HandDrive<Scalar>& drive);
+  [[nodiscard]] bool approach(const Scalar& dt, HandDrive<Scalar>& drive);
   void start_closing(const HandState<Scalar>& hand, GraspReport<Scalar>& report);
   /// Chooses F* and moves the depths.
   void press(const Scalar& dt, std::span<const Touch> touches, GraspReport<Scalar>& report);
@@ -150,6 +159,9 @@ class GraspController {
   int fault_finger_ = -1;
   Scalar time_ = Scalar(0), raised_ = Scalar(0), opened_ = Scalar(0);
   int firm_ = 0, slips_ = 0, missed_ = 0;
+  bool closed_ = false;          // fingertips have begun to close and have not opened
+  GraspReport<Scalar> failure_;  // of the step that failed
+  Index speeds_ = 0;             // nv
 };
 
 template <class Model, RealScalar Scalar>
@@ -170,6 +182,7 @@ auto GraspController<Model, Scalar>::create(const Model& model,
   GraspController out(std::move(tracker).value(), settings);
   out.q_ = q;
   out.qd_ = VectorX<Scalar>::Constant(q.size(), Scalar(0));
+  out.speeds_ = articulated_traits<Model>::nv(model);
   return out;
 }
 
@@ -211,6 +224,14 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
       return "keyframe " + std::to_string(i) + " has " + std::to_string(grasp.keyframes[i].size()) +
              " entries for " + std::to_string(keys[0].size()) +
              " positions, or one that is not finite";
+    const VectorX<Scalar> low = Traits::lower(tracker_.model()),
+                          high = Traits::upper(tracker_.model());
+    for (Index k = 0; k < low.size(); ++k) {
+      if (!(grasp.keyframes[i][k] < low[k]) && !(high[k] < grasp.keyframes[i][k])) continue;
+      return "keyframe " + std::to_string(i) + " is " + number_text(grasp.keyframes[i][k]) +
+             " at position " + std::to_string(k) + ", beyond its limits " + number_text(low[k]) +
+             " and " + number_text(high[k]);
+    }
     keys.push_back(grasp.keyframes[i]);
   }
   const VectorX<Scalar> limits =
@@ -225,6 +246,7 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
   tips_.assign(grasp_.fingers.size(), Tip());
   targets_.assign(grasp_.fingers.size(), FingertipTarget<Scalar>());
   phase_ = GraspPhase::Approach;
+  closed_ = false;
   fault_ = GraspFault::Nothing;
   fault_finger_ = -1;
   time_ = raised_ = opened_ = Scalar(0);
@@ -238,19 +260,22 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
                                        std::span<const Touch> touches, HandDrive<Scalar>& drive) {
   GraspReport<Scalar> report;
   report.phase = phase_;
-  bool good = hand.positions.size() == q_.size() && all_finite(hand.positions) &&
-              all_finite(hand.velocities) && is_finite(dt) && Scalar(0) < dt;
+  bool good = hand.positions.size() == q_.size() && hand.velocities.size() == speeds_ &&
+              all_finite(hand.positions) && all_finite(hand.velocities) && is_finite(dt) &&
+              Scalar(0) < dt;
   const bool feels = phase_ != GraspPhase::Free && phase_ != GraspPhase::Failed;
   if (feels) good = good && touches.size() == grasp_.fingers.size();
   for (const Touch& t : touches)
     good = good && is_finite(t.normal_force) && is_finite(t.tangential_force);
-  if (!good) fail(GraspFault::BadInput, -1, report);
+  if (!good && phase_ != GraspPhase::Failed) fail(GraspFault::BadInput, -1, report);
   switch (phase_) {
     case GraspPhase::Free:
     case GraspPhase::Failed: tracker_.stop(drive); break;
     case GraspPhase::Approach:
-      approach(dt, drive);
-      if (!(time_ < path_.front().end_time())) start_closing(hand, report);
+      if (!approach(dt, drive)) fail(GraspFault::BadInput, -1, report);
+      if (phase_ == GraspPhase::Approach && !(time_ < path_.front().end_time()))
+        start_closing(hand, report);
+      if (phase_ == GraspPhase::Failed) tracker_.stop(drive);
       break;
     case GraspPhase::Close:
       press(dt, touches, report);
@@ -259,17 +284,27 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
     case GraspPhase::Hold:
       press(dt, touches, report);
       judge_holding(touches, report);
-      move(dt);
+      if (phase_ == GraspPhase::Hold) move(dt);
       break;
     case GraspPhase::Open:
       for (Tip& tip : tips_) tip.depth -= settings_.closing_speed * dt;
       opened_ += settings_.closing_speed * dt;
-      if (settings_.open_distance < opened_) phase_ = GraspPhase::Free;
+      if (settings_.open_distance < opened_) {
+        phase_ = GraspPhase::Free;
+        closed_ = false;
+      }
       break;
   }
   if (report.phase == GraspPhase::Close || report.phase == GraspPhase::Hold ||
       report.phase == GraspPhase::Open)
     send(dt, drive, report);
+  if (phase_ == GraspPhase::Free) tracker_.stop(drive);
+  if (feels && phase_ == GraspPhase::Failed) failure_ = report;  // what it saw then
+  if (phase_ == GraspPhase::Failed) {
+    const Scalar error = report.ik_error;
+    report = failure_;
+    report.ik_error = error;
+  }
   report.phase = phase_;
   report.fault = fault_;
   report.finger = fault_finger_;
@@ -279,10 +314,10 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-void GraspController<Model, Scalar>::approach(const Scalar& dt, HandDrive<Scalar>& drive) {
+bool GraspController<Model, Scalar>::approach(const Scalar& dt, HandDrive<Scalar>& drive) {
   time_ += dt;
   path_.front().sample(time_, q_, qd_);
-  (void)tracker_.move_to(q_, dt, drive);
+  return tracker_.move_to(q_, dt, drive);
 }
 
 template <class Model, RealScalar Scalar>
@@ -291,6 +326,7 @@ void GraspController<Model, Scalar>::start_closing(const HandState<Scalar>& hand
                                                    GraspReport<Scalar>& report) {
   using std::sqrt;
   phase_ = GraspPhase::Close;
+  closed_ = true;
   time_ = Scalar(0);
   R_ = R_wanted_ = Matrix3<Scalar>::Identity();
   t_.setConstant(Scalar(0));
@@ -303,11 +339,8 @@ void GraspController<Model, Scalar>::start_closing(const HandState<Scalar>& hand
     tracker_.pose_at(hand.positions, f.finger, R, at);
     tracker_.pose(f.finger, tips_[i].R, tips_[i].place);
     tips_[i].press = f.press;
-    (void)report;
     const Scalar off = sqrt((at - tips_[i].place).squaredNorm());
-    // A hand that lags is still on its way; it has the time of closing to arrive.
-    if (Scalar(10) * settings_.place_tolerance < off)
-      fail(GraspFault::NotThere, static_cast<int>(i), report);
+    if (settings_.place_tolerance < off) fail(GraspFault::NotThere, static_cast<int>(i), report);
   }
 }
 
@@ -356,7 +389,7 @@ void GraspController<Model, Scalar>::press(const Scalar& dt, std::span<const Tou
     depth += step;
     if (settings_.most_depth < depth) depth = settings_.most_depth;
     if (depth < -settings_.most_depth) depth = -settings_.most_depth;
-    if (report.depth < depth) report.depth = depth;
+    if (i == 0 || report.depth < depth) report.depth = depth;
     if (touches[i].contacts > 0) tips_[i].touched = true;
   }
 }
@@ -483,6 +516,7 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 bool GraspController<Model, Scalar>::set_load(int i, const Vector3<Scalar>& force) {
   if (i < 0 || static_cast<std::size_t>(i) >= tips_.size() || !all_finite(force)) return false;
+  if (phase_ == GraspPhase::Open) return false;
   tips_[static_cast<std::size_t>(i)].load = force;
   return true;
 }
@@ -490,9 +524,10 @@ bool GraspController<Model, Scalar>::set_load(int i, const Vector3<Scalar>& forc
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::release() {
-  const bool holds = phase_ == GraspPhase::Close || phase_ == GraspPhase::Hold ||
-                     (phase_ == GraspPhase::Failed && fault_ != GraspFault::BadInput);
-  if (!holds) {
+  fault_ = GraspFault::Nothing;
+  fault_finger_ = -1;
+  if (phase_ == GraspPhase::Open) return;
+  if (!closed_) {
     phase_ = GraspPhase::Free;
     return;
   }

@@ -19,7 +19,8 @@ template <RealScalar Scalar>
 struct GraspSettings {
   /// Settings of what brings fingertips to their places.
   FingertipSettings<Scalar> fingertips = {};
-  /// Largest speed of a joint on the way to the sheet, m/s or rad/s.
+  /// Largest speed of a joint on the way to the sheet, m/s or rad/s. (Catmull-Rom tangents may
+  /// exceed it.)
   Scalar approach_speed = Scalar(1.5);
   /// Largest speed of fingertips that close or open, m/s.
   Scalar closing_speed = Scalar(0.05);
@@ -48,7 +49,7 @@ struct GraspSettings {
   Scalar hold_speed = Scalar(3), turn_speed = Scalar(0.5);
   /// Time that a hand may take to close, s.
   Scalar time_out = Scalar(2);
-  /// How far from its place a fingertip may be when it closes, m.
+  /// How far from its target a fingertip may be where it begins to close, m.
   Scalar place_tolerance = Scalar(2e-3);
 
   /// Returns an empty string, or what is wrong.
@@ -79,6 +80,9 @@ struct GraspSettings {
       return "firm_contacts is " + std::to_string(firm_contacts) + ", must be at least 1";
     if (firm_steps < 1)
       return "firm_steps is " + std::to_string(firm_steps) + ", must be at least 1";
+    if (fingertips.joint_speed < approach_speed)
+      return "approach_speed is " + number_text(approach_speed) +
+             ", must be at most that of the fingertips, " + number_text(fingertips.joint_speed);
     return fingertips.validate();
   }
 };
@@ -141,13 +145,12 @@ constexpr std::string_view to_string(GraspPhase phase) {
 enum class GraspFault {
   /// It did not.
   Nothing,
-  /// A fingertip is not where it shall touch: the hand is blocked or too weak, or inverse
-  /// kinematics does not follow.
+  /// A fingertip was not where it shall touch at the end of the way: the hand is blocked or weak.
   NotThere,
-  /// A finger closed all the way without touching the sheet: it is out of reach, or elsewhere.
+  /// A finger closed until the time was out without touching the sheet: it is elsewhere.
   NoTouch,
   /// All fingers touch, but the grasp was not firm in time: a finger does not reach its force, has
-  /// too few contacts, or slides.
+  /// too few contacts, or slides, or the hand still moves.
   NotFirm,
   /// A finger lost the sheet.
   Lost,

@@ -61,8 +61,8 @@ HandGeometry<Scalar> hand34_geometry(const KinematicTree<Scalar>& tree) {
 
 /// Returns positions (nq) of a `hand34` that pinches (hand34_pinch) at `place` (m, world): the line
 /// from its thumb to its index is along `axis`, and its palm faces `approach`, as far as that is
-/// across the axis. Where the directions are parallel or not finite, the base stays where
-/// hand34_pinch has it. Allocates.
+/// across the axis. Where the directions are within 0.6 degrees of parallel or not finite, or
+/// `tree` is no whole hand34, the base stays where hand34_pinch has it. Allocates.
 template <RealScalar Scalar>
 VectorX<Scalar> hand34_pinch_at(const KinematicTree<Scalar>& tree, const Vector3<Scalar>& place,
                                 const Vector3<Scalar>& axis, const Vector3<Scalar>& approach) {
@@ -70,11 +70,14 @@ VectorX<Scalar> hand34_pinch_at(const KinematicTree<Scalar>& tree, const Vector3
   using Traits = articulated_traits<KinematicTree<Scalar>>;
   using Vec = Vector3<Scalar>;
   const Vec origin(Scalar(0), Scalar(0), Scalar(0)), palm(Scalar(0), Scalar(0), Scalar(-1));
-  VectorX<Scalar> q = hand34_pinch(tree);
-  (void)hand34_place_base<Scalar>(tree, Matrix3<Scalar>::Identity(), origin, q);
+  const VectorX<Scalar> given = hand34_pinch(tree);
+  VectorX<Scalar> q = given;
+  const Scalar along = axis.dot(approach), product = axis.squaredNorm() * approach.squaredNorm();
+  if (!is_finite(product) || !(along * along < Scalar(0.9999) * product)) return given;
+  if (!hand34_place_base<Scalar>(tree, Matrix3<Scalar>::Identity(), origin, q)) return given;
   const HandGeometry<Scalar> hand = hand34_geometry(tree);
   const int thumb = hand.find_finger("thumb"), index = hand.find_finger("index");
-  if (thumb < 0 || index < 0) return q;
+  if (thumb < 0 || index < 0) return given;
   auto work = Traits::make_workspace(tree);
   Traits::forward_kinematics(tree, q, work);
   const auto tip = [&](int finger) {
@@ -130,6 +133,9 @@ Result<std::vector<PadSample<Scalar>>> fingertip_samples(
   const Scalar square = finger.normal.squaredNorm();
   if (!all_finite(finger.point) || !is_finite(square) || !(Scalar(0) < square))
     return Error{"finger " + finger.name + " has a point or a normal that cannot be"};
+  if (!is_finite(finger.radius) || finger.radius < Scalar(0))
+    return Error{"finger " + finger.name + " has the radius " + number_text(finger.radius) +
+                 " m, must be finite and not negative"};
   const Vector3<Scalar> n = finger.normal / sqrt(square);
   // Any two directions across the normal: the first across the axis it leans to least.
   Index least = 0;
@@ -219,11 +225,18 @@ Result<HandInWorld> add_hand_geometry(World<Scalar>& world, int hand,
     if (f < 0 || static_cast<std::size_t>(f) >= geometry.fingers.size())
       return Error{"there is no finger " + std::to_string(f)};
     const FingerPad<Scalar>& finger = geometry.fingers[static_cast<std::size_t>(f)];
+    if (out.pads[static_cast<std::size_t>(f)] >= 0)
+      return Error{"finger " + finger.name + " gets two pads"};
     Scalar least = scalar_traits<Scalar>::infinity();
     int carrier = -1;
     for (std::size_t i = 0; i < geometry.capsules.size(); ++i) {
       const LinkCapsule<Scalar>& c = geometry.capsules[i];
-      const Scalar far_away = (finger.point - Scalar(0.5) * (c.from + c.to)).squaredNorm();
+      const Vector3<Scalar> axis = c.to - c.from, way = finger.point - c.from;
+      const Scalar size = axis.squaredNorm();
+      Scalar share = Scalar(0) < size ? Scalar(way.dot(axis) / size) : Scalar(0);
+      if (share < Scalar(0)) share = Scalar(0);
+      if (Scalar(1) < share) share = Scalar(1);
+      const Scalar far_away = (way - share * axis).squaredNorm();
       if (c.frame != finger.frame || !(far_away < least)) continue;
       least = far_away;
       carrier = out.shapes[i];

@@ -34,7 +34,8 @@ struct HoldingFinger {
 
 /// Makes the grip of one hand. `x` (3×n, m): the sheet; `triangles`: its faces, which say where its
 /// front is. Fingers that hold nothing are left out. Allocates. Fails when: no finger holds
-/// anything, a segment does not exist, or a direction is not finite.
+/// anything, a segment does not exist, a triangle has a vertex off the mesh, or a number is not
+/// finite.
 template <RealScalar Scalar>
 Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
                                     std::span<const HoldingFinger<Scalar>> fingers,
@@ -59,12 +60,16 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
     for (const std::array<int, 3>& t : triangles) {
       bool held = false;
       for (const int corner : t) {
+        if (corner < 0 || x.cols() <= corner)
+          return Error{"a triangle has vertex " + std::to_string(corner) + " off a mesh of " +
+                       std::to_string(x.cols()) + " vertices"};
         for (const int v : finger.vertices) held = held || v == corner;
       }
       if (!held) continue;
       const Vector3<Scalar> a = x.col(t[0]), b = x.col(t[1]), c = x.col(t[2]);
       front += (b - a).cross(c - a);
     }
+    if (!all_finite(front)) return Error{name + " holds the sheet where it is not finite"};
     finger.side = front.dot(f.press) < Scalar(0) ? Scalar(-1) : Scalar(1);
     finger.contact.friction = f.friction;
     finger.max_normal_force = f.max_normal_force;

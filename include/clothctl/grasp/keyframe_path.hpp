@@ -54,12 +54,12 @@ enum class KeyframeTangents {
   /// From the two neighbours of a key. Smooth, but the path leaves the range of its keys: take it
   /// where no joint limit is near.
   CatmullRom,
-  /// Zero: it stands still at each key, and moves on a straight line of joint positions between two
-  /// of them. So it keeps to a path that was proved free (plan_joint_path).
-  Standstill,
   /// The same, limited, so that each joint stays between its positions at the two keys around:
   /// limits that hold at the keys hold everywhere. A joint that turns round at a key stops there.
-  Monotone
+  Monotone,
+  /// Zero: it stands still at each key, and moves on a straight line of joint positions between two
+  /// of them. So it keeps to a path that was proved free (plan_joint_path).
+  Standstill
 };
 
 namespace detail {

@@ -153,18 +153,30 @@ VectorX<Scalar> hand34_pinch(const KinematicTree<Scalar>& tree) {
 }
 
 /// Puts the base of a hand34, in positions q (nq), at `origin` (m, world), turned by `R` (from the
-/// palm to the world, for a straight wrist). Returns false, and changes nothing, when the tree has
-/// no such base or a number is not finite. Allocates.
+/// palm to the world, for a straight wrist). Limits of the joints are not looked at. Returns false,
+/// and changes nothing, when the tree has no such base, a number is not finite, or R is no
+/// rotation. Allocates.
 template <RealScalar Scalar>
 bool hand34_place_base(const KinematicTree<Scalar>& tree, const Matrix3<Scalar>& R,
                        const Vector3<Scalar>& origin, VectorX<Scalar>& q) {
   using std::asin;
   using std::atan2;
   if (!all_finite(R) || !all_finite(origin) || q.size() != tree.nq()) return false;
+  const Matrix3<Scalar> skewed = R.transpose() * R - Matrix3<Scalar>::Identity();
+  if (!(skewed.squaredNorm() < Scalar(1e-4)) || !(Scalar(0) < R.determinant())) return false;
   Scalar sine = -R(2, 0);
   if (Scalar(1) < sine) sine = Scalar(1);
   if (sine < Scalar(-1)) sine = Scalar(-1);
-  // R = Rz Ry Rx
+  // R = Rz Ry Rx. Where Ry is a quarter turn, Rz and Rx turn about the same axis: Rz is none then.
+  const Scalar level = R(0, 0) * R(0, 0) + R(1, 0) * R(1, 0);
+  const bool locked = level < Scalar(16) * scalar_traits<Scalar>::epsilon();
+  Scalar yaw(0), roll(0);
+  if (locked) {
+    roll = atan2(Scalar(-R(1, 2)), R(1, 1));
+  } else {
+    yaw = atan2(R(1, 0), R(0, 0));
+    roll = atan2(R(2, 1), R(2, 2));
+  }
   const std::pair<const char*, Scalar> joints[] = {
       {"base_tx", origin[0]},          {"base_ty", origin[1]},
       {"base_tz", origin[2]},          {"base_rz", Scalar(atan2(R(1, 0), R(0, 0)))},
