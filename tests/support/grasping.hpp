@@ -40,8 +40,8 @@ struct PinchingHand {
     const clothctl::VectorX<double> grip =
         clothctl::hand34_pinch_at<double>(tree, at, Vec(0, 1, 0), Vec(0, 0, -1));
     const std::vector<clothctl::FingerPad<double>> two{geometry.fingers[0], geometry.fingers[1]};
-    const std::vector<clothctl::GraspContact<double>> places{{at, Vec(0, 1, 0), {Vec::Zero()}},
-                                                             {at, Vec(0, -1, 0), {Vec::Zero()}}};
+    const Vec y(0, 1, 0);
+    const std::vector<clothctl::GraspContact<double>> places{{at, y}, {at, -y}};
     poses = clothctl::find_grasp_poses<Hand34, double>(tree, two, places, grip, grip);
     clothctl::HandSetup<double> setup;
     setup.positions = poses.wait;

@@ -72,8 +72,9 @@ VectorX<Scalar> hand34_pinch_at(const KinematicTree<Scalar>& tree, const Vector3
   const Vec origin(Scalar(0), Scalar(0), Scalar(0)), palm(Scalar(0), Scalar(0), Scalar(-1));
   const VectorX<Scalar> given = hand34_pinch(tree);
   VectorX<Scalar> q = given;
-  const Scalar along = axis.dot(approach), product = axis.squaredNorm() * approach.squaredNorm();
-  if (!is_finite(product) || !(along * along < Scalar(0.9999) * product)) return given;
+  const Scalar product = axis.dot(approach);
+  const Scalar most = Scalar(0.9999) * axis.squaredNorm() * approach.squaredNorm();
+  if (!is_finite(most) || !(product * product < most)) return given;
   if (!hand34_place_base<Scalar>(tree, Matrix3<Scalar>::Identity(), origin, q)) return given;
   const HandGeometry<Scalar> hand = hand34_geometry(tree);
   const int thumb = hand.find_finger("thumb"), index = hand.find_finger("index");

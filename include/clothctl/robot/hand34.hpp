@@ -178,9 +178,8 @@ bool hand34_place_base(const KinematicTree<Scalar>& tree, const Matrix3<Scalar>&
     roll = atan2(R(2, 1), R(2, 2));
   }
   const std::pair<const char*, Scalar> joints[] = {
-      {"base_tx", origin[0]},          {"base_ty", origin[1]},
-      {"base_tz", origin[2]},          {"base_rz", Scalar(atan2(R(1, 0), R(0, 0)))},
-      {"base_ry", Scalar(asin(sine))}, {"base_rx", Scalar(atan2(R(2, 1), R(2, 2)))}};
+      {"base_tx", origin[0]}, {"base_ty", origin[1]},          {"base_tz", origin[2]},
+      {"base_rz", yaw},       {"base_ry", Scalar(asin(sine))}, {"base_rx", roll}};
   for (const auto& [joint, value] : joints) {
     if (tree.find_joint(joint) < 0) return false;
   }
