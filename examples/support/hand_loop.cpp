@@ -235,6 +235,7 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
               const clothctl::ClothState<double>& state, const FitTask& fit_task) {
   if (!is_implicit(o.plant)) refuse("--hands: --plant must be newton or linear-implicit");
   if (o.cloth < 4 || o.size < 0.15) refuse("--hands: the sheet is too coarse or too small");
+  make_folder(o.out);  // before the work, since it may fail
   const Errors bare = run_bare(scene, o, state, fit_task);
   HandsRun run(std::move(scene), o, state, grid);
   std::string bad = run.grasp();
@@ -271,6 +272,7 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
     if (const std::string error = run.page().write(o.out); !error.empty()) refuse(error);
   }
   print_figures(j, o.json);
+  if (!o.out.empty() && !o.json) std::printf("open %s/player.html\n", o.out.c_str());
   return bad.empty() ? 0 : 1;
 }
 

@@ -156,6 +156,27 @@ def check_runs(programs, folder):
               f"pinch: slip of {figures.get('slip_max_mm')} mm")
         check(code == 0 and is_page(out / "player.html"),
               "pinch: player.html is not self-contained")
+    for force, status in ((3, "held"), (0.2, "lost")):
+        out = folder / f"pinch-and-shake-{status}"
+        code, text, _ = run(programs / "pinch_and_shake", "--cloth", 9, "--seconds", 1, "--seed", 3,
+                            "--force", force, "--most-force", force, "--json", "--out", out)
+        figures = json.loads(text) if code == 0 else {}
+        check(code == 0 and (figures["status"] == "held") == (status == "held")
+              and figures["momentum_residual"] < 1e-9,
+              f"pinch_and_shake {force} N: exit {code}: {text}")
+        check(code == 0 and is_page(out / "player.html"),
+              "pinch_and_shake: player.html is not self-contained")
+    out = folder / "hands"
+    code, text, _ = run(programs / "handkerchief", "--hands", "--cloth", 9, "--json", "--out", out)
+    figures = json.loads(text) if code == 0 else {}
+    check(code == 0 and figures["status"] == "finished" and figures["grasp_firm_share"] == 1
+          and figures["mean_error_m"] < 0.05,
+          f"handkerchief --hands: exit {code}: {text}")
+    check(code == 0 and is_page(out / "player.html"),
+          "handkerchief --hands: player.html is not self-contained")
+    code, text, _ = run(programs / "hand_holds_cloth")
+    check(code == 0 and text.startswith("5 s: the corner is"),
+          f"hand_holds_cloth: exit {code}: {text}")
     for name, material in (("light", '{"area_density": 1e-12}'), ("stiff", '{"bending": 1e6}')):
         path = folder / f"{name}.json"
         path.write_text(material)
@@ -916,6 +937,8 @@ def check_bad_input(programs, folder):
     bad("limit below zero", ["--limit", "-1"], "--limit", -1, program=programs / "tear")
     bad("pads without force", ["--force", "0"], "--force", 0, program=programs / "pinch")
     bad("pads that do not reach", ["--force", "10 N"], "--force", 20, program=programs / "pinch")
+    bad("fingers that weaken", ["--most-force"], "--most-force", 1,
+        program=programs / "pinch_and_shake")
     bad("sheet below the pads", ["--size", "0.05"], "--size", 0.02, program=programs / "pinch")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     sew = programs / "sew_tshirt"
@@ -936,7 +959,8 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "drape", "foreign_plant", "bring_your_own",
-             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch")
+             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch",
+             "pinch_and_shake", "hand_holds_cloth")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
