@@ -34,8 +34,7 @@ TEST_CASE("samples of a round pad lie on its sphere, those of a flat one in its 
   // A pad that would reach around its finger ends at 1.5 radii.
   finger.radius = 0.002;
   const auto narrow = fingertip_samples(finger, shape).value();
-  for (const auto& s : narrow)
-    CHECK(s.normal.dot(finger.normal) > std::cos(1.5) - 1e-9);
+  for (const auto& s : narrow) CHECK(s.normal.dot(finger.normal) > std::cos(1.5) - 1e-9);
 }
 
 TEST_CASE("hand34 has five pads on the surfaces of its last bones", "[grasp]") {
