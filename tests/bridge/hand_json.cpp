@@ -152,6 +152,8 @@ TEMPLATE_TEST_CASE("hand JSON: capsules, tips, home and pairs are those of the t
   CHECK(index.frame == tree.find_link("end"));
   CHECK(near_to(index.point, 0.005, 0, -0.01));
   CHECK(near_to(index.normal, 0, 0, -1));
+  CHECK(index.radius <= S(0.01));
+  CHECK(S(0) < index.radius);
   // The ball of the tip is nearer than the bone that carries it: the pad belongs to the ball.
   const FingerPad<S>& beyond = hand.geometry.fingers[1];
   CHECK(beyond.frame == tree.find_link("tip"));
@@ -282,6 +284,7 @@ TEST_CASE("hand JSON: hand34 of the shared folder is that of the code", "[bridge
     CHECK(hand.geometry.fingers[i].name == own.fingers[i].name);
     CHECK(hand.geometry.fingers[i].frame == own.fingers[i].frame);
     CHECK((hand.geometry.fingers[i].point - own.fingers[i].point).norm() <= 1e-12);
+    CHECK(hand.geometry.fingers[i].radius == Approx(own.fingers[i].radius).epsilon(0.1));
     // The pads lie 1 to 2 mm beyond the end of the axis, where the surface is round.
     CHECK(hand.geometry.fingers[i].normal.dot(own.fingers[i].normal) >= 0.95);
   }

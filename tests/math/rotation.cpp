@@ -180,3 +180,15 @@ TEST_CASE("roll, pitch and yaw rotate about fixed x, y and z", "[rotation]") {
                                  rotation_exp<double>(Vector3<double>(roll, 0, 0));
   CHECK((rotation_from_roll_pitch_yaw<double>(roll, pitch, yaw) - wanted).norm() < 1e-15);
 }
+
+TEST_CASE("rotations are told from other matrices", "[math]") {
+  const Matrix3<double> R = rotation_exp<double>(Vector3<double>(0.3, -1, 2));
+  CHECK(is_rotation<double>(R, 1e-14));
+  CHECK_FALSE(is_rotation<double>(-R, 1e-2));  // a mirror
+  CHECK_FALSE(is_rotation<double>(1.01 * R, 1e-2));
+  CHECK(is_rotation<double>(1.001 * R, 1e-2));
+  Matrix3<double> spoilt = R;
+  spoilt(1, 2) = std::nan("");
+  CHECK_FALSE(is_rotation<double>(spoilt, 1e-2));
+  CHECK_FALSE(is_rotation<double>(Matrix3<double>::Zero(), 1e-2));
+}

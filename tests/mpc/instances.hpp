@@ -14,4 +14,21 @@ using FrozenPlanner = clothctl::Planner<FrozenPredictor>;
 using RollingPredictor = clothctl::RolloutPredictor<clothctl::MassSpring<double>, FrozenPredictor>;
 using RollingPlanner = clothctl::Planner<RollingPredictor>;
 
+/// A FrozenPredictor that fails on request.
+struct FailingPredictor {
+  using Scalar = double;
+  FrozenPredictor inner;
+  bool* fails;
+  void reserve(const clothctl::WindowRequest<double>& request,
+               clothctl::WindowResponse<double>& response) {
+    inner.reserve(request, response);
+  }
+  bool predict(const clothctl::PointsView<double>& x, const clothctl::PointsView<double>& v,
+               const clothctl::WindowRequest<double>& request,
+               clothctl::WindowResponse<double>& response) {
+    return !*fails && inner.predict(x, v, request, response);
+  }
+  void reset() { inner.reset(); }
+};
+
 }  // namespace clothctl_test

@@ -323,25 +323,6 @@ TEST_CASE("planning with hard patches does not allocate, even if their rows cann
   }
 }
 
-namespace {
-
-// A predictor that fails on request.
-struct Moody {
-  using Scalar = double;
-  Predicting inner;
-  bool* fails;
-  void reserve(const WindowRequest<double>& request, WindowResponse<double>& response) {
-    inner.reserve(request, response);
-  }
-  bool predict(const PointsView<double>& x, const PointsView<double>& v,
-               const WindowRequest<double>& request, WindowResponse<double>& response) {
-    return !*fails && inner.predict(x, v, request, response);
-  }
-  void reset() { inner.reset(); }
-};
-
-}  // namespace
-
 TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
   bool fails = false;
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
@@ -350,11 +331,12 @@ TEST_CASE("a frame that fails sends the rest of the last plan", "[mpc]") {
       PlannerSettings<double> p = settings(input);
       p.command = command;
       auto planner =
-          Planner<Moody>::create(setup(), p,
-                                 Moody{Predicting(MassSpringResponse<float>(
-                                           sheet().model(Integration::LinearlyImplicit))),
-                                       &fails},
-                                 sheet().state.positions)
+          Planner<clothctl_test::FailingPredictor>::create(
+              setup(), p,
+              clothctl_test::FailingPredictor{Predicting(MassSpringResponse<float>(
+                                                  sheet().model(Integration::LinearlyImplicit))),
+                                              &fails},
+              sheet().state.positions)
               .value();
       PlanResult<double> result = planner.make_result();
       const AsyncTarget target(sheet());

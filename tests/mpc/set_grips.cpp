@@ -308,36 +308,18 @@ TEST_CASE("given anchors stay with their grips, and move with their centroids", 
   CHECK(planner.setup().anchors[0].feature_weights == anchor.feature_weights);
 }
 
-namespace {
-
-// A predictor that fails on request.
-struct Moody {
-  using Scalar = double;
-  clothctl_test::FrozenPredictor inner;
-  bool* fails;
-  void reserve(const WindowRequest<double>& request, WindowResponse<double>& response) {
-    inner.reserve(request, response);
-  }
-  bool predict(const PointsView<double>& x, const PointsView<double>& v,
-               const WindowRequest<double>& request, WindowResponse<double>& response) {
-    return !*fails && inner.predict(x, v, request, response);
-  }
-  void reset() { inner.reset(); }
-};
-
-}  // namespace
-
 TEST_CASE("a frame that fails after a change sends what is left of the last plan", "[mpc]") {
   bool fails = false;
   PlannerSetup<double> setup = clothctl_test::corner_setup(sheet(), 2);
   auto planner =
-      Planner<Moody>::create(setup, settings_of(GripInput::Force),
-                             Moody{clothctl_test::FrozenPredictor(MassSpringResponse<float>(
-                                       sheet().model(Integration::LinearlyImplicit))),
-                                   &fails},
-                             sheet().state.positions)
+      Planner<clothctl_test::FailingPredictor>::create(
+          setup, settings_of(GripInput::Force),
+          clothctl_test::FailingPredictor{clothctl_test::FrozenPredictor(MassSpringResponse<float>(
+                                              sheet().model(Integration::LinearlyImplicit))),
+                                          &fails},
+          sheet().state.positions)
           .value();
-  Loop<Planner<Moody>> loop{std::move(planner)};
+  Loop<Planner<clothctl_test::FailingPredictor>> loop{std::move(planner)};
   loop.run(8);
   Vector3<double> promised[2] = {Vector3<double>::Zero(), Vector3<double>::Zero()};
   for (Index j = 0; j < 8; ++j)
@@ -346,7 +328,7 @@ TEST_CASE("a frame that fails after a change sends what is left of the last plan
   for (const auto& held : {std::vector<std::vector<int>>{less(), right()},
                            std::vector<std::vector<int>>{sheet().corner_patch(0, 3), right()},
                            std::vector<std::vector<int>>{less()}}) {
-    Loop<Planner<Moody>> other = loop;
+    Loop<Planner<clothctl_test::FailingPredictor>> other = loop;
     other.change(grips_of(held));
     CHECK(other.planner.plan(other.plant.positions(), other.plant.velocities(), 8 * kFrame,
                              other.target, other.result) == PlanStatus::Failed);

@@ -56,3 +56,18 @@ TEST_CASE("the gravity load of planned forces is divided among the held vertices
   CHECK(problem_of(GripInput::Force).force_share == Vector3<double>(0.0, 0.0, 2.0));
   CHECK(problem_of(GripInput::Pose).force_share == Vector3<double>::Zero());
 }
+
+TEST_CASE("a response of another size does not fit its request", "[mpc]") {
+  detail::WindowProblem<double> problem = problem_of(GripInput::Force);
+  CHECK_FALSE(detail::response_fits(problem));  // there is none yet
+  const auto& q = problem.request;
+  problem.response.impulse_response.setZero(q.output_rows(), q.inputs() * q.horizon);
+  problem.response.free_response.setZero(q.output_rows(), q.horizon);
+  problem.response.plan.setZero(q.inputs(), q.horizon);
+  CHECK(detail::response_fits(problem));
+  problem.response.plan.setZero(q.inputs(), q.horizon + 1);
+  CHECK_FALSE(detail::response_fits(problem));
+  problem.response.plan.setZero(q.inputs(), q.horizon);
+  problem.response.free_response.setZero(q.output_rows() - 3, q.horizon);
+  CHECK_FALSE(detail::response_fits(problem));
+}

@@ -15,7 +15,8 @@
 //
 // The pad of a finger belongs to the capsule whose surface is nearest to its point c, among those
 // that are rigidly connected to the link. Its frame is that of the capsule, and its outward normal
-// is the direction to c from the nearest point of the capsule's axis, p0 to p1.
+// is the direction to c from the nearest point of the capsule's axis, p0 to p1. It is as round as
+// the capsule, or less where c is closer to the axis.
 //
 // Needs nlohmann-json 3.9 or later (headers only).
 
@@ -29,6 +30,7 @@
 #include <vector>
 
 #include "clothctl/bridge/detail/json_reader.hpp"
+#include "clothctl/bridge/detail/text_file.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/quoted_text.hpp"
 #include "clothctl/core/result.hpp"
@@ -207,12 +209,7 @@ bool HandJsonReader<Scalar>::place_pad(const std::string& where,
     const Vector3<Scalar> x =
         &other == &own ? given
                        : Vector3<Scalar>(other.placement.inverse() * (own.placement * given));
-    const Vector3<Scalar> along = c.to - c.from;
-    const Scalar square = along.squaredNorm();
-    Scalar share = Scalar(0) < square ? Scalar((x - c.from).dot(along) / square) : Scalar(0);
-    if (share < Scalar(0)) share = Scalar(0);
-    if (Scalar(1) < share) share = Scalar(1);
-    const Vector3<Scalar> offset = x - c.from - share * along;
+    const Vector3<Scalar> offset = detail::offset_from_segment<Scalar>(c.from, c.to, x);
     const Scalar length = sqrt(offset.squaredNorm());
     const Scalar off = length < c.radius ? c.radius - length : length - c.radius;
     if (!(off < least)) continue;
@@ -229,6 +226,8 @@ bool HandJsonReader<Scalar>::place_pad(const std::string& where,
   if (!(Scalar(1e-6) < height))
     return fail(where, "lies on the axis of " + name + ", from which there is no direction to it");
   pad.normal /= height;
+  const Scalar& round = capsules[found].radius;
+  pad.radius = height < round ? height : round;
   if (Scalar(kOff) < least)
     warnings.push_back(line(where, "is " + number_text(least) + " m off the surface of " + name));
   return true;
@@ -342,7 +341,7 @@ Result<HandDescription<Scalar>> parse_hand_json(const KinematicTree<Scalar>& tre
 template <RealScalar Scalar>
 Result<HandDescription<Scalar>> read_hand_json(const KinematicTree<Scalar>& tree,
                                                const std::string& path) {
-  const Result<std::string> text = detail::read_json_text(path);
+  const Result<std::string> text = detail::read_text_file(path, detail::kLargestJson);
   if (!text) return Error{text.error()};
   return parse_hand_json<Scalar>(tree, *text, path);
 }
@@ -375,7 +374,7 @@ template <RealScalar Scalar>
 Result<HandGrasps<Scalar>> read_grasps_json(const KinematicTree<Scalar>& tree,
                                             const HandDescription<Scalar>& hand,
                                             const std::string& path) {
-  const Result<std::string> text = detail::read_json_text(path);
+  const Result<std::string> text = detail::read_text_file(path, detail::kLargestJson);
   if (!text) return Error{text.error()};
   return parse_grasps_json<Scalar>(tree, hand, *text, path);
 }

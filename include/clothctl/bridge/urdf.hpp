@@ -15,6 +15,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/bridge/detail/text_file.hpp"
 #include "clothctl/bridge/detail/urdf_elements.hpp"
 #include "clothctl/robot/kinematic_tree_builder.hpp"
 
@@ -268,7 +269,7 @@ Result<UrdfModel<Scalar>> parse_urdf(std::string_view text, const std::string& n
 template <RealScalar Scalar = double>
 Result<UrdfModel<Scalar>> read_urdf(const std::string& path,
                                     const UrdfOptions<Scalar>& options = {}) {
-  const Result<std::string> text = detail::read_text(path);
+  const Result<std::string> text = detail::read_text_file(path, detail::kLargestUrdf);
   if (!text) return Error{text.error()};
   return parse_urdf<Scalar>(*text, path, options);
 }

@@ -28,11 +28,11 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/grasp/detail/grip_force.hpp"
+#include "clothctl/grasp/detail/limited_motion.hpp"
 #include "clothctl/grasp/fingertip_tracker.hpp"
 #include "clothctl/grasp/grasp_types.hpp"
 #include "clothctl/grasp/keyframe_path.hpp"
-#include "clothctl/math/rotation.hpp"
-#include "clothctl/sim/contact_summary.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -63,10 +63,14 @@ class GraspController {
   /// In Hold: moves the grasp as a rigid body to x → R x + t of where it became firm, at the end of
   /// the next step. Returns false, and changes nothing, when it does not hold or the motion is not
   /// one.
-  [[nodiscard]] bool move_to(const Matrix3<Scalar>& R, const Vector3<Scalar>& t);
+  [[nodiscard]] bool move_to(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
+    return phase_ == GraspPhase::Hold && motion_.move_to(R, t);
+  }
   /// In Hold: moves the grasp by x → R x + t from where it was sent last: the target of `rectify`
   /// from the places of its contact points to the planned ones, with the world as frame.
-  [[nodiscard]] bool move_by(const Matrix3<Scalar>& R, const Vector3<Scalar>& t);
+  [[nodiscard]] bool move_by(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
+    return phase_ == GraspPhase::Hold && motion_.move_by(R, t);
+  }
   /// Changes the wanted normal force F* (N, positive). Returns false, and changes nothing, when it
   /// is not one.
   [[nodiscard]] bool set_force(const Scalar& force);
@@ -111,7 +115,7 @@ class GraspController {
     Vector3<Scalar> load = Vector3<Scalar>::Constant(Scalar(0));
     Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
     Scalar depth = Scalar(0);
-    bool touched = false, slid = false;
+    bool touched = false;
   };
 
   GraspController(FingertipTracker<Model, Scalar> tracker, const GraspSettings<Scalar>& settings)
@@ -122,26 +126,25 @@ class GraspController {
   }
 
   std::string find_fault(const Grasp<Scalar>& grasp) const;
-  [[nodiscard]] bool approach(const Scalar& dt, HandDrive<Scalar>& drive);
-  void start_closing(const HandState<Scalar>& hand, GraspReport<Scalar>& report);
+  void approach(const Scalar& dt, const HandState<Scalar>& hand, HandDrive<Scalar>& drive);
+  void start_closing(const HandState<Scalar>& hand);
   /// Chooses F* and moves the depths.
   void press(const Scalar& dt, std::span<const Touch> touches, GraspReport<Scalar>& report);
   void judge_closing(const Scalar& dt, const HandState<Scalar>& hand,
-                     std::span<const Touch> touches, GraspReport<Scalar>& report);
-  void judge_holding(std::span<const Touch> touches, GraspReport<Scalar>& report);
+                     std::span<const Touch> touches, const GraspReport<Scalar>& report);
+  void judge_holding(std::span<const Touch> touches);
+  void open(const Scalar& dt);
   /// Moves the grasp to where it shall be, at most at its largest speeds.
-  void move(const Scalar& dt);
+  void move(const Scalar& dt) {
+    Vector3<Scalar> middle = Vector3<Scalar>::Constant(Scalar(0));
+    for (const Tip& tip : tips_) middle += tip.place / Scalar(static_cast<double>(tips_.size()));
+    motion_.advance(middle, settings_.hold_speed * dt, settings_.turn_speed * dt);
+  }
   void send(const Scalar& dt, HandDrive<Scalar>& drive, GraspReport<Scalar>& report);
-  void fail(GraspFault fault, int finger, GraspReport<Scalar>& report) {
+  void fail(GraspFault fault, int finger) {
     phase_ = GraspPhase::Failed;
     fault_ = fault;
     fault_finger_ = finger;
-    report.phase = phase_;
-  }
-  static bool is_motion(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
-    if (!all_finite(R) || !all_finite(t)) return false;
-    const Matrix3<Scalar> skewed = R.transpose() * R - Matrix3<Scalar>::Identity();
-    return skewed.squaredNorm() < Scalar(1e-6) && Scalar(0) < R.determinant();
   }
 
   FingertipTracker<Model, Scalar> tracker_;
@@ -151,14 +154,13 @@ class GraspController {
   std::vector<Tip> tips_;
   std::vector<FingertipTarget<Scalar>> targets_;
   VectorX<Scalar> q_, qd_;
-  // The motion of the whole grasp since it closed: where it is sent, and where it shall be.
-  Matrix3<Scalar> R_ = Matrix3<Scalar>::Identity(), R_wanted_ = R_;
-  Vector3<Scalar> t_ = Vector3<Scalar>::Constant(Scalar(0)), t_wanted_ = t_;
+  detail::LimitedMotion<Scalar> motion_;  // of the whole grasp since it closed
+  detail::GripForce<Scalar> force_;
   GraspPhase phase_ = GraspPhase::Free;
   GraspFault fault_ = GraspFault::Nothing;
   int fault_finger_ = -1;
-  Scalar time_ = Scalar(0), raised_ = Scalar(0), opened_ = Scalar(0);
-  int firm_ = 0, slips_ = 0, missed_ = 0;
+  Scalar time_ = Scalar(0), opened_ = Scalar(0);
+  int firm_ = 0, missed_ = 0;
   bool closed_ = false;          // fingertips have begun to close and have not opened
   GraspReport<Scalar> failure_;  // of the step that failed
   Index speeds_ = 0;             // nv
@@ -249,8 +251,9 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
   closed_ = false;
   fault_ = GraspFault::Nothing;
   fault_finger_ = -1;
-  time_ = raised_ = opened_ = Scalar(0);
-  firm_ = slips_ = missed_ = 0;
+  force_.reset(tips_.size());
+  time_ = opened_ = Scalar(0);
+  firm_ = missed_ = 0;
   return {};
 }
 
@@ -259,78 +262,67 @@ requires ArticulatedDynamics<Model, Scalar> GraspReport<Scalar>
 GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>& hand,
                                        std::span<const Touch> touches, HandDrive<Scalar>& drive) {
   GraspReport<Scalar> report;
-  report.phase = phase_;
   bool good = hand.positions.size() == q_.size() && hand.velocities.size() == speeds_ &&
               all_finite(hand.positions) && all_finite(hand.velocities) && is_finite(dt) &&
               Scalar(0) < dt;
-  const bool feels = phase_ != GraspPhase::Free && phase_ != GraspPhase::Failed;
-  if (feels) good = good && touches.size() == grasp_.fingers.size();
+  const bool failed = phase_ == GraspPhase::Failed;
+  if (!failed && phase_ != GraspPhase::Free) good = good && touches.size() == grasp_.fingers.size();
   for (const Touch& t : touches)
     good = good && is_finite(t.normal_force) && is_finite(t.tangential_force);
-  if (!good && phase_ != GraspPhase::Failed) fail(GraspFault::BadInput, -1, report);
+  if (!good && !failed) fail(GraspFault::BadInput, -1);
   switch (phase_) {
     case GraspPhase::Free:
-    case GraspPhase::Failed: tracker_.stop(drive); break;
-    case GraspPhase::Approach:
-      if (!approach(dt, drive)) fail(GraspFault::BadInput, -1, report);
-      if (phase_ == GraspPhase::Approach && !(time_ < path_.front().end_time()))
-        start_closing(hand, report);
-      if (phase_ == GraspPhase::Failed) tracker_.stop(drive);
-      break;
+    case GraspPhase::Failed: break;
+    case GraspPhase::Approach: approach(dt, hand, drive); break;
     case GraspPhase::Close:
       press(dt, touches, report);
       judge_closing(dt, hand, touches, report);
+      send(dt, drive, report);
       break;
     case GraspPhase::Hold:
       press(dt, touches, report);
-      judge_holding(touches, report);
+      judge_holding(touches);
       if (phase_ == GraspPhase::Hold) move(dt);
+      send(dt, drive, report);
       break;
     case GraspPhase::Open:
-      for (Tip& tip : tips_) tip.depth -= settings_.closing_speed * dt;
-      opened_ += settings_.closing_speed * dt;
-      if (settings_.open_distance < opened_) {
-        phase_ = GraspPhase::Free;
-        closed_ = false;
-      }
+      open(dt);
+      send(dt, drive, report);
       break;
   }
-  if (report.phase == GraspPhase::Close || report.phase == GraspPhase::Hold ||
-      report.phase == GraspPhase::Open)
-    send(dt, drive, report);
-  if (phase_ == GraspPhase::Free) tracker_.stop(drive);
-  if (feels && phase_ == GraspPhase::Failed) failure_ = report;  // what it saw then
+  if (phase_ == GraspPhase::Free || phase_ == GraspPhase::Failed) tracker_.stop(drive);
   if (phase_ == GraspPhase::Failed) {
-    const Scalar error = report.ik_error;
+    if (!failed) failure_ = report;  // what it saw then
     report = failure_;
-    report.ik_error = error;
   }
   report.phase = phase_;
   report.fault = fault_;
   report.finger = fault_finger_;
-  report.slips = slips_;
+  report.slips = force_.slips();
   return report;
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-bool GraspController<Model, Scalar>::approach(const Scalar& dt, HandDrive<Scalar>& drive) {
+void GraspController<Model, Scalar>::approach(const Scalar& dt, const HandState<Scalar>& hand,
+                                              HandDrive<Scalar>& drive) {
   time_ += dt;
   path_.front().sample(time_, q_, qd_);
-  return tracker_.move_to(q_, dt, drive);
+  if (!tracker_.move_to(q_, dt, drive)) {
+    fail(GraspFault::BadInput, -1);
+  } else if (!(time_ < path_.front().end_time())) {
+    start_closing(hand);
+  }
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-void GraspController<Model, Scalar>::start_closing(const HandState<Scalar>& hand,
-                                                   GraspReport<Scalar>& report) {
+void GraspController<Model, Scalar>::start_closing(const HandState<Scalar>& hand) {
   using std::sqrt;
   phase_ = GraspPhase::Close;
   closed_ = true;
   time_ = Scalar(0);
-  R_ = R_wanted_ = Matrix3<Scalar>::Identity();
-  t_.setConstant(Scalar(0));
-  t_wanted_ = t_;
+  motion_.reset();
   (void)tracker_.set_posture(tracker_.positions());
   for (std::size_t i = 0; i < tips_.size(); ++i) {
     const GraspFinger<Scalar>& f = grasp_.fingers[i];
@@ -340,7 +332,7 @@ void GraspController<Model, Scalar>::start_closing(const HandState<Scalar>& hand
     tracker_.pose(f.finger, tips_[i].R, tips_[i].place);
     tips_[i].press = f.press;
     const Scalar off = sqrt((at - tips_[i].place).squaredNorm());
-    if (settings_.place_tolerance < off) fail(GraspFault::NotThere, static_cast<int>(i), report);
+    if (settings_.place_tolerance < off) fail(GraspFault::NotThere, static_cast<int>(i));
   }
 }
 
@@ -348,47 +340,11 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::press(const Scalar& dt, std::span<const Touch> touches,
                                            GraspReport<Scalar>& report) {
-  Scalar load(0), sum(0);
-  bool sliding = false;
-  report.least_force = touches[0].normal_force;
-  for (std::size_t i = 0; i < tips_.size(); ++i) {
-    const Touch& t = touches[i];
-    sum += t.normal_force;
-    if (t.normal_force < report.least_force) report.least_force = t.normal_force;
-    const bool slides = t.contacts > 0 && t.contacts < 2 * t.sliding;
-    if (slides && !tips_[i].slid && phase_ == GraspPhase::Hold) ++slips_;
-    tips_[i].slid = slides;
-    sliding = sliding || slides;
-    if (load < t.tangential_force) load = t.tangential_force;
-  }
-  const Scalar count(static_cast<double>(tips_.size()));
-  report.mean_force = sum / count;
-  report.slides = sliding;
-  // The force rises at once where the load asks for it, steadily while something slides, and falls
-  // within a second.
-  Scalar wanted = grasp_.force;
-  if (phase_ == GraspPhase::Hold) {
-    const Scalar room = settings_.most_force - grasp_.force;
-    const Scalar needed = settings_.margin * load / settings_.friction - grasp_.force;
-    raised_ -= raised_ * (dt < Scalar(1) ? dt : Scalar(1));
-    if (sliding) raised_ += Scalar(2) * grasp_.force * dt;
-    if (raised_ < needed) raised_ = needed;
-    if (room < raised_) raised_ = room;
-    wanted += raised_;
-  }
-  const bool most = !(wanted < settings_.most_force);
-  report.wanted_force = wanted;
-  report.too_weak = most && sliding;
-  const Scalar fastest = settings_.closing_speed * dt;
+  force_.update(settings_, grasp_.force, phase_ == GraspPhase::Hold, dt, touches, report);
   for (std::size_t i = 0; i < tips_.size(); ++i) {
     const Scalar felt = grasp_.together ? report.mean_force : touches[i].normal_force;
-    Scalar step = dt * (wanted - felt) / (settings_.stiffness * settings_.response_time);
-    if (fastest < step) step = fastest;
-    if (step < -fastest) step = -fastest;
     Scalar& depth = tips_[i].depth;
-    depth += step;
-    if (settings_.most_depth < depth) depth = settings_.most_depth;
-    if (depth < -settings_.most_depth) depth = -settings_.most_depth;
+    depth = detail::GripForce<Scalar>::deepen(settings_, report.wanted_force, felt, dt, depth);
     if (i == 0 || report.depth < depth) report.depth = depth;
     if (touches[i].contacts > 0) tips_[i].touched = true;
   }
@@ -398,7 +354,7 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandState<Scalar>& hand,
                                                    std::span<const Touch> touches,
-                                                   GraspReport<Scalar>& report) {
+                                                   const GraspReport<Scalar>& report) {
   using std::abs;
   time_ += dt;
   bool firm = true;
@@ -422,86 +378,49 @@ void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandS
   if (time_ < settings_.time_out) return;
   for (std::size_t i = 0; i < tips_.size(); ++i) {
     if (tips_[i].touched) continue;
-    fail(GraspFault::NoTouch, static_cast<int>(i), report);
+    fail(GraspFault::NoTouch, static_cast<int>(i));
     return;
   }
-  fail(GraspFault::NotFirm, worst, report);
+  fail(GraspFault::NotFirm, worst);
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-void GraspController<Model, Scalar>::judge_holding(std::span<const Touch> touches,
-                                                   GraspReport<Scalar>& report) {
+void GraspController<Model, Scalar>::judge_holding(std::span<const Touch> touches) {
   int empty = -1;
   for (std::size_t i = 0; i < touches.size(); ++i) {
     if (touches[i].contacts == 0) empty = static_cast<int>(i);
   }
   missed_ = empty < 0 ? 0 : missed_ + 1;
-  if (settings_.firm_steps <= missed_) fail(GraspFault::Lost, empty, report);
+  if (settings_.firm_steps <= missed_) fail(GraspFault::Lost, empty);
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-void GraspController<Model, Scalar>::move(const Scalar& dt) {
-  using std::sqrt;
-  Vector3<Scalar> middle = Vector3<Scalar>::Constant(Scalar(0));
-  for (const Tip& tip : tips_) middle += tip.place / Scalar(static_cast<double>(tips_.size()));
-  const Vector3<Scalar> from = R_ * middle + t_;
-  Vector3<Scalar> way = R_wanted_ * middle + t_wanted_ - from;
-  const Scalar length = sqrt(way.squaredNorm()), most = settings_.hold_speed * dt;
-  if (most < length) way *= most / length;
-  Vector3<Scalar> turn = rotation_log<Scalar>(R_wanted_ * R_.transpose());
-  const Scalar angle = sqrt(turn.squaredNorm()), most_angle = settings_.turn_speed * dt;
-  if (most_angle < angle) {
-    turn *= most_angle / angle;
-    const Eigen::Quaternion<Scalar> next(Matrix3<Scalar>(rotation_exp<Scalar>(turn) * R_));
-    R_ = next.normalized().toRotationMatrix();  // products of rotations drift from being one
-  } else {
-    R_ = R_wanted_;
-  }
-  t_ = from + way - R_ * middle;
+void GraspController<Model, Scalar>::open(const Scalar& dt) {
+  const Scalar way = settings_.closing_speed * dt;
+  for (Tip& tip : tips_) tip.depth -= way;
+  opened_ += way;
+  if (opened_ <= settings_.open_distance) return;
+  phase_ = GraspPhase::Free;
+  closed_ = false;
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::send(const Scalar& dt, HandDrive<Scalar>& drive,
                                           GraspReport<Scalar>& report) {
-  if (phase_ == GraspPhase::Failed) {
-    tracker_.stop(drive);
-    return;
-  }
+  if (phase_ == GraspPhase::Failed) return;
   for (std::size_t i = 0; i < tips_.size(); ++i) {
     FingertipTarget<Scalar>& target = targets_[i];
     target.finger = grasp_.fingers[i].finger;
-    target.R_world_frame = R_ * tips_[i].R;
-    target.place = R_ * (tips_[i].place + tips_[i].depth * tips_[i].press) + t_;
+    target.R_world_frame = motion_.R() * tips_[i].R;
+    target.place = motion_.at(tips_[i].place + tips_[i].depth * tips_[i].press);
     target.force = tips_[i].load;
   }
   const IkReport<Scalar> found = tracker_.track(targets_, dt, drive);
   report.ik_error = found.error;
-  if (found.status == IkStatus::InvalidInput) {
-    tracker_.stop(drive);
-    fail(GraspFault::BadInput, -1, report);
-  }
-}
-
-template <class Model, RealScalar Scalar>
-requires ArticulatedDynamics<Model, Scalar>
-bool GraspController<Model, Scalar>::move_to(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
-  if (phase_ != GraspPhase::Hold || !is_motion(R, t)) return false;
-  R_wanted_ = R;
-  t_wanted_ = t;
-  return true;
-}
-
-template <class Model, RealScalar Scalar>
-requires ArticulatedDynamics<Model, Scalar>
-bool GraspController<Model, Scalar>::move_by(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
-  if (phase_ != GraspPhase::Hold || !is_motion(R, t)) return false;
-  t_wanted_ = R * t_ + t;
-  const Eigen::Quaternion<Scalar> turn(Matrix3<Scalar>(R * R_));
-  R_wanted_ = turn.normalized().toRotationMatrix();
-  return true;
+  if (found.status == IkStatus::InvalidInput) fail(GraspFault::BadInput, -1);
 }
 
 template <class Model, RealScalar Scalar>

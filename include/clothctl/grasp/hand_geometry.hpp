@@ -232,12 +232,8 @@ Result<HandInWorld> add_hand_geometry(World<Scalar>& world, int hand,
     int carrier = -1;
     for (std::size_t i = 0; i < geometry.capsules.size(); ++i) {
       const LinkCapsule<Scalar>& c = geometry.capsules[i];
-      const Vector3<Scalar> axis = c.to - c.from, way = finger.point - c.from;
-      const Scalar size = axis.squaredNorm();
-      Scalar share = Scalar(0) < size ? Scalar(way.dot(axis) / size) : Scalar(0);
-      if (share < Scalar(0)) share = Scalar(0);
-      if (Scalar(1) < share) share = Scalar(1);
-      const Scalar far_away = (way - share * axis).squaredNorm();
+      const Scalar far_away =
+          detail::offset_from_segment<Scalar>(c.from, c.to, finger.point).squaredNorm();
       if (c.frame != finger.frame || !(far_away < least)) continue;
       least = far_away;
       carrier = out.shapes[i];

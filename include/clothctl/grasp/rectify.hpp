@@ -23,6 +23,7 @@
 #include <vector>
 
 #include "clothctl/math/horn.hpp"
+#include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/ik_task.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -126,8 +127,7 @@ template <RealScalar Scalar>
     out.message = "the present rotation holds NaN or an infinity";
     return out;
   }
-  const Matrix3<Scalar> skewed = R_now.transpose() * R_now - Matrix3<Scalar>::Identity();
-  if (!(skewed.squaredNorm() < Scalar(1e-4)) || !(Scalar(0) < R_now.determinant())) {
+  if (!is_rotation<Scalar>(R_now, Scalar(1e-2))) {
     out.message = "the present rotation is not a rotation";
     return out;
   }

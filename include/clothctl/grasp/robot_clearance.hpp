@@ -56,6 +56,18 @@ struct ClosestPart {
 
 namespace detail {
 
+/// Returns the vector to x from the closest point of the segment from a to b, m.
+template <RealScalar Scalar>
+Vector3<Scalar> offset_from_segment(const Vector3<Scalar>& a, const Vector3<Scalar>& b,
+                                    const Vector3<Scalar>& x) {
+  const Vector3<Scalar> along = b - a;
+  const Scalar square = along.squaredNorm();
+  Scalar share = Scalar(0) < square ? Scalar((x - a).dot(along) / square) : Scalar(0);
+  if (share < Scalar(0)) share = Scalar(0);
+  if (Scalar(1) < share) share = Scalar(1);
+  return Vector3<Scalar>(x - a - share * along);
+}
+
 /// Returns an empty string, or what is wrong with the capsules on a model.
 template <class Model, RealScalar Scalar>
 std::string find_bad_capsule(const Model& model, std::span<const LinkCapsule<Scalar>> capsules) {
@@ -138,12 +150,8 @@ class RobotClearance {
   bool lower(int capsule, Distance distance, Scalar& best) const;
   /// Distance of a point from the surface of a capsule.
   Scalar from_capsule(int i, const Vec& x) const {
-    const Vec a = from_.col(i), along = to_.col(i) - a;
-    const Scalar square = along.squaredNorm();
-    Scalar share = Scalar(0) < square ? Scalar((x - a).dot(along) / square) : Scalar(0);
-    if (share < Scalar(0)) share = Scalar(0);
-    if (Scalar(1) < share) share = Scalar(1);
-    return length(Vec(x - a - share * along)) - capsules_[static_cast<std::size_t>(i)].radius;
+    const Vec offset = detail::offset_from_segment<Scalar>(from_.col(i), to_.col(i), x);
+    return length(offset) - capsules_[static_cast<std::size_t>(i)].radius;
   }
   static Scalar length(const Vec& x) {
     using std::sqrt;

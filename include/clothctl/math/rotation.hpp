@@ -40,6 +40,14 @@ Matrix3<Scalar> cross_matrix(const Vector3<Scalar>& v) {
   return M;
 }
 
+/// Returns whether R is a rotation: RᵀR is within `tolerance` of the identity (Frobenius norm), and
+/// the determinant is positive. False where a number is not finite.
+template <RealScalar Scalar>
+bool is_rotation(const Matrix3<Scalar>& R, const Scalar& tolerance) {
+  const Matrix3<Scalar> off = R.transpose() * R - Matrix3<Scalar>::Identity();
+  return off.squaredNorm() < tolerance * tolerance && Scalar(0) < R.determinant();
+}
+
 /// Returns the product a b: as rotations, b first and then a.
 template <RealScalar Scalar>
 QuaternionWxyz<Scalar> quaternion_product(const QuaternionWxyz<Scalar>& a,

@@ -124,9 +124,6 @@ class Planner {
   template <class Features>
   static PointFeatures<Scalar> point_features(const Features& features);
 
-  /// Returns true when the predictor's response has the size of the request.
-  static bool response_fits(const Problem& problem);
-
   /// Returns the step weight at which the damping of a plan starts when the settings ask for less,
   /// s²/m².
   static Scalar least_step_weight() { return Scalar(1e-4); }
@@ -196,7 +193,7 @@ auto Planner<P, Setup, BoxSolver, RowSolver>::create(Setup setup, PlannerSetting
   }
   if (!problem.empty()) return Error{problem};
   Planner planner(std::move(setup), std::move(settings), std::move(predictor), start);
-  if (!response_fits(planner.problem_)) return Error{wrong_response()};
+  if (!detail::response_fits(planner.problem_)) return Error{wrong_response()};
   return planner;
 }
 
@@ -275,7 +272,7 @@ std::string Planner<P, Setup, BoxSolver, RowSolver>::set_grips(
                  Basis(std::move(grips), setup_.triangles, problem_.settings.input),
                  point_features(setup_.features));
     Traits::reserve(predictor_, next.request, next.response);
-    if (!response_fits(next)) {
+    if (!detail::response_fits(next)) {
       Traits::reserve(predictor_, problem_.request, problem_.response);
       return wrong_response();
     }
@@ -358,17 +355,6 @@ auto Planner<P, Setup, BoxSolver, RowSolver>::point_features(const Features& fea
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
           QpSolver<PredictorScalar<P>> RowSolver>
-bool Planner<P, Setup, BoxSolver, RowSolver>::response_fits(const Problem& problem) {
-  const WindowRequest<Scalar>& q = problem.request;
-  const WindowResponse<Scalar>& r = problem.response;
-  return r.impulse_response.rows() == q.output_rows() &&
-         r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
-         r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
-         r.free_response.cols() == q.horizon;
-}
-
-template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
-          QpSolver<PredictorScalar<P>> RowSolver>
 auto Planner<P, Setup, BoxSolver, RowSolver>::anchors_at(const Basis& basis,
                                                          const PointsView<Scalar>& x) const
     -> std::vector<HandAnchor<Scalar>> {
@@ -405,7 +391,7 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
   for (detail::HeldPatch<Scalar>& patch : problem_.patches) patch.update(problem_.motion.position);
   problem_.response.plan = problem_.request.plan;
   if (!Traits::predict(predictor_, x, v, problem_.request, problem_.response) ||
-      !response_fits(problem_))
+      !detail::response_fits(problem_))
     return fail(result);
   PlanStatus status = PlanStatus::Failed;
   step_weight_ *= Scalar(0.5);

@@ -14,6 +14,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/detail/hand34_parts.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -102,6 +103,20 @@ std::vector<Capsule<Scalar>> hand34_capsules() {
   return shape;
 }
 
+namespace detail {
+
+/// Sets the position of a joint where the tree has it and it is free to move; else does nothing.
+template <RealScalar Scalar>
+void set_joint(const KinematicTree<Scalar>& tree, const std::string& joint, const Scalar& value,
+               VectorX<Scalar>& q) {
+  const int k = tree.find_joint(joint);
+  if (k < 0) return;
+  const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(k)];
+  if (body.type != JointType::Free && !body.follows) q[body.position] = value;
+}
+
+}  // namespace detail
+
 /// Returns positions (nq) of a relaxed hand: 0.2 m above the origin, pitched 0.3 rad down, fingers
 /// and thumb half curled. The hand's joints are found by name, so `tree` may be a larger robot that
 /// contains the hand. Joints that `tree` does not have, or that follow others there, are skipped.
@@ -110,10 +125,7 @@ template <RealScalar Scalar>
 VectorX<Scalar> hand34_home(const KinematicTree<Scalar>& tree) {
   VectorX<Scalar> q = tree.neutral();
   const auto set = [&](const std::string& joint, double value) {
-    const int k = tree.find_joint(joint);
-    if (k < 0) return;
-    const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(k)];
-    if (body.type != JointType::Free && !body.follows) q[body.position] = Scalar(value);
+    detail::set_joint(tree, joint, Scalar(value), q);
   };
   set("base_tz", 0.2);
   set("base_ry", 0.3);
@@ -143,12 +155,7 @@ VectorX<Scalar> hand34_pinch(const KinematicTree<Scalar>& tree) {
       {"middle_dip", 0.0}, {"ring_mcp_flex", -0.3},   {"ring_pip", 0.1},
       {"ring_dip", 0.0},   {"little_mcp_flex", -0.3}, {"little_pip", 0.1},
       {"little_dip", 0.0}, {"thumb_cmc_flex", 0.4}};
-  for (const auto& [joint, value] : joints) {
-    const int k = tree.find_joint(joint);
-    if (k < 0) continue;
-    const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(k)];
-    if (body.type != JointType::Free && !body.follows) q[body.position] = Scalar(value);
-  }
+  for (const auto& [joint, value] : joints) detail::set_joint(tree, joint, Scalar(value), q);
   return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());
 }
 
@@ -162,8 +169,7 @@ bool hand34_place_base(const KinematicTree<Scalar>& tree, const Matrix3<Scalar>&
   using std::asin;
   using std::atan2;
   if (!all_finite(R) || !all_finite(origin) || q.size() != tree.nq()) return false;
-  const Matrix3<Scalar> skewed = R.transpose() * R - Matrix3<Scalar>::Identity();
-  if (!(skewed.squaredNorm() < Scalar(1e-4)) || !(Scalar(0) < R.determinant())) return false;
+  if (!is_rotation<Scalar>(R, Scalar(1e-2))) return false;
   Scalar sine = -R(2, 0);
   if (Scalar(1) < sine) sine = Scalar(1);
   if (sine < Scalar(-1)) sine = Scalar(-1);
@@ -183,8 +189,7 @@ bool hand34_place_base(const KinematicTree<Scalar>& tree, const Matrix3<Scalar>&
   for (const auto& [joint, value] : joints) {
     if (tree.find_joint(joint) < 0) return false;
   }
-  for (const auto& [joint, value] : joints)
-    q[tree.bodies()[static_cast<std::size_t>(tree.find_joint(joint))].position] = value;
+  for (const auto& [joint, value] : joints) detail::set_joint(tree, joint, value, q);
   return true;
 }
 

@@ -5,15 +5,10 @@
 // Needs nlohmann-json.
 
 #include <algorithm>
-#include <array>
-#include <cerrno>
 #include <cstddef>
-#include <cstdio>
-#include <memory>
 #include <set>
 #include <string>
 #include <string_view>
-#include <system_error>
 #include <utility>
 #include <vector>
 
@@ -85,27 +80,6 @@ class JsonCheck : public nlohmann::json_sax<Json> {
 
   std::vector<std::set<std::string>> keys_;
 };
-
-/// Returns the contents of a file, or why it cannot be read. A file that is too large is cut.
-inline Result<std::string> read_json_text(const std::string& path) {
-  const auto refuse = [&path](const char* what) {
-    return Error{path + ": " + what + " (" + std::generic_category().message(errno) + ")"};
-  };
-  struct Closer {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  errno = 0;
-  const std::unique_ptr<std::FILE, Closer> file(std::fopen(path.c_str(), "rb"));
-  if (!file) return refuse("cannot be opened");
-  std::string text;
-  std::array<char, 16384> block{};
-  while (const std::size_t count = std::fread(block.data(), 1, block.size(), file.get())) {
-    text.append(block.data(), count);
-    if (kLargestJson < text.size()) return text;  // load() refuses it
-  }
-  if (std::ferror(file.get()) != 0) return refuse("cannot be read");
-  return text;
-}
 
 /// Reads values. Functions return true on success; `where` is the path to a value in the file.
 template <RealScalar Scalar>

@@ -6,12 +6,9 @@
 
 #include <algorithm>
 #include <array>
-#include <cerrno>
 #include <charconv>
 #include <cstddef>
-#include <cstdio>
 #include <initializer_list>
-#include <memory>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -21,7 +18,6 @@
 #include <tinyxml2.h>
 
 #include "clothctl/core/number_text.hpp"
-#include "clothctl/core/result.hpp"
 #include "clothctl/core/types.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -49,27 +45,6 @@ inline std::string one_line(const std::string& file, int line, std::string_view 
   if (head.size() < what.size()) out += "…";
   for (char& c : out) c = static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
   return out;
-}
-
-/// Returns the contents of a file, or why it cannot be read.
-inline Result<std::string> read_text(const std::string& path) {
-  const auto refuse = [&path](const char* what) {
-    return Error{path + ": " + what + " (" + std::generic_category().message(errno) + ")"};
-  };
-  struct Closer {
-    void operator()(std::FILE* file) const { std::fclose(file); }
-  };
-  errno = 0;
-  const std::unique_ptr<std::FILE, Closer> file(std::fopen(path.c_str(), "rb"));
-  if (!file) return refuse("cannot be opened");
-  std::string text;
-  std::array<char, 16384> block{};
-  while (const std::size_t count = std::fread(block.data(), 1, block.size(), file.get())) {
-    text.append(block.data(), count);
-    if (text.size() > kLargestUrdf) return text;  // load() refuses it
-  }
-  if (std::ferror(file.get()) != 0) return refuse("cannot be read");
-  return text;
 }
 
 using XmlElement = tinyxml2::XMLElement;

@@ -70,6 +70,17 @@ struct WindowProblem {
   Vector3<Scalar> force_share = Vector3<Scalar>::Zero();
 };
 
+/// Returns true when the predictor's response has the size of the request.
+template <RealScalar Scalar, class Contact>
+bool response_fits(const WindowProblem<Scalar, Contact>& problem) {
+  const WindowRequest<Scalar>& q = problem.request;
+  const WindowResponse<Scalar>& r = problem.response;
+  return r.impulse_response.rows() == q.output_rows() &&
+         r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
+         r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
+         r.free_response.cols() == q.horizon;
+}
+
 /// Returns the time `k` frames after `t`, s.
 template <RealScalar Scalar, class Contact>
 Scalar frame_time(const WindowProblem<Scalar, Contact>& problem, Scalar t, Index k) {
