@@ -101,8 +101,9 @@ int main(int argc, char** argv) {
       held += r.dt;
     }
     hand->drive(t, r.dt);
-    failed = !world.step(r.dt).advanced;
-    hand->measure(r.dt);
+    const auto report = world.step(r.dt);
+    failed = !report.advanced;
+    hand->measure(report, r.dt);
     if (held > 0 && held <= rest) hand->mark(grid.positions);
     if (held > rest) slip = std::max(slip, hand->slip(grid.positions));
     if (!r.out.empty()) page.add_frame(world.state(0).positions, none, none, r.dt);

@@ -175,7 +175,7 @@ void GraspingHand::drive(double t, double dt) {
   ++figures_.held_steps;
 }
 
-void GraspingHand::measure(double dt) {
+void GraspingHand::measure(const clothctl::WorldReport<double>& report, double dt) {
   const Vector torques = world_.torques(parts_.hand) + world_.drive(parts_.hand).torque;
   const Vector limits = tree_.effort_limits();
   for (Index i = 0; i < torques.size(); ++i)
@@ -186,9 +186,9 @@ void GraspingHand::measure(double dt) {
     const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
     figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
   }
+  if (report.parts != 1) return;  // torques are those of the last part
   // The base slides along x, y and z: its rows of M a + C + g are forces, and those that its joints
-  // and the sheet do not exert are missing. (Where the world divides a step, its torques are those
-  // of the last part, and this says nothing.)
+  // and the sheet do not exert are missing.
   const clothctl::HandState<double>& now = world_.hand(parts_.hand);
   const Vector change = (now.velocities - before_.velocities) / dt;
   Vector needed = Vector::Zero(torques.size());
@@ -211,39 +211,13 @@ void GraspingHand::measure(double dt) {
   figures_.momentum_residual = std::max(figures_.momentum_residual, missing.norm() / size);
 }
 
-GraspingHand::Points GraspingHand::touched(const Points& rest) const {
-  Points out = Points::Constant(3, kArrows / 2, std::nan(""));
-  for (int k = 0; k < 2; ++k) {
-    for (const auto& c : world_.pad_contacts(parts_.pads[static_cast<std::size_t>(k)])) {
-      Vec at = Vec::Zero();
-      for (std::size_t i = 0; i < 3; ++i)
-        at += c.weight[static_cast<Index>(i)] * rest.col(c.vertex[i]);
-      out.col(13 * k + c.sample) = at;
-    }
-  }
-  return out;
-}
-
-double GraspingHand::slip(const Points& rest) const {
-  if (marked_.cols() == 0) return 0;
-  const Points ways = touched(rest) - marked_;
-  Vec sum = Vec::Zero();
-  double count = 0;
-  for (Index k = 0; k < ways.cols(); ++k) {
-    if (!ways.col(k).allFinite()) continue;
-    sum += ways.col(k);
-    ++count;
-  }
-  return count > 0 ? sum.norm() / count : 0;
-}
-
 void GraspingHand::add_arrows(double dt, Index first, Points& places, Points& forces) const {
   for (int k = 0; k < 2; ++k) {
     for (const auto& c : world_.pad_contacts(parts_.pads[static_cast<std::size_t>(k)])) {
-      const Index i = first + 26 * k + c.sample;
-      places.col(i) = places.col(i + 13) = c.place;
+      const Index i = first + 2 * kSamples * k + c.sample;
+      places.col(i) = places.col(i + kSamples) = c.place;
       forces.col(i) = c.impulse / dt;
-      forces.col(i + 13) = -c.impulse / dt;
+      forces.col(i + kSamples) = -c.impulse / dt;
     }
   }
 }

@@ -16,6 +16,7 @@
 #include "clothctl/grasp/robot_clearance.hpp"
 #include "clothctl/grasp/static_contacts.hpp"
 #include "support/hand_shape.hpp"
+#include "support/pad_ways.hpp"
 
 namespace program {
 
@@ -62,8 +63,8 @@ class GraspingHand {
 
   /// Drives the hand in the coming step.
   void drive(double t, double dt);
-  /// Measures after the step.
-  void measure(double dt);
+  /// Measures after the step, which ended with this report.
+  void measure(const clothctl::WorldReport<double>& report, double dt);
 
   clothctl::GraspController<Hand>& controller() { return *controller_; }
   const clothctl::HandInWorld& parts() const { return parts_; }
@@ -72,13 +73,22 @@ class GraspingHand {
   /// The fingers, as a planner wants them; their segments are 2 k and 2 k + 1 of StaticContacts.
   std::vector<clothctl::HoldingFinger<double>> holding(int k) const;
 
+  /// Samples of a pad.
+  static constexpr clothctl::Index kSamples = 13;
   /// Remembers the points of the sheet that the pads touch, for `slip`.
-  void mark(const Points& rest) { marked_ = touched(rest); }
+  void mark(const Points& rest) {
+    marked_ = touched_at_rest(world_, {parts_.pads.data(), 2}, kSamples, rest);
+  }
   /// Mean way of the sheet under the samples that touch now and did then, on the sheet at rest, m.
-  double slip(const Points& rest) const;
+  double slip(const Points& rest) const {
+    return marked_.cols() == 0
+               ? 0
+               : mean_way(touched_at_rest(world_, {parts_.pads.data(), 2}, kSamples, rest) -
+                          marked_);
+  }
 
   /// The arrows of a page: forces on the sheet and on the fingers, N, and where they act.
-  static constexpr clothctl::Index kArrows = 52;
+  static constexpr clothctl::Index kArrows = 4 * kSamples;
   void add_arrows(double dt, clothctl::Index first, Points& places, Points& forces) const;
   /// The shape of the hand, for a page.
   const HandShape& shape() const { return shape_; }
@@ -96,7 +106,6 @@ class GraspingHand {
   /// Finds a way from a random start to the first waiting pose.
   std::string plan_way(clothctl::RobotClearance<Hand>& whole, const clothctl::VectorX<double>& wait,
                        std::uint64_t seed, std::vector<clothctl::VectorX<double>>& keys);
-  Points touched(const Points& rest) const;
   std::array<clothctl::PadTouch<double>, 2> touches(double dt) const;
 
   World& world_;

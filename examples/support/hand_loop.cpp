@@ -22,22 +22,16 @@ namespace {
 using Planner = clothctl::Planner<AnyPredictor>;
 constexpr double kDt = 0.02;
 
-/// Distances of the features from their targets in a run.
+/// Distances of the features from their targets in a run, m.
 struct Errors {
   double sum = 0, most = 0;
-  long count = 0;
-  void add(const Scene& scene, const Points& x, double t) {
-    for (Index i = 0; i < scene.setup.features.count(); ++i) {
-      Vec gap = -scene.task.curves[static_cast<std::size_t>(i)].position(t);
-      using Map = clothctl::feature_traits<clothctl::PointFeatures<double>>;
-      Map::for_each_term(scene.setup.features, i,
-                         [&](int v, double weight) { gap += weight * x.col(v); });
-      sum += gap.norm();
-      most = std::max(most, gap.norm());
-      ++count;
-    }
+  long frames = 0;
+  void add(double mean_of_frame, double most_of_frame) {
+    sum += mean_of_frame;
+    most = std::max(most, most_of_frame);
+    ++frames;
   }
-  double mean() const { return sum / static_cast<double>(std::max(1L, count)); }
+  double mean() const { return sum / static_cast<double>(std::max(1L, frames)); }
 };
 
 long scored_frames(const Scene& scene) {
@@ -63,8 +57,9 @@ Errors run_bare(Scene scene, const Options& o, const clothctl::ClothState<double
   Errors errors;
   for (long frame = 0; frame < scored_frames(scene); ++frame) {
     const double t = kDt * static_cast<double>(frame);
-    if (!run_frame(planner, plant, t, targets(scene), scene.task.wind, plan).advanced()) break;
-    errors.add(scene, plant.positions(), t + kDt);
+    const auto report = run_frame(planner, plant, t, targets(scene), scene.task.wind, plan);
+    if (!report.advanced()) break;
+    errors.add(report.mean_error, report.max_error);
   }
   return errors;
 }
@@ -128,7 +123,8 @@ class HandsRun {
       world_.input(0).wind = scene_.task.wind(t);
       time_ = t + kDt;
       if (std::string bad = step(); !bad.empty()) return bad;
-      errors.add(scene_, x(), time_);
+      const clothctl::VectorX<double> distance = (features() - wanted()).colwise().norm();
+      errors.add(distance.mean(), distance.maxCoeff());
     }
     return {};
   }
@@ -141,6 +137,18 @@ class HandsRun {
 
  private:
   const Points& x() const { return world_.state(0).positions; }
+  /// The features, and where they shall be now.
+  Points features() const {
+    Points out(3, scene_.setup.features.count());
+    clothctl::evaluate_features<double>(scene_.setup.features, x(), out);
+    return out;
+  }
+  Points wanted() const {
+    Points out = Points::Constant(3, scene_.setup.features.count(), std::nan(""));
+    for (std::size_t i = 0; i < scene_.task.curves.size(); ++i)
+      out.col(static_cast<Index>(i)) = scene_.task.curves[i].position(time_);
+    return out;
+  }
 
   void add_sheet(const clothctl::ClothState<double>& state) {
     clothctl::MassSpringSettings<double> settings;
@@ -207,16 +215,11 @@ class HandsRun {
       hand->drive(time_, kDt);
       if (!hand->figures().fault.empty()) return hand->figures().fault;
     }
-    if (!world_.step(kDt).advanced) return "the world did not advance";
+    const auto report = world_.step(kDt);
+    if (!report.advanced) return "the world did not advance";
     contacts_->update(world_);
-    for (auto& hand : hands_) hand->measure(kDt);
-    if (options_.out.empty()) return {};
-    const Index count = scene_.setup.features.count();
-    Points now(3, count), wanted = Points::Constant(3, count, std::nan(""));
-    clothctl::evaluate_features<double>(scene_.setup.features, x(), now);
-    for (Index i = 0; i < count && !scene_.task.curves.empty(); ++i)
-      wanted.col(i) = scene_.task.curves[static_cast<std::size_t>(i)].position(time_);
-    page_->add_frame(x(), now, wanted, kDt);
+    for (auto& hand : hands_) hand->measure(report, kDt);
+    if (!options_.out.empty()) page_->add_frame(x(), features(), wanted(), kDt);
     return {};
   }
 
@@ -249,10 +252,10 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
   nlohmann::ordered_json j;
   j["status"] = bad.empty() ? "finished" : bad;
   j["vertices"] = state.positions.cols();
-  j["mean_error_m"] = known(run.errors.mean(), run.errors.count > 0);
-  j["max_error_m"] = known(run.errors.most, run.errors.count > 0);
-  j["bare_mean_error_m"] = known(bare.mean(), bare.count > 0);
-  j["bare_max_error_m"] = known(bare.most, bare.count > 0);
+  j["mean_error_m"] = known(run.errors.mean(), run.errors.frames > 0);
+  j["max_error_m"] = known(run.errors.most, run.errors.frames > 0);
+  j["bare_mean_error_m"] = known(bare.mean(), bare.frames > 0);
+  j["bare_max_error_m"] = known(bare.most, bare.frames > 0);
   j["grasp_firm_share"] = 0.5 * ((a.firm_s >= 0 ? 1 : 0) + (b.firm_s >= 0 ? 1 : 0));
   j["slips"] = a.last.slips + b.last.slips;
   j["grip_force_mean_N"] =

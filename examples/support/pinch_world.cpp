@@ -9,6 +9,7 @@
 #include "clothctl/collision/shapes.hpp"
 #include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/hand34.hpp"
+#include "support/pad_ways.hpp"
 
 namespace program {
 
@@ -293,15 +294,10 @@ double PinchWorld::stretch() const {
   return most;
 }
 
-PinchWorld::Points PinchWorld::touched_at_rest() const {
-  Points out = Points::Constant(3, kSamples, std::nan(""));
-  for_each_contact([&](int pad, const clothctl::PadContact<double>& contact) {
-    Vector at = Vector::Zero();
-    for (std::size_t k = 0; k < 3; ++k)
-      at += contact.weight[static_cast<Index>(k)] * rest_.col(contact.vertex[k]);
-    out.col(4 * pad + contact.sample) = at;
-  });
-  return out;
+PinchWorld::Points PinchWorld::touched() const {
+  const std::array<int, 2> pads{0, 1};  // none where there are none
+  const std::size_t count = static_cast<std::size_t>(std::min(2, world_.pad_count()));
+  return touched_at_rest(world_, {pads.data(), count}, kSamples / 2, rest_);
 }
 
 std::size_t PinchWorld::contact_count() const {
@@ -317,28 +313,20 @@ PinchWorld::Vector PinchWorld::mean_offset() const {
 }
 
 void PinchWorld::mark() {
-  marked_ = touched_at_rest();
+  marked_ = touched();
   marked_offset_ = mean_offset();
 }
 
 double PinchWorld::slip() const {
   if (marked_.cols() == 0) return 0;
-  const Points ways = touched_at_rest() - marked_;
-  Vector sum = Vector::Zero();
-  double count = 0;
-  for (Index k = 0; k < kSamples; ++k) {
-    if (!ways.col(k).allFinite()) continue;
-    sum += ways.col(k);
-    ++count;
-  }
-  return sum.norm() / std::max(1.0, count) + (mean_offset() - marked_offset_).norm();
+  return mean_way(touched() - marked_) + (mean_offset() - marked_offset_).norm();
 }
 
 double PinchWorld::sample_slip() const {
   if (marked_.cols() == 0) return 0;
-  const Points ways = touched_at_rest() - marked_;
+  const Points ways = touched() - marked_;
   double most = 0;
-  for (Index k = 0; k < kSamples; ++k) {
+  for (Index k = 0; k < ways.cols(); ++k) {
     if (ways.col(k).allFinite()) most = std::max(most, ways.col(k).norm());
   }
   return most;

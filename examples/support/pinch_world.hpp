@@ -99,7 +99,7 @@ class PinchWorld {
     }
   }
   Vector mean_offset() const;
-  Points touched_at_rest() const;
+  Points touched() const;
 
   PinchMotion motion_;
   clothctl::PadSettings<double> settings_;

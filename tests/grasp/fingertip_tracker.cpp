@@ -102,6 +102,30 @@ TEST_CASE("a finger is as strong as its weakest joint", "[grasp]") {
   CHECK(share.maxCoeff() == Approx(1).epsilon(1e-9));
 }
 
+TEST_CASE("joints keep to their largest speed, and free fingers go to the posture", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  FingertipSettings<double> settings;
+  settings.joint_speed = 0.5;
+  Tracker tracker = Tracker::create(tree, hand34_geometry(tree).fingers, settings).value();
+  const VectorX<double> start = hand34_pinch(tree);
+  REQUIRE(tracker.start(start));
+  HandDrive<double> drive = drive_of(tree);
+  VectorX<double> posture = start;
+  const auto joint = [&](const char* name) {
+    return tree.bodies()[static_cast<std::size_t>(tree.find_joint(name))].position;
+  };
+  posture[joint("middle_pip")] += 0.4;  // a finger without a target
+  posture[0] += 0.2;                    // the base, which carries all fingers: has no posture
+  REQUIRE(tracker.set_posture(posture));
+  auto targets = targets_at(tracker, Vec(0.1, 0, 0));
+  for (int i = 0; i < 40; ++i) {
+    (void)tracker.track(targets, 0.02, drive);
+    CHECK(drive.target_velocity.cwiseAbs().maxCoeff() <= 0.5 + 1e-12);
+  }
+  CHECK(drive.target[joint("middle_pip")] == Approx(posture[joint("middle_pip")]).margin(0.02));
+  CHECK(drive.target[0] - start[0] == Approx(0.1).margin(0.01));
+}
+
 TEST_CASE("half-spaces keep a finger above a table", "[grasp]") {
   const Hand34 tree = hand34<double>();
   const auto geometry = hand34_geometry(tree);
@@ -132,7 +156,8 @@ TEST_CASE("bad targets are refused and change nothing; tracking never allocates"
   (void)tracker.track(targets, 0.02, drive);
   const long allocated = allocations();
   (void)tracker.track(targets, 0.02, drive);
-  CHECK(allocations() == allocated);
+  const long after = allocations();
+  if (allocation_counting_works()) CHECK(after == allocated);
 
   const VectorX<double> before = tracker.positions();
   const double nan = std::nan("");

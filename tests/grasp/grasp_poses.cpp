@@ -97,6 +97,38 @@ TEST_CASE("fingers press as they are told, as far as the hand can", "[grasp]") {
   CHECK((pad_place(tree, other.wait, index[0]) - Vec(0.2, 0.025, 0)).norm() < 1e-3);
 }
 
+TEST_CASE("round fingertips touch with what faces the sheet, and flat ones cannot", "[grasp]") {
+  // hand34 cannot bring the middles of thumb and index to face each other.
+  const Tree tree = hand34<double>();
+  auto pads = pinching_pads(tree);
+  for (auto& pad : pads) pad.radius = -pad.point.z();
+  const VectorX<double> pinch = hand34_pinch(tree);
+  const Vec place(0.1, 0.05, -0.1), axis(1, 0, 0);
+  const auto poses =
+      find_grasp_poses<Tree, double>(tree, pads, pinch_at(place, axis), pinch, pinch);
+  REQUIRE(poses.status == GraspPoseStatus::Found);
+  auto work = Traits::make_workspace(tree);
+  double off = 0;
+  for (const VectorX<double>* q : {&poses.touch, &poses.wait}) {
+    Traits::forward_kinematics(tree, *q, work);
+    for (std::size_t i = 0; i < 2; ++i) {
+      const Vec press = i == 0 ? axis : Vec(-axis);
+      Matrix3<double> R;
+      Vec p;
+      Traits::frame_pose(tree, work, pads[i].frame, R, p);
+      const Vec touched = p + R * pads[i].centre() + pads[i].radius * press;
+      const Vec shall = q == &poses.touch ? place : Vec(place - 0.025 * press);
+      CHECK((touched - shall).norm() < 1e-3);
+      if (q == &poses.touch) off += std::acos(std::min(1.0, (R * pads[i].normal).dot(press)));
+    }
+  }
+  CHECK(off > 0.2);  // rad, both together: what a flat pad would be off by
+  CHECK(off < 1.0);
+  pads[0].radius = -1;
+  const auto bad = find_grasp_poses<Tree, double>(tree, pads, pinch_at(place, axis), pinch, pinch);
+  CHECK(bad.message == "finger 0 (thumb) has the radius -1 m, must be finite and not negative");
+}
+
 TEST_CASE("places out of reach are named with the finger and the distance", "[grasp]") {
   const Tree tree = hand34<double>();
   const auto pads = pinching_pads(tree);

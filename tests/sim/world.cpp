@@ -180,7 +180,9 @@ TEST_CASE("driven vertices go their way in equal parts", "[sim]") {
   world.input(sheet).driven_positions =
       world.state(sheet).positions.col(0) + Vector3<double>(0.03, 0, 0);
   const Vector3<double> goal = world.input(sheet).driven_positions.col(0);
-  REQUIRE(world.step(1.0 / 60).advanced);
+  const WorldReport<double> report = world.step(1.0 / 60);
+  REQUIRE(report.advanced);
+  CHECK(report.parts == 3);
   // A vertex without a position is refused, and nothing else is touched.
   world.input(sheet).driven_vertices = {0, 1};
   CHECK(world.step(1.0 / 60).status == StepStatus::InvalidInput);

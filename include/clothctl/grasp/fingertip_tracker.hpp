@@ -143,6 +143,12 @@ class FingertipTracker {
     return out;
   }
   void find_carriers(const VectorX<Scalar>& q);
+  /// Writes the Jacobian of the centre of a tip to `jacobian_`, where forward kinematics was last.
+  void linearise(const FingerPad<Scalar>& finger);
+  /// The part of column i of that Jacobian along a direction.
+  Scalar along(Index i, const Vector3<Scalar>& direction) const {
+    return Vector3<Scalar>(jacobian_.col(i).template head<3>()).dot(direction);
+  }
   /// Writes the drive to `found_`, which is dt away.
   void write(std::span<const FingertipTarget<Scalar>> targets, const Scalar& dt,
              HandDrive<Scalar>& drive);
@@ -160,7 +166,7 @@ class FingertipTracker {
   std::vector<IkTask<Scalar>> tasks_;
   std::vector<HalfSpace<Scalar>> planes_;
   std::vector<bool> carries_;  // of each velocity coordinate: moves all fingers
-  VectorX<Scalar> q_, found_, posture_, reference_, qd_, next_, step_, still_, torque_, weight_;
+  VectorX<Scalar> q_, found_, posture_, reference_, qd_, next_, step_, still_, torque_, effort_;
   MatrixX<Scalar> jacobian_;
 };
 
@@ -176,7 +182,7 @@ requires ArticulatedDynamics<Model, Scalar> FingertipTracker<Model, Scalar>::Fin
       constrained_(model, 2 * static_cast<int>(fingers_.size()), 64, ik_settings(settings)) {
   const Index nq = Traits::nq(model), nv = Traits::nv(model);
   q_ = found_ = posture_ = reference_ = VectorX<Scalar>::Constant(nq, Scalar(0));
-  qd_ = next_ = step_ = still_ = torque_ = weight_ = VectorX<Scalar>::Constant(nv, Scalar(0));
+  qd_ = next_ = step_ = still_ = torque_ = effort_ = VectorX<Scalar>::Constant(nv, Scalar(0));
   jacobian_ = MatrixX<Scalar>::Constant(6, nv, Scalar(0));
   carries_.assign(static_cast<std::size_t>(nv), true);
   tasks_.reserve(2 * fingers_.size());
@@ -205,16 +211,23 @@ requires ArticulatedDynamics<Model, Scalar>
 void FingertipTracker<Model, Scalar>::find_carriers(const VectorX<Scalar>& q) {
   Traits::forward_kinematics(*model_, q, work_);
   std::fill(carries_.begin(), carries_.end(), true);
-  Matrix3<Scalar> R;
-  Vector3<Scalar> p;
   for (const FingerPad<Scalar>& f : fingers_) {
-    Traits::frame_pose(*model_, work_, f.frame, R, p);
-    Traits::point_jacobian(*model_, work_, f.frame, Vector3<Scalar>(p + R * f.centre()), jacobian_);
+    linearise(f);
     for (Index i = 0; i < jacobian_.cols(); ++i) {
       if (!(Scalar(0) < jacobian_.col(i).squaredNorm()))
         carries_[static_cast<std::size_t>(i)] = false;
     }
   }
+}
+
+template <class Model, RealScalar Scalar>
+requires ArticulatedDynamics<Model, Scalar>
+void FingertipTracker<Model, Scalar>::linearise(const FingerPad<Scalar>& finger) {
+  Matrix3<Scalar> R;
+  Vector3<Scalar> p;
+  Traits::frame_pose(*model_, work_, finger.frame, R, p);
+  Traits::point_jacobian(*model_, work_, finger.frame, Vector3<Scalar>(p + R * finger.centre()),
+                         jacobian_);
 }
 
 template <class Model, RealScalar Scalar>
@@ -304,21 +317,15 @@ void FingertipTracker<Model, Scalar>::write(std::span<const FingertipTarget<Scal
   if (settings_.feed_motion) {
     step_ = (next_ - qd_) / dt;
     Traits::inverse_dynamics(*model_, next_, step_, work_, drive.torque);
-    step_.setConstant(Scalar(0));
-    Traits::inverse_dynamics(*model_, still_, step_, work_, torque_);
+    Traits::inverse_dynamics(*model_, still_, still_, work_, torque_);
     drive.torque -= torque_;  // stable PD adds what gravity needs
   }
   qd_ = next_;
   if (!settings_.feed_forces) return;
-  Matrix3<Scalar> R;
-  Vector3<Scalar> p;
   for (const FingertipTarget<Scalar>& t : targets) {
     if (!(Scalar(0) < t.force.squaredNorm())) continue;
-    const FingerPad<Scalar>& f = fingers_[static_cast<std::size_t>(t.finger)];
-    Traits::frame_pose(*model_, work_, f.frame, R, p);
-    Traits::point_jacobian(*model_, work_, f.frame, Vector3<Scalar>(p + R * f.centre()), jacobian_);
-    for (Index i = 0; i < jacobian_.cols(); ++i)
-      drive.torque[i] += Vector3<Scalar>(jacobian_.col(i).template head<3>()).dot(t.force);
+    linearise(fingers_[static_cast<std::size_t>(t.finger)]);
+    for (Index i = 0; i < jacobian_.cols(); ++i) drive.torque[i] += along(i, t.force);
   }
 }
 
@@ -357,21 +364,16 @@ FingertipTracker<Model, Scalar>::largest_force(int finger, const Vector3<Scalar>
   using std::abs;
   if (finger < 0 || static_cast<std::size_t>(finger) >= fingers_.size() || !all_finite(direction))
     return Scalar(0);
-  const FingerPad<Scalar>& f = fingers_[static_cast<std::size_t>(finger)];
   Traits::forward_kinematics(*model_, q_, work_);
-  step_.setConstant(Scalar(0));
-  Traits::inverse_dynamics(*model_, still_, step_, work_, torque_);
-  Matrix3<Scalar> R;
-  Vector3<Scalar> p;
-  Traits::frame_pose(*model_, work_, f.frame, R, p);
-  Traits::point_jacobian(*model_, work_, f.frame, Vector3<Scalar>(p + R * f.centre()), jacobian_);
-  weight_ = Traits::effort_limits(*model_);
+  Traits::inverse_dynamics(*model_, still_, still_, work_, torque_);
+  linearise(fingers_[static_cast<std::size_t>(finger)]);
+  effort_ = Traits::effort_limits(*model_);
   Scalar most = scalar_traits<Scalar>::infinity();
-  for (Index i = 0; i < weight_.size(); ++i) {
-    const Scalar arm = Vector3<Scalar>(jacobian_.col(i).template head<3>()).dot(direction);
-    if (!(Scalar(0) < abs(arm)) || !is_finite(weight_[i])) continue;
+  for (Index i = 0; i < effort_.size(); ++i) {
+    const Scalar arm = along(i, direction);
+    if (!(Scalar(0) < abs(arm)) || !is_finite(effort_[i])) continue;
     const Scalar room =
-        Scalar(0) < arm ? Scalar(weight_[i] - torque_[i]) : Scalar(weight_[i] + torque_[i]);
+        Scalar(0) < arm ? Scalar(effort_[i] - torque_[i]) : Scalar(effort_[i] + torque_[i]);
     const Scalar force = room < Scalar(0) ? Scalar(0) : Scalar(room / abs(arm));
     if (force < most) most = force;
   }

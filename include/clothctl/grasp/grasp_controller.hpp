@@ -163,7 +163,6 @@ class GraspController {
   int firm_ = 0, missed_ = 0;
   bool closed_ = false;          // fingertips have begun to close and have not opened
   GraspReport<Scalar> failure_;  // of the step that failed
-  Index speeds_ = 0;             // nv
 };
 
 template <class Model, RealScalar Scalar>
@@ -184,7 +183,6 @@ auto GraspController<Model, Scalar>::create(const Model& model,
   GraspController out(std::move(tracker).value(), settings);
   out.q_ = q;
   out.qd_ = VectorX<Scalar>::Constant(q.size(), Scalar(0));
-  out.speeds_ = articulated_traits<Model>::nv(model);
   return out;
 }
 
@@ -262,7 +260,8 @@ requires ArticulatedDynamics<Model, Scalar> GraspReport<Scalar>
 GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>& hand,
                                        std::span<const Touch> touches, HandDrive<Scalar>& drive) {
   GraspReport<Scalar> report;
-  bool good = hand.positions.size() == q_.size() && hand.velocities.size() == speeds_ &&
+  bool good = hand.positions.size() == q_.size() &&
+              hand.velocities.size() == Traits::nv(tracker_.model()) &&
               all_finite(hand.positions) && all_finite(hand.velocities) && is_finite(dt) &&
               Scalar(0) < dt;
   const bool failed = phase_ == GraspPhase::Failed;

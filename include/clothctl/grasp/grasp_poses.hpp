@@ -13,7 +13,6 @@
 //
 // Reference: [Bai 2016], section 5.
 
-#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -199,13 +198,16 @@ class GraspPoseSearch {
                        VectorX<Scalar>& q) {
     list(places, contacts);
     q = shape;
-    (void)wishing_.solve(model_, wishes_, shape, q);
-    (void)turning_.solve(model_, levels_, level_sizes(), shape, q);
-    (void)reaching_.solve(model_, tasks_, q, q);
+    const std::span<const IkTask<Scalar>> all(tasks_), reach = all.first(places.size());
+    const int levels[] = {static_cast<int>(reach.size()),
+                          static_cast<int>(all.size() - reach.size())};
+    (void)wishing_.solve(model_, all, shape, q);
+    if (levels[1] > 0) (void)turning_.solve(model_, all, levels, shape, q);
+    (void)reaching_.solve(model_, reach, q, q);
     VectorX<Scalar> best = errors(places, q);
     if (!(settings_.tolerance < best.maxCoeff()) || settings_.restarts == 0) return best;
     VectorX<Scalar> other = shape;
-    (void)reaching_.solve(model_, tasks_, shape, other, settings_.restarts,
+    (void)reaching_.solve(model_, reach, shape, other, settings_.restarts,
                           [this] { return random_.uniform<Scalar>(); });
     const VectorX<Scalar> found = errors(places, other);
     if (!(found.maxCoeff() < best.maxCoeff())) return best;
@@ -227,28 +229,17 @@ class GraspPoseSearch {
     out.tolerance = Scalar(0.1) * s.tolerance;
     return out;
   }
+  /// Lists the places of all fingertips, then their directions.
   void list(std::span<const Vector3<Scalar>> places,
             std::span<const GraspContact<Scalar>> contacts) {
     tasks_.clear();
-    wishes_.clear();
-    levels_.clear();
-    for (std::size_t i = 0; i < fingers_.size(); ++i) {
-      const FingerPad<Scalar>& f = fingers_[i];
-      tasks_.push_back(IkTask<Scalar>::position(f.frame, f.centre(), places[i]));
-      wishes_.push_back(tasks_.back());
-      if (Scalar(0) < settings_.normal_weight)
-        wishes_.push_back(IkTask<Scalar>::pointing(f.frame, f.normal, contacts[i].press,
-                                                   settings_.normal_weight));
-    }
-    levels_ = tasks_;
-    for (const IkTask<Scalar>& wish : wishes_) {
-      if (wish.kind == IkKind::Pointing) levels_.push_back(wish);
-    }
-  }
-  /// Places first, then directions.
-  std::array<int, 2> level_sizes() const {
-    const int places = static_cast<int>(tasks_.size());
-    return {places, static_cast<int>(levels_.size()) - places};
+    for (std::size_t i = 0; i < fingers_.size(); ++i)
+      tasks_.push_back(
+          IkTask<Scalar>::position(fingers_[i].frame, fingers_[i].centre(), places[i]));
+    if (!(Scalar(0) < settings_.normal_weight)) return;
+    for (std::size_t i = 0; i < fingers_.size(); ++i)
+      tasks_.push_back(IkTask<Scalar>::pointing(fingers_[i].frame, fingers_[i].normal,
+                                                contacts[i].press, settings_.normal_weight));
   }
   VectorX<Scalar> errors(std::span<const Vector3<Scalar>> places, const VectorX<Scalar>& q) {
     using std::sqrt;
@@ -270,7 +261,7 @@ class GraspPoseSearch {
   InverseKinematics<Model, Scalar> wishing_;
   PrioritisedIk<Model, Scalar> turning_;
   InverseKinematics<Model, Scalar> reaching_;
-  std::vector<IkTask<Scalar>> tasks_, wishes_, levels_;
+  std::vector<IkTask<Scalar>> tasks_;
   SplitMix random_;
 };
 

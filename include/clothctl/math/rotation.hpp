@@ -45,7 +45,10 @@ Matrix3<Scalar> cross_matrix(const Vector3<Scalar>& v) {
 template <RealScalar Scalar>
 bool is_rotation(const Matrix3<Scalar>& R, const Scalar& tolerance) {
   const Matrix3<Scalar> off = R.transpose() * R - Matrix3<Scalar>::Identity();
-  return off.squaredNorm() < tolerance * tolerance && Scalar(0) < R.determinant();
+  const Scalar determinant = R(0, 0) * (R(1, 1) * R(2, 2) - R(1, 2) * R(2, 1)) +
+                             R(0, 1) * (R(1, 2) * R(2, 0) - R(1, 0) * R(2, 2)) +
+                             R(0, 2) * (R(1, 0) * R(2, 1) - R(1, 1) * R(2, 0));
+  return off.squaredNorm() < tolerance * tolerance && Scalar(0) < determinant;
 }
 
 /// Returns the product a b: as rotations, b first and then a.

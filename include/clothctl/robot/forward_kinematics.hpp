@@ -21,8 +21,6 @@
 #include <string_view>
 #include <vector>
 
-#include <Eigen/Geometry>  // cross
-
 #include "clothctl/config.hpp"
 #include "clothctl/robot/kinematic_tree.hpp"
 

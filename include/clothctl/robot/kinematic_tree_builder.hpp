@@ -19,16 +19,13 @@
 #include <utility>
 #include <vector>
 
-#include <Eigen/Geometry>  // cross
-#include <Eigen/LU>        // determinant
-
 #include "clothctl/config.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
+#include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/kinematic_tree.hpp"
 
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -220,10 +217,7 @@ std::string KinematicTreeBuilder<Scalar>::check_joint(const Joint<Scalar>& joint
     return "there is no link \"" + joint.parent + "\" to be its parent";
   if (find_link(joint.child) < 0) return "there is no link \"" + joint.child + "\" to be its child";
   if (!all_finite(joint.origin.p) || !all_finite(joint.origin.R)) return "its origin is not finite";
-  const Matrix3<Scalar> square =
-      joint.origin.R.transpose() * joint.origin.R - Matrix3<Scalar>::Identity();
-  const Scalar loose = Scalar(64) * sqrt_epsilon();
-  if (!(square.cwiseAbs().maxCoeff() < loose) || !(joint.origin.R.determinant() > Scalar(0)))
+  if (!is_rotation<Scalar>(joint.origin.R, Scalar(64) * sqrt_epsilon()))
     return "its origin's R is not a rotation";
   if (joint.type == JointType::Fixed || joint.type == JointType::Free) {
     return joint.leader.empty()

@@ -74,6 +74,9 @@ struct WorldReport {
   int sheet = -1, hand = -1;
   /// Whether the world was advanced.
   bool advanced = false;
+  /// Equal or nearly equal parts that the step was divided into. Torques of hands and contacts of
+  /// sheets with obstacles are those of the last part.
+  int parts = 0;
   /// Contacts of sheets with obstacles and bodies that transmit a force, and pairs of layers.
   Index contacts = 0, layers = 0;
   /// Largest depth of a sheet below its distance from obstacles, m.

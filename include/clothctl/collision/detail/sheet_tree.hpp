@@ -7,13 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <cstddef>
-#include <numeric>
-#include <string>
 #include <utility>
 #include <vector>
 
-#include "clothctl/concepts/collider.hpp"
-#include "clothctl/core/longest_axis.hpp"
+#include "clothctl/collision/detail/box_tree.hpp"
 #include "clothctl/mesh/topology.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -106,17 +103,8 @@ template <RealScalar Scalar>
 class SheetTree {
  public:
   /// Sorts the parts by the sheet's shape `x` (3×n, m). Allocates. Complexity: O(n log n).
-  SheetTree(const PointsView<Scalar>& x, std::vector<SheetPart> parts) : parts_(std::move(parts)) {
-    const int count = static_cast<int>(parts_.size());
-    const Points<Scalar> centres = part_centres<Scalar>(x, parts_);
-    std::vector<int> order(parts_.size());
-    std::iota(order.begin(), order.end(), 0);
-    nodes_.reserve(2 * parts_.size() + 1);
-    if (count > 0) build(order, 0, count, centres);
-    std::vector<SheetPart> sorted;
-    sorted.reserve(parts_.size());
-    for (const int i : order) sorted.push_back(parts_[static_cast<std::size_t>(i)]);
-    parts_ = std::move(sorted);
+  SheetTree(const PointsView<Scalar>& x, const std::vector<SheetPart>& parts) {
+    parts_ = in_order(parts, boxes_.build(part_centres<Scalar>(x, parts)));
   }
 
   /// The parts, in the order of the tree.
@@ -125,74 +113,31 @@ class SheetTree {
   /// Fits the boxes to the positions `x` and `y` (3×n, m), the start and the end of a motion. Never
   /// allocates. Complexity: O(n).
   void fit(const PointsView<Scalar>& x, const PointsView<Scalar>& y) {
-    for (std::size_t i = nodes_.size(); i-- > 0;) {
-      Node& node = nodes_[i];
-      if (node.count == 0) {
-        node.box = nodes_[i + 1].box;
-        const BoundingBox<Scalar> other = nodes_[static_cast<std::size_t>(node.first)].box;
-        node.box.include(other);
-        continue;
-      }
-      const Vector3<Scalar> start = x.col(parts_[static_cast<std::size_t>(node.first)].vertex[0]);
-      node.box = {start, start};
-      for (int k = node.first; k < node.first + node.count; ++k) {
-        for (const int v : parts_[static_cast<std::size_t>(k)].vertex) {
-          if (v < 0) continue;
-          node.box.include(Vector3<Scalar>(x.col(v)));
-          node.box.include(Vector3<Scalar>(y.col(v)));
-        }
-      }
-    }
+    boxes_.fit([&](int k) {
+      const std::array<int, 3>& vertex = parts_[static_cast<std::size_t>(k)].vertex;
+      BoundingBox<Scalar> box = way_box(x, y, vertex[0]);
+      for (std::size_t i = 1; i < 3 && 0 <= vertex[i]; ++i)
+        box = common_box<Scalar>(box, way_box(x, y, vertex[i]));
+      return box;
+    });
   }
 
   /// Calls `visit(first, count)` for ranges of parts whose common box overlaps `box`, in the order
   /// of the tree. Never allocates.
   template <class Visit>
   void for_each_overlap(const BoundingBox<Scalar>& box, const Visit& visit) const {
-    std::array<int, 64> stack;
-    std::size_t size = 0;
-    if (!nodes_.empty()) stack[size++] = 0;
-    while (size > 0) {
-      const int at = stack[--size];
-      const Node& node = nodes_[static_cast<std::size_t>(at)];
-      if (!node.box.overlaps(box)) continue;
-      if (node.count > 0) {
-        visit(node.first, node.count);
-        continue;
-      }
-      stack[size++] = node.first;
-      stack[size++] = at + 1;
-    }
+    boxes_.for_each_overlap(box, visit);
   }
 
  private:
-  static constexpr int kLeafParts = 4;
-
-  struct Node {
-    BoundingBox<Scalar> box;
-    /// A leaf: its first part. Otherwise the second child; the first is the next node.
-    int first = 0;
-    /// Parts of a leaf; 0 for an inner node.
-    int count = 0;
-  };
-
-  int build(std::vector<int>& order, int begin, int end, const Points<Scalar>& centres) {
-    const int self = static_cast<int>(nodes_.size());
-    nodes_.push_back({});
-    if (end - begin <= kLeafParts) {
-      nodes_.back().first = begin;
-      nodes_.back().count = end - begin;
-      return self;
-    }
-    const int middle = split_along_longest_axis(centres, order, begin, end);
-    build(order, begin, middle, centres);
-    const int second = build(order, middle, end, centres);
-    nodes_[static_cast<std::size_t>(self)].first = second;
-    return self;
+  /// Returns the box of the way of a vertex.
+  static BoundingBox<Scalar> way_box(const PointsView<Scalar>& x, const PointsView<Scalar>& y,
+                                     int v) {
+    return {x.col(v).cwiseMin(y.col(v)), x.col(v).cwiseMax(y.col(v))};
   }
 
   std::vector<SheetPart> parts_;
-  std::vector<Node> nodes_;
+  BoxTree<Scalar> boxes_;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -5,7 +5,6 @@
 
 #include <cmath>
 
-#include "clothctl/collision/detail/basic_shape.hpp"
 #include "clothctl/math/rotation.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -32,7 +31,7 @@ class LimitedMotion {
   /// no motion.
   bool move_by(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
     const Matrix3<Scalar> turned = R * R_;
-    return move_to(R, t) && move_to(orthonormal_rotation<Scalar>(turned), R * t_ + t);
+    return move_to(R, t) && move_to(renewed(turned), R * t_ + t);
   }
   /// Goes on: the point that was at `middle` at first by at most `way` (m), and by a turn of at
   /// most `turn` (rad).
@@ -45,9 +44,8 @@ class LimitedMotion {
     const Vector3<Scalar> to_turn = rotation_log<Scalar>(R_wanted_ * R_.transpose());
     const Scalar angle = sqrt(to_turn.squaredNorm());
     if (turn < angle) {
-      // Products of rotations drift from being one.
       const Vector3<Scalar> part = (turn / angle) * to_turn;
-      R_ = orthonormal_rotation<Scalar>(rotation_exp<Scalar>(part) * R_);
+      R_ = renewed(Matrix3<Scalar>(rotation_exp<Scalar>(part) * R_));
     } else {
       R_ = R_wanted_;
     }
@@ -55,6 +53,11 @@ class LimitedMotion {
   }
 
  private:
+  /// Products of rotations drift from being one.
+  static Matrix3<Scalar> renewed(const Matrix3<Scalar>& product) {
+    return rotation_from_quaternion<Scalar>(quaternion_from_rotation<Scalar>(product));
+  }
+
   Matrix3<Scalar> R_ = Matrix3<Scalar>::Identity(), R_wanted_ = R_;
   Vector3<Scalar> t_ = Vector3<Scalar>::Constant(Scalar(0)), t_wanted_ = t_;
 };

@@ -10,6 +10,7 @@
 #include <span>
 #include <string_view>
 
+#include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/ik_task.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
@@ -235,13 +236,8 @@ class IkProblem {
           return "a pointing task's axis or direction is not a unit vector";
       }
     }
-    if (task.kind == IkKind::Orientation) {
-      const Matrix3<Scalar> square =
-          task.rotation.transpose() * task.rotation - Matrix3<Scalar>::Identity();
-      if (!(square.cwiseAbs().maxCoeff() < loose) || !(task.rotation.determinant() > Scalar(0))) {
-        return "an orientation task's target is not a rotation matrix";
-      }
-    }
+    if (task.kind == IkKind::Orientation && !is_rotation<Scalar>(task.rotation, loose))
+      return "an orientation task's target is not a rotation matrix";
     return {};
   }
 

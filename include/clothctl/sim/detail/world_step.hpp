@@ -225,9 +225,9 @@ WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor)
   save();
   grips.begin();
   Scalar left = dt;
-  for (int made = 0, open = substeps_; 0 < open; ++made) {
+  for (int open = substeps_; 0 < open; ++report.parts) {
     // A sheet may have become faster in the last part.
-    open = part_count(left, open, kMostParts - made);
+    open = part_count(left, open, kMostParts - report.parts);
     // Driven vertices go an equal part of what is left of their way.
     const Scalar share = Scalar(1) / Scalar(static_cast<double>(open)), part = left * share;
     if (!advance(part, share, executor, report)) {
