@@ -7,8 +7,10 @@
 #include <filesystem>
 #include <numbers>
 
+#include "clothctl/bridge/urdf.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "support/command_line.hpp"
+#include "support/hand_files.hpp"
 #include "support/hand_loop.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
@@ -16,15 +18,13 @@
 namespace {
 
 using namespace program;
-
 using Grid = clothctl::GridMesh<double>;
 
-/// Returns the options, and in `features` the text of --features.
-Options read_options(int argc, char** argv, std::string& features) {
+/// Returns the options, and in `features` the text of --features, in `hand` what --hand names.
+Options read_options(int argc, char** argv, std::string& features, HandMaker& hand) {
   Options o;
   CLI::App app{
-      "A handkerchief, held at its upper corners, is moved so that its lower corners follow a "
-      "drawn motion."};
+      "A handkerchief is moved by its upper corners so that its lower ones follow a drawn motion."};
   add_common(app, o, {"async", "circle", "wind"}, "Built-in motion, instead of --targets");
   add_sheet(app, o.cloth, o.size, o.material, "Vertices along a side; 65 is the paper's sheet");
   app.add_option("--patch", o.patch, "Patch motion: soft or hard")
@@ -40,8 +40,10 @@ Options read_options(int argc, char** argv, std::string& features) {
   app.add_option("--features", features,
                  "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: "
                  "lower corners)");
-  app.add_flag("--hands", o.hands, "Simulated hands grasp the sheet and move it");
+  HandFiles files;
+  add_hand(app, files)->needs(app.add_flag("--hands", o.hands, "Simulated hands move the sheet"));
   parse(app, o, argc, argv);
+  hand = read_hand(files);
   if (2 * o.patch_size > o.cloth)
     refuse("--patch-size: " + std::to_string(o.patch_size) + " is over half of --cloth " +
            std::to_string(o.cloth));
@@ -51,9 +53,9 @@ Options read_options(int argc, char** argv, std::string& features) {
 /// Returns the vertices that the left (0) or right (1) hand holds.
 std::vector<int> corner_patch(const Grid& grid, int side, int size) {
   std::vector<int> patch;
-  for (int row = grid.rows - size; row < grid.rows; ++row) {
-    for (int col = 0; col < size; ++col)
-      patch.push_back(grid.vertex(row, side == 0 ? col : grid.cols - 1 - col));
+  for (int k = 0; k < size * size; ++k) {
+    const int row = grid.rows - size + k / size, col = k % size;
+    patch.push_back(grid.vertex(row, side == 0 ? col : grid.cols - 1 - col));
   }
   return patch;
 }
@@ -123,7 +125,8 @@ void fit_task(const Options& o, const Grid& grid, const std::vector<int>& corner
 
 int main(int argc, char** argv) {
   std::string features;
-  const Options o = read_options(argc, argv, features);
+  HandMaker hand;
+  const Options o = read_options(argc, argv, features, hand);
   const Grid grid = must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size));
   std::vector<int> corners{grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
   if (!features.empty()) corners = read_vertices(features, "--features");
@@ -139,10 +142,9 @@ int main(int argc, char** argv) {
   const clothctl::ClothState<double> state =
       settle(o, scene.body, place(o, grid, scene.task), held, is_implicit(o.plant) ? 2.4 : 4.8);
   const auto fit = [&](const Points& x, Scene& s) { fit_task(o, grid, corners, x, s); };
-  if (o.hands) return run_hands(std::move(scene), o, grid, state, fit);
+  if (o.hands) return run_hands(std::move(scene), o, grid, state, fit, hand);
   fit(state.positions, scene);
   AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
   plant.set_state(state);
-  AnyPredictor predictor = make_predictor(o, scene.body, scene.settings);
-  return run(scene, o, std::move(plant), std::move(predictor));
+  return run(scene, o, std::move(plant), make_predictor(o, scene.body, scene.settings));
 }

@@ -4,14 +4,17 @@
 //   pinch_and_shake --out out           then open out/player.html
 //   pinch_and_shake --force 0.5 --most-force 0.5      too little: the sheet slides out
 //   pinch_and_shake --seed 7            from a random start, around the sheet
+//   pinch_and_shake --hand gripper      another hand; or one from hand.urdf
 
 #include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 
+#include "clothctl/bridge/urdf.hpp"
 #include "support/command_line.hpp"
 #include "support/figure_text.hpp"
 #include "support/hand_figures.hpp"
+#include "support/hand_files.hpp"
 #include "support/hand_page.hpp"
 #include "support/hand_scene.hpp"
 #include "support/inputs.hpp"
@@ -25,6 +28,7 @@ using Points = clothctl::Points<double>;
 
 struct Request {
   GraspOptions grasp;
+  HandFiles hand;
   int cloth = 33;
   double size = 0.5, amplitude = 0.08, frequency = 2, dt = 0.02, seconds = 30;
   std::string material = "handkerchief", pd = "stable", from = "hanging", out;
@@ -39,6 +43,7 @@ Request read_request(int argc, char** argv) {
     app.add_option(name, value, help)->check(between(least, most))->capture_default_str();
   };
   add_sheet(app, r.cloth, r.size, r.material);
+  (void)add_hand(app, r.hand);
   add("--force", r.grasp.force, 0.01, 100, "Normal force of each finger, N");
   add("--most-force", r.grasp.most_force, 0.01, 100, "Largest force, where the sheet slides, N");
   add("--friction", r.grasp.friction, 0.01, 10, "Friction coefficient of the fingertips");
@@ -76,7 +81,8 @@ int main(int argc, char** argv) {
   clothctl::World<double>& world = place->world;
   const clothctl::GridMesh<double>& grid = place->grid;
   const auto hand =
-      must(GraspingHand::create(world, grid.triangles, place->obstacles(), place->place, r.grasp));
+      must(GraspingHand::create(world, read_hand(r.hand)(place->place), grid.triangles,
+                                place->obstacles(), place->place, r.grasp));
   clothctl::PlayerScene scene;
   scene.title = "A hand pinches a sheet and shakes it";
   scene.dt = r.dt;
@@ -123,7 +129,7 @@ int main(int argc, char** argv) {
   j["ik_error_max_m"] = f.ik_error_max_m;
   j["penetration_max_m"] = f.penetration_max_m;
   j["torque_max_share"] = f.torque_max_share;
-  j["momentum_residual"] = f.momentum_residual;
+  j["momentum_residual"] = known(f.momentum_residual);
   j["hand_frame_ms"] = quantile(f.ms, 0.5);
   j["hand_frame_ms_p99"] = quantile(f.ms, 0.99);
   j["hand_frame_ms_max"] = quantile(f.ms, 1);

@@ -7,7 +7,6 @@
 
 #include "clothctl/grasp/joint_path_planner.hpp"
 #include "clothctl/math/rotation.hpp"
-#include "clothctl/robot/hand34.hpp"
 #include "support/timing.hpp"
 
 namespace program {
@@ -17,11 +16,27 @@ using Vec = clothctl::Vector3<double>;
 using Vector = clothctl::VectorX<double>;
 using Traits = clothctl::articulated_traits<GraspingHand::Hand>;
 
+namespace {
+
+/// Whether the first three joints of a robot slide along x, y and z.
+bool slides(const GraspingHand::Hand& tree) {
+  if (tree.nv() < 3) return false;
+  clothctl::Matrix3<double> R = clothctl::Matrix3<double>::Identity();
+  for (int k = 0; k < 3; ++k) {
+    const auto& body = tree.bodies()[static_cast<std::size_t>(k)];
+    R *= body.placement.R;
+    if (body.type != clothctl::JointType::Prismatic || !(R(k, 2) > 1 - 1e-12)) return false;
+  }
+  return true;
+}
+
+}  // namespace
+
 clothctl::Result<std::unique_ptr<GraspingHand>> GraspingHand::create(
-    World& world, const std::vector<std::array<int, 3>>& triangles,
+    World& world, HandModel model, const std::vector<std::array<int, 3>>& triangles,
     std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
     const GraspOptions& options) {
-  std::unique_ptr<GraspingHand> out(new GraspingHand(world));
+  std::unique_ptr<GraspingHand> out(new GraspingHand(world, std::move(model)));
   const std::string bad = out->add(triangles, std::move(obstacles), place, options);
   if (!bad.empty()) return clothctl::Error{bad};
   return out;
@@ -31,25 +46,26 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
                               std::vector<clothctl::ColliderRef<double>> obstacles,
                               const GraspPlace& place, const GraspOptions& options) {
   options_ = options;
-  tree_ = clothctl::hand34<double>();
-  geometry_ = clothctl::hand34_geometry(tree_);
-  work_ = std::make_unique<clothctl::KinematicTreeWorkspace<double>>(Traits::make_workspace(tree_));
-  const std::vector<clothctl::FingerPad<double>> fingers(geometry_.fingers.begin(),
-                                                         geometry_.fingers.begin() + 2);
+  if (!slides(model_.tree)) figures_.momentum_residual = std::nan("");
+  work_ = std::make_unique<clothctl::KinematicTreeWorkspace<double>>(
+      Traits::make_workspace(model_.tree));
+  const std::vector<clothctl::FingerPad<double>> fingers(model_.geometry.fingers.begin(),
+                                                         model_.geometry.fingers.begin() + 2);
   auto sheet = clothctl::SheetCollider<double>::create(world_.state(0).positions, triangles, 2e-3);
   if (!sheet) return sheet.error();
   sheet_ = std::make_unique<clothctl::SheetCollider<double>>(std::move(*sheet));
   std::vector<clothctl::LinkCapsule<double>> links;
-  for (const auto& c : geometry_.capsules) {
+  for (const auto& c : model_.geometry.capsules) {
     if (c.frame != fingers[0].frame && c.frame != fingers[1].frame) links.push_back(c);
   }
   links_ = std::make_unique<clothctl::RobotClearance<Hand>>(
-      clothctl::RobotClearance<Hand>::create(tree_, links).value());
-  const Vector home = clothctl::hand34_home(tree_);
+      clothctl::RobotClearance<Hand>::create(model_.tree, links).value());
+  const Vector& home = model_.home;
   links_->ignore_pairs(home, 10);  // m: all
   links_->set_obstacles(obstacles);
   obstacles.emplace_back(*sheet_);
-  auto whole = clothctl::RobotClearance<Hand>::create(tree_, geometry_.capsules).value();
+  auto whole =
+      clothctl::RobotClearance<Hand>::create(model_.tree, model_.geometry.capsules).value();
   whole.set_obstacles(obstacles);
   whole.ignore_pairs(home, 5e-3);  // neighbouring bones and fingers touch, or nearly
   clothctl::GraspPoses<double> poses;
@@ -63,30 +79,39 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
   grasp.tangents = clothctl::KeyframeTangents::Standstill;  // the way was proved free
   grasp.fingers = {{0, press_[0]}, {1, press_[1]}};
   grasp.force = options.force;
+  if (std::string bad = put_into_world(start); !bad.empty()) return bad;
+  return controller_->begin(std::move(grasp));
+}
 
+std::string GraspingHand::put_into_world(const Vector& start) {
   clothctl::HandSetup<double> setup;
   setup.positions = start;
-  setup.control = clothctl::StablePdSettings<double>::uniform(tree_.nv());
-  if (options.implicit) setup.control.form = clothctl::PdForm::Implicit;
-  const auto hand = world_.add_hand(tree_, setup);
+  setup.control = model_.control;
+  if (options_.implicit) setup.control.form = clothctl::PdForm::Implicit;
+  const auto hand = world_.add_hand(model_.tree, setup);
   if (!hand) return hand.error();
   clothctl::HandSurface<double> surface;
-  surface.pad.friction = options.friction;
+  surface.pad.friction = options_.friction;
   surface.with_pads = {0, 1};
-  auto parts = clothctl::add_hand_geometry<double>(world_, *hand, geometry_, surface);
+  auto parts = clothctl::add_hand_geometry<double>(world_, *hand, model_.geometry, surface);
   if (!parts) return parts.error();
   parts_ = std::move(*parts);
   clothctl::GraspSettings<double> settings;
-  settings.friction = options.friction;
-  settings.most_force = options.most_force;
-  auto controller =
-      clothctl::GraspController<Hand>::create(tree_, geometry_.fingers, start, settings);
+  settings.friction = options_.friction;
+  settings.most_force = options_.most_force;
+  settings.approach_speed = model_.approach_speed;
+  auto controller = clothctl::GraspController<Hand>::create(model_.tree, model_.geometry.fingers,
+                                                            start, settings);
   if (!controller) return controller.error();
   controller_ = std::make_unique<clothctl::GraspController<Hand>>(std::move(*controller));
-  clothctl::BodyPoses<double> bodies(tree_);
-  (void)clothctl::forward_kinematics(tree_, start, bodies);
-  shape_ = make_hand_shape(tree_, bodies);
-  return controller_->begin(std::move(grasp));
+  clothctl::BodyPoses<double> bodies(model_.tree);
+  (void)clothctl::forward_kinematics(model_.tree, start, bodies);
+  shape_ = make_hand_shape(model_.tree, bodies);
+  // What reaches from the origin of the world to an arm beside the place is no part of it.
+  std::erase_if(shape_.triangles, [this](const std::array<int, 3>& t) {
+    return shape_.bodies[static_cast<std::size_t>(t[0])] < 0;
+  });
+  return {};
 }
 
 std::string GraspingHand::find_poses(const GraspPlace& place,
@@ -99,10 +124,9 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
     const Vec approach = clothctl::rotation_exp<double>(turn * place.press) * place.approach;
     const std::vector<clothctl::GraspContact<double>> contacts{{place.place, place.press},
                                                                {place.place, -place.press}};
-    const Vector pinch =
-        clothctl::hand34_pinch_at<double>(tree_, place.place, place.press, approach);
+    const Vector pinch = model_.pinch_at(model_.tree, {place.place, place.press, approach});
     const auto found =
-        clothctl::find_grasp_poses<Hand, double>(tree_, fingers, contacts, pinch, pinch);
+        clothctl::find_grasp_poses<Hand, double>(model_.tree, fingers, contacts, pinch, pinch);
     if (found.status != clothctl::GraspPoseStatus::Found) {
       message = found.message;
       continue;
@@ -124,7 +148,7 @@ std::string GraspingHand::plan_way(clothctl::RobotClearance<Hand>& whole, const 
   keys = {wait};
   if (seed == 0) return {};
   whole.ignore_pairs(wait, 5e-3);
-  const auto reach = clothctl::joint_reach<double>(tree_, geometry_.capsules);
+  const auto reach = clothctl::joint_reach<double>(model_.tree, model_.geometry.capsules);
   if (!reach) return reach.error();
   std::mt19937_64 random(seed);
   const auto uniform = [&random](double most) {
@@ -136,13 +160,13 @@ std::string GraspingHand::plan_way(clothctl::RobotClearance<Hand>& whole, const 
     for (Index k = 0; k < 3; ++k) start[k] += uniform(0.3);
     for (Index k = 3; k < 6; ++k) start[k] += uniform(0.4);
     for (Index k = 6; k < start.size(); ++k) start[k] += uniform(0.1);
-    start = start.cwiseMax(tree_.lower()).cwiseMin(tree_.upper());
+    start = start.cwiseMax(model_.tree.lower()).cwiseMin(model_.tree.upper());
     if (whole(start) > 2e-3) break;
   }
   clothctl::JointPathSettings<double> settings;
   settings.seed = seed;
-  auto path = clothctl::plan_joint_path<double>(start, wait, tree_.lower(), tree_.upper(), *reach,
-                                                whole, settings);
+  auto path = clothctl::plan_joint_path<double>(start, wait, model_.tree.lower(),
+                                                model_.tree.upper(), *reach, whole, settings);
   if (path.status != clothctl::JointPathStatus::Found)
     return "no way to the sheet: " + std::string(to_string(path.status)) + ", " + path.message;
   keys = std::move(path.positions);
@@ -177,7 +201,7 @@ void GraspingHand::drive(double t, double dt) {
 
 void GraspingHand::measure(const clothctl::WorldReport<double>& report, double dt) {
   const Vector torques = world_.torques(parts_.hand) + world_.drive(parts_.hand).torque;
-  const Vector limits = tree_.effort_limits();
+  const Vector limits = model_.tree.effort_limits();
   for (Index i = 0; i < torques.size(); ++i)
     figures_.torque_max_share =
         std::max(figures_.torque_max_share, std::abs(torques[i]) / limits[i]);
@@ -186,14 +210,14 @@ void GraspingHand::measure(const clothctl::WorldReport<double>& report, double d
     const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
     figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
   }
-  if (report.parts != 1) return;  // torques are those of the last part
+  if (report.parts != 1 || !slides(model_.tree)) return;  // torques are those of the last part
   // The base slides along x, y and z: its rows of M a + C + g are forces, and those that its joints
   // and the sheet do not exert are missing.
   const clothctl::HandState<double>& now = world_.hand(parts_.hand);
   const Vector change = (now.velocities - before_.velocities) / dt;
   Vector needed = Vector::Zero(torques.size());
-  Traits::forward_kinematics(tree_, before_.positions, *work_);
-  Traits::inverse_dynamics(tree_, before_.velocities, change, *work_, needed);
+  Traits::forward_kinematics(model_.tree, before_.positions, *work_);
+  Traits::inverse_dynamics(model_.tree, before_.velocities, change, *work_, needed);
   Vec on_sheet = Vec::Zero();
   double size = 1;  // N
   const auto add = [&](const Vec& impulse) {
@@ -223,8 +247,8 @@ void GraspingHand::add_arrows(double dt, Index first, Points& places, Points& fo
 }
 
 void GraspingHand::place_shape(Points& vertices) {
-  clothctl::BodyPoses<double> bodies(tree_);
-  (void)clothctl::forward_kinematics(tree_, world_.hand(parts_.hand).positions, bodies);
+  clothctl::BodyPoses<double> bodies(model_.tree);
+  (void)clothctl::forward_kinematics(model_.tree, world_.hand(parts_.hand).positions, bodies);
   place_hand(shape_, bodies, vertices);
 }
 

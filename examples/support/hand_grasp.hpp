@@ -1,12 +1,13 @@
 #pragma once
 
-// A hand34 in a world that grasps a sheet, and the figures of its run.
+// A hand in a world that grasps a sheet, and the figures of its run.
 
 #include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "clothctl/collision/sheet_collider.hpp"
@@ -15,17 +16,11 @@
 #include "clothctl/grasp/held_grips.hpp"
 #include "clothctl/grasp/robot_clearance.hpp"
 #include "clothctl/grasp/static_contacts.hpp"
+#include "support/hand_model.hpp"
 #include "support/hand_shape.hpp"
 #include "support/pad_ways.hpp"
 
 namespace program {
-
-/// Where a hand grasps a sheet.
-struct GraspPlace {
-  clothctl::Vector3<double> place;     ///< m
-  clothctl::Vector3<double> press;     ///< of the thumb, into the sheet
-  clothctl::Vector3<double> approach;  ///< where the palm faces, along the sheet
-};
 
 /// How it grasps.
 struct GraspOptions {
@@ -40,7 +35,8 @@ struct GraspFigures {
   clothctl::GraspReport<double> last;
   std::string fault;
   double firm_s = -1;  ///< when it held firmly; negative: never
-  double force_sum = 0, ik_error_max_m = 0, torque_max_share = 0, momentum_residual = 0;
+  double force_sum = 0, ik_error_max_m = 0, torque_max_share = 0;
+  double momentum_residual = 0;  ///< NaN for a hand whose base does not slide
   double penetration_max_m = 0;  ///< of links without pads into the sheet and what is in the way
   long held_steps = 0;
   bool too_weak = false;   ///< it slid at the largest force
@@ -54,10 +50,10 @@ class GraspingHand {
   using Hand = clothctl::KinematicTree<double>;
   using Points = clothctl::Points<double>;
 
-  /// Adds a hand to the world, and plans its way to `place` around the sheet as it is now, which
-  /// has these triangles, and `obstacles`.
+  /// Adds a hand, made for `place`, to the world, and plans its way there around the sheet as it is
+  /// now, which has these triangles, and `obstacles`.
   static clothctl::Result<std::unique_ptr<GraspingHand>> create(
-      World& world, const std::vector<std::array<int, 3>>& triangles,
+      World& world, HandModel model, const std::vector<std::array<int, 3>>& triangles,
       std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
       const GraspOptions& options);
 
@@ -95,10 +91,12 @@ class GraspingHand {
   void place_shape(Points& vertices);
 
  private:
-  explicit GraspingHand(World& world) : world_(world) {}
+  GraspingHand(World& world, HandModel model) : world_(world), model_(std::move(model)) {}
   std::string add(const std::vector<std::array<int, 3>>& triangles,
                   std::vector<clothctl::ColliderRef<double>> obstacles, const GraspPlace& place,
                   const GraspOptions& options);
+  /// Adds the hand at these positions, its surface and its controller.
+  std::string put_into_world(const clothctl::VectorX<double>& start);
   /// Finds poses in which the links keep clear of what is beside the sheet.
   std::string find_poses(const GraspPlace& place,
                          const std::vector<clothctl::FingerPad<double>>& fingers,
@@ -109,8 +107,7 @@ class GraspingHand {
   std::array<clothctl::PadTouch<double>, 2> touches(double dt) const;
 
   World& world_;
-  Hand tree_;
-  clothctl::HandGeometry<double> geometry_;
+  HandModel model_;
   clothctl::HandInWorld parts_;
   GraspOptions options_;
   std::array<clothctl::Vector3<double>, 2> press_;

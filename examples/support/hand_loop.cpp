@@ -68,10 +68,10 @@ Errors run_bare(Scene scene, const Options& o, const clothctl::ClothState<double
 class HandsRun {
  public:
   HandsRun(Scene scene, const Options& o, const clothctl::ClothState<double>& state,
-           const clothctl::GridMesh<double>& grid)
+           const clothctl::GridMesh<double>& grid, const HandMaker& make_hand)
       : scene_(std::move(scene)), options_(o) {
     add_sheet(state);
-    for (int side : {0, 1}) add_hand(grid, side);
+    for (int side : {0, 1}) add_hand(grid, side, make_hand);
     std::vector<int> segments;
     for (const auto& hand : hands_)
       segments.insert(segments.end(), hand->parts().segments.begin(),
@@ -166,7 +166,7 @@ class HandsRun {
   }
   /// The right one with `side` 1 holds the sheet at a vertex about 20 mm inside its upper corner:
   /// planners move vertices.
-  void add_hand(const clothctl::GridMesh<double>& grid, int side) {
+  void add_hand(const clothctl::GridMesh<double>& grid, int side, const HandMaker& make_hand) {
     const long in = std::max(1L, std::lround(0.02 * (grid.cols - 1) / options_.size));
     const auto at = [&](int down, int across) {
       const int row = grid.rows - 1 - static_cast<int>(in) - down;
@@ -176,9 +176,9 @@ class HandsRun {
     const Vec across = (1 - 2 * side) * (at(0, 1) - at(0, 0)), down = at(1, 0) - at(0, 0);
     GraspOptions options;
     options.friction = scene_.setup.grips.front().fingers.front().contact.friction;
-    hands_.push_back(must(
-        GraspingHand::create(world_, scene_.body.network.triangles, {},
-                             {at(0, 0), down.cross(across).normalized(), Vec(0, 0, -1)}, options)));
+    const GraspPlace place{at(0, 0), down.cross(across).normalized(), Vec(0, 0, -1)};
+    hands_.push_back(must(GraspingHand::create(world_, make_hand(place),
+                                               scene_.body.network.triangles, {}, place, options)));
   }
   /// Makes the grips of the planner from what the fingers hold.
   std::string take_grips() {
@@ -235,12 +235,13 @@ class HandsRun {
 }  // namespace
 
 int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& grid,
-              const clothctl::ClothState<double>& state, const FitTask& fit_task) {
+              const clothctl::ClothState<double>& state, const FitTask& fit_task,
+              const HandMaker& make_hand) {
   if (!is_implicit(o.plant)) refuse("--hands: --plant must be newton or linear-implicit");
   if (o.cloth < 4 || o.size < 0.15) refuse("--hands: the sheet is too coarse or too small");
   make_folder(o.out);  // before the work, since it may fail
   const Errors bare = run_bare(scene, o, state, fit_task);
-  HandsRun run(std::move(scene), o, state, grid);
+  HandsRun run(std::move(scene), o, state, grid, make_hand);
   std::string bad = run.grasp();
   if (bad.empty()) bad = run.follow(fit_task);
   const GraspFigures& a = run.hands()[0]->figures();
@@ -266,7 +267,7 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
   j["rectify_residual_max_m"] = run.rectify_residual;
   j["penetration_max_m"] = most(&GraspFigures::penetration_max_m);
   j["torque_max_share"] = most(&GraspFigures::torque_max_share);
-  j["momentum_residual"] = most(&GraspFigures::momentum_residual);
+  j["momentum_residual"] = known(most(&GraspFigures::momentum_residual));
   j["hand_frame_ms"] = quantile(ms, 0.5);
   j["hand_frame_ms_p99"] = quantile(ms, 0.99);
   if (!o.out.empty()) {

@@ -7,6 +7,7 @@
 
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/mesh/grid.hpp"
+#include "support/hand_model.hpp"
 #include "support/scene.hpp"
 
 namespace program {
@@ -14,10 +15,12 @@ namespace program {
 /// Makes the task start where the features are: x, 3×n, m.
 using FitTask = std::function<void(const Points& x, Scene& scene)>;
 
-/// Runs the task with bare forces on the vertices of the scene's grips, and with hands that grasp
-/// beside its upper corners the sheet of a grid that hangs from those vertices in `state`. Prints
-/// the figures of both, and writes the requested files. Returns the program's exit code.
+/// Runs the task with bare forces on the vertices of the scene's grips, and with two hands of a
+/// kind that grasp beside its upper corners the sheet of a grid that hangs from those vertices in
+/// `state`. Prints the figures of both, and writes the requested files. Returns the program's exit
+/// code.
 int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& grid,
-              const clothctl::ClothState<double>& state, const FitTask& fit_task);
+              const clothctl::ClothState<double>& state, const FitTask& fit_task,
+              const HandMaker& make_hand);
 
 }  // namespace program

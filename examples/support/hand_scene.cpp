@@ -6,6 +6,7 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/network/sheet.hpp"
+#include "support/box_triangles.hpp"
 #include "support/options.hpp"
 
 namespace program {
@@ -60,19 +61,7 @@ void lay(HandScene& scene, double size, double dt) {
 }  // namespace
 
 Points HandScene::solids() const {
-  if (!table) return Points(3, 0);
-  const Vec centre(0, kHalf[1], -kHalf[2]);
-  const int faces[6][4] = {{0, 2, 3, 1}, {4, 5, 7, 6}, {0, 1, 5, 4},
-                           {2, 6, 7, 3}, {0, 4, 6, 2}, {1, 3, 7, 5}};
-  Points out(3, 36);
-  clothctl::Index column = 0;
-  for (const auto& f : faces) {
-    for (const int k : {0, 1, 2, 0, 2, 3}) {
-      const Vec side((f[k] & 1) != 0 ? 1 : -1, (f[k] & 2) != 0 ? 1 : -1, (f[k] & 4) != 0 ? 1 : -1);
-      out.col(column++) = centre + kHalf.cwiseProduct(side);
-    }
-  }
-  return out;
+  return table ? box_triangles(Vec(0, kHalf[1], -kHalf[2]), kHalf) : Points(3, 0);
 }
 
 std::unique_ptr<HandScene> make_hand_scene(int side, double size,

@@ -219,6 +219,84 @@ TEST_CASE("a finger that loses the sheet fails, and nothing jumps when it opens"
   CHECK((hand.world.drive(0).target - rested).head<3>().norm() < 2e-3);
 }
 
+TEST_CASE("a hand that follows exactly arrives, however fast its last step is", "[grasp]") {
+  PinchingHand hand(9);
+  for (const double dt : {0.005, 0.01, 0.02, 0.04}) {
+    for (int k = 0; k < 20; ++k) {
+      GraspController<Hand34> controller = hand.controller();
+      Grasp<double> grasp = hand.grasp;
+      grasp.keyframes[0][k % 3] += 0.02 + 0.015 * k;
+      REQUIRE(controller.begin(grasp) == "");
+      HandState<double> state = hand.world.hand(0);
+      GraspReport<double> report;
+      const std::array<PadTouch<double>, 2> nothing{};
+      for (int i = 0; i < 500 && report.phase != GraspPhase::Close; ++i) {
+        state.positions = controller.tracker().positions();
+        report = controller.update(dt, state, nothing, hand.world.drive(0));
+      }
+      for (int i = 0; i < 2; ++i) {
+        state.positions = controller.tracker().positions();
+        report = controller.update(dt, state, nothing, hand.world.drive(0));
+      }
+      CHECK(report.phase == GraspPhase::Close);
+    }
+  }
+}
+
+TEST_CASE("a finger moves by itself, in a grasp that has turned", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  REQUIRE(controller.begin(hand.grasp) == "");
+  const Matrix3<double> I = Matrix3<double>::Identity();
+  CHECK_FALSE(controller.move_finger_by(0, I, Vec(1e-3, 0, 0)));  // it does not hold yet
+  for (int i = 0; i < 200 && controller.phase() != GraspPhase::Hold; ++i)
+    (void)hand.step(controller);
+  REQUIRE(controller.phase() == GraspPhase::Hold);
+  REQUIRE(controller.move_to(rotation_exp<double>(Vec(0, 0.3, 0)), Vec(0.02, 0, 0)));
+  for (int i = 0; i < 60; ++i) (void)hand.step(controller);
+  CHECK_FALSE(controller.move_finger_by(2, I, Vec(1e-3, 0, 0)));
+  CHECK_FALSE(controller.move_finger_by(-1, I, Vec(1e-3, 0, 0)));
+  CHECK_FALSE(controller.move_finger_by(0, Matrix3<double>(2 * I), Vec(1e-3, 0, 0)));
+  CHECK_FALSE(controller.move_finger_by(0, I, Vec(kNan, 0, 0)));
+  const auto at = [&](int finger) {
+    Matrix3<double> R;
+    Vec p;
+    controller.tracker().pose(finger, R, p);
+    return p;
+  };
+  const Vec thumb = at(0), index = at(1), way(1.5e-3, 0, -1e-3);
+  REQUIRE(controller.move_finger_by(0, I, way));
+  (void)hand.step(controller);
+  // Across the direction to press; along it, the force says where a finger is.
+  const Vec moved = at(0) - thumb - way, stayed = at(1) - index;
+  CHECK(Vec(moved[0], 0, moved[2]).norm() < 5e-5);
+  CHECK(Vec(stayed[0], 0, stayed[2]).norm() < 5e-5);
+}
+
+TEST_CASE("a grasp without keyframes goes on with what is held", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  REQUIRE(controller.begin(hand.grasp) == "");
+  for (int i = 0; i < 200 && controller.phase() != GraspPhase::Hold; ++i)
+    (void)hand.step(controller);
+  Matrix3<double> R;
+  Vec before, after;
+  controller.tracker().pose(0, R, before);
+  Grasp<double> harder = hand.grasp;
+  harder.keyframes.clear();
+  harder.force = 5;
+  REQUIRE(controller.begin(harder) == "");
+  CHECK(controller.phase() == GraspPhase::Close);
+  for (int i = 0; i < 200 && controller.phase() != GraspPhase::Hold; ++i) {
+    (void)hand.step(controller);
+    for (const auto& felt : hand.touches()) CHECK(felt.contacts > 0);
+  }
+  REQUIRE(controller.phase() == GraspPhase::Hold);
+  controller.tracker().pose(0, R, after);
+  CHECK((after - before).norm() < 3e-3);
+  CHECK(hand.touches()[0].normal_force == Approx(5).epsilon(0.3));
+}
+
 TEST_CASE("a grasp that is not there, or not firm, says why", "[grasp]") {
   PinchingHand hand(9);
   GraspController<Hand34> controller = hand.controller();
@@ -304,7 +382,8 @@ TEST_CASE("bad grasps and measurements are refused in words, and nothing changes
         "finger 0 of the grasp has a direction to press that is not a unit vector");
   CHECK(refused([](auto& g) { g.force = -1; }).find("the force is -1 N") == 0);
   CHECK(refused([](auto& g) { g.force = 11; }).find("the force is 11 N") == 0);
-  CHECK(refused([](auto& g) { g.keyframes.clear(); }) == "the grasp has no keyframes");
+  CHECK(refused([](auto& g) { g.keyframes.clear(); }) ==
+        "the grasp has no keyframes, and the hand holds nothing to go on with");
   CHECK(refused([](auto& g) { g.keyframes[0].resize(3); }).find("keyframe 0 has 3 entries") == 0);
   CHECK(refused([](auto& g) { g.keyframes[0][2] = kNan; }).find("keyframe 0") == 0);
   CHECK(refused([](auto& g) { g.keyframes[0][4] = 5; }) ==

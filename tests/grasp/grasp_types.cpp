@@ -42,4 +42,7 @@ TEST_CASE("phases and faults have names, and only failures have words", "[grasp]
   report.wanted_force = 3;
   CHECK(describe_fault(report, "finger 1 (index)") ==
         "finger 1 (index) did not hold firmly in time: 0.5 N of 3 N");
+  report.slides = true;
+  CHECK(describe_fault(report, "finger 1 (index)") ==
+        "finger 1 (index) did not hold firmly in time: 0.5 N of 3 N, and it slides");
 }

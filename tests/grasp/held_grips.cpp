@@ -50,6 +50,17 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
   bad[0].press[2] = std::nan("");
   CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
         "finger 0 has a direction that is not finite");
+  bad = fingers;
+  bad[1].friction = -1;
+  CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
+        "finger 1 has the friction coefficient -1, must be finite and not negative");
+  bad[1].friction = std::nan("");
+  CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
+        "finger 1 has the friction coefficient nan, must be finite and not negative");
+  bad = fingers;
+  bad[0].max_normal_force = 0;
+  CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
+        "finger 0 has the largest normal force 0, must be finite and positive");
 
   const int first = grip->fingers[0].vertices[0];
   std::vector<std::array<int, 3>> broken{{first, 9999, 4}};

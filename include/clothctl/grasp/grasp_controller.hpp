@@ -53,7 +53,8 @@ class GraspController {
 
   /// Begins a grasp from the last targets of the hand. Returns an empty string, or what is wrong;
   /// nothing changes then. It may begin in any phase, and starts from rest: a sheet that is held is
-  /// let go, and a hand that moves stops at once. Allocates.
+  /// let go, and a hand that moves stops at once. In Hold, a grasp without keyframes goes on with
+  /// what is held: its fingers close from where they are, along other directions. Allocates.
   std::string begin(Grasp<Scalar> grasp);
   /// Makes one step of `dt` s: reads the state of the hand and what each finger *of the grasp*
   /// feels, and writes the drive. Never allocates.
@@ -70,6 +71,18 @@ class GraspController {
   /// from the places of its contact points to the planned ones, with the world as frame.
   [[nodiscard]] bool move_by(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
     return phase_ == GraspPhase::Hold && motion_.move_by(R, t);
+  }
+  /// In Hold: moves finger i of the grasp, besides what the grasp does, by x → R x + t from where
+  /// it was sent last. Each finger has the speeds of the grasp. Returns false, and changes nothing,
+  /// when it does not hold, there is no such finger or the motion is not one.
+  [[nodiscard]] bool move_finger_by(int i, const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
+    if (phase_ != GraspPhase::Hold || i < 0 || tips_.size() <= static_cast<std::size_t>(i))
+      return false;
+    // The finger moves first and the grasp after it.
+    const Matrix3<Scalar> back = motion_.R().transpose();
+    const Vector3<Scalar> origin = motion_.at(Vector3<Scalar>::Constant(Scalar(0)));
+    return tips_[static_cast<std::size_t>(i)].motion.move_by(back * R * motion_.R(),
+                                                             back * (R * origin + t - origin));
   }
   /// Changes the wanted normal force F* (N, positive). Returns false, and changes nothing, when it
   /// is not one.
@@ -114,6 +127,7 @@ class GraspController {
     Vector3<Scalar> press = Vector3<Scalar>::Constant(Scalar(0));
     Vector3<Scalar> load = Vector3<Scalar>::Constant(Scalar(0));
     Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
+    detail::LimitedMotion<Scalar> motion = {};  // before that of the grasp
     Scalar depth = Scalar(0);
     bool touched = false;
   };
@@ -126,19 +140,27 @@ class GraspController {
   }
 
   std::string find_fault(const Grasp<Scalar>& grasp) const;
-  void approach(const Scalar& dt, const HandState<Scalar>& hand, HandDrive<Scalar>& drive);
-  void start_closing(const HandState<Scalar>& hand);
+  /// Plans the way through the keyframes. Returns an empty string, or what is wrong.
+  std::string plan_way(const Grasp<Scalar>& grasp);
+  void approach(const Scalar& dt, HandDrive<Scalar>& drive);
+  void start_closing();
+  /// Fails when a fingertip is not where it was sent last, to close from there.
+  void judge_arrival(const HandState<Scalar>& hand);
   /// Chooses F* and moves the depths.
   void press(const Scalar& dt, std::span<const Touch> touches, GraspReport<Scalar>& report);
   void judge_closing(const Scalar& dt, const HandState<Scalar>& hand,
                      std::span<const Touch> touches, const GraspReport<Scalar>& report);
   void judge_holding(std::span<const Touch> touches);
   void open(const Scalar& dt);
-  /// Moves the grasp to where it shall be, at most at its largest speeds.
+  /// Moves the grasp and its fingers to where they shall be, at most at their largest speeds.
   void move(const Scalar& dt) {
+    const Scalar way = settings_.hold_speed * dt, turn = settings_.turn_speed * dt;
     Vector3<Scalar> middle = Vector3<Scalar>::Constant(Scalar(0));
-    for (const Tip& tip : tips_) middle += tip.place / Scalar(static_cast<double>(tips_.size()));
-    motion_.advance(middle, settings_.hold_speed * dt, settings_.turn_speed * dt);
+    for (Tip& tip : tips_) {
+      tip.motion.advance(tip.place, way, turn);
+      middle += tip.motion.at(tip.place) / Scalar(static_cast<double>(tips_.size()));
+    }
+    motion_.advance(middle, way, turn);
   }
   void send(const Scalar& dt, HandDrive<Scalar>& drive, GraspReport<Scalar>& report);
   void fail(GraspFault fault, int finger) {
@@ -162,6 +184,7 @@ class GraspController {
   Scalar time_ = Scalar(0), opened_ = Scalar(0);
   int firm_ = 0, missed_ = 0;
   bool closed_ = false;          // fingertips have begun to close and have not opened
+  bool arrives_ = false;         // they begin to close where the keyframes ended
   GraspReport<Scalar> failure_;  // of the step that failed
 };
 
@@ -190,27 +213,13 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, Scalar>::find_fault(
     const Grasp<Scalar>& grasp)
 const {
-  if (grasp.fingers.empty()) return "the grasp has no fingers";
   const int count = static_cast<int>(tracker_.fingers().size());
-  for (std::size_t i = 0; i < grasp.fingers.size(); ++i) {
-    const GraspFinger<Scalar>& f = grasp.fingers[i];
-    const std::string name = "finger " + std::to_string(i) + " of the grasp ";
-    if (f.finger < 0 || count <= f.finger)
-      return name + "is finger " + std::to_string(f.finger) + " of a hand of " +
-             std::to_string(count);
-    for (std::size_t j = 0; j < i; ++j) {
-      if (grasp.fingers[j].finger == f.finger)
-        return name + "is finger " + std::to_string(f.finger) + " of the hand, as finger " +
-               std::to_string(j) + " is";
-    }
-    const Scalar square = f.press.squaredNorm();
-    if (!(Scalar(0.98) < square && square < Scalar(1.02)))
-      return name + "has a direction to press that is not a unit vector";
-  }
+  if (std::string bad = grasp.find_bad_finger(count); !bad.empty()) return bad;
   if (!is_finite(grasp.force) || !(Scalar(0) < grasp.force) || settings_.most_force < grasp.force)
     return "the force is " + number_text(grasp.force) + " N, must be positive and at most " +
            number_text(settings_.most_force);
-  if (grasp.keyframes.empty()) return "the grasp has no keyframes";
+  if (grasp.keyframes.empty() && phase_ != GraspPhase::Hold)
+    return "the grasp has no keyframes, and the hand holds nothing to go on with";
   return {};
 }
 
@@ -218,6 +227,27 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, Scalar>::begin(
     Grasp<Scalar> grasp) {
   if (std::string bad = find_fault(grasp); !bad.empty()) return bad;
+  const bool goes_on = grasp.keyframes.empty();
+  if (!goes_on) {
+    if (std::string bad = plan_way(grasp); !bad.empty()) return bad;
+  }
+  grasp_ = std::move(grasp);
+  tips_.assign(grasp_.fingers.size(), Tip());
+  targets_.assign(grasp_.fingers.size(), FingertipTarget<Scalar>());
+  phase_ = GraspPhase::Approach;
+  closed_ = arrives_ = false;
+  fault_ = GraspFault::Nothing;
+  fault_finger_ = -1;
+  force_.reset(tips_.size());
+  time_ = opened_ = Scalar(0);
+  firm_ = missed_ = 0;
+  if (goes_on) start_closing();
+  return {};
+}
+
+template <class Model, RealScalar Scalar>
+requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, Scalar>::plan_way(
+    const Grasp<Scalar>& grasp) {
   std::vector<VectorX<Scalar>> keys{tracker_.positions()};
   for (std::size_t i = 0; i < grasp.keyframes.size(); ++i) {
     if (grasp.keyframes[i].size() != keys[0].size() || !all_finite(grasp.keyframes[i]))
@@ -242,16 +272,6 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
   if (!path) return path.error();
   path_.clear();
   path_.push_back(std::move(path).value());
-  grasp_ = std::move(grasp);
-  tips_.assign(grasp_.fingers.size(), Tip());
-  targets_.assign(grasp_.fingers.size(), FingertipTarget<Scalar>());
-  phase_ = GraspPhase::Approach;
-  closed_ = false;
-  fault_ = GraspFault::Nothing;
-  fault_finger_ = -1;
-  force_.reset(tips_.size());
-  time_ = opened_ = Scalar(0);
-  firm_ = missed_ = 0;
   return {};
 }
 
@@ -272,8 +292,10 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
   switch (phase_) {
     case GraspPhase::Free:
     case GraspPhase::Failed: break;
-    case GraspPhase::Approach: approach(dt, hand, drive); break;
+    case GraspPhase::Approach: approach(dt, drive); break;
     case GraspPhase::Close:
+      if (arrives_) judge_arrival(hand);
+      if (phase_ == GraspPhase::Failed) break;
       press(dt, touches, report);
       judge_closing(dt, hand, touches, report);
       send(dt, drive, report);
@@ -303,33 +325,40 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-void GraspController<Model, Scalar>::approach(const Scalar& dt, const HandState<Scalar>& hand,
-                                              HandDrive<Scalar>& drive) {
+void GraspController<Model, Scalar>::approach(const Scalar& dt, HandDrive<Scalar>& drive) {
   time_ += dt;
   path_.front().sample(time_, q_, qd_);
   if (!tracker_.move_to(q_, dt, drive)) {
     fail(GraspFault::BadInput, -1);
   } else if (!(time_ < path_.front().end_time())) {
-    start_closing(hand);
+    start_closing();
+    arrives_ = true;
   }
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-void GraspController<Model, Scalar>::start_closing(const HandState<Scalar>& hand) {
-  using std::sqrt;
+void GraspController<Model, Scalar>::start_closing() {
   phase_ = GraspPhase::Close;
   closed_ = true;
   time_ = Scalar(0);
   motion_.reset();
   (void)tracker_.set_posture(tracker_.positions());
   for (std::size_t i = 0; i < tips_.size(); ++i) {
-    const GraspFinger<Scalar>& f = grasp_.fingers[i];
-    Matrix3<Scalar> R;
-    Vector3<Scalar> at;
-    tracker_.pose_at(hand.positions, f.finger, R, at);
-    tracker_.pose(f.finger, tips_[i].R, tips_[i].place);
-    tips_[i].press = f.press;
+    tracker_.pose(grasp_.fingers[i].finger, tips_[i].R, tips_[i].place);
+    tips_[i].press = grasp_.fingers[i].press;
+  }
+}
+
+template <class Model, RealScalar Scalar>
+requires ArticulatedDynamics<Model, Scalar>
+void GraspController<Model, Scalar>::judge_arrival(const HandState<Scalar>& hand) {
+  using std::sqrt;
+  arrives_ = false;
+  Matrix3<Scalar> R;
+  Vector3<Scalar> at;
+  for (std::size_t i = 0; i < tips_.size(); ++i) {
+    tracker_.pose_at(hand.positions, grasp_.fingers[i].finger, R, at);
     const Scalar off = sqrt((at - tips_[i].place).squaredNorm());
     if (settings_.place_tolerance < off) fail(GraspFault::NotThere, static_cast<int>(i));
   }
@@ -413,9 +442,10 @@ void GraspController<Model, Scalar>::send(const Scalar& dt, HandDrive<Scalar>& d
   for (std::size_t i = 0; i < tips_.size(); ++i) {
     FingertipTarget<Scalar>& target = targets_[i];
     target.finger = grasp_.fingers[i].finger;
-    target.R_world_frame = motion_.R() * tips_[i].R;
-    target.place = motion_.at(tips_[i].place + tips_[i].depth * tips_[i].press);
-    target.force = tips_[i].load;
+    const Tip& tip = tips_[i];
+    target.R_world_frame = motion_.R() * tip.motion.R() * tip.R;
+    target.place = motion_.at(tip.motion.at(tip.place + tip.depth * tip.press));
+    target.force = tip.load;
   }
   const IkReport<Scalar> found = tracker_.track(targets_, dt, drive);
   report.ik_error = found.error;

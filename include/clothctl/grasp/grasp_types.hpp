@@ -3,6 +3,7 @@
 // What a grasp is, the settings of the controller that makes it (grasp_controller.hpp), and what a
 // step of that controller reports.
 
+#include <cstddef>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -102,7 +103,7 @@ struct Grasp {
   /// Its fingers.
   std::vector<GraspFinger<Scalar>> fingers;
   /// Joint positions (nq each) to go through; the fingertips touch at the last of them, which is
-  /// the posture of the fingers from then on.
+  /// the posture of the fingers from then on. Empty: goes on with what the hand holds.
   std::vector<VectorX<Scalar>> keyframes;
   /// How they are gone through. A path that was planned around obstacles wants Standstill.
   KeyframeTangents tangents = KeyframeTangents::Monotone;
@@ -110,6 +111,27 @@ struct Grasp {
   Scalar force = Scalar(3);
   /// Whether fingers close together, as they do around a sheet. On a table each closes by itself.
   bool together = true;
+
+  /// Returns an empty string, or what is wrong with the fingers for a hand of `count` fingers.
+  std::string find_bad_finger(int count) const {
+    if (fingers.empty()) return "the grasp has no fingers";
+    for (std::size_t i = 0; i < fingers.size(); ++i) {
+      const GraspFinger<Scalar>& f = fingers[i];
+      const std::string name = "finger " + std::to_string(i) + " of the grasp ";
+      if (f.finger < 0 || count <= f.finger)
+        return name + "is finger " + std::to_string(f.finger) + " of a hand of " +
+               std::to_string(count);
+      for (std::size_t j = 0; j < i; ++j) {
+        if (fingers[j].finger == f.finger)
+          return name + "is finger " + std::to_string(f.finger) + " of the hand, as finger " +
+                 std::to_string(j) + " is";
+      }
+      const Scalar square = f.press.squaredNorm();
+      if (!(Scalar(0.98) < square && square < Scalar(1.02)))
+        return name + "has a direction to press that is not a unit vector";
+    }
+    return {};
+  }
 };
 
 /// What a grasp controller is doing.
@@ -205,7 +227,7 @@ std::string describe_fault(const GraspReport<Scalar>& report, const std::string&
       return who + " closed by " + number_text(report.depth) + " m and touched nothing";
     case GraspFault::NotFirm:
       return who + " did not hold firmly in time: " + number_text(report.mean_force) + " N of " +
-             number_text(report.wanted_force) + " N";
+             number_text(report.wanted_force) + " N" + (report.slides ? ", and it slides" : "");
     case GraspFault::Lost: return who + " lost the sheet";
     case GraspFault::BadInput: return "the state of the hand or what its fingers feel is not valid";
     case GraspFault::Nothing: break;

@@ -34,8 +34,8 @@ struct HoldingFinger {
 
 /// Makes the grip of one hand. `x` (3×n, m): the sheet; `triangles`: its faces, which say where its
 /// front is. Fingers that hold nothing are left out. Allocates. Fails when: no finger holds
-/// anything, a segment does not exist, a triangle has a vertex off the mesh, or a number is not
-/// finite.
+/// anything, a segment does not exist, a triangle has a vertex off the mesh, a number is not
+/// finite, a friction coefficient is negative, or a largest force is not positive.
 template <RealScalar Scalar>
 Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
                                     std::span<const HoldingFinger<Scalar>> fingers,
@@ -49,6 +49,13 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
       return Error{name + ": there is no segment " + std::to_string(f.segment)};
     if (!all_finite(f.press)) return Error{name + " has a direction that is not finite"};
     Finger<Scalar> finger;
+    finger.contact.friction = f.friction;
+    finger.max_normal_force = f.max_normal_force;
+    if (const std::string bad = finger.contact.validate(); !bad.empty())
+      return Error{name + " has " + bad};
+    if (!is_finite(f.max_normal_force) || !(Scalar(0) < f.max_normal_force))
+      return Error{name + " has the largest normal force " + number_text(f.max_normal_force) +
+                   ", must be finite and positive"};
     for (const auto& held : contacts.held(f.segment)) {
       if (held.vertex >= x.cols())
         return Error{name + " holds vertex " + std::to_string(held.vertex) + " off a mesh of " +
@@ -71,8 +78,6 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
     }
     if (!all_finite(front)) return Error{name + " holds the sheet where it is not finite"};
     finger.side = front.dot(f.press) < Scalar(0) ? Scalar(-1) : Scalar(1);
-    finger.contact.friction = f.friction;
-    finger.max_normal_force = f.max_normal_force;
     out.fingers.push_back(std::move(finger));
   }
   if (out.fingers.empty()) return Error{"no finger holds a vertex of the sheet"};

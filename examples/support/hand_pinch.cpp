@@ -1,0 +1,150 @@
+#include "support/hand_pinch.hpp"
+
+#include <random>
+
+#include "clothctl/grasp/grasp_poses.hpp"
+#include "clothctl/robot/hand34.hpp"
+#include "clothctl/robot/inverse_kinematics.hpp"
+#include "support/options.hpp"
+
+namespace program {
+
+using clothctl::Index;
+using Tree = HandModel::Tree;
+using Vec = clothctl::Vector3<double>;
+using Matrix = clothctl::Matrix3<double>;
+using Vector = clothctl::VectorX<double>;
+using Geometry = clothctl::HandGeometry<double>;
+using Pad = clothctl::FingerPad<double>;
+using Traits = clothctl::articulated_traits<Tree>;
+
+namespace {
+
+int body_of(const Tree& tree, int link) {
+  return tree.links()[static_cast<std::size_t>(link)].body;
+}
+
+/// x along the first vector, z against the second as far as that is across it.
+Matrix axes_of(const Vec& x, const Vec& down) {
+  Matrix out;
+  out.col(0) = x.normalized();
+  Vec z = out.col(0).dot(down) * out.col(0) - down;
+  if (z.norm() < 1e-6) z = Vec(out.col(0)).unitOrthogonal();
+  out.col(2) = z.normalized();
+  out.col(1) = out.col(2).cross(out.col(0));
+  return out;
+}
+
+/// The poses of frames at some positions.
+class Poses {
+ public:
+  Poses(const Tree& tree, const Vector& q) : tree_(tree), work_(Traits::make_workspace(tree)) {
+    Traits::forward_kinematics(tree, q, work_);
+  }
+  clothctl::Pose<double> of(int frame) {
+    clothctl::Pose<double> out;
+    Traits::frame_pose(tree_, work_, frame, out.R, out.p);
+    return out;
+  }
+  Vec tip(const Pad& pad) { return of(pad.frame) * pad.centre(); }
+
+ private:
+  const Tree& tree_;
+  clothctl::KinematicTreeWorkspace<double> work_;
+};
+
+/// The middle of what is on the palm: the last body that carries both fingers.
+Vec middle_of_palm(const Tree& tree, const Geometry& geometry, Poses& poses) {
+  const std::vector<bool> carriers = find_carriers(tree, geometry);
+  int palm = -1;
+  for (std::size_t b = 0; b < carriers.size(); ++b) {
+    if (carriers[b]) palm = static_cast<int>(b);
+  }
+  Vec sum = Vec::Zero();
+  int count = 0;
+  for (const auto& c : geometry.capsules) {
+    if (body_of(tree, c.frame) != palm) continue;
+    sum += poses.of(c.frame) * Vec(0.5 * (c.from + c.to));
+    ++count;
+  }
+  if (count > 0) return sum / count;
+  return palm < 0 ? sum : poses.of(geometry.fingers[0].frame).p;
+}
+
+}  // namespace
+
+std::vector<bool> find_carriers(const Tree& tree, const Geometry& geometry) {
+  const auto& bodies = tree.bodies();
+  std::vector<bool> first(bodies.size(), false), both(bodies.size(), false);
+  const auto up = [&](int finger, auto&& visit) {
+    int b = body_of(tree, geometry.fingers[static_cast<std::size_t>(finger)].frame);
+    for (; b >= 0; b = bodies[static_cast<std::size_t>(b)].parent)
+      visit(static_cast<std::size_t>(b));
+  };
+  up(0, [&](std::size_t b) { first[b] = true; });
+  up(1, [&](std::size_t b) { both[b] = first[b]; });
+  return both;
+}
+
+Pinch make_pinch_of(const Tree& tree, const Geometry& geometry, const Vector& posture,
+                    const Vector& home) {
+  const std::vector<bool> carriers = find_carriers(tree, geometry);
+  const auto& bodies = tree.bodies();
+  Pinch out;
+  out.positions = tree.neutral();
+  for (std::size_t b = 0; b < bodies.size(); ++b) {
+    if (carriers[b]) out.positions[bodies[b].position] = home[bodies[b].position];
+  }
+  for (const std::size_t k : {0u, 1u}) {
+    int b = body_of(tree, geometry.fingers[k].frame);
+    for (; b >= 0; b = bodies[static_cast<std::size_t>(b)].parent) {
+      const Index i = bodies[static_cast<std::size_t>(b)].position;
+      if (!carriers[static_cast<std::size_t>(b)]) out.positions[i] = posture[i];
+    }
+  }
+  (void)clothctl::hand34_place_base<double>(tree, Matrix::Identity(), Vec::Zero(), out.positions);
+  Poses poses(tree, out.positions);
+  const Vec a = poses.tip(geometry.fingers[0]), b = poses.tip(geometry.fingers[1]);
+  out.centre = 0.5 * (a + b);
+  out.axes = axes_of(b - a, out.centre - middle_of_palm(tree, geometry, poses));
+  return out;
+}
+
+Pinch find_pinch(const Tree& tree, const Geometry& geometry, const Vector& home) {
+  const std::vector<Pad> fingers(geometry.fingers.begin(), geometry.fingers.begin() + 2);
+  Poses poses(tree, home);
+  const Vec a = poses.tip(fingers[0]), b = poses.tip(fingers[1]);
+  const Vec middle = 0.5 * (a + b), press = (b - a).normalized();
+  const std::vector<clothctl::GraspContact<double>> contacts{{middle, press}, {middle, -press}};
+  const auto found = clothctl::find_grasp_poses<Tree, double>(tree, fingers, contacts, home, home);
+  if (found.status != clothctl::GraspPoseStatus::Found)
+    refuse("the hand finds no pinch of " + fingers[0].name + " and " + fingers[1].name + ": " +
+           found.message);
+  return make_pinch_of(tree, geometry, found.touch, home);
+}
+
+Matrix pinch_axes(const GraspPlace& at) { return axes_of(at.press, at.approach); }
+
+Vector pinch_at(const Tree& tree, const std::vector<Pad>& fingers, const Pinch& pinch,
+                const GraspPlace& at) {
+  Vector q = pinch.positions;
+  const Matrix R = pinch_axes(at) * pinch.axes.transpose();
+  const Vec t = at.place - R * pinch.centre;
+  if (clothctl::hand34_place_base<double>(tree, R, t, q))
+    return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());
+  Poses poses(tree, q);
+  std::vector<clothctl::IkTask<double>> tasks;
+  for (const std::size_t k : {0u, 1u}) {
+    const clothctl::Pose<double> now = poses.of(fingers[k].frame);
+    tasks.push_back(
+        clothctl::IkTask<double>::position(fingers[k].frame, Vec::Zero(), R * now.p + t));
+    tasks.push_back(clothctl::IkTask<double>::orientation(fingers[k].frame, R * now.R));
+  }
+  std::mt19937_64 random(1);
+  const auto uniform = [&random] { return static_cast<double>(random() >> 11) * 0x1p-53; };
+  clothctl::InverseKinematics<Tree, double> ik(tree, static_cast<int>(tasks.size()));
+  (void)ik.solve(tree, tasks, pinch.positions, q, 20, uniform);
+  return q;
+}
+
+}  // namespace program
