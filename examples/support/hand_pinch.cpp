@@ -12,7 +12,7 @@ namespace program {
 using clothctl::Index;
 using Tree = HandModel::Tree;
 using Vec = clothctl::Vector3<double>;
-using Matrix = clothctl::Matrix3<double>;
+using Mat = clothctl::Matrix3<double>;
 using Vector = clothctl::VectorX<double>;
 using Geometry = clothctl::HandGeometry<double>;
 using Pad = clothctl::FingerPad<double>;
@@ -25,8 +25,8 @@ int body_of(const Tree& tree, int link) {
 }
 
 /// x along the first vector, z against the second as far as that is across it.
-Matrix axes_of(const Vec& x, const Vec& down) {
-  Matrix out;
+Mat axes_of(const Vec& x, const Vec& down) {
+  Mat out;
   out.col(0) = x.normalized();
   Vec z = out.col(0).dot(down) * out.col(0) - down;
   if (z.norm() < 1e-6) z = Vec(out.col(0)).unitOrthogonal();
@@ -102,7 +102,7 @@ Pinch make_pinch_of(const Tree& tree, const Geometry& geometry, const Vector& po
       if (!carriers[static_cast<std::size_t>(b)]) out.positions[i] = posture[i];
     }
   }
-  (void)clothctl::hand34_place_base<double>(tree, Matrix::Identity(), Vec::Zero(), out.positions);
+  (void)clothctl::hand34_place_base<double>(tree, Mat::Identity(), Vec::Zero(), out.positions);
   Poses poses(tree, out.positions);
   const Vec a = poses.tip(geometry.fingers[0]), b = poses.tip(geometry.fingers[1]);
   out.centre = 0.5 * (a + b);
@@ -123,12 +123,12 @@ Pinch find_pinch(const Tree& tree, const Geometry& geometry, const Vector& home)
   return make_pinch_of(tree, geometry, found.touch, home);
 }
 
-Matrix pinch_axes(const GraspPlace& at) { return axes_of(at.press, at.approach); }
+Mat pinch_axes(const GraspPlace& at) { return axes_of(at.press, at.approach); }
 
 Vector pinch_at(const Tree& tree, const std::vector<Pad>& fingers, const Pinch& pinch,
                 const GraspPlace& at) {
   Vector q = pinch.positions;
-  const Matrix R = pinch_axes(at) * pinch.axes.transpose();
+  const Mat R = pinch_axes(at) * pinch.axes.transpose();
   const Vec t = at.place - R * pinch.centre;
   if (clothctl::hand34_place_base<double>(tree, R, t, q))
     return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());

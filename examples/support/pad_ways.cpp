@@ -7,13 +7,13 @@
 namespace program {
 
 using clothctl::Index;
-using clothctl::Points;
+using Points = clothctl::Points<double>;
 using Vec = clothctl::Vector3<double>;
 
-Points<double> touched_at_rest(const clothctl::World<double>& world, std::span<const int> pads,
-                               Index samples, const Points<double>& rest) {
+Points touched_at_rest(const clothctl::World<double>& world, std::span<const int> pads,
+                       Index samples, const Points& rest) {
   const Index count = static_cast<Index>(pads.size());
-  Points<double> out = Points<double>::Constant(3, count * samples, std::nan(""));
+  Points out = Points::Constant(3, count * samples, std::nan(""));
   for (Index k = 0; k < count; ++k) {
     for (const auto& contact : world.pad_contacts(pads[static_cast<std::size_t>(k)])) {
       Vec at = Vec::Zero();
@@ -25,7 +25,7 @@ Points<double> touched_at_rest(const clothctl::World<double>& world, std::span<c
   return out;
 }
 
-double mean_way(const Points<double>& ways) {
+double mean_way(const Points& ways) {
   Vec sum = Vec::Zero();
   double count = 0;
   for (Index k = 0; k < ways.cols(); ++k) {
