@@ -70,7 +70,7 @@ VectorX<Scalar> hand34_pinch_at(const KinematicTree<Scalar>& tree, const Vector3
   using Traits = articulated_traits<KinematicTree<Scalar>>;
   using Vec = Vector3<Scalar>;
   const Vec origin(Scalar(0), Scalar(0), Scalar(0)), palm(Scalar(0), Scalar(0), Scalar(-1));
-  const VectorX<Scalar> given = hand34_pinch(tree);
+  VectorX<Scalar> given = hand34_pinch(tree);
   VectorX<Scalar> q = given;
   const Scalar product = axis.dot(approach);
   const Scalar most = Scalar(0.9999) * axis.squaredNorm() * approach.squaredNorm();
