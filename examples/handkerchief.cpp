@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <numbers>
 
-#include "clothctl/bridge/urdf.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "support/command_line.hpp"
 #include "support/hand_files.hpp"
@@ -53,9 +52,9 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
 /// Returns the vertices that the left (0) or right (1) hand holds.
 std::vector<int> corner_patch(const Grid& grid, int side, int size) {
   std::vector<int> patch;
-  for (int k = 0; k < size * size; ++k) {
-    const int row = grid.rows - size + k / size, col = k % size;
-    patch.push_back(grid.vertex(row, side == 0 ? col : grid.cols - 1 - col));
+  for (int row = grid.rows - size; row < grid.rows; ++row) {
+    for (int col = 0; col < size; ++col)
+      patch.push_back(grid.vertex(row, side == 0 ? col : grid.cols - 1 - col));
   }
   return patch;
 }

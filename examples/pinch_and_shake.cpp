@@ -10,7 +10,6 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "clothctl/bridge/urdf.hpp"
 #include "support/command_line.hpp"
 #include "support/figure_text.hpp"
 #include "support/hand_figures.hpp"

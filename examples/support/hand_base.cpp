@@ -1,8 +1,7 @@
 #include "support/hand_base.hpp"
 
-#include <cmath>
-
 #include "clothctl/core/number_text.hpp"
+#include "clothctl/math/rotation.hpp"
 
 namespace program {
 
@@ -61,15 +60,10 @@ std::string base_urdf(const std::string& child, const clothctl::Pose<double>& or
            " upper=" + number(part.limit) + " effort=" + number(part.effort) + "/></joint>";
     parent = link;
   }
-  // R = Rz Ry Rx. Where Ry is a quarter turn, Rz is none.
-  const clothctl::Matrix3<double>& R = origin.R;
-  const bool locked = std::hypot(R(0, 0), R(1, 0)) < 1e-9;
-  const double yaw = locked ? 0 : std::atan2(R(1, 0), R(0, 0));
-  const double pitch = std::atan2(-R(2, 0), std::hypot(R(0, 0), R(1, 0)));
-  const double roll = locked ? std::atan2(-R(1, 2), R(1, 1)) : std::atan2(R(2, 1), R(2, 2));
+  const Vec turn = clothctl::roll_pitch_yaw_from_rotation<double>(origin.R);
   const Vec& p = origin.p;
   return out + between("base_to_hand", "fixed", parent, child) +
-         "<origin xyz=" + quoted(p[0], p[1], p[2]) + " rpy=" + quoted(roll, pitch, yaw) +
+         "<origin xyz=" + quoted(p[0], p[1], p[2]) + " rpy=" + quoted(turn[0], turn[1], turn[2]) +
          "/></joint>";
 }
 

@@ -88,7 +88,6 @@ struct HandFromFiles {
       origin.R = pinch.axes.transpose();
     }
     HandModel out;
-    out.name = hand.name;
     out.tree = read_on_base(path, text, root, origin, !on_arm).tree;
     out.geometry = hand.geometry;
     out.home = hand.home;
@@ -147,7 +146,6 @@ inline HandFromFiles read_hand_files(const HandFiles& files) {
   const auto tree = read_on_base(out.path, out.text, out.root, {}, !out.on_arm).tree;
   out.hand = must(clothctl::read_hand_json<double>(tree, shape));
   for (const std::string& line : out.hand.warnings) std::fprintf(stderr, "%s\n", line.c_str());
-  if (out.hand.name.empty()) out.hand.name = path.stem().string();
   if (!files.grasps.empty() || std::filesystem::exists(grasps)) {
     const auto grip = read_pinch(tree, grasps, out.hand);
     out.pinch = make_pinch_of(tree, out.hand.geometry, grip, out.hand.home);

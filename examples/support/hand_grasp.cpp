@@ -210,7 +210,8 @@ void GraspingHand::measure(const clothctl::WorldReport<double>& report, double d
     const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
     figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
   }
-  if (report.parts != 1 || !slides(model_.tree)) return;  // torques are those of the last part
+  if (report.parts != 1 || std::isnan(figures_.momentum_residual))
+    return;  // torques are those of the last part
   // The base slides along x, y and z: its rows of M a + C + g are forces, and those that its joints
   // and the sheet do not exert are missing.
   const clothctl::HandState<double>& now = world_.hand(parts_.hand);

@@ -24,7 +24,6 @@ clothctl::Inertia<double> box(double mass, const Vec& sides, const Vec& centre) 
 
 HandModel make_hand34() {
   HandModel out;
-  out.name = "hand34";
   out.tree = clothctl::hand34<double>();
   out.geometry = clothctl::hand34_geometry(out.tree);
   out.home = clothctl::hand34_home(out.tree);
@@ -55,7 +54,6 @@ HandModel make_gripper() {
     builder.add_link(joint.child, box(0.05, sides, Vec(0, 0, -0.5 * kLong))).add_joint(joint);
   }
   HandModel out;
-  out.name = "gripper";
   out.tree = builder.build().value();
   const int palm = out.tree.find_link("palm");
   out.geometry.capsules.push_back({palm, Vec(-0.05, 0, 0), Vec(0.05, 0, 0), 0.025});

@@ -23,7 +23,6 @@ struct HandModel {
   using Tree = clothctl::KinematicTree<double>;
   using Vector = clothctl::VectorX<double>;
 
-  std::string name;
   Tree tree;
   /// Its shape. The first two fingers pinch.
   clothctl::HandGeometry<double> geometry;

@@ -16,7 +16,6 @@ using Mat = clothctl::Matrix3<double>;
 using Vector = clothctl::VectorX<double>;
 using Geometry = clothctl::HandGeometry<double>;
 using Pad = clothctl::FingerPad<double>;
-using Traits = clothctl::articulated_traits<Tree>;
 
 namespace {
 
@@ -35,26 +34,19 @@ Mat axes_of(const Vec& x, const Vec& down) {
   return out;
 }
 
-/// The poses of frames at some positions.
-class Poses {
- public:
-  Poses(const Tree& tree, const Vector& q) : tree_(tree), work_(Traits::make_workspace(tree)) {
-    Traits::forward_kinematics(tree, q, work_);
-  }
-  clothctl::Pose<double> of(int frame) {
-    clothctl::Pose<double> out;
-    Traits::frame_pose(tree_, work_, frame, out.R, out.p);
-    return out;
-  }
-  Vec tip(const Pad& pad) { return of(pad.frame) * pad.centre(); }
+clothctl::BodyPoses<double> poses_at(const Tree& tree, const Vector& q) {
+  clothctl::BodyPoses<double> out(tree);
+  (void)clothctl::forward_kinematics(tree, q, out);
+  return out;
+}
 
- private:
-  const Tree& tree_;
-  clothctl::KinematicTreeWorkspace<double> work_;
-};
+Vec tip(const Tree& tree, const clothctl::BodyPoses<double>& poses, const Pad& pad) {
+  return link_pose(tree, poses, pad.frame) * pad.centre();
+}
 
 /// The middle of what is on the palm: the last body that carries both fingers.
-Vec middle_of_palm(const Tree& tree, const Geometry& geometry, Poses& poses) {
+Vec middle_of_palm(const Tree& tree, const Geometry& geometry,
+                   const clothctl::BodyPoses<double>& poses) {
   const std::vector<bool> carriers = find_carriers(tree, geometry);
   int palm = -1;
   for (std::size_t b = 0; b < carriers.size(); ++b) {
@@ -64,11 +56,11 @@ Vec middle_of_palm(const Tree& tree, const Geometry& geometry, Poses& poses) {
   int count = 0;
   for (const auto& c : geometry.capsules) {
     if (body_of(tree, c.frame) != palm) continue;
-    sum += poses.of(c.frame) * Vec(0.5 * (c.from + c.to));
+    sum += link_pose(tree, poses, c.frame) * Vec(0.5 * (c.from + c.to));
     ++count;
   }
   if (count > 0) return sum / count;
-  return palm < 0 ? sum : poses.of(geometry.fingers[0].frame).p;
+  return palm < 0 ? sum : link_pose(tree, poses, geometry.fingers[0].frame).p;
 }
 
 }  // namespace
@@ -103,8 +95,8 @@ Pinch make_pinch_of(const Tree& tree, const Geometry& geometry, const Vector& po
     }
   }
   (void)clothctl::hand34_place_base<double>(tree, Mat::Identity(), Vec::Zero(), out.positions);
-  Poses poses(tree, out.positions);
-  const Vec a = poses.tip(geometry.fingers[0]), b = poses.tip(geometry.fingers[1]);
+  const auto poses = poses_at(tree, out.positions);
+  const Vec a = tip(tree, poses, geometry.fingers[0]), b = tip(tree, poses, geometry.fingers[1]);
   out.centre = 0.5 * (a + b);
   out.axes = axes_of(b - a, out.centre - middle_of_palm(tree, geometry, poses));
   return out;
@@ -112,8 +104,8 @@ Pinch make_pinch_of(const Tree& tree, const Geometry& geometry, const Vector& po
 
 Pinch find_pinch(const Tree& tree, const Geometry& geometry, const Vector& home) {
   const std::vector<Pad> fingers(geometry.fingers.begin(), geometry.fingers.begin() + 2);
-  Poses poses(tree, home);
-  const Vec a = poses.tip(fingers[0]), b = poses.tip(fingers[1]);
+  const auto poses = poses_at(tree, home);
+  const Vec a = tip(tree, poses, fingers[0]), b = tip(tree, poses, fingers[1]);
   const Vec middle = 0.5 * (a + b), press = (b - a).normalized();
   const std::vector<clothctl::GraspContact<double>> contacts{{middle, press}, {middle, -press}};
   const auto found = clothctl::find_grasp_poses<Tree, double>(tree, fingers, contacts, home, home);
@@ -132,10 +124,10 @@ Vector pinch_at(const Tree& tree, const std::vector<Pad>& fingers, const Pinch& 
   const Vec t = at.place - R * pinch.centre;
   if (clothctl::hand34_place_base<double>(tree, R, t, q))
     return q.cwiseMax(tree.lower()).cwiseMin(tree.upper());
-  Poses poses(tree, q);
+  const auto poses = poses_at(tree, q);
   std::vector<clothctl::IkTask<double>> tasks;
   for (const std::size_t k : {0u, 1u}) {
-    const clothctl::Pose<double> now = poses.of(fingers[k].frame);
+    const clothctl::Pose<double> now = link_pose(tree, poses, fingers[k].frame);
     tasks.push_back(
         clothctl::IkTask<double>::position(fingers[k].frame, Vec::Zero(), R * now.p + t));
     tasks.push_back(clothctl::IkTask<double>::orientation(fingers[k].frame, R * now.R));

@@ -155,7 +155,7 @@ TEST_CASE("URDF: damaged files are read or refused without crashing", "[urdf]") 
       WARN("no shared model " << name << ": not spoilt");
       continue;
     }
-    const Result<std::string> text = detail::read_text_file(path, detail::kLargestUrdf);
+    const Result<std::string> text = read_file(path);
     REQUIRE(text.has_value());
     campaign(*text, 6, trials(200, 10000), counts);
   }

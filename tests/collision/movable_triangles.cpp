@@ -3,8 +3,8 @@
 
 #include "clothctl/collision/detail/movable_triangles.hpp"
 
+#include <algorithm>
 #include <cmath>
-#include <limits>
 #include <random>
 
 #include "support/catch.hpp"
@@ -12,7 +12,6 @@
 #include "support/solids.hpp"
 
 using namespace clothctl;
-using clothctl_test::LongVector;
 using clothctl_test::uniform;
 using V = Vector3<double>;
 
@@ -25,15 +24,9 @@ TEST_CASE("distances from triangles that move are those of all of them", "[conta
     for (int i = 0; i < 100; ++i) {
       V x;
       for (int k = 0; k < 3; ++k) x[k] = uniform(random, -1, 2);
-      long double exact = std::numeric_limits<long double>::max();
-      for (const auto& t : mesh.triangles) {
-        const LongVector a = mesh.positions.col(t[0]).cast<long double>();
-        const LongVector b = mesh.positions.col(t[1]).cast<long double>();
-        const LongVector c = mesh.positions.col(t[2]).cast<long double>();
-        exact = std::min(exact, clothctl_test::triangle_distance(x.cast<long double>(), a, b, c));
-      }
+      const auto exact = static_cast<double>(clothctl_test::brute_triangles(mesh, x));
       const auto m = tree.nearest(x);
-      worst = std::max(worst, std::abs(m.distance - static_cast<double>(exact)));
+      worst = std::max(worst, std::abs(m.distance - exact));
       direction = std::max(direction, (m.point + m.distance * m.normal - x).norm());
     }
     CHECK(worst <= 1e-15);

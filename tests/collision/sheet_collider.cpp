@@ -26,7 +26,6 @@ using namespace clothctl;
 using clothctl_test::exact_laws;
 using clothctl_test::icosphere;
 using clothctl_test::irregular_mesh;
-using clothctl_test::LongVector;
 using clothctl_test::PlainMesh;
 using clothctl_test::uniform;
 using clothctl_test::law_detail::one_closest;
@@ -43,14 +42,8 @@ using Vec = Vector3<double>;
 
 /// The distance of x from the triangles less half the thickness, by all of them.
 double brute_sheet(const PlainMesh& mesh, double thickness, const Vec& x) {
-  long double best = std::numeric_limits<long double>::max();
-  for (const auto& t : mesh.triangles) {
-    const LongVector a = mesh.positions.col(t[0]).cast<long double>();
-    const LongVector b = mesh.positions.col(t[1]).cast<long double>();
-    const LongVector c = mesh.positions.col(t[2]).cast<long double>();
-    best = std::min(best, clothctl_test::triangle_distance(x.cast<long double>(), a, b, c));
-  }
-  return static_cast<double>(best - 0.5L * static_cast<long double>(thickness));
+  return static_cast<double>(clothctl_test::brute_triangles(mesh, x) -
+                             0.5L * static_cast<long double>(thickness));
 }
 
 template <class S>

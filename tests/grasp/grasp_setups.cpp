@@ -649,15 +649,14 @@ HandInWorld add_hand(Draw& draw, World<double>& world, const Robot& robot, const
   surface.with_pads = {0, 1};
   const double friction[] = {0.6, 0.6, 0, 1e-9, 1e6, kNan, -1};
   surface.pad.friction = pick(draw, friction);
-  HandGeometry<double> shape = robot.geometry;
-  auto added = add_hand_geometry<double>(world, number, shape, surface);
+  auto added = add_hand_geometry<double>(world, number, robot.geometry, surface);
   const bool bad = !(surface.pad.friction >= 0);
   out.law(added.has_value() != bad, "pads are refused where their friction is bad");
   if (added) return std::move(added).value();
   out.law(added.error().find("friction") != std::string::npos, "what is refused is named");
   ++out.refused_settings;
   surface.pad.friction = 0.6;
-  return add_hand_geometry<double>(world, number, shape, surface).value();
+  return add_hand_geometry<double>(world, number, robot.geometry, surface).value();
 }
 
 /// The poses of a pinch at a place of the sheet.

@@ -24,6 +24,17 @@ TEST_CASE("a written file reads back the same", "[file]") {
   std::filesystem::remove(path);
 }
 
+TEST_CASE("a file above the limit is refused, one at it is read", "[file]") {
+  const std::string path =
+      (std::filesystem::temp_directory_path() / "clothctl_file_limit").string();
+  const std::size_t limit = std::size_t(1) << 20;
+  REQUIRE(clothctl::write_file(path, std::string(limit, 'x')).has_value());
+  CHECK(clothctl::read_file(path, limit).value().size() == limit);
+  REQUIRE(clothctl::write_file(path, std::string(limit + 1, 'x')).has_value());
+  CHECK(clothctl::read_file(path, limit).error() == path + ": is larger than 1 MiB");
+  std::filesystem::remove(path);
+}
+
 TEST_CASE("errors of files name the file", "[file]") {
   const std::string folder = std::filesystem::temp_directory_path().string();
   CHECK(clothctl::read_file(folder + "/clothctl_nowhere")

@@ -179,6 +179,16 @@ TEST_CASE("roll, pitch and yaw rotate about fixed x, y and z", "[rotation]") {
                                  rotation_exp<double>(Vector3<double>(0, pitch, 0)) *
                                  rotation_exp<double>(Vector3<double>(roll, 0, 0));
   CHECK((rotation_from_roll_pitch_yaw<double>(roll, pitch, yaw) - wanted).norm() < 1e-15);
+  const Vector3<double> angles = roll_pitch_yaw_from_rotation<double>(wanted);
+  CHECK((angles - Vector3<double>(roll, pitch, yaw)).norm() < 1e-14);
+  // At a quarter turn of the pitch there is no yaw, and the rotation is the same.
+  const double quarter = 0.5 * std::acos(-1.0);
+  for (const double up : {quarter, -quarter}) {
+    const Matrix3<double> R = rotation_from_roll_pitch_yaw<double>(roll, up, yaw);
+    const Vector3<double> a = roll_pitch_yaw_from_rotation<double>(R);
+    CHECK(a[2] == 0);
+    CHECK((rotation_from_roll_pitch_yaw<double>(a[0], a[1], a[2]) - R).norm() < 1e-7);
+  }
 }
 
 TEST_CASE("rotations are told from other matrices", "[math]") {

@@ -105,6 +105,18 @@ inline long double triangle_distance(const LongVector& x, const LongVector& a, c
       {segment_distance(x, a, b), segment_distance(x, b, c), segment_distance(x, c, a)});
 }
 
+/// The distance of x from the nearest of a mesh's triangles.
+inline long double brute_triangles(const PlainMesh& mesh, const Eigen::Vector3d& x) {
+  long double best = std::numeric_limits<long double>::max();
+  for (const auto& t : mesh.triangles) {
+    const LongVector a = mesh.positions.col(t[0]).cast<long double>();
+    const LongVector b = mesh.positions.col(t[1]).cast<long double>();
+    const LongVector c = mesh.positions.col(t[2]).cast<long double>();
+    best = std::min(best, triangle_distance(x.cast<long double>(), a, b, c));
+  }
+  return best;
+}
+
 /// The signed distance of x from a closed mesh.
 inline long double brute_distance(const PlainMesh& mesh, const Eigen::Vector3d& point) {
   const LongVector x = point.cast<long double>();

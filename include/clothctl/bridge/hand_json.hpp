@@ -30,11 +30,11 @@
 #include <vector>
 
 #include "clothctl/bridge/detail/json_reader.hpp"
-#include "clothctl/bridge/detail/text_file.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/quoted_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/grasp/hand_geometry.hpp"
+#include "clothctl/io/file.hpp"
 #include "clothctl/robot/kinematic_tree.hpp"
 #include "clothctl/robot/kinematic_tree_model.hpp"
 
@@ -341,7 +341,7 @@ Result<HandDescription<Scalar>> parse_hand_json(const KinematicTree<Scalar>& tre
 template <RealScalar Scalar>
 Result<HandDescription<Scalar>> read_hand_json(const KinematicTree<Scalar>& tree,
                                                const std::string& path) {
-  const Result<std::string> text = detail::read_text_file(path, detail::kLargestJson);
+  const Result<std::string> text = read_file(path, detail::kLargestJson);
   if (!text) return Error{text.error()};
   return parse_hand_json<Scalar>(tree, *text, path);
 }
@@ -374,7 +374,7 @@ template <RealScalar Scalar>
 Result<HandGrasps<Scalar>> read_grasps_json(const KinematicTree<Scalar>& tree,
                                             const HandDescription<Scalar>& hand,
                                             const std::string& path) {
-  const Result<std::string> text = detail::read_text_file(path, detail::kLargestJson);
+  const Result<std::string> text = read_file(path, detail::kLargestJson);
   if (!text) return Error{text.error()};
   return parse_grasps_json<Scalar>(tree, hand, *text, path);
 }

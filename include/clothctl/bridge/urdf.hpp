@@ -15,8 +15,8 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/bridge/detail/text_file.hpp"
 #include "clothctl/bridge/detail/urdf_elements.hpp"
+#include "clothctl/io/file.hpp"
 #include "clothctl/robot/kinematic_tree_builder.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -269,7 +269,7 @@ Result<UrdfModel<Scalar>> parse_urdf(std::string_view text, const std::string& n
 template <RealScalar Scalar = double>
 Result<UrdfModel<Scalar>> read_urdf(const std::string& path,
                                     const UrdfOptions<Scalar>& options = {}) {
-  const Result<std::string> text = detail::read_text_file(path, detail::kLargestUrdf);
+  const Result<std::string> text = read_file(path, detail::kLargestUrdf);
   if (!text) return Error{text.error()};
   return parse_urdf<Scalar>(*text, path, options);
 }

@@ -26,13 +26,13 @@ inline Error file_error(const std::string& path, const char* what, int code) {
 
 }  // namespace detail
 
-/// The largest file that `read_file` accepts, bytes. The limit protects the memory from a device or
-/// a wrong file.
+/// The largest file that `read_file` accepts where it is not told less, bytes. The limit protects
+/// the memory from a device or a wrong file.
 inline constexpr std::size_t kLargestFile = std::size_t(1) << 28;
 
 /// Returns the bytes of a file. Allocates. Fails when: the file is missing, is a folder, cannot be
-/// read, or is larger than `kLargestFile`.
-inline Result<std::string> read_file(const std::string& path) {
+/// read, or is larger than `most` bytes.
+inline Result<std::string> read_file(const std::string& path, std::size_t most = kLargestFile) {
   errno = 0;
   const std::unique_ptr<std::FILE, detail::FileCloser> file(std::fopen(path.c_str(), "rb"));
   if (!file) return detail::file_error(path, "cannot be opened", errno);
@@ -42,8 +42,8 @@ inline Result<std::string> read_file(const std::string& path) {
     errno = 0;
     const std::size_t count = std::fread(block.data(), 1, block.size(), file.get());
     text.append(block, 0, count);
-    if (text.size() > kLargestFile)
-      return Error{path + ": is larger than " + std::to_string(kLargestFile >> 20) + " MiB"};
+    if (text.size() > most)
+      return Error{path + ": is larger than " + std::to_string(most >> 20) + " MiB"};
     if (std::ferror(file.get()) != 0) return detail::file_error(path, "cannot be read", errno);
     if (count < block.size()) return text;
   }

@@ -201,4 +201,19 @@ Matrix3<Scalar> rotation_from_roll_pitch_yaw(const Scalar& roll, const Scalar& p
   return R;
 }
 
+/// Returns roll, pitch and yaw (rad) of a rotation matrix, the pitch from -π/2 to π/2. Where it is
+/// a quarter turn, roll and yaw turn about the same axis: yaw is 0 then.
+template <RealScalar Scalar>
+Vector3<Scalar> roll_pitch_yaw_from_rotation(const Matrix3<Scalar>& R) {
+  using std::asin;
+  using std::atan2;
+  Scalar sine = -R(2, 0);
+  if (Scalar(1) < sine) sine = Scalar(1);
+  if (sine < Scalar(-1)) sine = Scalar(-1);
+  const Scalar level = R(0, 0) * R(0, 0) + R(1, 0) * R(1, 0);
+  if (level < Scalar(16) * scalar_traits<Scalar>::epsilon())
+    return {atan2(Scalar(-R(1, 2)), R(1, 1)), asin(sine), Scalar(0)};
+  return {atan2(R(2, 1), R(2, 2)), asin(sine), atan2(R(1, 0), R(0, 0))};
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

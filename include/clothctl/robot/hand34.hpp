@@ -105,14 +105,21 @@ std::vector<Capsule<Scalar>> hand34_capsules() {
 
 namespace detail {
 
-/// Sets the position of a joint where the tree has it and it is free to move; else does nothing.
+/// Returns the body of a joint with one position of its own, or null where the tree has none of
+/// that name, or it is free or follows another.
+template <RealScalar Scalar>
+const Body<Scalar>* driven_joint(const KinematicTree<Scalar>& tree, const std::string& joint) {
+  const int k = tree.find_joint(joint);
+  if (k < 0) return nullptr;
+  const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(k)];
+  return body.type == JointType::Free || body.follows ? nullptr : &body;
+}
+
+/// Sets the position of such a joint; of others nothing.
 template <RealScalar Scalar>
 void set_joint(const KinematicTree<Scalar>& tree, const std::string& joint, const Scalar& value,
                VectorX<Scalar>& q) {
-  const int k = tree.find_joint(joint);
-  if (k < 0) return;
-  const Body<Scalar>& body = tree.bodies()[static_cast<std::size_t>(k)];
-  if (body.type != JointType::Free && !body.follows) q[body.position] = value;
+  if (const Body<Scalar>* body = driven_joint(tree, joint)) q[body->position] = value;
 }
 
 }  // namespace detail
@@ -166,28 +173,14 @@ VectorX<Scalar> hand34_pinch(const KinematicTree<Scalar>& tree) {
 template <RealScalar Scalar>
 bool hand34_place_base(const KinematicTree<Scalar>& tree, const Matrix3<Scalar>& R,
                        const Vector3<Scalar>& origin, VectorX<Scalar>& q) {
-  using std::asin;
-  using std::atan2;
   if (!all_finite(R) || !all_finite(origin) || q.size() != tree.nq()) return false;
   if (!is_rotation<Scalar>(R, Scalar(1e-2))) return false;
-  Scalar sine = -R(2, 0);
-  if (Scalar(1) < sine) sine = Scalar(1);
-  if (sine < Scalar(-1)) sine = Scalar(-1);
-  // R = Rz Ry Rx. Where Ry is a quarter turn, Rz and Rx turn about the same axis: Rz is none then.
-  const Scalar level = R(0, 0) * R(0, 0) + R(1, 0) * R(1, 0);
-  const bool locked = level < Scalar(16) * scalar_traits<Scalar>::epsilon();
-  Scalar yaw(0), roll(0);
-  if (locked) {
-    roll = atan2(Scalar(-R(1, 2)), R(1, 1));
-  } else {
-    yaw = atan2(R(1, 0), R(0, 0));
-    roll = atan2(R(2, 1), R(2, 2));
-  }
-  const std::pair<const char*, Scalar> joints[] = {
-      {"base_tx", origin[0]}, {"base_ty", origin[1]},          {"base_tz", origin[2]},
-      {"base_rz", yaw},       {"base_ry", Scalar(asin(sine))}, {"base_rx", roll}};
+  const Vector3<Scalar> turn = roll_pitch_yaw_from_rotation<Scalar>(R);
+  const std::pair<const char*, Scalar> joints[] = {{"base_tx", origin[0]}, {"base_ty", origin[1]},
+                                                   {"base_tz", origin[2]}, {"base_rz", turn[2]},
+                                                   {"base_ry", turn[1]},   {"base_rx", turn[0]}};
   for (const auto& [joint, value] : joints) {
-    if (tree.find_joint(joint) < 0) return false;
+    if (detail::driven_joint(tree, joint) == nullptr) return false;
   }
   for (const auto& [joint, value] : joints) detail::set_joint(tree, joint, value, q);
   return true;
