@@ -12,6 +12,7 @@
 #include "clothctl/math/rotation.hpp"
 #include "clothctl/robot/inverse_dynamics.hpp"
 #include "clothctl/robot/inverse_kinematics.hpp"
+#include "clothctl/robot/kinematic_tree_builder.hpp"
 #include "clothctl/robot/kinematic_tree_model.hpp"
 #include "support/catch.hpp"
 
@@ -259,4 +260,29 @@ TEST_CASE("the base of hand34 is turned and placed as told, also at its gimbal l
   CHECK_FALSE(hand34_place_base<double>(tree, Matrix3<double>::Identity(),
                                         Vector3<double>(0, std::nan(""), 0), q));
   CHECK(q == before);
+}
+
+TEST_CASE("a base with a joint that follows another is not placed", "[hand34]") {
+  for (const bool follows : {false, true}) {
+    KinematicTreeBuilder<double> robot;
+    std::string parent = "world";
+    robot.add_link(parent);
+    for (const char* name : {"base_tx", "base_ty", "base_tz", "base_rz", "base_ry", "base_rx"}) {
+      Joint<double> joint;
+      joint.name = name;
+      joint.type = joint.name[5] == 't' ? JointType::Prismatic : JointType::Revolute;
+      joint.parent = parent;
+      joint.child = parent = joint.name + "_link";
+      joint.axis = Vector3<double>::UnitX();
+      joint.limits = {-3, 3, 1, 1};
+      if (follows && joint.name == "base_rx") joint.leader = "base_rz";
+      robot.add_link(parent).add_joint(joint);
+    }
+    const KinematicTree<double> tree = robot.build().value();
+    VectorX<double> q = tree.neutral();
+    const VectorX<double> before = q;
+    const Matrix3<double> R = rotation_from_roll_pitch_yaw<double>(0.3, 0.2, 0.1);
+    CHECK(hand34_place_base<double>(tree, R, Vector3<double>(1, 2, 3), q) != follows);
+    CHECK((q == before) == follows);
+  }
 }
