@@ -57,6 +57,14 @@ TEST_CASE("a pad feels what presses it, what pulls it, and whether it slides", "
     CHECK(felt.contacts == 4);
     CHECK(felt.sliding == 0);
     pull += felt.tangential_force;
+    // The pads press along y, one each way.
+    const Vector3<double> press = held.world.pad_contacts(pad)[0].normal;
+    CHECK(std::abs(press.y()) == Approx(1));
+    const Vector3<double> tilted = press + Vector3<double>(1, 0, 0);
+    CHECK(pad_touch(held.world, pad, 0.02, press).normal_force == felt.normal_force);
+    CHECK(pad_touch<double>(held.world, pad, 0.02, tilted.normalized()).contacts == 4);
+    CHECK(pad_touch<double>(held.world, pad, 0.02, -press).contacts == 0);
+    CHECK(pad_touch<double>(held.world, pad, 0.02, Vector3<double>(0, 0, 1)).normal_force == 0);
   }
   const double weight = 9.81 * hanging_sheet(9).network().mass.sum();
   CHECK(pull >= 0.99 * weight);  // each pad carries its share, and they may pull at each other

@@ -152,8 +152,8 @@ TEST_CASE("a pad presses through the sheet on a body that something holds", "[si
     World<double> world;
     const auto floor = PlaneCollider<double>::create(Vec::Zero(), Vec::UnitZ()).value();
     CollisionGroups below, upper;
-    below.groups = 2;  // the sheet does not meet the floor
-    upper.collides_with = 3;
+    below.groups = below.collides_with = 2;  // the sheet does not meet the floor
+    upper.groups = 3;
     (void)world.add_obstacle(floor, {}, {}, below).value();
     MassSpring<double> model = MassSpring<double>::create(level_sheet<double>(9, 0.0415)).value();
     const double weight = 9.81 * (mass + model.network().mass.sum());

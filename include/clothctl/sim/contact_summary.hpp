@@ -76,14 +76,16 @@ struct PadTouch {
   int contacts = 0, sliding = 0;
 };
 
-/// Returns what a pad felt in the last step, of `dt` s. Never allocates.
-template <RealScalar Scalar>
-PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt) {
+namespace detail {
+
+/// What a pad felt of the contacts for which `counts(contact)`.
+template <RealScalar Scalar, class Counts>
+PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt, Counts counts) {
   using std::sqrt;
   PadTouch<Scalar> out;
   Vector3<Scalar> across = Vector3<Scalar>::Constant(Scalar(0));
   for (const PadContact<Scalar>& c : world.pad_contacts(pad)) {
-    if (c.state == ContactState::Open) continue;
+    if (c.state == ContactState::Open || !counts(c)) continue;
     const Scalar along = c.impulse.dot(c.normal) / dt;
     out.normal_force += along;
     across += c.impulse / dt - along * c.normal;
@@ -92,6 +94,24 @@ PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt
   }
   out.tangential_force = sqrt(across.squaredNorm());
   return out;
+}
+
+}  // namespace detail
+
+/// Returns what a pad felt in the last step, of `dt` s. Never allocates.
+template <RealScalar Scalar>
+PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt) {
+  return detail::pad_touch(world, pad, dt, [](const PadContact<Scalar>&) { return true; });
+}
+
+/// The same of contacts alone whose outward normals on the pad are within 60° of `press` (unit): a
+/// fingertip that pinches a fold on a table feels the table, too, which is no part of the pinch.
+template <RealScalar Scalar>
+PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt,
+                           const Vector3<Scalar>& press) {
+  return detail::pad_touch(world, pad, dt, [&](const PadContact<Scalar>& c) {
+    return Scalar(0.5) < c.normal.dot(press);
+  });
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -8,7 +8,6 @@
 #include <algorithm>
 #include <cassert>
 #include <cstddef>
-#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -16,6 +15,8 @@
 
 #include "clothctl/contact/contact_solver.hpp"
 #include "clothctl/contact/impulse_responses.hpp"
+#include "clothctl/sim/detail/pad_carrier.hpp"
+#include "clothctl/sim/detail/pad_supports.hpp"
 #include "clothctl/sim/detail/world_parts.hpp"
 #include "clothctl/sim/pad_contacts.hpp"
 
@@ -78,8 +79,7 @@ class WorldGrips {
   void end_part(const WorldParts<Scalar>& parts) {
     for (std::size_t i = 0; i < pads_.size(); ++i) left_[i] = motion(parts, pads_[i].carrier);
   }
-  /// Finds the contacts of a sheet, whose finder is up to date, with all pads. Returns false where
-  /// a motion is not valid.
+  /// Finds the contacts of a sheet (finder up to date) with all pads. False: a motion is not valid.
   bool find(WorldParts<Scalar>& parts, int sheet);
   /// Tells a sheet what pads are likely to do in the step that it is about to make: what they did
   /// in the last one. After `find`.
@@ -100,17 +100,25 @@ class WorldGrips {
     assert(0 <= pad && pad < pad_count());
     return told_[index(pad)];
   }
+  /// Whether pads touch a sheet.
+  bool touches(int sheet) const { return !touched_[index(sheet)].empty(); }
+  /// Adds what a sheet's obstacles exerted in the last solve to its contacts.
+  void add_supports(int sheet, std::vector<ObstacleContact<Scalar>>& contacts) const {
+    supports_.add_to(sheet, contacts);
+  }
   void save() {
     saved_before_ = before_;
     saved_left_ = left_;
     saved_dt_ = last_dt_;
     for (Touch& t : touches_) t.contacts.save();
+    supports_.save();
   }
   void restore() {
     before_ = saved_before_;
     left_ = saved_left_;
     last_dt_ = saved_dt_;
     for (Touch& t : touches_) t.contacts.restore();
+    supports_.restore();
   }
 
  private:
@@ -120,42 +128,30 @@ class WorldGrips {
     PadContacts<Scalar> contacts;
     std::vector<Vector3<Scalar>> impulse;  // of each sample in the step so far
   };
-  /// A side of the problem that carries pads: a hand, whatever links of it carry them, or the
-  /// carrier itself. A carrier that no impulse moves has neither hand nor `rigid`.
-  struct CarrierSide {
-    int hand, carrier;
-    std::vector<int> frames;
-    Points<Scalar> points;
-    Index count = 0;
-    KinematicResponse<Scalar> kinematic;
-    std::optional<RigidBodyResponse<Scalar>> rigid;
-  };
+  using Carrier = PadCarrier<Scalar>;
 
   static std::size_t index(int i) { return static_cast<std::size_t>(i); }
 
   /// Returns the place in sides_ of what carries a pad; adds it if it is not there.
   std::size_t find_side(const WorldParts<Scalar>& parts, int carrier);
-  CarrierSide& side_of(const Touch& t) { return sides_[side_of_pad_[index(t.pad)]]; }
-  RigidMotion<Scalar> motion(const WorldParts<Scalar>& parts, int carrier) const {
-    if (carrier < 0) return parts.bodies.motion(-1 - carrier);
-    return parts.obstacles[index(carrier)]->motion();
+  Carrier& side_of(const Touch& t) { return sides_[side_of_pad_[index(t.pad)]]; }
+  static RigidMotion<Scalar> motion(const WorldParts<Scalar>& parts, int carrier) {
+    return Carrier::motion(parts, carrier);
   }
-  /// Whether a contact was closed, or closes as sheet and pad move now.
-  bool closes(const WorldParts<Scalar>& parts, const Touch& t, const ContactSample<Scalar>& c,
-              const ClothState<Scalar>& state, const Scalar& dt) const;
+  /// Lists the vertices of a sheet that pads touch, and those of supports.
+  const std::vector<int>& list_touched(const WorldParts<Scalar>& parts, int sheet);
   /// Lists contacts, and the points of what carries pads.
   void list_contacts(WorldParts<Scalar>& parts);
   /// Lists the sides that are touched, and names them in the contacts. Returns false where one
   /// refuses.
   bool list_sides(WorldParts<Scalar>& parts);
-  bool attach(WorldParts<Scalar>& parts, CarrierSide& side);
   /// Takes what impulses changed in the sides.
   void take(WorldParts<Scalar>& parts, const Scalar& dt);
   void tell();
 
   std::vector<Pad> pads_;
   std::vector<Touch> touches_;
-  std::vector<CarrierSide> sides_;
+  std::vector<Carrier> sides_;
   std::vector<std::size_t> side_of_pad_;
   std::vector<std::vector<int>> touched_;  // vertices of each sheet
   std::vector<int> sheet_place_, side_place_;
@@ -169,24 +165,19 @@ class WorldGrips {
   std::vector<int> expected_vertices_;
   Points<Scalar> expected_impulses_;
   std::vector<std::vector<PadContact<Scalar>>> told_;
+  PadSupports<Scalar> supports_;
   ContactSolver<Scalar> solver_;
 };
 
 template <RealScalar Scalar>
 std::size_t WorldGrips<Scalar>::find_side(const WorldParts<Scalar>& parts, int carrier) {
   const int hand = carrier < 0 ? -1 : parts.obstacles[index(carrier)]->hand;
-  const auto same = [&](const CarrierSide& side) {
+  const auto same = [&](const Carrier& side) {
     return side.hand == hand && (hand >= 0 || side.carrier == carrier);
   };
   const auto found = std::find_if(sides_.begin(), sides_.end(), same);
   if (found != sides_.end()) return static_cast<std::size_t>(found - sides_.begin());
-  CarrierSide side{hand, carrier, {}, {}, 0, KinematicResponse<Scalar>(), {}};
-  const int body = -1 - carrier;
-  if (body >= 0 && Scalar(0) < parts.bodies.mass(body))
-    side.rigid =
-        RigidBodyResponse<Scalar>::create(parts.bodies.mass(body), parts.bodies.inertia(body))
-            .value();
-  sides_.push_back(std::move(side));
+  sides_.push_back(Carrier::make(parts, hand, carrier));
   return sides_.size() - 1;
 }
 
@@ -220,9 +211,14 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
     const std::string bad = parts.sheets[s]->reserve_touched(static_cast<Index>(room));
     if (!bad.empty()) return "sheet " + std::to_string(s) + ": " + bad;
   }
-  expected_vertices_.reserve(3 * most);
-  expected_impulses_ = Points<Scalar>::Constant(3, static_cast<Index>(3 * most), Scalar(0));
-  contacts_.reserve(most);
+  // The vertices under the samples, each on a table and, at its edge, on one more side of it.
+  const std::size_t supports = PadSupports<Scalar>::occur(parts) ? 6 * most : 0;
+  supports_.clear();
+  supports_.reserve(supports);
+  const std::size_t expected = 3 * (most + supports);
+  expected_vertices_.reserve(expected);
+  expected_impulses_ = Points<Scalar>::Constant(3, static_cast<Index>(expected), Scalar(0));
+  contacts_.reserve(most + supports);
   closed_.reserve(most);
   for (auto* list : {&before_, &left_, &expected_, &saved_before_, &saved_left_})
     list->assign(pads_.size(), {});
@@ -230,14 +226,8 @@ std::string WorldGrips<Scalar>::prepare(WorldParts<Scalar>& parts) {
   list_.reserve(parts.sheets.size() + sides_.size());
   sheet_place_.assign(parts.sheets.size(), -1);
   side_place_.assign(sides_.size(), -1);
-  for (CarrierSide& side : sides_) {
-    side.points = Points<Scalar>::Constant(3, static_cast<Index>(most), Scalar(0));
-    side.frames.reserve(most);
-    side.kinematic = KinematicResponse<Scalar>(static_cast<Index>(most));
-    if (side.hand >= 0) parts.hands[index(side.hand)]->reserve(static_cast<Index>(most));
-    if (side.rigid) (void)side.rigid->set_points(side.points);  // makes room
-  }
-  if (most > 0) solver_.reserve(static_cast<Index>(most), static_cast<Index>(3 * most));
+  for (Carrier& side : sides_) side.reserve(parts, most);
+  if (most > 0) solver_.reserve(static_cast<Index>(most + supports), static_cast<Index>(3 * most));
   return {};
 }
 
@@ -255,34 +245,25 @@ bool WorldGrips<Scalar>::find(WorldParts<Scalar>& parts, int sheet) {
 template <RealScalar Scalar>
 void WorldGrips<Scalar>::expect(WorldParts<Scalar>& parts, int sheet) {
   expected_vertices_.clear();
+  const auto add = [&](int vertex, const Scalar& share, const Vector3<Scalar>& impulse) {
+    expected_impulses_.col(static_cast<Index>(expected_vertices_.size())) = share * impulse;
+    expected_vertices_.push_back(vertex);
+  };
   for (Touch& t : touches_) {
     if (t.sheet != sheet) continue;
     for (const ContactSample<Scalar>& c : t.contacts.contacts()) {
-      for (std::size_t k = 0; k < 3; ++k) {
-        expected_impulses_.col(static_cast<Index>(expected_vertices_.size())) =
-            (ratio_ * c.a.weight[static_cast<Index>(k)]) * c.impulse;
-        expected_vertices_.push_back(c.a.point[k]);
-      }
+      for (Index k = 0; k < 3; ++k)
+        add(c.a.point[static_cast<std::size_t>(k)], ratio_ * c.a.weight[k], c.impulse);
     }
+  }
+  if (!expected_vertices_.empty()) {
+    const std::vector<int>& touched = list_touched(parts, sheet);
+    supports_.for_each_last(sheet, [&](int v, const Vector3<Scalar>& impulse) {
+      if (std::find(touched.begin(), touched.end(), v) != touched.end()) add(v, ratio_, impulse);
+    });
   }
   const Index count = static_cast<Index>(expected_vertices_.size());
   parts.sheets[index(sheet)]->expect(expected_vertices_, expected_impulses_.leftCols(count));
-}
-
-template <RealScalar Scalar>
-bool WorldGrips<Scalar>::closes(const WorldParts<Scalar>& parts, const Touch& t,
-                                const ContactSample<Scalar>& c, const ClothState<Scalar>& state,
-                                const Scalar& dt) const {
-  if (c.state != ContactState::Open) return true;
-  Vector3<Scalar> place = Vector3<Scalar>::Constant(Scalar(0)), velocity = place;
-  for (std::size_t k = 0; k < 3; ++k) {
-    place += c.a.weight[static_cast<Index>(k)] * state.positions.col(c.a.point[k]);
-    velocity += c.a.weight[static_cast<Index>(k)] * state.velocities.col(c.a.point[k]);
-  }
-  const RigidMotion<Scalar> pad = motion(parts, carrier(t.pad));
-  const Vector3<Scalar> arm = place - pad.position;
-  velocity -= pad.velocity + pad.angular_velocity.cross(arm);
-  return c.gap + dt * c.normal.dot(velocity) < Scalar(0);
 }
 
 template <RealScalar Scalar>
@@ -294,7 +275,7 @@ void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, cons
     if (t.sheet != sheet) continue;
     const RigidMotion<Scalar>& pad = expected_[index(t.pad)];
     for (const ContactSample<Scalar>& c : t.contacts.contacts()) {
-      if (!closes(parts, t, c, there.state, dt)) continue;
+      if (!closes(c, there.state, motion(parts, carrier(t.pad)), dt)) continue;
       closed_.push_back({c.a.point, c.state == ContactState::Stick, c.normal.dot(c.impulse),
                          pad.velocity - pad.angular_velocity.cross(pad.position),
                          pad.angular_velocity, c.normal});
@@ -313,16 +294,27 @@ void WorldGrips<Scalar>::find_patches(WorldParts<Scalar>& parts, int sheet, cons
 }
 
 template <RealScalar Scalar>
+const std::vector<int>& WorldGrips<Scalar>::list_touched(const WorldParts<Scalar>& parts,
+                                                         int sheet) {
+  std::vector<int>& list = touched_[index(sheet)];
+  list.clear();
+  for (const Touch& t : touches_) {
+    if (t.sheet == sheet) t.contacts.add_touched(list);
+  }
+  if (!list.empty()) supports_.add_vertices(parts, sheet, last_dt_, list);
+  return list;
+}
+
+template <RealScalar Scalar>
 void WorldGrips<Scalar>::list_contacts(WorldParts<Scalar>& parts) {
   contacts_.clear();
-  for (std::vector<int>& list : touched_) list.clear();
-  for (CarrierSide& side : sides_) {
+  for (std::size_t s = 0; s < touched_.size(); ++s) (void)list_touched(parts, static_cast<int>(s));
+  for (Carrier& side : sides_) {
     side.count = 0;
     side.frames.clear();
   }
   for (Touch& t : touches_) {
-    t.contacts.add_touched(touched_[index(t.sheet)]);
-    CarrierSide& side = side_of(t);
+    Carrier& side = side_of(t);
     const std::span<ContactSample<Scalar>> now = t.contacts.contacts();
     for (std::size_t k = 0; k < now.size(); ++k) {
       const int point = static_cast<int>(side.count++);
@@ -332,27 +324,6 @@ void WorldGrips<Scalar>::list_contacts(WorldParts<Scalar>& parts) {
       contacts_.back().b.point = {point, -1, -1};
     }
   }
-}
-
-template <RealScalar Scalar>
-bool WorldGrips<Scalar>::attach(WorldParts<Scalar>& parts, CarrierSide& side) {
-  const auto points = side.points.leftCols(side.count);
-  if (side.hand >= 0) {
-    WorldHand<Scalar>& hand = *parts.hands[index(side.hand)];
-    if (hand.attach(side.frames, points) != ArticulatedStatus::Updated) return false;
-    list_.push_back(hand.side());
-    return true;
-  }
-  const RigidMotion<Scalar> now = motion(parts, side.carrier);
-  if (side.rigid) {
-    parts.bodies.wake(-1 - side.carrier);
-    list_.push_back(ImpulseResponseRef<Scalar>(*side.rigid));
-    return side.rigid->set_motion(now).empty() &&
-           side.rigid->set_points(points) == QueryStatus::Answered;
-  }
-  list_.push_back(ImpulseResponseRef<Scalar>(side.kinematic));
-  return side.kinematic.set_motion(now).empty() &&
-         side.kinematic.set_points(points) == QueryStatus::Answered;
 }
 
 template <RealScalar Scalar>
@@ -367,7 +338,9 @@ bool WorldGrips<Scalar>::list_sides(WorldParts<Scalar>& parts) {
   }
   for (std::size_t k = 0; k < sides_.size(); ++k) {
     side_place_[k] = static_cast<int>(list_.size());
-    if (sides_[k].count > 0 && !attach(parts, sides_[k])) return false;
+    if (sides_[k].count == 0) continue;
+    if (!sides_[k].attach(parts)) return false;
+    list_.push_back(sides_[k].side(parts));
   }
   std::size_t next = 0;
   for (const Touch& t : touches_) {
@@ -384,12 +357,12 @@ bool WorldGrips<Scalar>::list_sides(WorldParts<Scalar>& parts) {
 
 template <RealScalar Scalar>
 void WorldGrips<Scalar>::take(WorldParts<Scalar>& parts, const Scalar& dt) {
-  for (const CarrierSide& side : sides_) {
+  for (const Carrier& side : sides_) {
     if (side.hand >= 0 && side.count > 0) parts.hands[index(side.hand)]->take_side();
   }
   std::size_t next = 0;
   for (Touch& t : touches_) {
-    const CarrierSide& side = side_of(t);
+    const Carrier& side = side_of(t);
     const std::span<ContactSample<Scalar>> kept = t.contacts.contacts();
     for (std::size_t k = 0; k < kept.size(); ++k) {
       const ContactSample<Scalar>& c = contacts_[next++];
@@ -403,6 +376,7 @@ void WorldGrips<Scalar>::take(WorldParts<Scalar>& parts, const Scalar& dt) {
     }
     t.contacts.keep();
   }
+  supports_.take(std::span<const ContactSample<Scalar>>(contacts_).subspan(next));
   for (std::size_t s = 0; s < touched_.size(); ++s) {
     if (touched_[s].empty()) continue;
     parts.sheets[s]->take_side(dt);
@@ -439,6 +413,11 @@ ContactReport<Scalar> WorldGrips<Scalar>::solve(WorldParts<Scalar>& parts, const
   if (!contacts_.empty()) {
     report.status = ContactStatus::InvalidInput;
     if (!list_sides(parts)) return report;
+    supports_.begin();
+    for (std::size_t s = 0; s < touched_.size(); ++s) {
+      if (!touched_[s].empty())
+        supports_.add(parts, static_cast<int>(s), sheet_place_[s], dt, ratio_, contacts_);
+    }
     const std::span<const ImpulseResponseRef<Scalar>> sides(list_);
     report = solver_.solve(contacts_, dt, sides);
     const bool found =
@@ -450,6 +429,8 @@ ContactReport<Scalar> WorldGrips<Scalar>::solve(WorldParts<Scalar>& parts, const
       return report;
     }
     take(parts, dt);
+  } else {
+    supports_.clear();
   }
   tell();
   return report;

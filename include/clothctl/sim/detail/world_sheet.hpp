@@ -87,6 +87,26 @@ class WorldSheet {
     if (status != QueryStatus::Answered) return status;
     return contacts.update(obstacles, state.velocities, dt, finder);
   }
+  /// Returns the gap of a contact of a step of `dt` s at its end, m, from the state that the sheet
+  /// has now.
+  Scalar gap_after(const ObstacleContact<Scalar>& c, const Scalar& dt) const {
+    const SurfacePoint<Scalar>& there = c.point.surface;
+    Vector3<Scalar> way = (Scalar(0) - dt) * there.velocity;
+    for (std::size_t k = 0; k < 3 && 0 <= c.point.vertex[k]; ++k)
+      way += c.point.weight[static_cast<Index>(k)] *
+             (state.positions.col(c.point.vertex[k]) - finder.positions().col(c.point.vertex[k]));
+    return there.distance + c.point.slack - contacts.settings().thickness + there.normal.dot(way);
+  }
+  /// Returns the largest depth of the contacts of a step of `dt` s below the thickness at its end,
+  /// m; 0 if none.
+  Scalar depth(const Scalar& dt) const {
+    Scalar least = Scalar(0);
+    for (const ObstacleContact<Scalar>& c : contacts.contacts()) {
+      const Scalar gap = gap_after(c, dt);
+      if (gap < least) least = gap;
+    }
+    return Scalar(0) - least;
+  }
   /// Whether a vertex touches an obstacle, or did in the last step; `counts(k)` says which
   /// obstacles count, by their number in the world.
   template <class Counts>

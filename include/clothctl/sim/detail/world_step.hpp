@@ -66,6 +66,8 @@ class WorldStep {
   /// Gives bodies and hands the impulses of a sheet's contacts.
   void push_back(Sheet& sheet, const Scalar& dt);
   bool solve_pads(const Scalar& dt, Report& report);
+  /// Tells how deep sheets are below their distance from obstacles, after pads have moved them.
+  void note_penetration(const Scalar& dt, Report& report) const;
   /// Gives bodies and hands what pads changed at a sheet's contacts.
   void push_strained(const Sheet& sheet, const Scalar& dt);
   /// Whether a body sleeps on when an impulse changes its velocity by `gain` (m/s).
@@ -241,6 +243,7 @@ WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor)
   for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
     const auto list = parts.sheets[i]->contacts.contacts();
     contacts[i].assign(list.begin(), list.end());
+    grips.add_supports(static_cast<int>(i), contacts[i]);
     for (ObstacleContact<Scalar>& c : contacts[i])
       c.obstacle = parts.sheets[i]->obstacle_number[index(c.obstacle)];
   }
@@ -269,6 +272,7 @@ bool WorldStep<S>::advance(const Scalar& dt, const Scalar& share, const Executor
   report.sheet = -1;
   for (const auto& hand : parts.hands) hand->take_impulses();
   if (!solve_pads(dt, report)) return false;
+  note_penetration(dt, report);
   keep_layers_apart(dt, report);
   if (!finish_bodies(executor, report) || !move_all(dt, report)) return false;
   grips.end_part(parts);
@@ -308,6 +312,16 @@ bool WorldStep<S>::solve_pads(const Scalar& dt, Report& report) {
   const bool found = report.pads.status == ContactStatus::NotConverged;
   report.status = found ? StepStatus::IterationLimit : StepStatus::NumericalFailure;
   return found;
+}
+
+template <RealScalar S>
+void WorldStep<S>::note_penetration(const Scalar& dt, Report& report) const {
+  for (std::size_t i = 0; i < parts.sheets.size(); ++i) {
+    const Sheet& sheet = *parts.sheets[i];
+    const bool moved = grips.touches(static_cast<int>(i));
+    const Scalar depth = moved ? sheet.depth(dt) : sheet.contacts.report().penetration;
+    if (report.penetration < depth) report.penetration = depth;
+  }
 }
 
 template <RealScalar S>
@@ -380,7 +394,6 @@ bool WorldStep<S>::step_sheet(int number, const Scalar& dt, const Scalar& share,
   if (made.status != StepStatus::Converged) report.status = made.status;
   const ObstacleContactReport<Scalar>& told = sheet.contacts.report();
   report.contacts += told.closed;
-  if (report.penetration < told.penetration) report.penetration = told.penetration;
   if (report.force_residual < told.force_residual) report.force_residual = told.force_residual;
   return made.advanced;
 }
