@@ -41,6 +41,7 @@ class HandPage {
       column += shape.cols();
       arrow += GraspingHand::kArrows;
     }
+    mark_phases();
     recorder_.add_frame(all, features, targets, places, forces);
   }
   /// The content of the page.
@@ -68,7 +69,18 @@ class HandPage {
     return scene;
   }
 
+  /// Marks the next frame where a hand is in another phase than in the last one.
+  void mark_phases() {
+    std::string now;
+    for (const GraspingHand* hand : hands_)
+      now.append(now.empty() ? "" : ", ").append(to_string(hand->figures().last.phase));
+    if (now == phases_) return;
+    recorder_.mark(now);
+    phases_ = std::move(now);
+  }
+
   std::vector<GraspingHand*> hands_;
+  std::string phases_;
   clothctl::PlayerRecorder recorder_;
 };
 

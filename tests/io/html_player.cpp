@@ -176,6 +176,18 @@ TEST_CASE("figures may be set after the recording", "[html_player]") {
         std::string::npos);
 }
 
+TEST_CASE("marks are stored with the frames that they begin at", "[html_player]") {
+  CHECK(element(*small_recording().page(), "scene").find("\"marks\":[]") != std::string::npos);
+  PlayerRecorder recorder(PlayerScene{}, 0, 0, 0);
+  recorder.mark("close");
+  for (int f = 0; f < 3; ++f) recorder.add_frame(none(), none(), none(), none(), none());
+  recorder.mark("hold </script>\"");
+  recorder.add_frame(none(), none(), none(), none(), none());
+  const std::string page = *recorder.page(), json = element(page, "scene");
+  CHECK(json.find("\"marks\":[[0,\"close\"],[3,\"hold ") != std::string::npos);
+  CHECK(count(page, "<script") == count(page, "</script>"));
+}
+
 TEST_CASE("a vertex that is not finite stays where it was", "[html_player]") {
   PlayerRecorder recorder(PlayerScene{}, 2, 0, 0);
   Points<double> x(3, 2);

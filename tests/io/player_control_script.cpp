@@ -211,6 +211,20 @@ check('slider without length', $('scrub').style['--fill'] === '0%');
 )js"));
 }
 
+TEST_CASE("the last mark is shown in the view", "[player_control_script]") {
+  clothctl::PlayerRecorder recorder = clothctl_test::swinging_sheet();
+  check_in_page(*recorder.page(), started("#paused", R"js(
+screen();
+check('none', $('mark').textContent === '');
+scene.marks.push([1, 'close'], [3, 'hold <b>']);
+const markAt = f => { setFrame(f); screen(); return $('mark').textContent; };
+check('before', markAt(0) === '' && markAt(.5) === '');
+check('first', markAt(1) === 'close' && markAt(2.9) === 'close');
+check('second, as text', markAt(3) === 'hold <b>' && markAt(4) === 'hold <b>');
+check('back', markAt(0) === '');
+)js"));
+}
+
 TEST_CASE("the options in the address are applied", "[player_control_script]") {
   check_in_page(
       page_of(),

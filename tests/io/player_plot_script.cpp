@@ -120,6 +120,31 @@ near('from the last scored frame to the right', [shade[1], shade[1] + shade[3]],
 )js"));
 }
 
+TEST_CASE("marks are lines with texts that neither overlap nor leave the plot",
+          "[player_plot_script]") {
+  PlayerRecorder recorder = clothctl_test::swinging_sheet();  // 5 frames, 187.5 pixels apart
+  recorder.mark("behind the last frame");
+  CHECK(recorder.page()->find("[5,\"behind") != std::string::npos);
+  check_in_page(*recorder.page(), with(R"js(
+const lines = () => {
+  pen.calls.length = 0;
+  paintPlot();
+  return pen.calls.filter(c => c[0] === 'lineTo' && c[2] === 128 && c[1] % 1 === .5).map(c => c[1]);
+};
+const before = lines();
+check('not behind the end', !words().includes('behind the last frame'));
+scene.marks.splice(0, 1, [0, 'close'], [1, 'a text of more than a frame'], [2, 'hidden'],
+  [4, 'too near to the right side']);
+near('a line each', lines().length - before.length, 4);
+check('texts', words().includes('close') && words().includes('a text of more than a frame'));
+check('no overlap', words().includes('hidden'));
+check('not outside', !words().includes('too near to the right side'));
+scene.marks[1][1] = 'a text that is a good deal longer than a frame';
+lines();
+check('not over another', !words().includes('hidden'));
+)js"));
+}
+
 TEST_CASE("a curve is interrupted where its error is unknown", "[player_plot_script]") {
   PlayerRecorder recorder({}, 0, 1, 0);
   const Points<double> none(3, 0);

@@ -56,6 +56,9 @@ class PlayerRecorder {
   PlayerScene& scene() { return scene_; }
   /// Returns the scene.
   const PlayerScene& scene() const { return scene_; }
+  /// Names what happens from the next frame on, until the next mark: the page shows it in the view
+  /// and marks the frame in the plot. Marks without a frame after them are not shown. Allocates.
+  void mark(std::string text) { marks_.emplace_back(frames_, std::move(text)); }
   /// Returns the number of frames so far.
   Index frame_count() const { return frames_; }
   /// Reserves the memory of the vertices in `frames` frames: 12 bytes for each vertex and frame. A
@@ -276,6 +279,12 @@ class PlayerRecorder {
       words(",", scene_.figures[i].second);
       text.append("]");
     }
+    text.append("],\"marks\":[");
+    for (std::size_t i = 0; i < marks_.size(); ++i) {
+      text.append(i == 0 ? "[" : ",[").append(std::to_string(marks_[i].first));
+      words(",", marks_[i].second);
+      text.append("]");
+    }
     text.append("]}");
   }
 
@@ -285,6 +294,7 @@ class PlayerRecorder {
   Index arrows_ = 0;
   Index frames_ = 0;
   std::string mistake_;
+  std::vector<std::pair<Index, std::string>> marks_;
   std::vector<float> positions_;
   std::vector<float> actual_;
   std::vector<float> target_;

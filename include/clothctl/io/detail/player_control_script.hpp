@@ -37,6 +37,9 @@ const paintControls = () => {
   scrub.style.setProperty('--fill', (F > 1 ? 100 * state.frame / (F - 1) : 0) + '%');
   scrub.setAttribute('aria-valuetext', time + ' s, frame ' + Math.round(state.frame));
   $('now').textContent = time;
+  const passed = scene.marks.filter(([frame]) => frame <= state.frame + 1e-9);
+  const text = passed.length ? passed[passed.length - 1][1] : '';
+  if ($('mark').textContent !== text) $('mark').textContent = text;
 };
 const setTheme = name => {
   document.documentElement.dataset.theme = name;

@@ -58,6 +58,7 @@ inline constexpr char kPlayerBody[] = R"html(
         <text data-axis="0">x</text><text data-axis="1">y</text><text data-axis="2">z</text>
       </svg>
       <span class="grid-size" id="grid-size"></span>
+      <span class="mark" id="mark" role="status"></span>
     </div>
     <div class="transport" role="group" aria-label="Playback">
       <button class="icon" id="first" type="button" aria-label="To the first frame"

@@ -66,6 +66,25 @@ const paintPlot = () => {
     pen.fillRect(from, frame_.top, width - frame_.right - from, bottom - frame_.top);
     pen.globalAlpha = 1;
   }
+  pen.strokeStyle = pen.fillStyle = muted;
+  pen.lineWidth = 1;
+  pen.textAlign = 'left';
+  pen.textBaseline = 'top';
+  let free = 0;
+  for (const [from, text] of scene.marks) {
+    if (from >= F) continue;
+    const at = Math.round(plotX(from, width)) + .5;
+    pen.setLineDash([2, 3]);
+    pen.beginPath();
+    pen.moveTo(at, frame_.top);
+    pen.lineTo(at, bottom);
+    pen.stroke();
+    pen.setLineDash([]);
+    const end = at + 8 + pen.measureText(text).width;
+    if (at < free || end > width) continue;
+    pen.fillText(text, at + 4, frame_.top);
+    free = end;
+  }
   pen.lineWidth = K > 8 ? 1 : 1.75;
   pen.lineJoin = 'round';
   for (let k = 0; k < K; ++k) {

@@ -104,6 +104,13 @@ h2 { margin: 0; font-size: 12px; font-weight: 600; color: var(--muted); letter-s
   position: absolute; right: 14px; bottom: 10px; font-size: 11px; color: var(--muted);
   pointer-events: none;
 }
+.mark {
+  position: absolute; left: 50%; top: 12px; transform: translateX(-50%); padding: 3px 10px;
+  border-radius: 9px; background: var(--panel); border: 1px solid var(--line); font-weight: 600;
+  font-size: 12px; max-width: 60%; overflow: hidden; text-overflow: ellipsis; white-space: nowrap;
+  pointer-events: none;
+}
+.mark:empty { display: none; }
 .notice {
   position: absolute; inset: 0; display: grid; place-items: center; padding: 24px;
   text-align: center; color: var(--muted);
