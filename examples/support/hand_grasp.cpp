@@ -173,9 +173,15 @@ std::string GraspingHand::plan_way(clothctl::RobotClearance<Hand>& whole, const 
   return {};
 }
 
-std::vector<clothctl::HoldingFinger<double>> GraspingHand::holding(int k) const {
-  return {{2 * k, press_[0], options_.friction, options_.most_force},
-          {2 * k + 1, press_[1], options_.friction, options_.most_force}};
+std::vector<clothctl::HoldingFinger<double>> GraspingHand::holding(int k) {
+  std::vector<clothctl::HoldingFinger<double>> out;
+  for (const int i : {0, 1}) {
+    const Vec& press = press_[static_cast<std::size_t>(i)];
+    // A plan may ask for no more than the joints can press with.
+    const double most = controller_->tracker().largest_force(i, press);
+    out.push_back({2 * k + i, press, options_.friction, std::min(options_.most_force, most)});
+  }
+  return out;
 }
 
 std::array<clothctl::PadTouch<double>, 2> GraspingHand::touches(double dt) const {

@@ -67,7 +67,7 @@ class GraspingHand {
   const GraspFigures& figures() const { return figures_; }
   bool holds() const { return controller_->phase() == clothctl::GraspPhase::Hold; }
   /// The fingers, as a planner wants them; their segments are 2 k and 2 k + 1 of StaticContacts.
-  std::vector<clothctl::HoldingFinger<double>> holding(int k) const;
+  std::vector<clothctl::HoldingFinger<double>> holding(int k);
 
   /// Samples of a pad.
   static constexpr clothctl::Index kSamples = 13;

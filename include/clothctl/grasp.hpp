@@ -5,6 +5,7 @@
 #include "clothctl/grasp/fingertip_tracker.hpp"
 #include "clothctl/grasp/grasp_controller.hpp"
 #include "clothctl/grasp/grasp_poses.hpp"
+#include "clothctl/grasp/grasp_sequence.hpp"
 #include "clothctl/grasp/grasp_types.hpp"
 #include "clothctl/grasp/hand_geometry.hpp"
 #include "clothctl/grasp/held_grips.hpp"
