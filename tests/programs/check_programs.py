@@ -174,6 +174,18 @@ def check_runs(programs, folder):
           f"handkerchief --hands: exit {code}: {text}")
     check(code == 0 and is_page(out / "player.html"),
           "handkerchief --hands: player.html is not self-contained")
+    out = folder / "lift"
+    small = ("--cols", 21, "--rows", 21, "--width", 0.2, "--json")
+    code, text, _ = run(programs / "lift_from_table", *small, "--out", out)
+    figures = json.loads(text) if code == 0 else {}
+    check(code == 0 and figures["status"] == "lifted" and figures["lift_height_m"] > 0.1
+          and figures["sheet_penetration_max_m"] < 0.01,
+          f"lift_from_table: exit {code}: {text}")
+    check(code == 0 and is_page(out / "player.html"),
+          "lift_from_table: player.html is not self-contained")
+    code, text, _ = run(programs / "lift_from_table", *small, "--friction", 0.05)
+    check(code == 1 and json.loads(text)["status"] != "lifted",
+          f"lift_from_table without friction: exit {code}: {text}")
     code, text, _ = run(programs / "hand_holds_cloth")
     check(code == 0 and text.startswith("5 s: the corner is"),
           f"hand_holds_cloth: exit {code}: {text}")
@@ -960,7 +972,7 @@ def main():
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "drape", "foreign_plant", "bring_your_own",
              "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch",
-             "pinch_and_shake", "hand_holds_cloth")
+             "pinch_and_shake", "hand_holds_cloth", "lift_from_table")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
