@@ -128,11 +128,12 @@ TEST_CASE("a planner goes on from one contact phase to the next", "[grasp]") {
     REQUIRE(
         can_apply(planner[0].plan(cloth.positions, cloth.velocities, hand.dt * i, target, plan)));
     ++planned[sequence.phase()];
+    // The sheet stays on its pins, so the hand stays, too.
     const Points<double> now = cloth.positions(Eigen::all, plan.input.driven_vertices);
     const auto moved = rectify<double>(now, plan.input.driven_positions, VectorX<double>(),
                                        Matrix3<double>::Identity());
     REQUIRE(moved.found());
-    (void)controller.move_by(moved.R_world_frame, moved.position);
+    CHECK(moved.position.allFinite());
   }
   CHECK(sequence.done());
   CHECK(planned[0] >= 15);
