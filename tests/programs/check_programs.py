@@ -175,8 +175,8 @@ def check_runs(programs, folder):
     check(code == 0 and is_page(out / "player.html"),
           "handkerchief --hands: player.html is not self-contained")
     out = folder / "lift"
-    small = ("--cols", 21, "--rows", 21, "--width", 0.2, "--json")
-    code, text, _ = run(programs / "lift_from_table", *small, "--out", out)
+    patch_of_sheet = ("--cols", 21, "--rows", 21, "--width", 0.2, "--json")
+    code, text, _ = run(programs / "lift_from_table", *patch_of_sheet, "--out", out)
     # Whether a fold of so few vertices is lifted may depend on the last bits.
     figures = json.loads(text) if code in (0, 1) else {}
     check(figures and figures["grasp_firm_share"] >= 0.5
@@ -185,7 +185,7 @@ def check_runs(programs, folder):
           and figures["sheet_penetration_max_m"] < 0.02,
           f"lift_from_table: exit {code}: {text}")
     check(is_page(out / "player.html"), "lift_from_table: player.html is not self-contained")
-    code, text, _ = run(programs / "lift_from_table", *small, "--friction", 0.05)
+    code, text, _ = run(programs / "lift_from_table", *patch_of_sheet, "--friction", 0.05)
     check(code == 1 and json.loads(text)["status"] != "lifted",
           f"lift_from_table without friction: exit {code}: {text}")
     code, text, _ = run(programs / "hand_holds_cloth")
