@@ -87,7 +87,7 @@ int main(int argc, char** argv) {
   scene.dt = r.dt;
   scene.triangles = grid.triangles;
   scene.solids = place->solids();
-  HandPage page(scene, grid.positions.cols(), 0, {hand.get()});
+  HandPage page(scene, grid.positions.cols(), 0, {&hand->view()});
   const Points none(3, 0);
   Progress progress;
   bool failed = false;
@@ -111,7 +111,10 @@ int main(int argc, char** argv) {
     hand->measure(report, r.dt);
     if (held > 0 && held <= rest) hand->mark(grid.positions);
     if (held > rest) slip = std::max(slip, hand->slip(grid.positions));
-    if (!r.out.empty()) page.add_frame(world.state(0).positions, none, none, r.dt);
+    if (!r.out.empty()) {
+      page.add_frame(world.state(0).positions, none, none, r.dt,
+                     std::string(to_string(hand->figures().last.phase)));
+    }
     t += r.dt;
   }
   progress.clear();

@@ -98,7 +98,7 @@ BulgePlan::Vec BulgePlan::target(Index feature, double t) const {
 std::string BulgePlan::take_grips() {
   std::vector<clothctl::Grip<double>> grips;
   for (int k : {0, 1}) {
-    const clothctl::HoldingFinger<double> finger{k, Vec(0, 0, -1), options_.friction, 6.0};
+    const clothctl::HoldingFinger<double> finger{k, Vec(0, 0, -1), options_.friction};
     auto grip =
         clothctl::make_held_grip<double>(contacts_, std::span(&finger, 1), x(), grid_.triangles);
     if (!grip) return grip.error();

@@ -7,6 +7,7 @@
 
 #include "clothctl/grasp/joint_path_planner.hpp"
 #include "clothctl/math/rotation.hpp"
+#include "support/random_number.hpp"
 #include "support/timing.hpp"
 
 namespace program {
@@ -104,13 +105,8 @@ std::string GraspingHand::put_into_world(const Vector& start) {
                                                             start, settings);
   if (!controller) return controller.error();
   controller_ = std::make_unique<clothctl::GraspController<Hand>>(std::move(*controller));
-  clothctl::BodyPoses<double> bodies(model_.tree);
-  (void)clothctl::forward_kinematics(model_.tree, start, bodies);
-  shape_ = make_hand_shape(model_.tree, bodies);
-  // What reaches from the origin of the world to an arm beside the place is no part of it.
-  std::erase_if(shape_.triangles, [this](const std::array<int, 3>& t) {
-    return shape_.bodies[static_cast<std::size_t>(t[0])] < 0;
-  });
+  view_ = std::make_unique<HandView>(world_, model_.tree, *hand,
+                                     std::vector<int>{parts_.pads[0], parts_.pads[1]}, kSamples);
   return {};
 }
 
@@ -151,15 +147,12 @@ std::string GraspingHand::plan_way(clothctl::RobotClearance<Hand>& whole, const 
   const auto reach = clothctl::joint_reach<double>(model_.tree, model_.geometry.capsules);
   if (!reach) return reach.error();
   std::mt19937_64 random(seed);
-  const auto uniform = [&random](double most) {
-    return most * (static_cast<double>(random() >> 11) / 4503599627370496.0 - 1);
-  };
   Vector start = wait;
   for (int i = 0; i < 100; ++i) {
     start = wait;
-    for (Index k = 0; k < 3; ++k) start[k] += uniform(0.3);
-    for (Index k = 3; k < 6; ++k) start[k] += uniform(0.4);
-    for (Index k = 6; k < start.size(); ++k) start[k] += uniform(0.1);
+    for (Index k = 0; k < 3; ++k) start[k] += random_number(random, 0.3);
+    for (Index k = 3; k < 6; ++k) start[k] += random_number(random, 0.4);
+    for (Index k = 6; k < start.size(); ++k) start[k] += random_number(random, 0.1);
     start = start.cwiseMax(model_.tree.lower()).cwiseMin(model_.tree.upper());
     if (whole(start) > 2e-3) break;
   }
@@ -240,23 +233,6 @@ void GraspingHand::measure(const clothctl::WorldReport<double>& report, double d
   }
   const Vec missing = (needed - torques).head<3>() + on_sheet;
   figures_.momentum_residual = std::max(figures_.momentum_residual, missing.norm() / size);
-}
-
-void GraspingHand::add_arrows(double dt, Index first, Points& places, Points& forces) const {
-  for (int k = 0; k < 2; ++k) {
-    for (const auto& c : world_.pad_contacts(parts_.pads[static_cast<std::size_t>(k)])) {
-      const Index i = first + 2 * kSamples * k + c.sample;
-      places.col(i) = places.col(i + kSamples) = c.place;
-      forces.col(i) = c.impulse / dt;
-      forces.col(i + kSamples) = -c.impulse / dt;
-    }
-  }
-}
-
-void GraspingHand::place_shape(Points& vertices) {
-  clothctl::BodyPoses<double> bodies(model_.tree);
-  (void)clothctl::forward_kinematics(model_.tree, world_.hand(parts_.hand).positions, bodies);
-  place_hand(shape_, bodies, vertices);
 }
 
 }  // namespace program

@@ -17,7 +17,7 @@
 #include "clothctl/grasp/robot_clearance.hpp"
 #include "clothctl/grasp/static_contacts.hpp"
 #include "support/hand_model.hpp"
-#include "support/hand_shape.hpp"
+#include "support/hand_view.hpp"
 #include "support/pad_ways.hpp"
 
 namespace program {
@@ -83,12 +83,8 @@ class GraspingHand {
                           marked_);
   }
 
-  /// The arrows of a page: forces on the sheet and on the fingers, N, and where they act.
-  static constexpr clothctl::Index kArrows = 4 * kSamples;
-  void add_arrows(double dt, clothctl::Index first, Points& places, Points& forces) const;
-  /// The shape of the hand, for a page.
-  const HandShape& shape() const { return shape_; }
-  void place_shape(Points& vertices);
+  /// The hand as a page shows it.
+  const HandView& view() const { return *view_; }
 
  private:
   GraspingHand(World& world, HandModel model) : world_(world), model_(std::move(model)) {}
@@ -117,7 +113,7 @@ class GraspingHand {
   std::unique_ptr<clothctl::RobotClearance<Hand>> links_;  // without the fingertips that press
   clothctl::HandState<double> before_;
   GraspFigures figures_;
-  HandShape shape_;
+  std::unique_ptr<HandView> view_;
   Points marked_;
 };
 

@@ -13,6 +13,7 @@
 #include "support/box_triangles.hpp"
 #include "support/hand_bulge.hpp"
 #include "support/hand_figures.hpp"
+#include "support/random_number.hpp"
 #include "support/timing.hpp"
 
 namespace program {
@@ -29,23 +30,17 @@ const Vec kUp(0, 0, 1), kHalfTable(0.5, 0.5, 0.02);
 constexpr double kLevel = 1e-3;   // of the sheet above the table, m
 constexpr double kApart = 0.035;  // of each fingertip from the middle at first, m
 constexpr double kGap = 4e-3;     // of each from the middle at the end, beside its radius, m
-constexpr double kUneven =
-    5e-4;  // m: root of the mean square of a sheet's height, which is never quite flat
-constexpr Index kArrows = 200;
+constexpr double kUneven = 5e-4;  // m: cloth is never quite flat; root mean square of its height
+constexpr int kRings = 4;         // of samples on a pad
 constexpr double kPi = 3.14159265358979323846;
-
-/// A random number from -1 to 1.
-double uniform(std::mt19937_64& random) {
-  return static_cast<double>(random() >> 11) / 4503599627370496.0 - 1;
-}
 
 /// Raises a flat sheet (y up) by waves of random ways and lengths from 3 to 8 cm.
 void add_waves(std::uint64_t seed, Points& x) {
   constexpr int kWaves = 12;
   std::mt19937_64 random(seed);
   for (int k = 0; k < kWaves; ++k) {
-    const double way = kPi * uniform(random), phase = kPi * uniform(random);
-    const double number = 2 * kPi / (0.055 + 0.025 * uniform(random));
+    const double way = kPi * random_number(random), phase = kPi * random_number(random);
+    const double number = 2 * kPi / (0.055 + 0.025 * random_number(random));
     for (Index i = 0; i < x.cols(); ++i)
       x(1, i) += kUneven * std::sqrt(2.0 / kWaves) *
                  std::cos(number * (std::cos(way) * x(0, i) + std::sin(way) * x(2, i)) + phase);
@@ -71,14 +66,14 @@ clothctl::Result<std::unique_ptr<TableLift>> TableLift::create(const LiftOptions
   if (options.seed != 0) {
     std::mt19937_64 random(options.seed);
     LiftOptions& o = out->options_;
-    o.friction *= 1 + 0.2 * uniform(random);
-    o.table_friction *= 1 + 0.2 * uniform(random);
-    const double stiffer = 1 + 0.2 * uniform(random);
+    o.friction *= 1 + 0.2 * random_number(random);
+    o.table_friction *= 1 + 0.2 * random_number(random);
+    const double stiffer = 1 + 0.2 * random_number(random);
     o.material.stretch_warp *= stiffer;
     o.material.stretch_weft *= stiffer;
     o.material.shear *= stiffer;
     o.material.set_bending(o.material.bending_warp * stiffer);
-    out->middle_ = Vec(0.005 * uniform(random), 0.005 * uniform(random), 0);
+    out->middle_ = Vec(0.005 * random_number(random), 0.005 * random_number(random), 0);
   }
   std::string bad = out->add_sheet();
   if (bad.empty()) bad = out->add_hand();
@@ -156,7 +151,7 @@ std::string TableLift::add_hand() {
   // Few of the samples touch: those that face the table, and then those that face the other finger.
   surface.pad.stiffness = surface.pad.tangential_stiffness = 40000;
   surface.samples.radius = 1.3 * fingers[0].radius;
-  surface.samples.rings = 4;
+  surface.samples.rings = kRings;
   auto parts = clothctl::add_hand_geometry<double>(world_, *hand, geometry_, surface);
   if (!parts) return parts.error();
   parts_ = std::move(*parts);
@@ -197,7 +192,8 @@ std::string TableLift::step() {
     felt[k] = clothctl::pad_touch(world_, parts_.pads[k], dt);
     // What the table bears is no part of a pinch; and while a fold closes, its layers shift.
     felt[k].normal_force = clothctl::pad_touch(world_, parts_.pads[k], dt, press_[k]).normal_force;
-    if (pinches_ && controller_->phase() == clothctl::GraspPhase::Close) felt[k].sliding = 0;
+    if (stage_ == "pinch" && controller_->phase() == clothctl::GraspPhase::Close)
+      felt[k].sliding = 0;
   }
   report_ = controller_->update(dt, world_.hand(parts_.hand), felt, world_.drive(parts_.hand));
   figures_.hand_ms.push_back(1000 * (thread_seconds() - start));
@@ -208,7 +204,7 @@ std::string TableLift::step() {
     return "the world did not advance: " + std::string(to_string(report.status));
   contacts_->update(world_);
   measure(report);
-  if (page_) add_frame();
+  if (page_) page_->add_frame(world_.state(0).positions, features_, targets_, dt, stage_);
   return {};
 }
 
@@ -241,20 +237,24 @@ Vec TableLift::tip(int finger) const {
   return at;
 }
 
-std::string TableLift::press() {
-  stage_ = "press";
-  clothctl::Grasp<double> grasp;
-  grasp.together = false;
-  grasp.force = options_.press;
-  grasp.keyframes = {touch_};
-  press_ = {-kUp, -kUp};
-  grasp.fingers = {{0, press_[0]}, {1, press_[1]}};
+std::string TableLift::take(clothctl::Grasp<double> grasp, double rest) {
+  for (std::size_t k : {0, 1}) grasp.fingers.push_back({static_cast<int>(k), press_[k]});
   if (std::string bad = controller_->begin(std::move(grasp)); !bad.empty()) return bad;
   while (controller_->phase() != clothctl::GraspPhase::Hold) {
     if (std::string bad = step(); !bad.empty()) return bad;
   }
   ++figures_.firm;
-  return steps(0.5);
+  return steps(rest);
+}
+
+std::string TableLift::press() {
+  stage_ = "press";
+  press_ = {-kUp, -kUp};
+  clothctl::Grasp<double> grasp;
+  grasp.together = false;
+  grasp.force = options_.press;
+  grasp.keyframes = {touch_};
+  return take(std::move(grasp), 0.5);
 }
 
 void TableLift::follow(int finger, const std::vector<int>& held, const Points& next) {
@@ -302,24 +302,18 @@ std::string TableLift::push() {
   }
   figures_.feature_error_m = error / static_cast<double>(std::max(frames, 1L));
   figures_.bulge_height_m = features_.rightCols(4).row(2).mean() - kLevel;
+  hide_features();
   return {};
 }
 
 std::string TableLift::pinch() {
   stage_ = "pinch";
   const Vec across = (tip(1) - tip(0)).normalized();
+  // Also up, so that the table no longer bears what they pressed on it.
+  press_ = {(across + 0.3 * kUp).normalized(), (-across + 0.3 * kUp).normalized()};
   clothctl::Grasp<double> grasp;
   grasp.force = options_.pinch;
-  // Also up, so that the table no longer bears what they pressed on it.
-  pinches_ = true;
-  press_ = {(across + 0.3 * kUp).normalized(), (-across + 0.3 * kUp).normalized()};
-  grasp.fingers = {{0, press_[0]}, {1, press_[1]}};
-  if (std::string bad = controller_->begin(std::move(grasp)); !bad.empty()) return bad;
-  while (controller_->phase() != clothctl::GraspPhase::Hold) {
-    if (std::string bad = step(); !bad.empty()) return bad;
-  }
-  ++figures_.firm;
-  return steps(0.3);
+  return take(std::move(grasp), 0.3);
 }
 
 std::string TableLift::lift() {
@@ -348,59 +342,29 @@ std::string TableLift::run() {
     }
   }
   figures_.lift_height_m = count == 0 ? 0 : height / count;
-  figures_.fault = bad;
   return bad;
 }
 
 void TableLift::begin_page() {
-  clothctl::BodyPoses<double> bodies(tree_);
-  (void)clothctl::forward_kinematics(tree_, world_.hand(parts_.hand).positions, bodies);
-  shape_ = make_hand_shape(tree_, bodies);
+  view_ = std::make_unique<HandView>(world_, tree_, parts_.hand,
+                                     std::vector<int>{parts_.pads[0], parts_.pads[1]},
+                                     1 + 2 * kRings * (kRings + 1));
   clothctl::PlayerScene scene;
   scene.title = "Thumb and index lift a sheet from a table";
   scene.dt = options_.dt;
   scene.triangles = grid_.triangles;
-  const int first = static_cast<int>(vertex_count());
-  for (const auto& t : shape_.triangles)
-    scene.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
   scene.solids = box_triangles(Vec(0, 0, -kHalfTable[2]), kHalfTable);
-  scene.mesh_name = "Sheet and hand";
-  scene.arrow_name = "Forces on sheet and fingers";
   scene.feature_names = {"thumb", "index", "bulge 1", "bulge 2", "bulge 3", "bulge 4"};
-  features_ = targets_ = Points::Zero(3, 6);
-  page_ = std::make_unique<clothctl::PlayerRecorder>(scene, vertex_count() + shape_.vertices.cols(),
-                                                     features_.cols(), kArrows);
-}
-
-void TableLift::add_frame() {
-  Points all(3, vertex_count() + shape_.vertices.cols());
-  all.leftCols(vertex_count()) = world_.state(0).positions;
-  clothctl::BodyPoses<double> bodies(tree_);
-  (void)clothctl::forward_kinematics(tree_, world_.hand(parts_.hand).positions, bodies);
-  Points shape(3, shape_.vertices.cols());
-  place_hand(shape_, bodies, shape);
-  all.rightCols(shape.cols()) = shape;
-  Points places = Points::Zero(3, kArrows), forces = places;
-  Index arrow = 0;
-  for (const int pad : {parts_.pads[0], parts_.pads[1]}) {
-    for (const auto& c : world_.pad_contacts(pad)) {
-      if (c.state == clothctl::ContactState::Open || kArrows < arrow + 2) continue;
-      for (const double sign : {1.0, -1.0}) {
-        places.col(arrow) = c.place;
-        forces.col(arrow++) = (sign / options_.dt) * c.impulse;
-      }
-    }
-  }
-  if (stage_ != marked_) page_->mark(marked_ = stage_);
-  page_->add_frame(all, features_, targets_, places, forces);
+  hide_features();
+  page_ = std::make_unique<HandPage>(scene, vertex_count(), features_.cols(),
+                                     std::vector<const HandView*>{view_.get()});
 }
 
 std::string TableLift::write_page(const std::string& folder,
                                   std::vector<std::pair<std::string, std::string>> figures) {
   if (!page_) return {};
   page_->scene().figures = std::move(figures);
-  const auto written = page_->write(folder + "/player.html");
-  return written ? std::string() : written.error();
+  return page_->write(folder);
 }
 
 }  // namespace program

@@ -4,6 +4,7 @@
 // lift it.
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -14,12 +15,11 @@
 #include "clothctl/grasp/hand_geometry.hpp"
 #include "clothctl/grasp/robot_clearance.hpp"
 #include "clothctl/grasp/static_contacts.hpp"
-#include "clothctl/io/html_player.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/robot/hand34.hpp"
 #include "clothctl/sim/world.hpp"
-#include "support/hand_shape.hpp"
+#include "support/hand_page.hpp"
 
 namespace program {
 
@@ -40,7 +40,6 @@ struct LiftOptions {
 
 /// What came of it.
 struct LiftFigures {
-  std::string fault;          ///< empty: lifted
   std::string phase;          ///< the last one
   double lift_height_m = 0;   ///< of the held vertices at the end, above where they lay
   double bulge_height_m = 0;  ///< when the fingers begin to pinch it
@@ -77,6 +76,10 @@ class TableLift {
   std::string add_sheet();
   std::string add_hand();
   void begin_page();
+  /// There are features only while the planner plans.
+  void hide_features() { features_ = targets_ = Points::Constant(3, 6, std::nan("")); }
+  /// Both fingers grasp along `press_`, and hold for `rest` s once that is firm.
+  std::string take(clothctl::Grasp<double> grasp, double rest);
   /// The fingers press down, each by itself.
   std::string press();
   /// They follow planned motions of what they hold, towards each other.
@@ -88,7 +91,6 @@ class TableLift {
   std::string step();
   std::string steps(double seconds);
   void measure(const clothctl::WorldReport<double>& report);
-  void add_frame();
   /// The centre of a fingertip, m.
   clothctl::Vector3<double> tip(int finger) const;
   /// Moves a finger by what is planned for its vertices, but along the table only.
@@ -108,12 +110,11 @@ class TableLift {
   std::array<clothctl::Vector3<double>, 2> press_;  // the way that each finger presses
   clothctl::VectorX<double> touch_;                 // positions where the fingertips touch
   clothctl::GraspReport<double> report_;
-  std::string stage_, marked_;  // what the hand does, and the last mark of the page
-  bool pinches_ = false;
+  std::string stage_;  // what the hand does
   LiftFigures figures_;
   Points features_{3, 0}, targets_{3, 0};  // for the page
-  HandShape shape_;
-  std::unique_ptr<clothctl::PlayerRecorder> page_;
+  std::unique_ptr<HandView> view_;
+  std::unique_ptr<HandPage> page_;
 };
 
 }  // namespace program

@@ -82,9 +82,9 @@ class HandsRun {
     page.title = "Two hands move a handkerchief: " + o.task;
     page.dt = kDt;
     page.triangles = scene_.body.network.triangles;
-    page_ =
-        std::make_unique<HandPage>(page, state.positions.cols(), scene_.setup.features.count(),
-                                   std::vector<GraspingHand*>{hands_[0].get(), hands_[1].get()});
+    page_ = std::make_unique<HandPage>(
+        page, state.positions.cols(), scene_.setup.features.count(),
+        std::vector<const HandView*>{&hands_[0]->view(), &hands_[1]->view()});
   }
 
   /// Both hands grasp; the sheet is taken off its pins and comes to rest. Returns what went wrong.
@@ -209,6 +209,12 @@ class HandsRun {
       (void)hands_[k]->controller().move_by(moved.R_world_frame, moved.position);
     }
   }
+  std::string phases() const {
+    std::string out;
+    for (const auto& hand : hands_)
+      out.append(out.empty() ? "" : ", ").append(to_string(hand->figures().last.phase));
+    return out;
+  }
   /// One step of hands and world. Returns what went wrong.
   std::string step() {
     for (auto& hand : hands_) {
@@ -219,7 +225,7 @@ class HandsRun {
     if (!report.advanced) return "the world did not advance";
     contacts_->update(world_);
     for (auto& hand : hands_) hand->measure(report, kDt);
-    if (!options_.out.empty()) page_->add_frame(x(), features(), wanted(), kDt);
+    if (!options_.out.empty()) page_->add_frame(x(), features(), wanted(), kDt, phases());
     return {};
   }
 

@@ -179,8 +179,10 @@ TEST_CASE("figures may be set after the recording", "[html_player]") {
 TEST_CASE("marks are stored with the frames that they begin at", "[html_player]") {
   CHECK(element(*small_recording().page(), "scene").find("\"marks\":[]") != std::string::npos);
   PlayerRecorder recorder(PlayerScene{}, 0, 0, 0);
-  recorder.mark("close");
-  for (int f = 0; f < 3; ++f) recorder.add_frame(none(), none(), none(), none(), none());
+  for (int f = 0; f < 3; ++f) {
+    recorder.mark("close");  // the same again is no other mark
+    recorder.add_frame(none(), none(), none(), none(), none());
+  }
   recorder.mark("hold </script>\"");
   recorder.add_frame(none(), none(), none(), none(), none());
   const std::string page = *recorder.page(), json = element(page, "scene");

@@ -64,30 +64,29 @@ class GraspSequence {
   GraspReport<Scalar> update(const Scalar& dt, const HandState<Scalar>& hand,
                              std::span<const Touch> touches, HandDrive<Scalar>& drive) {
     began_ = false;
-    const bool next = phase_ < 0 || (opens_ && controller_->phase() == GraspPhase::Free);
-    if (next && !done()) (void)begin_phase(phase_ + 1);
+    const bool next = phase_ < 0 || (opens() && controller_->phase() == GraspPhase::Free);
+    if (next && fault_.empty() && !done()) (void)begin_phase(phase_ + 1);
     felt_.clear();
     for (const GraspFinger<Scalar>& f : controller_->grasp().fingers) {
       if (static_cast<std::size_t>(f.finger) < touches.size())
         felt_.push_back(touches[static_cast<std::size_t>(f.finger)]);
     }
     const GraspReport<Scalar> report = controller_->update(dt, hand, felt_, drive);
-    if (report.phase == GraspPhase::Hold && !opens_) {
+    if (report.phase == GraspPhase::Hold && !ended_) {
       held_ += dt;
       if (!(held_ < now().seconds)) end_phase();
     }
     return report;
   }
 
-  /// Ends the phase that holds now, at its next update. Returns false where it does not hold.
+  /// Ends the phase that holds now: the hand opens, or goes on with the next one. Returns false
+  /// where it does not hold, or the phase is over. Allocates where the next phase begins.
   bool end_phase() {
-    if (controller_->phase() != GraspPhase::Hold || phase_ < 0 || opens_) return false;
+    if (controller_->phase() != GraspPhase::Hold || phase_ < 0 || ended_) return false;
     ended_ = true;
-    const bool last = phase_ + 1 == phase_count();
     if (now().release) {
       controller_->release();
-      opens_ = true;
-    } else if (!last) {
+    } else if (phase_ + 1 < phase_count()) {
       (void)begin_phase(phase_ + 1);
     }
     return true;
@@ -98,14 +97,10 @@ class GraspSequence {
     if (number < 0 || phase_count() <= number)
       return fault_ = "there is no contact phase " + std::to_string(number);
     fault_ = controller_->begin(phases_[static_cast<std::size_t>(number)].grasp);
-    if (!fault_.empty()) {
-      fault_ = "contact phase " + std::to_string(number) + ": " + fault_;
-      opens_ = false;
-      return fault_;
-    }
+    if (!fault_.empty()) return fault_ = "contact phase " + std::to_string(number) + ": " + fault_;
     phase_ = number;
     held_ = Scalar(0);
-    opens_ = ended_ = false;
+    ended_ = false;
     began_ = true;
     return {};
   }
@@ -123,8 +118,8 @@ class GraspSequence {
     return ended_ && phase_ + 1 == phase_count() &&
            (!now().release || controller_->phase() == GraspPhase::Free);
   }
-  /// Why the next phase could not begin; empty if all is well. What fails within a phase is in the
-  /// report.
+  /// Why a phase could not begin; empty if all is well. No other begins by itself then, until
+  /// `begin_phase` has begun one. What fails within a phase is in the report.
   const std::string& fault() const { return fault_; }
 
  private:
@@ -133,6 +128,8 @@ class GraspSequence {
       : controller_(&controller), phases_(std::move(phases)) {
     felt_.reserve(fingers);
   }
+  /// Whether the phase is over and the hand opens, or has opened.
+  bool opens() const { return ended_ && now().release; }
   const ContactPhase<Scalar>& now() const { return phases_[static_cast<std::size_t>(phase_)]; }
 
   Controller* controller_;
@@ -141,8 +138,7 @@ class GraspSequence {
   std::string fault_;
   int phase_ = -1;
   Scalar held_ = Scalar(0);
-  bool opens_ = false;  // the phase is over and the hand opens
-  bool ended_ = false, began_ = false;
+  bool ended_ = false, began_ = false;  // the phase; in the last update
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -57,8 +57,11 @@ class PlayerRecorder {
   /// Returns the scene.
   const PlayerScene& scene() const { return scene_; }
   /// Names what happens from the next frame on, until the next mark: the page shows it in the view
-  /// and marks the frame in the plot. Marks without a frame after them are not shown. Allocates.
-  void mark(std::string text) { marks_.emplace_back(frames_, std::move(text)); }
+  /// and marks the frame in the plot. The text of the last mark again changes nothing, so it may be
+  /// called in each frame. Marks without a frame after them are not shown. Allocates.
+  void mark(const std::string& text) {
+    if (marks_.empty() || marks_.back().second != text) marks_.emplace_back(frames_, text);
+  }
   /// Returns the number of frames so far.
   Index frame_count() const { return frames_; }
   /// Reserves the memory of the vertices in `frames` frames: 12 bytes for each vertex and frame. A

@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -64,15 +65,14 @@ class PadSupports {
     }
   }
 
-  /// Adds what the last solve exerted to the contacts of a sheet.
+  /// Adds what the last solve exerted to the contacts of a sheet, which are those that it was made
+  /// with.
   void add_to(int sheet, std::vector<ObstacleContact<Scalar>>& contacts) const {
     for (const Support& s : last_) {
       if (s.sheet != sheet || s.state == ContactState::Open) continue;
-      for (ObstacleContact<Scalar>& c : contacts) {
-        if (c.obstacle != s.obstacle || c.point.vertex != s.vertex) continue;
-        c.impulse += s.impulse;
-        c.state = s.state;
-      }
+      assert(s.place < contacts.size());
+      contacts[s.place].impulse += s.impulse;
+      contacts[s.place].state = s.state;
     }
   }
 
@@ -107,7 +107,9 @@ class PadSupports {
   void add(int sheet, int place, const ObstacleContacts<Scalar>& from, const Scalar& dt,
            const Scalar& ratio, Point point, Counts counts,
            std::vector<ContactSample<Scalar>>& contacts) {
-    for (const ObstacleContact<Scalar>& c : from.contacts()) {
+    const std::span<const ObstacleContact<Scalar>> list = from.contacts();
+    for (std::size_t i = 0; i < list.size(); ++i) {
+      const ObstacleContact<Scalar>& c = list[i];
       if (now_.size() == now_.capacity()) return;
       const SurfacePoint<Scalar>& there = c.point.surface;
       ContactSample<Scalar> sample;
@@ -126,8 +128,8 @@ class PadSupports {
       const Scalar deepest = Scalar(0) - from.settings().push_out_speed * dt;
       if (sample.gap < deepest) sample.gap = deepest;
       sample.compliance = sample.tangential_compliance = Scalar(kCompliance);
-      Support support{sheet,          c.obstacle,     c.point.vertex,
-                      c.point.weight, sample.impulse, ContactState::Open};
+      Support support{sheet,          c.obstacle,        i, c.point.vertex, c.point.weight,
+                      sample.impulse, ContactState::Open};
       const auto same = [&](const Support& s) {
         return s.sheet == sheet && s.obstacle == support.obstacle && s.vertex == support.vertex;
       };
@@ -158,6 +160,7 @@ class PadSupports {
  private:
   struct Support {
     int sheet, obstacle;
+    std::size_t place;  // in the sheet's list of contacts
     std::array<int, 3> vertex;
     Vector3<Scalar> weight, impulse;
     ContactState state;
