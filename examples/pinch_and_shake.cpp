@@ -92,7 +92,7 @@ int main(int argc, char** argv) {
   Progress progress;
   bool failed = false;
   double slip = 0, held = 0;
-  const double rest = flat ? 1.5 : 0.5;  // s from the pins, or the table, to the shake
+  const double rest = flat ? 2 : 0.5;  // s from the pins, or the table, to the shake
   double t = 0;
   while (!failed && hand->figures().fault.empty() && held < r.seconds + rest) {
     progress.show(std::lround(held / r.dt), std::lround((r.seconds + rest) / r.dt));
@@ -100,9 +100,11 @@ int main(int argc, char** argv) {
       world.input(0).clear();
       const double shaken = std::max(0.0, held + r.dt - rest);
       const double w = 2 * 3.14159265358979323846 * r.frequency * shaken;
-      const double lift = flat ? 0.25 * smooth_share(held / rest) : 0;  // m
+      // Out from under the table, then up.
+      const double out = flat ? -0.15 * smooth_share(held / (0.5 * rest)) : 0;       // m
+      const double up = flat ? 0.25 * smooth_share((held / rest - 0.3) / 0.7) : 0;  // m
       (void)hand->controller().move_to(clothctl::Matrix3<double>::Identity(),
-                                       Vec(r.amplitude * (1 - std::cos(w)), 0, lift));
+                                       Vec(r.amplitude * (1 - std::cos(w)), out, up));
       held += r.dt;
     }
     hand->drive(t, r.dt);

@@ -16,8 +16,11 @@ using clothctl::Index;
 using Vec = clothctl::Vector3<double>;
 using Vector = clothctl::VectorX<double>;
 using Traits = clothctl::articulated_traits<GraspingHand::Hand>;
+using Clearance = clothctl::RobotClearance<GraspingHand::Hand>;
 
 namespace {
+
+constexpr double kAllPairs = 10;  // m: larger than any hand
 
 /// Whether the first three joints of a robot slide along x, y and z.
 bool slides(const GraspingHand::Hand& tree) {
@@ -59,19 +62,16 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
   for (const auto& c : model_.geometry.capsules) {
     if (c.frame != fingers[0].frame && c.frame != fingers[1].frame) links.push_back(c);
   }
-  links_ = std::make_unique<clothctl::RobotClearance<Hand>>(
-      clothctl::RobotClearance<Hand>::create(model_.tree, links).value());
-  const Vector& home = model_.home;
-  links_->ignore_pairs(home, 10);  // m: all
-  links_->set_obstacles(obstacles);
+  links_ = std::make_unique<Clearance>(Clearance::create(model_.tree, links).value());
+  links_->ignore_pairs(model_.home, kAllPairs);
+  Clearance whole = Clearance::create(model_.tree, model_.geometry.capsules).value();
+  whole.ignore_pairs(model_.home, 5e-3);  // neighbouring bones and fingers touch, or nearly
+  const std::vector<clothctl::ColliderRef<double>> beside = obstacles;
   obstacles.emplace_back(*sheet_);
-  auto whole =
-      clothctl::RobotClearance<Hand>::create(model_.tree, model_.geometry.capsules).value();
   whole.set_obstacles(obstacles);
-  whole.ignore_pairs(home, 5e-3);  // neighbouring bones and fingers touch, or nearly
-  clothctl::GraspPoses<double> poses;
-  if (std::string bad = find_poses(place, fingers, poses); !bad.empty()) return bad;
   links_->set_obstacles(obstacles);
+  clothctl::GraspPoses<double> poses;
+  if (std::string bad = find_poses(place, fingers, beside, poses); !bad.empty()) return bad;
   clothctl::Grasp<double> grasp;
   if (std::string bad = plan_way(whole, poses.wait, options.seed, grasp.keyframes); !bad.empty())
     return bad;
@@ -112,26 +112,46 @@ std::string GraspingHand::put_into_world(const Vector& start) {
 
 std::string GraspingHand::find_poses(const GraspPlace& place,
                                      const std::vector<clothctl::FingerPad<double>>& fingers,
+                                     const std::vector<clothctl::ColliderRef<double>>& beside,
                                      clothctl::GraspPoses<double>& poses) {
-  // The palm faces the edge, or the hand is turned about the line between its fingertips.
-  double best = -1;  // m, clearance of the links from what is beside the sheet
+  // Where the hand waits its fingertips keep clear of the sheet, too; from there to the sheet all
+  // of it keeps clear of what is beside the sheet.
+  Clearance all = Clearance::create(model_.tree, model_.geometry.capsules).value();
+  all.ignore_pairs(model_.home, kAllPairs);
+  const auto room = [&](const clothctl::GraspPoses<double>& p) {
+    const clothctl::ColliderRef<double> sheet(*sheet_);
+    all.set_obstacles({&sheet, 1});
+    double least = all(p.wait);
+    all.set_obstacles(beside);
+    for (int k = 0; k <= 8; ++k)
+      least = std::min(least, all(p.wait + k / 8.0 * (p.touch - p.wait)));
+    return least;
+  };
+  // The fingertips come at right angles to the sheet, or along it from beyond its edge, too. The
+  // palm faces the edge, or the hand is turned about the line between its fingertips.
+  double best = -1;  // m
   std::string message;
-  for (const double turn : {0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2}) {
-    const Vec approach = clothctl::rotation_exp<double>(turn * place.press) * place.approach;
-    const std::vector<clothctl::GraspContact<double>> contacts{{place.place, place.press},
-                                                               {place.place, -place.press}};
-    const Vector pinch = model_.pinch_at(model_.tree, {place.place, place.press, approach});
-    const auto found =
-        clothctl::find_grasp_poses<Hand, double>(model_.tree, fingers, contacts, pinch, pinch);
-    if (found.status != clothctl::GraspPoseStatus::Found) {
-      message = found.message;
-      continue;
+  for (const double from_edge : {0.0, 0.5, 0.7}) {
+    for (const double turn : {0.0, 0.4, -0.4, 0.8, -0.8, 1.2, -1.2}) {
+      const Vec approach = clothctl::rotation_exp<double>(turn * place.press) * place.approach;
+      std::vector<clothctl::GraspContact<double>> contacts{{place.place, place.press},
+                                                           {place.place, -place.press}};
+      for (auto& c : contacts)
+        c.away = (-(1 - from_edge) * c.press - from_edge * place.approach).normalized();
+      const Vector pinch = model_.pinch_at(model_.tree, {place.place, place.press, approach});
+      const auto found =
+          clothctl::find_grasp_poses<Hand, double>(model_.tree, fingers, contacts, pinch, pinch);
+      if (found.status != clothctl::GraspPoseStatus::Found) {
+        message = found.message;
+        continue;
+      }
+      const double now = room(found);
+      if (!(best < now)) continue;
+      best = now;
+      poses = found;
+      if (best > 5e-3) break;
     }
-    const double clearance = std::min((*links_)(found.wait), (*links_)(found.touch));
-    if (!(best < clearance)) continue;
-    best = clearance;
-    poses = found;
-    if (clearance > 5e-3) break;
+    if (best > 5e-3) break;
   }
   press_ = {place.press, -place.press};
   if (best > 1e-3) return {};
@@ -139,8 +159,8 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
   return "the hand has no room at the sheet: " + std::to_string(best) + " m";
 }
 
-std::string GraspingHand::plan_way(clothctl::RobotClearance<Hand>& whole, const Vector& wait,
-                                   std::uint64_t seed, std::vector<Vector>& keys) {
+std::string GraspingHand::plan_way(Clearance& whole, const Vector& wait, std::uint64_t seed,
+                                   std::vector<Vector>& keys) {
   keys = {wait};
   if (seed == 0) return {};
   whole.ignore_pairs(wait, 5e-3);

@@ -93,9 +93,10 @@ class GraspingHand {
                   const GraspOptions& options);
   /// Adds the hand at these positions, its surface and its controller.
   std::string put_into_world(const clothctl::VectorX<double>& start);
-  /// Finds poses in which the links keep clear of what is beside the sheet.
+  /// Finds poses, and a way between them, that keep clear of what is beside the sheet.
   std::string find_poses(const GraspPlace& place,
                          const std::vector<clothctl::FingerPad<double>>& fingers,
+                         const std::vector<clothctl::ColliderRef<double>>& beside,
                          clothctl::GraspPoses<double>& poses);
   /// Finds a way from a random start to the first waiting pose.
   std::string plan_way(clothctl::RobotClearance<Hand>& whole, const clothctl::VectorX<double>& wait,

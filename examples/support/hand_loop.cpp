@@ -13,6 +13,7 @@
 #include "clothctl/mpc/run_frame.hpp"
 #include "support/figure_text.hpp"
 #include "support/hand_figures.hpp"
+#include "support/hand_grasp.hpp"
 #include "support/hand_page.hpp"
 
 namespace program {

@@ -16,8 +16,8 @@ using Points = clothctl::Points<double>;
 
 namespace {
 
-constexpr double kOver = 0.05;  // m of the sheet beyond the edge of the table
-const Vec kHalf(0.4, 0.4, 0.02);
+constexpr double kOver = 0.07;  // m of the sheet beyond the edge of the table
+const Vec kHalf(0.4, 0.4, 0.01);
 
 /// The sheet hangs in y = 0; the place is near its upper left corner.
 void hang(HandScene& scene, double size, int side) {
@@ -73,7 +73,9 @@ std::unique_ptr<HandScene> make_hand_scene(int side, double size,
       clothctl::MassSpring<double>::create(must(clothctl::sheet_network(scene->grid, material)),
                                            clothctl::MassSpringSettings<double>::of(material)));
   auto state = model.rest_state();
-  must(scene->world.add_sheet(std::move(model), std::move(state)));
+  clothctl::WorldSheetSetup<double> setup;
+  if (flat) setup.substeps = 4;  // bones of the hand rub on it at 1 m/s
+  must(scene->world.add_sheet(std::move(model), std::move(state), setup));
   if (flat) {
     lay(*scene, size, dt);
   } else {
