@@ -101,7 +101,7 @@ int main(int argc, char** argv) {
       const double shaken = std::max(0.0, held + r.dt - rest);
       const double w = 2 * 3.14159265358979323846 * r.frequency * shaken;
       // Out from under the table, then up.
-      const double out = flat ? -0.15 * smooth_share(held / (0.5 * rest)) : 0;       // m
+      const double out = flat ? -0.15 * smooth_share(held / (0.5 * rest)) : 0;      // m
       const double up = flat ? 0.25 * smooth_share((held / rest - 0.3) / 0.7) : 0;  // m
       (void)hand->controller().move_to(clothctl::Matrix3<double>::Identity(),
                                        Vec(r.amplitude * (1 - std::cos(w)), out, up));

@@ -186,6 +186,17 @@ std::string GraspingHand::plan_way(Clearance& whole, const Vector& wait, std::ui
   return {};
 }
 
+std::size_t GraspingHand::reach(int grip, std::span<clothctl::GripLimit<double>> out) {
+  Vec middle = Vec::Zero();  // between the fingertips
+  for (const int i : {0, 1}) {
+    clothctl::Matrix3<double> R;
+    Vec centre;
+    controller_->tracker().pose(i, R, centre);
+    middle += 0.5 * centre;
+  }
+  return controller_->tracker().reach(grip, middle, out);
+}
+
 std::vector<clothctl::HoldingFinger<double>> GraspingHand::holding(int k) {
   std::vector<clothctl::HoldingFinger<double>> out;
   for (const int i : {0, 1}) {

@@ -1,10 +1,12 @@
 #include "support/hand_loop.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <utility>
 
 #include "clothctl/cloth/mass_spring.hpp"
@@ -105,7 +107,8 @@ class HandsRun {
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
     Options o = options_;
-    o.predictor = "linearised";  // rollouts turn patches of few vertices faster than hands can
+    if (o.predictor == "auto")
+      o.predictor = "linearised";  // rollouts turn patches of few vertices faster than hands can
     AnyPredictor predictor = make_predictor(o, scene_.body, scene_.settings);
     Planner planner =
         must(Planner::create(scene_.setup, scene_.settings, std::move(predictor), x()));
@@ -117,6 +120,7 @@ class HandsRun {
         plan = planner.make_result();
         ++grip_changes;
       }
+      if (std::string bad = limit_reach(planner); !bad.empty()) return bad;
       const auto status =
           planner.plan(x(), world_.state(0).velocities, t, targets(scene_), scene_.task.wind, plan);
       if (!can_apply(status)) return "planner " + std::string(to_string(status));
@@ -193,6 +197,16 @@ class HandsRun {
     }
     scene_.setup.grips = std::move(grips);
     return {};
+  }
+  /// Plans go no farther than the hands reach.
+  std::string limit_reach(Planner& planner) {
+    std::array<clothctl::GripLimit<double>, 12> limits;
+    std::size_t count = 0;
+    for (int k = 0; k < 2; ++k) {
+      const std::span<clothctl::GripLimit<double>> rest = std::span(limits).subspan(count);
+      count += hands_[static_cast<std::size_t>(k)]->reach(k, rest.first(6));
+    }
+    return planner.set_limits(std::span(limits).first(count));
   }
   /// Each hand makes the rigid motion nearest to what is planned for its vertices.
   void move_hands(const clothctl::PlanResult<double>& plan) {

@@ -30,7 +30,7 @@ struct HandModel {
   Vector home;
   clothctl::StablePdSettings<double> control;
   /// Largest speed of a joint on the way to the sheet, m/s or rad/s.
-  double approach_speed = 1.5;
+  double approach_speed = 2;
   /// Returns positions (nq) of its tree near those that pinch at a place.
   std::function<Vector(const Tree&, const GraspPlace&)> pinch_at;
 };

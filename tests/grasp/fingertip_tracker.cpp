@@ -146,6 +146,52 @@ TEST_CASE("half-spaces keep a finger above a table", "[grasp]") {
   CHECK(now.z() > middle.z() - 0.0021);
 }
 
+TEST_CASE("a hand reaches as far as the joints of its base", "[grasp]") {
+  const Hand34 tree = hand34<double>();
+  Tracker tracker = Tracker::create(tree, hand34_geometry(tree).fingers).value();
+  const VectorX<double> start = hand34_pinch(tree);
+  REQUIRE(tracker.start(start));
+  const Vec place(0.3, -0.2, 0.7);
+  GripLimit<double> limits[8];
+  const long before = allocations();
+  const std::size_t count = tracker.reach(1, place, limits);
+  const long taken = allocations() - before;
+  if (allocation_counting_works()) CHECK(taken == 0);
+  REQUIRE(count == 6);  // two a slider
+  for (std::size_t i = 0; i < count; ++i) {
+    const GripLimit<double>& limit = limits[i];
+    CHECK(limit.validate(2).empty());
+    CHECK(limit.grip == 1);
+    CHECK(limit.other == -1);
+    Index axis = 0;
+    CHECK(limit.normal.cwiseAbs().maxCoeff(&axis) == Approx(1));
+    const double room = limit.normal[axis] > 0 ? tree.upper()[axis] - start[axis]
+                                               : start[axis] - tree.lower()[axis];
+    CHECK(limit.most - limit.normal.dot(place) == Approx(room).epsilon(1e-6));
+    if (i == 0) continue;
+    CHECK(limit.most - limit.normal.dot(place) >=
+          limits[i - 1].most - limits[i - 1].normal.dot(place));
+  }
+  // Fewer are the nearest ones; a place that is not finite has none.
+  GripLimit<double> nearest[2];
+  REQUIRE(tracker.reach(1, place, nearest) == 2);
+  for (int i : {0, 1}) CHECK(nearest[i].most == limits[i].most);
+  CHECK(tracker.reach(1, Vec(0, std::nan(""), 0), limits) == 0);
+  CHECK(tracker.reach(1, place, {}) == 0);
+
+  // Beside a limit, and at it.
+  VectorX<double> q = start;
+  q[1] = tree.upper()[1] - 0.01;
+  REQUIRE(tracker.start(q));
+  REQUIRE(tracker.reach(0, place, limits) == 6);
+  CHECK(limits[0].normal.dot(Vec(0, 1, 0)) == Approx(1));
+  CHECK(limits[0].most == Approx(place[1] + 0.01).epsilon(1e-6));
+  q[1] = tree.upper()[1];
+  REQUIRE(tracker.start(q));
+  REQUIRE(tracker.reach(0, place, limits) == 6);
+  CHECK(limits[0].most == Approx(place[1]).epsilon(1e-6));
+}
+
 TEST_CASE("bad targets are refused and change nothing; tracking never allocates", "[grasp]") {
   const Hand34 tree = hand34<double>();
   const auto geometry = hand34_geometry(tree);

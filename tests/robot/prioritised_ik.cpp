@@ -91,6 +91,31 @@ TEST_CASE("motion that the tasks leave free approaches the reference", "[robot]"
   CHECK((q - reference).norm() < 0.5 * before);
 }
 
+TEST_CASE("without refine_posture a call stops after one step, and the posture follows over calls",
+          "[robot]") {
+  Ranked hand;
+  IkSettings<double> settings;
+  settings.refine_posture = false;
+  PrioritisedIk<KinematicTree<double>> tracking(hand.tree, 6, 3, settings);
+  const int levels[] = {2};
+  for (int round = 0; round < 10; ++round) {
+    const VectorX<double> goal = hand.anywhere();
+    hand.aim_at(goal);
+    hand.tasks.resize(2);
+    const VectorX<double> reference = hand.near(goal);
+    VectorX<double> refined = goal, q = goal;  // which meets the tasks
+    hand.ik.solve(hand.tree, hand.tasks, levels, reference, refined);
+    for (int call = 0; call < 40; ++call) {
+      const IkReport<double> report = tracking.solve(hand.tree, hand.tasks, levels, reference, q);
+      CHECK(report.status == IkStatus::Reached);
+      CHECK(report.iterations <= 3);  // a step that misses a task is followed by one that meets it
+    }
+    const double whole = (goal - reference).norm();
+    CHECK((refined - reference).norm() < 0.99 * whole);
+    CHECK((q - reference).norm() < (refined - reference).norm() + 1e-3 * whole);
+  }
+}
+
 TEST_CASE("without tasks the posture alone is approached", "[robot]") {
   Ranked hand;
   VectorX<double> q = hand.anywhere();

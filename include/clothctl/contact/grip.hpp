@@ -88,6 +88,33 @@ Grip<Scalar> make_pinch(const std::vector<int>& vertices, Scalar friction, Scala
   return make_pinch<Scalar>(vertices, HardFinger<Scalar>{friction, pyramid}, max_normal_force);
 }
 
+/// A half-space for the centroid of a grip, or for the way to it from that of another: what a hand
+/// can reach, how far the fingers of a hand can part, a wall. `Planner::set_limits`.
+template <RealScalar Scalar>
+struct GripLimit {
+  /// The grip.
+  int grip = 0;
+  /// The grip from which it is measured, or -1 for the origin of the world.
+  int other = -1;
+  /// Direction of the limit, unit, world.
+  Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
+  /// The largest part of the centroid, or way, along it, m.
+  Scalar most = Scalar(0);
+
+  /// Returns an empty string, or what is wrong with a limit for `grips` grips, to be put after its
+  /// name. Allocates.
+  std::string validate(int grips) const {
+    if (grip < 0 || grips <= grip) return " is for grip " + std::to_string(grip);
+    if (other < -1 || grips <= other || other == grip)
+      return " is measured from grip " + std::to_string(other);
+    const Scalar square = normal.squaredNorm();
+    if (!(Scalar(0.98) < square) || !(square < Scalar(1.02)))
+      return " has a normal that is not a unit vector";
+    if (!is_finite(most)) return " is " + number_text(most) + " m, must be finite";
+    return {};
+  }
+};
+
 namespace detail {
 
 /// Returns an empty string, or what is wrong with the vertices of finger `name` of grip `g`.

@@ -28,7 +28,9 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/contact/grip.hpp"
 #include "clothctl/grasp/grasp_poses.hpp"
+#include "clothctl/linalg/small_cholesky.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/robot/constrained_ik.hpp"
 #include "clothctl/robot/prioritised_ik.hpp"
@@ -59,7 +61,7 @@ struct FingertipSettings {
   /// Largest speed of a joint, m/s or rad/s.
   Scalar joint_speed = Scalar(10);
   /// Iterations of inverse kinematics in a call.
-  int max_iterations = 8;
+  int max_iterations = 4;
   /// Whether the torques of the motion and of the forces are fed forward.
   bool feed_motion = true, feed_forces = true;
 
@@ -124,6 +126,13 @@ class FingertipTracker {
   /// is no such finger or direction. Never allocates.
   Scalar largest_force(int finger, const Vector3<Scalar>& direction);
 
+  /// Writes to `out` limits for grip `grip`, whose centroid is at `place` (world, m): half-spaces
+  /// in which the joints that carry all fingers stay within their limits while the hand moves
+  /// without turning, to first order about the last targets. Returns their number; the nearest come
+  /// first. Without such joints, or where they cannot move it like this, there are none. Never
+  /// allocates.
+  std::size_t reach(int grip, const Vector3<Scalar>& place, std::span<GripLimit<Scalar>> out);
+
   /// The fingers.
   std::span<const FingerPad<Scalar>> fingers() const { return fingers_; }
   /// The hand.
@@ -140,9 +149,13 @@ class FingertipTracker {
     out.tolerance = settings.tolerance;
     out.max_iterations = settings.max_iterations;
     out.fallbacks = false;
+    out.refine_posture = false;
     return out;
   }
   void find_carriers(const VectorX<Scalar>& q);
+  /// Writes to the first three rows of `jacobian_` the velocities of the joints that carry all
+  /// fingers for a unit velocity of the hand along each axis. Returns false where there are none.
+  bool carry();
   /// Writes the Jacobian of the centre of a tip to `jacobian_`, where forward kinematics was last.
   void linearise(const FingerPad<Scalar>& finger);
   /// The part of column i of that Jacobian along a direction.
@@ -168,6 +181,8 @@ class FingertipTracker {
   std::vector<bool> carries_;  // of each velocity coordinate: moves all fingers
   VectorX<Scalar> q_, found_, posture_, reference_, qd_, next_, step_, still_, torque_, effort_;
   MatrixX<Scalar> jacobian_;
+  SmallCholesky<Scalar> normal_{6};
+  VectorX<Scalar> solved_ = VectorX<Scalar>::Constant(6, Scalar(0));
 };
 
 template <class Model, RealScalar Scalar>
@@ -378,6 +393,66 @@ FingertipTracker<Model, Scalar>::largest_force(int finger, const Vector3<Scalar>
     if (force < most) most = force;
   }
   return most;
+}
+
+template <class Model, RealScalar Scalar>
+requires ArticulatedDynamics<Model, Scalar>
+bool FingertipTracker<Model, Scalar>::carry() {
+  const Index n = jacobian_.cols();
+  linearise(fingers_.front());
+  for (Index i = 0; i < n; ++i) {
+    if (!carries_[static_cast<std::size_t>(i)]) jacobian_.col(i).setConstant(Scalar(0));
+  }
+  // Jᵀ (J Jᵀ)⁻¹, a column for each axis; the tiny ridge is for directions that no joint moves.
+  MatrixX<Scalar>& J = jacobian_;
+  using Twist = Eigen::Matrix<Scalar, 6, 1>;
+  Twist velocity[3];
+  for (Index axis = 0; axis < 3; ++axis) {
+    normal_.resize(6);
+    for (Index c = 0; c < 6; ++c) {
+      for (Index r = c; r < 6; ++r)
+        normal_(r, c) = J.row(r).dot(J.row(c)) + Scalar(r == c ? 1e-9 : 0);
+    }
+    solved_.setConstant(Scalar(0));
+    solved_[axis] = Scalar(1);
+    if (normal_.solve(solved_) >= 0) return false;
+    velocity[axis] = solved_;
+  }
+  for (Index i = 0; i < n; ++i) {
+    const Twist column = J.col(i);
+    for (Index axis = 0; axis < 3; ++axis) J(axis, i) = column.dot(velocity[axis]);
+  }
+  return true;
+}
+
+template <class Model, RealScalar Scalar>
+requires ArticulatedDynamics<Model, Scalar> std::size_t FingertipTracker<Model, Scalar>::reach(
+    int grip, const Vector3<Scalar>& place, std::span<GripLimit<Scalar>> out) {
+  using std::sqrt;
+  Traits::forward_kinematics(*model_, q_, work_);
+  if (out.empty() || !all_finite(place) || !carry()) return 0;
+  std::size_t count = 0;
+  for (const int sign : {1, -1}) {
+    // The way to a limit, as a step. One unit beyond tells limits at q from none.
+    if (sign > 0) reference_ = Traits::upper(*model_);
+    if (sign < 0) reference_ = Traits::lower(*model_);
+    for (Index i = 0; i < found_.size(); ++i)
+      found_[i] = is_finite(reference_[i]) ? Scalar(reference_[i] + Scalar(sign)) : q_[i];
+    Traits::difference(*model_, q_, found_, step_);
+    for (Index i = 0; i < step_.size(); ++i) {
+      const Scalar room = Scalar(sign) * step_[i] - Scalar(1);
+      const Vector3<Scalar> rate = Scalar(sign) * jacobian_.col(i).template head<3>();
+      const Scalar size = sqrt(rate.squaredNorm());
+      if (!(Scalar(-0.5) < room) || !(Scalar(1e-6) < size)) continue;
+      const Scalar way = (room < Scalar(0) ? Scalar(0) : room) / size;
+      if (count == out.size() && !(way < out[count - 1].most)) continue;
+      std::size_t k = count < out.size() ? count++ : count - 1;
+      for (; k > 0 && way < out[k - 1].most; --k) out[k] = out[k - 1];
+      out[k] = {grip, -1, rate / size, way};
+    }
+  }
+  for (GripLimit<Scalar>& limit : out.first(count)) limit.most += limit.normal.dot(place);
+  return count;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

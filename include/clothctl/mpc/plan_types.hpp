@@ -38,6 +38,8 @@ struct PlanResult {
   /// Largest coordinate of a predicted non-affine mode of a patch (affine_patch.hpp) over the
   /// window, m.
   Scalar patch_residual = Scalar(0);
+  /// How far the planned centroids are beyond a limit of the grips at most, m.
+  Scalar limit_excess = Scalar(0);
   /// QP iterations of the frame, over all attempts.
   int qp_iterations = 0;
   /// How the last QP ended.

@@ -6,6 +6,7 @@
 // from the last active set (detail/window_qp.hpp), and returns the input of the first frame.
 // Reference: [Bai 2016], section 4.1.
 
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -14,6 +15,7 @@
 #include "clothctl/mpc/detail/agreement.hpp"
 #include "clothctl/mpc/detail/finger_plan.hpp"
 #include "clothctl/mpc/detail/grip_change.hpp"
+#include "clothctl/mpc/detail/grip_limits.hpp"
 #include "clothctl/mpc/detail/plan_change.hpp"
 #include "clothctl/mpc/detail/plan_input.hpp"
 #include "clothctl/mpc/detail/plan_output.hpp"
@@ -76,7 +78,9 @@ class Planner {
   /// Plans in still air.
   template <class Target>
   [[nodiscard]] PlanStatus plan(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                                const Target& target, PlanResult<Scalar>& result);
+                                const Target& target, PlanResult<Scalar>& result) {
+    return plan(x, v, t, target, still_air, result);
+  }
 
   /// Returns an empty string, or a line that names the first argument that `plan` would refuse, and
   /// its value. Allocates.
@@ -88,7 +92,22 @@ class Planner {
   /// The same in still air.
   template <class Target>
   std::string check_input(const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t,
-                          const Target& target, const PlanResult<Scalar>& result) const;
+                          const Target& target, const PlanResult<Scalar>& result) const {
+    return check_input(x, v, t, target, still_air, result);
+  }
+
+  /// Limits the grips from the next frame on, by a cost on what is planned beyond. Limits are for
+  /// grips by index: set them again after `set_grips`, which drops those of grips that are gone.
+  /// Returns an empty string, or what is wrong, and then changes nothing. Allocates when there are
+  /// more than before.
+  [[nodiscard]] std::string set_limits(std::span<const GripLimit<Scalar>> limits) {
+    for (std::size_t i = 0; i < limits.size(); ++i) {
+      const std::string bad = limits[i].validate(static_cast<int>(grips().size()));
+      if (!bad.empty()) return "limit " + std::to_string(i) + bad;
+    }
+    limits_.set(limits, problem_.settings.horizon);
+    return {};
+  }
 
   /// Sets known constant forces on the vertices for the next windows (a table that supports the
   /// sheet), 3×n, N; no columns: none. Returns false and changes nothing when the number of columns
@@ -111,7 +130,8 @@ class Planner {
   void reset();
 
  private:
-  static constexpr int kMostAttempts = 4;
+  static constexpr int kMostAttempts = 4;  // with more damping
+  static constexpr int kMostRounds = 6;    // with other frames at limits of the grips
 
   using Traits = predictor_traits<P>;
   using Basis = detail::GripBasis<Scalar, Contact>;
@@ -167,6 +187,7 @@ class Planner {
   Index vertex_count_;
   detail::WindowCost<Scalar, Contact> cost_;
   detail::WindowQp<Scalar, Contact, BoxSolver, RowSolver> qp_;
+  detail::GripLimits<Scalar> limits_;
   std::vector<detail::OutputTerm<Scalar>> point_;
   detail::PlanChange<Scalar> change_;
   detail::FingerPlan<Scalar> finger_plan_;
@@ -220,16 +241,6 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan(const PointsView<Scalar
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
           QpSolver<PredictorScalar<P>> RowSolver>
-template <class Target>
-PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan(const PointsView<Scalar>& x,
-                                                         const PointsView<Scalar>& v, Scalar t,
-                                                         const Target& target,
-                                                         PlanResult<Scalar>& result) {
-  return plan(x, v, t, target, still_air, result);
-}
-
-template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
-          QpSolver<PredictorScalar<P>> RowSolver>
 template <class Target, class Wind>
 std::string Planner<P, Setup, BoxSolver, RowSolver>::check_input(
     const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
@@ -237,15 +248,6 @@ std::string Planner<P, Setup, BoxSolver, RowSolver>::check_input(
   if (!detail::fits(problem_, result))
     return "the result was not made by make_result of this planner";
   return detail::check_plan_input(problem_, cost_, vertex_count_, x, v, t, target, wind);
-}
-
-template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
-          QpSolver<PredictorScalar<P>> RowSolver>
-template <class Target>
-std::string Planner<P, Setup, BoxSolver, RowSolver>::check_input(
-    const PointsView<Scalar>& x, const PointsView<Scalar>& v, Scalar t, const Target& target,
-    const PlanResult<Scalar>& result) const {
-  return check_input(x, v, t, target, still_air, result);
 }
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
@@ -290,6 +292,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::reset() {
   problem_.request.has_path = false;
   problem_.request.has_applied = false;
   step_weight_ = Scalar(0);
+  limits_.reset();
   start_plan();
   Traits::reset(predictor_);
   qp_.reset();
@@ -319,6 +322,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::reserve(std::vector<HandAnchor<Sca
   problem_.response.plan = problem_.request.plan;
   cost_.reserve(problem_, std::move(anchors));
   point_.reserve(held().size());
+  limits_.reserve(problem_);
   change_.reserve(problem_);
 }
 
@@ -340,6 +344,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const Poin
   problem_ = std::move(next);
   reserve(std::move(anchors));
   qp_.carry(problem_, change.unknowns());
+  limits_.drop(static_cast<int>(grips().size()), problem_.settings.horizon);
   if (!has_plan_) start_plan();
 }
 
@@ -398,15 +403,18 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
   if (step_weight_ < least_step_weight() || step_weight_ < problem_.settings.weights.step)
     step_weight_ = problem_.settings.weights.step;
   if (!has_plan_) step_weight_ = Scalar(0);  // nothing to keep to
-  for (int attempt = 0;; ++attempt) {
-    qp_.assemble(problem_, cost_.stack(problem_, step_weight_), x);
+  for (int attempt = 0, round = 0;;) {
+    qp_.assemble(problem_, cost_.stack(problem_, step_weight_), limits_, x);
     status = qp_.solve(problem_, result);
     if (status == PlanStatus::Failed) return fail(result);
     change_.take(problem_, qp_, has_plan_, result);
+    if (limits_.update(problem_, change_.outputs()) && ++round < kMostRounds) continue;
     if (attempt == kMostAttempts || !change_.too_large(problem_, has_plan_)) break;
+    ++attempt;
     step_weight_ *= Scalar(4);
     if (step_weight_ < least_step_weight()) step_weight_ = least_step_weight();
   }
+  result.limit_excess = limits_.largest();
   extract(status, result);
   problem_.motion.last_velocity = problem_.motion.velocity;
   has_last_ = true;
@@ -422,6 +430,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::shift_plan() {
     problem_.request.path.col(k) = problem_.request.path.col(k + 1);
   }
   finger_plan_.shift();
+  limits_.shift(problem_.settings.horizon);
   qp_.shift(problem_.basis.unknowns());
 }
 
@@ -472,7 +481,7 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::fail(PlanResult<Scalar>& res
     for (Index i = 0; i < problem_.feature_count; ++i)
       result.predicted.template block<3, 1>(3 * i, k) = agreement_.measured().col(i);
   }
-  result.patch_residual = Scalar(0);
+  result.patch_residual = result.limit_excess = Scalar(0);
   send(result);
   has_last_ = false;
   qp_.reset();

@@ -7,6 +7,7 @@
 //         +  w_s |ċ_k - ċ_{k-1}|² + w_l |L_k - L_{k-1}|²   smooth hands                 (eq. 9)
 //         +  w_h |p_k - p̄_k|²                 hands stay where they belong (hand_anchor.hpp)
 //         +  w_p |non-affine patch motion|²    soft form of eq. 3 (affine_patch.hpp)
+//         +  w_g max(0, n · c_k - most)²       limits of the grips (GripLimit)
 //         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |ċ_k - ċ̄_k|²      damping for rollouts
 //
 // The sums are over the frames k = 1..K. y: features, ȳ: their targets, u: raw inputs, c and p:
@@ -62,6 +63,8 @@ struct PlannerWeights {
   Scalar anchor = Scalar(3);
   /// w_p, 1/m².
   Scalar patch = Scalar(1000);
+  /// w_g, 1/m².
+  Scalar limit = Scalar(1e4);
   /// w_j, s²/m².
   Scalar jerk = Scalar(0);
   /// w_r, s²/m².
@@ -138,7 +141,7 @@ struct PlannerSettings {
   std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
-    const std::array<std::pair<const char*, const Scalar*>, 11> weighed{
+    const std::array<std::pair<const char*, const Scalar*>, 12> weighed{
         {{"feature", &weights.feature},
          {"force", &weights.force},
          {"cone", &weights.cone},
@@ -147,6 +150,7 @@ struct PlannerSettings {
          {"shape", &weights.shape},
          {"anchor", &weights.anchor},
          {"patch", &weights.patch},
+         {"limit", &weights.limit},
          {"jerk", &weights.jerk},
          {"step", &weights.step},
          {"max_change", &max_change}}};

@@ -149,6 +149,10 @@ struct IkSettings {
   /// True to let InverseKinematics try its fallbacks and BFGS steps when targets were not reached.
   /// Targets out of reach then take several times as long.
   bool fallbacks = true;
+  /// True to let PrioritisedIk go on, once all tasks are reached, for as long as the posture gets
+  /// nearer to its reference. False to stop after one step: where targets move from frame to frame
+  /// the posture follows over the frames.
+  bool refine_posture = true;
 
   /// Returns 1e-6, or 4 √ε where that is larger (float).
   static Scalar default_gradient_tolerance() {

@@ -84,6 +84,15 @@ class PrioritisedIk {
   bool take_step(const Model& model, Tasks tasks, std::span<const int> levels,
                  Eigen::Ref<VectorX<Scalar>> q, IkReport<Scalar>& report);
 
+  /// Returns true when the step goes towards the reference posture, to first order. Where the
+  /// tasks are met nothing else makes a trial better.
+  bool nears_posture(const Model& model, const View& q) {
+    if (!posture_) return false;
+    Traits::difference(model, q, reference_, pull_);
+    const Scalar change = Scalar(2) * pull_.dot(step_) - step_.squaredNorm();
+    return change > settings_.gradient_tolerance * pull_.squaredNorm();
+  }
+
   /// Returns true when the trial is better than q at the first level whose cost differs. Levels
   /// that both meet to the tolerance do not differ. If no level differs, the reference posture
   /// decides.
@@ -142,7 +151,8 @@ auto PrioritisedIk<Model, Scalar>::solve(const Model& model, Tasks tasks,
   for (;;) {
     report.error = problem_.largest_residual();
     report.status = report.error <= settings_.tolerance ? IkStatus::Reached : IkStatus::Stalled;
-    if (report.status == IkStatus::Reached && !posture_) return report;
+    const bool go_on = posture_ && (settings_.refine_posture || report.iterations == 0);
+    if (report.status == IkStatus::Reached && !go_on) return report;
     if (step_.size() == 0) return report;
     if (report.iterations == settings_.max_iterations) {
       if (report.status != IkStatus::Reached) report.status = IkStatus::IterationLimit;
@@ -207,6 +217,7 @@ bool PrioritisedIk<Model, Scalar>::find_better(const Model& model, Tasks tasks,
         steps_.col(column) = step_;
       }
       step_ = share * steps_.col(column);
+      if (report.status == IkStatus::Reached && !nears_posture(model, q)) continue;
       if (take_step(model, tasks, levels, q, report)) return true;
     }
     share *= Scalar(0.5);

@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "clothctl/mpc/detail/condense.hpp"
+#include "clothctl/mpc/detail/grip_limits.hpp"
 #include "clothctl/mpc/detail/relaxed_qp.hpp"
 #include "clothctl/mpc/detail/term_stack.hpp"
 #include "clothctl/mpc/detail/window_problem.hpp"
@@ -96,11 +97,12 @@ class WindowQp {
       qp_solver_traits<RowSolver>::reset(rows_);
   }
 
-  /// Builds H, g and bounds at positions `x` (3×n) from the stacked cost about the plan of the
-  /// predicted window. Never allocates.
-  void assemble(const Problem& problem, const TermStack<Scalar>& stack,
+  /// Builds H, g and bounds at positions `x` (3×n) from the stacked cost and that of the limits
+  /// about the plan of the predicted window. Never allocates.
+  void assemble(const Problem& problem, const TermStack<Scalar>& stack, GripLimits<Scalar>& limits,
                 const PointsView<Scalar>& x) {
     condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
+    limits.add(problem, raw_hessian_, raw_gradient_);
     add_effort(problem);
     map_gradient(problem);
     map_hessian(problem.basis);
