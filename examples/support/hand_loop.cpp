@@ -107,9 +107,12 @@ class HandsRun {
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
     Options o = options_;
-    if (o.predictor == "auto")
-      o.predictor = "linearised";  // rollouts turn patches of few vertices faster than hands can
+    if (o.predictor == "auto") o.predictor = "rollout";
     AnyPredictor predictor = make_predictor(o, scene_.body, scene_.settings);
+    // Hands lag behind a plan: they need slow plans more than small changes from the last one.
+    scene_.settings.max_step = 0.75 * kDt;  // m
+    scene_.settings.max_change = 0;
+    scene_.settings.weights.jerk = scene_.settings.weights.step = 0.005;
     Planner planner =
         must(Planner::create(scene_.setup, scene_.settings, std::move(predictor), x()));
     auto plan = planner.make_result();
@@ -193,6 +196,7 @@ class HandsRun {
                                                    hands_[static_cast<std::size_t>(k)]->holding(k),
                                                    x(), scene_.body.network.triangles);
       if (!grip) return grip.error();
+      clothctl::keep_middle<double>(*grip, x());
       grips.push_back(std::move(*grip));
     }
     scene_.setup.grips = std::move(grips);

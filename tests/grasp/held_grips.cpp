@@ -71,3 +71,20 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
   CHECK(make_held_grip<double>(contacts, fingers, spoilt, triangles).error() ==
         "finger 0 holds the sheet where it is not finite");
 }
+
+TEST_CASE("of a grip the vertex in its middle is kept, by all its fingers", "[grasp]") {
+  Points<double> x(3, 6);
+  x << 0, 1, 2, 0.9, 5, 5, 0, 0, 0, 0.2, 5, 5, 0, 0, 0, 0, 5, 5;
+  Grip<double> grip;
+  grip.fingers.push_back({{0, 1, 2}, 1, {}, 7});
+  grip.fingers.push_back({{1, 2, 3}, -1, {}, 5});
+  keep_middle<double>(grip, x);  // of 0, 1, 2, 3: (0.975, 0.05, 0)
+  CHECK(grip.vertices() == std::vector<int>{1});
+  REQUIRE(grip.fingers.size() == 2);
+  for (const auto& f : grip.fingers) CHECK(f.vertices == std::vector<int>{1});
+  CHECK(grip.fingers[0].max_normal_force == 7);
+  CHECK(grip.fingers[1].side == -1);
+  Grip<double> none;
+  keep_middle<double>(none, x);
+  CHECK(none.fingers.empty());
+}

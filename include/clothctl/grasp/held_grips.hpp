@@ -84,4 +84,22 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
   return out;
 }
 
+/// Lets a grip hold only the vertex nearest to the middle of all that it holds, at x (3×n, m; all
+/// of its vertices are columns), by the fingers that hold any. A pinch is nearly a point: how a few
+/// vertices close to each other turn says little of what fingers can do, and rollouts of such
+/// patches diverge. Allocates.
+template <RealScalar Scalar>
+void keep_middle(Grip<Scalar>& grip, const PointsView<Scalar>& x) {
+  const std::vector<int> held = grip.vertices();
+  if (held.empty()) return;
+  Vector3<Scalar> middle = Vector3<Scalar>::Constant(Scalar(0));
+  for (const int v : held) middle += x.col(v) / Scalar(static_cast<double>(held.size()));
+  int nearest = held.front();
+  for (const int v : held) {
+    const Vector3<Scalar> way = x.col(v) - middle, least = x.col(nearest) - middle;
+    if (way.squaredNorm() < least.squaredNorm()) nearest = v;
+  }
+  for (Finger<Scalar>& f : grip.fingers) f.vertices = {nearest};
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI
