@@ -7,6 +7,7 @@
 
 #include "clothctl/grasp/joint_path_planner.hpp"
 #include "clothctl/math/rotation.hpp"
+#include "support/hand_momentum.hpp"
 #include "support/random_number.hpp"
 #include "support/timing.hpp"
 
@@ -15,24 +16,11 @@ namespace program {
 using clothctl::Index;
 using Vec = clothctl::Vector3<double>;
 using Vector = clothctl::VectorX<double>;
-using Traits = clothctl::articulated_traits<GraspingHand::Hand>;
 using Clearance = clothctl::RobotClearance<GraspingHand::Hand>;
 
 namespace {
 
 constexpr double kAllPairs = 10;  // m: larger than any hand
-
-/// Whether the first three joints of a robot slide along x, y and z.
-bool slides(const GraspingHand::Hand& tree) {
-  if (tree.nv() < 3) return false;
-  clothctl::Matrix3<double> R = clothctl::Matrix3<double>::Identity();
-  for (int k = 0; k < 3; ++k) {
-    const auto& body = tree.bodies()[static_cast<std::size_t>(k)];
-    R *= body.placement.R;
-    if (body.type != clothctl::JointType::Prismatic || !(R(k, 2) > 1 - 1e-12)) return false;
-  }
-  return true;
-}
 
 }  // namespace
 
@@ -50,9 +38,7 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
                               std::vector<clothctl::ColliderRef<double>> obstacles,
                               const GraspPlace& place, const GraspOptions& options) {
   options_ = options;
-  if (!slides(model_.tree)) figures_.momentum_residual = std::nan("");
-  work_ = std::make_unique<clothctl::KinematicTreeWorkspace<double>>(
-      Traits::make_workspace(model_.tree));
+  if (!base_slides(model_.tree)) figures_.momentum_residual = std::nan("");
   const std::vector<clothctl::FingerPad<double>> fingers(model_.geometry.fingers.begin(),
                                                          model_.geometry.fingers.begin() + 2);
   auto sheet = clothctl::SheetCollider<double>::create(world_.state(0).positions, triangles, 2e-3);
@@ -242,28 +228,8 @@ void GraspingHand::measure(const clothctl::WorldReport<double>& report, double d
   }
   if (report.parts != 1 || std::isnan(figures_.momentum_residual))
     return;  // torques are those of the last part
-  // The base slides along x, y and z: its rows of M a + C + g are forces, and those that its joints
-  // and the sheet do not exert are missing.
-  const clothctl::HandState<double>& now = world_.hand(parts_.hand);
-  const Vector change = (now.velocities - before_.velocities) / dt;
-  Vector needed = Vector::Zero(torques.size());
-  Traits::forward_kinematics(model_.tree, before_.positions, *work_);
-  Traits::inverse_dynamics(model_.tree, before_.velocities, change, *work_, needed);
-  Vec on_sheet = Vec::Zero();
-  double size = 1;  // N
-  const auto add = [&](const Vec& impulse) {
-    on_sheet += impulse / dt;
-    size = std::max(size, impulse.norm() / dt);
-  };
-  for (const int pad : {parts_.pads[0], parts_.pads[1]}) {
-    for (const auto& c : world_.pad_contacts(pad)) add(c.impulse);
-  }
-  for (const auto& c : world_.contacts(0)) {
-    const auto end = parts_.shapes.end();
-    if (std::find(parts_.shapes.begin(), end, c.obstacle) != end) add(c.impulse);
-  }
-  const Vec missing = (needed - torques).head<3>() + on_sheet;
-  figures_.momentum_residual = std::max(figures_.momentum_residual, missing.norm() / size);
+  figures_.momentum_residual = std::max(
+      figures_.momentum_residual, momentum_residual(world_, parts_, model_.tree, before_, dt));
 }
 
 }  // namespace program

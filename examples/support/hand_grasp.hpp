@@ -111,7 +111,6 @@ class GraspingHand {
   GraspOptions options_;
   std::array<clothctl::Vector3<double>, 2> press_;
   std::unique_ptr<clothctl::GraspController<Hand>> controller_;
-  std::unique_ptr<clothctl::KinematicTreeWorkspace<double>> work_;
   std::unique_ptr<clothctl::SheetCollider<double>> sheet_;
   std::unique_ptr<clothctl::RobotClearance<Hand>> links_;  // without the fingertips that press
   clothctl::HandState<double> before_;

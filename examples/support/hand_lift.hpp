@@ -46,6 +46,7 @@ struct LiftFigures {
   int firm = 0;               ///< grasps of two that became firm
   int slips = 0;
   double force_sum = 0, ik_error_max_m = 0, rectify_residual_max_m = 0, torque_max_share = 0;
+  double momentum_residual = 0;        ///< of the hand (hand_momentum.hpp)
   double penetration_max_m = 0;        ///< of links into the table
   double sheet_penetration_max_m = 0;  ///< of the sheet into the table
   double feature_error_m = 0;          ///< mean distance of the features from their targets

@@ -107,12 +107,14 @@ class HandsRun {
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
     Options o = options_;
-    if (o.predictor == "auto") o.predictor = "rollout";
+    if (o.predictor == "auto") o.predictor = in_wind() ? "linearised" : "rollout";
     AnyPredictor predictor = make_predictor(o, scene_.body, scene_.settings);
-    // Hands lag behind a plan: they need slow plans more than small changes from the last one.
-    scene_.settings.max_step = 0.75 * kDt;  // m
-    scene_.settings.max_change = 0;
-    scene_.settings.weights.jerk = scene_.settings.weights.step = 0.005;
+    if (!in_wind()) {
+      // Hands lag behind a plan: they need slow plans more than small changes from the last one.
+      scene_.settings.max_step = 0.75 * kDt;  // m
+      scene_.settings.max_change = 0;
+      scene_.settings.weights.jerk = scene_.settings.weights.step = 0.005;
+    }
     Planner planner =
         must(Planner::create(scene_.setup, scene_.settings, std::move(predictor), x()));
     auto plan = planner.make_result();
@@ -158,6 +160,8 @@ class HandsRun {
     return out;
   }
 
+  bool in_wind() const { return scene_.body.air.enabled(); }
+
   void add_sheet(const clothctl::ClothState<double>& state) {
     clothctl::MassSpringSettings<double> settings;
     if (options_.plant == "newton") settings.integration = clothctl::Integration::Newton;
@@ -196,7 +200,7 @@ class HandsRun {
                                                    hands_[static_cast<std::size_t>(k)]->holding(k),
                                                    x(), scene_.body.network.triangles);
       if (!grip) return grip.error();
-      clothctl::keep_middle<double>(*grip, x());
+      if (!in_wind()) clothctl::keep_middle<double>(*grip, x());
       grips.push_back(std::move(*grip));
     }
     scene_.setup.grips = std::move(grips);
