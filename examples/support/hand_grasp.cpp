@@ -7,7 +7,6 @@
 
 #include "clothctl/grasp/joint_path_planner.hpp"
 #include "clothctl/math/rotation.hpp"
-#include "support/hand_momentum.hpp"
 #include "support/random_number.hpp"
 #include "support/timing.hpp"
 

@@ -17,6 +17,7 @@
 #include "clothctl/grasp/robot_clearance.hpp"
 #include "clothctl/grasp/static_contacts.hpp"
 #include "support/hand_model.hpp"
+#include "support/hand_momentum.hpp"
 #include "support/hand_view.hpp"
 #include "support/pad_ways.hpp"
 
@@ -85,6 +86,8 @@ class GraspingHand {
                           marked_);
   }
 
+  /// Whether it has no arm: its base slides freely.
+  bool floats() const { return base_slides(model_.tree); }
   /// The hand as a page shows it.
   const HandView& view() const { return *view_; }
 

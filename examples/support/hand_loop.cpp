@@ -107,9 +107,9 @@ class HandsRun {
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
     Options o = options_;
-    if (o.predictor == "auto") o.predictor = in_wind() ? "linearised" : "rollout";
+    if (o.predictor == "auto") o.predictor = rolls_out() ? "rollout" : "linearised";
     AnyPredictor predictor = make_predictor(o, scene_.body, scene_.settings);
-    if (!in_wind()) {
+    if (rolls_out()) {
       // Hands lag behind a plan: they need slow plans more than small changes from the last one.
       scene_.settings.max_step = 0.75 * kDt;  // m
       scene_.settings.max_change = 0;
@@ -160,7 +160,10 @@ class HandsRun {
     return out;
   }
 
-  bool in_wind() const { return scene_.body.air.enabled(); }
+  /// Rollouts are better where hands follow at once; with an arm, or in wind, plans run away.
+  bool rolls_out() const {
+    return !scene_.body.air.enabled() && hands_[0]->floats() && hands_[1]->floats();
+  }
 
   void add_sheet(const clothctl::ClothState<double>& state) {
     clothctl::MassSpringSettings<double> settings;
@@ -200,7 +203,7 @@ class HandsRun {
                                                    hands_[static_cast<std::size_t>(k)]->holding(k),
                                                    x(), scene_.body.network.triangles);
       if (!grip) return grip.error();
-      if (!in_wind()) clothctl::keep_middle<double>(*grip, x());
+      if (rolls_out()) clothctl::keep_middle<double>(*grip, x());
       grips.push_back(std::move(*grip));
     }
     scene_.setup.grips = std::move(grips);
