@@ -215,7 +215,9 @@ class HandsRun {
     std::size_t count = 0;
     for (int k = 0; k < 2; ++k) {
       const std::span<clothctl::GripLimit<double>> rest = std::span(limits).subspan(count);
-      count += hands_[static_cast<std::size_t>(k)]->reach(k, rest.first(6));
+      GraspingHand& hand = *hands_[static_cast<std::size_t>(k)];
+      // A redundant arm goes round a joint at its limit, which to first order blocks its way.
+      if (hand.floats()) count += hand.reach(k, rest.first(6));
     }
     return planner.set_limits(std::span(limits).first(count));
   }

@@ -129,8 +129,8 @@ class FingertipTracker {
   /// Writes to `out` limits for grip `grip`, whose centroid is at `place` (world, m): half-spaces
   /// in which the joints that carry all fingers stay within their limits while the hand moves
   /// without turning, to first order about the last targets. Returns their number; the nearest come
-  /// first. Without such joints, or where they cannot move it like this, there are none. Never
-  /// allocates.
+  /// first. Without such joints, or where they cannot move it like this, there are none. A joint at
+  /// its limit blocks a direction, though a redundant arm might go round it. Never allocates.
   std::size_t reach(int grip, const Vector3<Scalar>& place, std::span<GripLimit<Scalar>> out);
 
   /// The fingers.
@@ -443,7 +443,7 @@ requires ArticulatedDynamics<Model, Scalar> std::size_t FingertipTracker<Model, 
       const Scalar room = Scalar(sign) * step_[i] - Scalar(1);
       const Vector3<Scalar> rate = Scalar(sign) * jacobian_.col(i).template head<3>();
       const Scalar size = sqrt(rate.squaredNorm());
-      if (!(Scalar(-0.5) < room) || !(Scalar(1e-6) < size)) continue;
+      if (!(Scalar(-0.5) < room) || !(Scalar(1e-3) < size)) continue;
       const Scalar way = (room < Scalar(0) ? Scalar(0) : room) / size;
       if (count == out.size() && !(way < out[count - 1].most)) continue;
       std::size_t k = count < out.size() ? count++ : count - 1;
