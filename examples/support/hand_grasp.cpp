@@ -114,6 +114,7 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
   };
   // The fingertips come at right angles to the sheet, or along it from beyond its edge, too. The
   // palm faces the edge, or the hand is turned about the line between its fingertips.
+  press_ = {place.press, -place.press};
   double best = -1;  // m
   std::string message;
   for (const double from_edge : {0.0, 0.5, 0.7}) {
@@ -134,11 +135,9 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
       if (!(best < now)) continue;
       best = now;
       poses = found;
-      if (best > 5e-3) break;
+      if (best > 5e-3) return {};
     }
-    if (best > 5e-3) break;
   }
-  press_ = {place.press, -place.press};
   if (best > 1e-3) return {};
   if (poses.touch.size() == 0) return message;
   return "the hand has no room at the sheet: " + std::to_string(best) + " m";
@@ -169,17 +168,6 @@ std::string GraspingHand::plan_way(Clearance& whole, const Vector& wait, std::ui
     return "no way to the sheet: " + std::string(to_string(path.status)) + ", " + path.message;
   keys = std::move(path.positions);
   return {};
-}
-
-std::size_t GraspingHand::reach(int grip, std::span<clothctl::GripLimit<double>> out) {
-  Vec middle = Vec::Zero();  // between the fingertips
-  for (const int i : {0, 1}) {
-    clothctl::Matrix3<double> R;
-    Vec centre;
-    controller_->tracker().pose(i, R, centre);
-    middle += 0.5 * centre;
-  }
-  return controller_->tracker().reach(grip, middle, out);
 }
 
 std::vector<clothctl::HoldingFinger<double>> GraspingHand::holding(int k) {

@@ -69,8 +69,6 @@ class GraspingHand {
   bool holds() const { return controller_->phase() == clothctl::GraspPhase::Hold; }
   /// The fingers, as a planner wants them; their segments are 2 k and 2 k + 1 of StaticContacts.
   std::vector<clothctl::HoldingFinger<double>> holding(int k);
-  /// Limits of what it reaches, for grip `grip` of a planner. Returns their number.
-  std::size_t reach(int grip, std::span<clothctl::GripLimit<double>> out);
 
   /// Samples of a pad.
   static constexpr clothctl::Index kSamples = 13;

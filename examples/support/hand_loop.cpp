@@ -104,11 +104,12 @@ class HandsRun {
   /// Runs the task. Returns what went wrong.
   std::string follow(const FitTask& fit_task) {
     fit_task(x(), scene_);
+    // Rollouts are better where hands follow at once; with an arm, or in wind, plans run away.
+    const bool calm = !scene_.body.air.enabled() && hands_[0]->floats() && hands_[1]->floats();
+    if (options_.predictor == "auto") options_.predictor = calm ? "rollout" : "linearised";
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
-    Options o = options_;
-    if (o.predictor == "auto") o.predictor = rolls_out() ? "rollout" : "linearised";
-    AnyPredictor predictor = make_predictor(o, scene_.body, scene_.settings);
+    AnyPredictor predictor = make_predictor(options_, scene_.body, scene_.settings);
     if (rolls_out()) {
       // Hands lag behind a plan: they need slow plans more than small changes from the last one.
       scene_.settings.max_step = 0.75 * kDt;  // m
@@ -160,10 +161,7 @@ class HandsRun {
     return out;
   }
 
-  /// Rollouts are better where hands follow at once; with an arm, or in wind, plans run away.
-  bool rolls_out() const {
-    return !scene_.body.air.enabled() && hands_[0]->floats() && hands_[1]->floats();
-  }
+  bool rolls_out() const { return options_.predictor == "rollout"; }
 
   void add_sheet(const clothctl::ClothState<double>& state) {
     clothctl::MassSpringSettings<double> settings;
@@ -217,7 +215,10 @@ class HandsRun {
       const std::span<clothctl::GripLimit<double>> rest = std::span(limits).subspan(count);
       GraspingHand& hand = *hands_[static_cast<std::size_t>(k)];
       // A redundant arm goes round a joint at its limit, which to first order blocks its way.
-      if (hand.floats()) count += hand.reach(k, rest.first(6));
+      if (!hand.floats()) continue;
+      const Points held =
+          x()(Eigen::all, scene_.setup.grips[static_cast<std::size_t>(k)].vertices());
+      count += hand.controller().tracker().reach(k, held.rowwise().mean(), rest.first(6));
     }
     return planner.set_limits(std::span(limits).first(count));
   }

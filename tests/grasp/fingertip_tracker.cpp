@@ -1,6 +1,9 @@
 #include "clothctl/grasp/fingertip_tracker.hpp"
 
 #include <cmath>
+#include <span>
+#include <string>
+#include <vector>
 
 #include "clothctl/grasp/hand_geometry.hpp"
 #include "support/allocations.hpp"
@@ -190,6 +193,48 @@ TEST_CASE("a hand reaches as far as the joints of its base", "[grasp]") {
   REQUIRE(tracker.start(q));
   REQUIRE(tracker.reach(0, place, limits) == 6);
   CHECK(limits[0].most == Approx(place[1]).epsilon(1e-6));
+  // Joints that do not move the hand along limit nothing, also at their limits.
+  q = start;
+  for (Index i = 3; i < 6; ++i) q[i] = tree.upper()[i];
+  REQUIRE(tracker.start(q));
+  REQUIRE(tracker.reach(0, place, limits) == 6);
+  for (const GripLimit<double>& limit : std::span(limits).first(6))
+    CHECK(limit.most - limit.normal.dot(place) > 0.1);
+}
+
+TEST_CASE("a joint that moves all fingers apart does not carry the hand", "[grasp]") {
+  // A slide along x, and two jaws on it that close along y; the right one follows the left one.
+  KinematicTreeBuilder<double> builder;
+  Inertia<double> body;
+  body.mass = 0.1;
+  body.about_com.diagonal().setConstant(1e-4);
+  builder.add_link("world");
+  const auto add = [&](const char* name, const char* parent, const Vec& axis, double most) {
+    Joint<double> joint;
+    joint.name = name;
+    joint.type = JointType::Prismatic;
+    joint.parent = parent;
+    joint.child = name + std::string("_link");
+    joint.axis = axis;
+    joint.limits = {-most, most, 1, 100};
+    if (joint.name == "right") joint.leader = "left";
+    builder.add_link(joint.child, body).add_joint(joint);
+  };
+  add("slide", "world", Vec(1, 0, 0), 2);
+  add("left", "slide_link", Vec(0, 1, 0), 0.05);
+  add("right", "slide_link", Vec(0, -1, 0), 0.05);
+  const KinematicTree<double> tree = builder.build().value();
+  std::vector<FingerPad<double>> pads(2);
+  pads[0].frame = tree.find_link("left_link");
+  pads[1].frame = tree.find_link("right_link");
+  Tracker tracker = Tracker::create(tree, pads).value();
+  REQUIRE(tracker.start(VectorX<double>::Zero(2)));
+  GripLimit<double> limits[8];
+  REQUIRE(tracker.reach(0, Vec::Zero(), limits) == 2);
+  for (int i : {0, 1}) {
+    CHECK(std::abs(limits[i].normal.x()) == Approx(1));
+    CHECK(limits[i].most == Approx(2));
+  }
 }
 
 TEST_CASE("bad targets are refused and change nothing; tracking never allocates", "[grasp]") {

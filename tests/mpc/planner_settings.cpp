@@ -41,7 +41,8 @@ TEST_CASE("every bad setting is refused", "[mpc]") {
           &PlannerWeights<double>::cone, &PlannerWeights<double>::velocity,
           &PlannerWeights<double>::smooth, &PlannerWeights<double>::shape,
           &PlannerWeights<double>::anchor, &PlannerWeights<double>::patch,
-          &PlannerWeights<double>::jerk, &PlannerWeights<double>::step}) {
+          &PlannerWeights<double>::limit, &PlannerWeights<double>::jerk,
+          &PlannerWeights<double>::step}) {
       CHECK(refused([&](Settings& s) { s.weights.*weight = bad; }));
     }
   }

@@ -192,6 +192,21 @@ bool has_frame(const Model& model, int frame) {
   }
 }
 
+/// Writes the way (nv) of each velocity coordinate from positions q to `limit` (nq each), downwards
+/// (sign -1) or upwards (1): the difference from q to points one unit beyond the limits, so that it
+/// works for any relation of positions to velocities. For coordinates without a limit this
+/// difference is zero, and the way becomes ±1e30. `beyond` (nq): scratch. Never allocates.
+template <class Model, RealScalar Scalar>
+void way_to_limits(const Model& model, const Eigen::Ref<const VectorX<Scalar>>& q,
+                   const Eigen::Ref<const VectorX<Scalar>>& limit, const Scalar& sign,
+                   VectorX<Scalar>& beyond, VectorX<Scalar>& way) {
+  for (Index i = 0; i < limit.size(); ++i)
+    beyond[i] = is_unbounded(limit[i]) ? q[i] : Scalar(limit[i] + sign);
+  articulated_traits<Model>::difference(model, q, beyond, way);
+  for (Index i = 0; i < way.size(); ++i)
+    way[i] = sign * way[i] > Scalar(0.5) ? Scalar(way[i] - sign) : Scalar(sign * Scalar(1e30f));
+}
+
 /// Returns true when the workspace belongs to the model, as far as the trait can tell (optional
 /// hook `workspace_fits`).
 template <class Model, class Workspace>

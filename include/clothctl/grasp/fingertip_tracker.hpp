@@ -30,7 +30,6 @@
 
 #include "clothctl/contact/grip.hpp"
 #include "clothctl/grasp/grasp_poses.hpp"
-#include "clothctl/linalg/small_cholesky.hpp"
 #include "clothctl/qp/active_set.hpp"
 #include "clothctl/robot/constrained_ik.hpp"
 #include "clothctl/robot/prioritised_ik.hpp"
@@ -153,9 +152,10 @@ class FingertipTracker {
     return out;
   }
   void find_carriers(const VectorX<Scalar>& q);
-  /// Writes to the first three rows of `jacobian_` the velocities of the joints that carry all
-  /// fingers for a unit velocity of the hand along each axis. Returns false where there are none.
-  bool carry();
+  /// Writes to the first three rows of `jacobian_`, where forward kinematics was last, the least
+  /// velocities of the joints that carry all fingers for a unit velocity of the hand along each
+  /// axis, and zero for other joints.
+  void find_carrying_rates();
   /// Writes the Jacobian of the centre of a tip to `jacobian_`, where forward kinematics was last.
   void linearise(const FingerPad<Scalar>& finger);
   /// The part of column i of that Jacobian along a direction.
@@ -178,11 +178,9 @@ class FingertipTracker {
   ConstrainedIk<Model, ActiveSet<Scalar>, Scalar> constrained_;
   std::vector<IkTask<Scalar>> tasks_;
   std::vector<HalfSpace<Scalar>> planes_;
-  std::vector<bool> carries_;  // of each velocity coordinate: moves all fingers
+  std::vector<bool> carries_;  // of each velocity coordinate: moves all fingers as one body
   VectorX<Scalar> q_, found_, posture_, reference_, qd_, next_, step_, still_, torque_, effort_;
   MatrixX<Scalar> jacobian_;
-  SmallCholesky<Scalar> normal_{6};
-  VectorX<Scalar> solved_ = VectorX<Scalar>::Constant(6, Scalar(0));
 };
 
 template <class Model, RealScalar Scalar>
@@ -225,11 +223,21 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void FingertipTracker<Model, Scalar>::find_carriers(const VectorX<Scalar>& q) {
   Traits::forward_kinematics(*model_, q, work_);
-  std::fill(carries_.begin(), carries_.end(), true);
+  linearise(fingers_.front());
+  const MatrixX<Scalar> first = jacobian_;
+  Matrix3<Scalar> R;
+  Vector3<Scalar> p;
+  Traits::frame_pose(*model_, work_, fingers_.front().frame, R, p);
+  const Vector3<Scalar> middle = p + R * fingers_.front().centre();
+  for (Index i = 0; i < first.cols(); ++i)
+    carries_[static_cast<std::size_t>(i)] = Scalar(0) < first.col(i).squaredNorm();
+  // Coupled joints of several fingers move them, too, but not as one body.
+  const Scalar close = Scalar(1e4) * scalar_traits<Scalar>::epsilon();
   for (const FingerPad<Scalar>& f : fingers_) {
-    linearise(f);
-    for (Index i = 0; i < jacobian_.cols(); ++i) {
-      if (!(Scalar(0) < jacobian_.col(i).squaredNorm()))
+    Traits::point_jacobian(*model_, work_, f.frame, middle, jacobian_);
+    for (Index i = 0; i < first.cols(); ++i) {
+      const Scalar apart = (jacobian_.col(i) - first.col(i)).squaredNorm();
+      if (!(apart <= close * close * first.col(i).squaredNorm()))
         carries_[static_cast<std::size_t>(i)] = false;
     }
   }
@@ -397,53 +405,45 @@ FingertipTracker<Model, Scalar>::largest_force(int finger, const Vector3<Scalar>
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
-bool FingertipTracker<Model, Scalar>::carry() {
-  const Index n = jacobian_.cols();
+void FingertipTracker<Model, Scalar>::find_carrying_rates() {
+  MatrixX<Scalar>& J = jacobian_;
   linearise(fingers_.front());
-  for (Index i = 0; i < n; ++i) {
-    if (!carries_[static_cast<std::size_t>(i)]) jacobian_.col(i).setConstant(Scalar(0));
+  for (Index i = 0; i < J.cols(); ++i) {
+    if (!carries_[static_cast<std::size_t>(i)]) J.col(i).setConstant(Scalar(0));
   }
   // Jᵀ (J Jᵀ)⁻¹, a column for each axis; the tiny ridge is for directions that no joint moves.
-  MatrixX<Scalar>& J = jacobian_;
-  using Twist = Eigen::Matrix<Scalar, 6, 1>;
-  Twist velocity[3];
-  for (Index axis = 0; axis < 3; ++axis) {
-    normal_.resize(6);
-    for (Index c = 0; c < 6; ++c) {
-      for (Index r = c; r < 6; ++r)
-        normal_(r, c) = J.row(r).dot(J.row(c)) + Scalar(r == c ? 1e-9 : 0);
-    }
-    solved_.setConstant(Scalar(0));
-    solved_[axis] = Scalar(1);
-    if (normal_.solve(solved_) >= 0) return false;
-    velocity[axis] = solved_;
+  using Square = Eigen::Matrix<Scalar, 6, 6>;
+  Square normal;
+  for (Index c = 0; c < 6; ++c) {
+    for (Index r = 0; r < 6; ++r) normal(r, c) = J.row(r).dot(J.row(c)) + Scalar(r == c ? 1e-9 : 0);
   }
-  for (Index i = 0; i < n; ++i) {
-    const Twist column = J.col(i);
-    for (Index axis = 0; axis < 3; ++axis) J(axis, i) = column.dot(velocity[axis]);
+  const Square one = Square::Identity();
+  const Eigen::Matrix<Scalar, 6, 3> share = normal.ldlt().solve(one.template leftCols<3>());
+  for (Index i = 0; i < J.cols(); ++i) {
+    const Eigen::Matrix<Scalar, 6, 1> column = J.col(i);
+    for (Index axis = 0; axis < 3; ++axis) J(axis, i) = column.dot(share.col(axis));
   }
-  return true;
 }
 
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> std::size_t FingertipTracker<Model, Scalar>::reach(
     int grip, const Vector3<Scalar>& place, std::span<GripLimit<Scalar>> out) {
   using std::sqrt;
+  if (out.empty() || !all_finite(place)) return 0;
   Traits::forward_kinematics(*model_, q_, work_);
-  if (out.empty() || !all_finite(place) || !carry()) return 0;
+  find_carrying_rates();
   std::size_t count = 0;
-  for (const int sign : {1, -1}) {
-    // The way to a limit, as a step. One unit beyond tells limits at q from none.
-    if (sign > 0) reference_ = Traits::upper(*model_);
-    if (sign < 0) reference_ = Traits::lower(*model_);
-    for (Index i = 0; i < found_.size(); ++i)
-      found_[i] = is_finite(reference_[i]) ? Scalar(reference_[i] + Scalar(sign)) : q_[i];
-    Traits::difference(*model_, q_, found_, step_);
+  for (const int side : {1, -1}) {
+    const Scalar sign(side);
+    if (side > 0) reference_ = Traits::upper(*model_);
+    if (side < 0) reference_ = Traits::lower(*model_);
+    detail::way_to_limits<Model, Scalar>(*model_, q_, reference_, sign, found_, step_);
     for (Index i = 0; i < step_.size(); ++i) {
-      const Scalar room = Scalar(sign) * step_[i] - Scalar(1);
-      const Vector3<Scalar> rate = Scalar(sign) * jacobian_.col(i).template head<3>();
+      const Vector3<Scalar> rate = sign * jacobian_.col(i).template head<3>();
       const Scalar size = sqrt(rate.squaredNorm());
-      if (!(Scalar(-0.5) < room) || !(Scalar(1e-3) < size)) continue;
+      // Rates below are rounding.
+      if (is_unbounded(step_[i]) || !(Scalar(1e-3) < size)) continue;
+      const Scalar room = sign * step_[i];
       const Scalar way = (room < Scalar(0) ? Scalar(0) : room) / size;
       if (count == out.size() && !(way < out[count - 1].most)) continue;
       std::size_t k = count < out.size() ? count++ : count - 1;

@@ -5,7 +5,6 @@
 // are those beyond the limit in the last solution (a semismooth Newton method): solve, see which
 // frames are beyond, and solve again where others are.
 
-#include <cassert>
 #include <cstddef>
 #include <span>
 #include <vector>

@@ -141,8 +141,8 @@ class IkProblem {
       squares_[i] = square;
       direction_[i] = along + pull_[i];
     }
-    distance_to(model, q, lower_, Scalar(-1), below_);
-    distance_to(model, q, upper_, Scalar(1), above_);
+    way_to_limits<Model, Scalar>(model, q, lower_, Scalar(-1), beyond_limit_, below_);
+    way_to_limits<Model, Scalar>(model, q, upper_, Scalar(1), beyond_limit_, above_);
   }
 
   /// Returns the residuals of the last `evaluate`.
@@ -239,21 +239,6 @@ class IkProblem {
     if (task.kind == IkKind::Orientation && !is_rotation<Scalar>(task.rotation, loose))
       return "an orientation task's target is not a rotation matrix";
     return {};
-  }
-
-  /// Computes the distance of each velocity coordinate to `limit`, downwards (sign -1) or upwards
-  /// (1). It takes the difference from q to points one unit beyond the limits, so that it works for
-  /// any relation of positions to velocities. For coordinates without a limit this difference is
-  /// zero, and the distance becomes ±1e30.
-  void distance_to(const Model& model, const View& q, const VectorX<Scalar>& limit,
-                   const Scalar& sign, VectorX<Scalar>& distance) {
-    using std::abs;
-    for (Index i = 0; i < limit.size(); ++i)
-      beyond_limit_[i] = abs(limit[i]) < Scalar(kUnlimited) ? Scalar(limit[i] + sign) : q[i];
-    Traits::difference(model, q, beyond_limit_, distance);
-    for (Index i = 0; i < n_; ++i)
-      distance[i] = sign * distance[i] > Scalar(0.5) ? Scalar(distance[i] - sign)
-                                                     : Scalar(sign * Scalar(kUnlimited));
   }
 
   typename articulated_traits<Model>::workspace_type work_;
