@@ -39,6 +39,7 @@ Request read_request(int argc, char** argv) {
   add("--press", r.lift.press, 0.05, 10, "Normal force of each finger on the table, N");
   add("--pinch", r.lift.pinch, 0.05, 10, "Normal force of each finger on the bulge, N");
   add("--height", r.lift.height, 0.01, 0.3, "How high to lift it, m");
+  add("--attempts", r.lift.attempts, 1, 20, "Times to try before giving up");
   add("--dt", r.lift.dt, 1e-3, 0.02, "Time step, s");
   add("--horizon", r.lift.horizon, 2, 30, "Frames of the window");
   app.add_option("--material", r.material, "Preset or JSON file")->capture_default_str();
@@ -67,6 +68,7 @@ int main(int argc, char** argv) {
   j["vertices"] = task->vertex_count();
   j["lift_height_m"] = f.lift_height_m;
   j["bulge_height_m"] = f.bulge_height_m;
+  j["attempts"] = f.attempts;
   j["grasp_firm_share"] = 0.5 * f.firm;
   j["slips"] = f.slips;
   j["grip_force_mean_N"] = known(f.force_sum / static_cast<double>(f.held_steps), f.held_steps > 0);

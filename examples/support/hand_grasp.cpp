@@ -37,7 +37,6 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
                               std::vector<clothctl::ColliderRef<double>> obstacles,
                               const GraspPlace& place, const GraspOptions& options) {
   options_ = options;
-  if (!base_slides(model_.tree)) figures_.momentum_residual = std::nan("");
   const std::vector<clothctl::FingerPad<double>> fingers(model_.geometry.fingers.begin(),
                                                          model_.geometry.fingers.begin() + 2);
   auto sheet = clothctl::SheetCollider<double>::create(world_.state(0).positions, triangles, 2e-3);
@@ -213,9 +212,8 @@ void GraspingHand::measure(const clothctl::WorldReport<double>& report, double d
     const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
     figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
   }
-  if (report.parts != 1 || std::isnan(figures_.momentum_residual))
-    return;  // torques are those of the last part
-  figures_.momentum_residual = std::max(
+  if (report.parts != 1 || !floats()) return;  // torques are those of the last part
+  figures_.momentum_residual = std::fmax(
       figures_.momentum_residual, momentum_residual(world_, parts_, model_.tree, before_, dt));
 }
 

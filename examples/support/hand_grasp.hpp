@@ -3,6 +3,7 @@
 // A hand in a world that grasps a sheet, and the figures of its run.
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -37,8 +38,8 @@ struct GraspFigures {
   std::string fault;
   double firm_s = -1;  ///< when it held firmly; negative: never
   double force_sum = 0, ik_error_max_m = 0, torque_max_share = 0;
-  double momentum_residual = 0;  ///< NaN for a hand whose base does not slide
-  double penetration_max_m = 0;  ///< of links without pads into the sheet and what is in the way
+  double momentum_residual = NAN;  ///< NaN: the base does not slide, or all steps were divided
+  double penetration_max_m = 0;    ///< of links without pads into the sheet and what is in the way
   long held_steps = 0;
   bool too_weak = false;   ///< it slid at the largest force
   std::vector<double> ms;  ///< processor time of each step of the controller

@@ -139,6 +139,7 @@ std::string TableLift::add_hand() {
   const auto poses =
       clothctl::find_grasp_poses<Hand, double>(tree_, fingers, places, shape, shape, search);
   if (poses.status != clothctl::GraspPoseStatus::Found) return poses.message;
+  wait_ = poses.wait;
   touch_ = poses.touch;
 
   clothctl::HandSetup<double> setup;
@@ -208,7 +209,7 @@ std::string TableLift::step() {
   measure(report);
   if (report.parts == 1)  // else torques are those of the last part
     figures_.momentum_residual =
-        std::max(figures_.momentum_residual, momentum_residual(world_, parts_, tree_, before, dt));
+        std::fmax(figures_.momentum_residual, momentum_residual(world_, parts_, tree_, before, dt));
   if (page_) page_->add_frame(world_.state(0).positions, features_, targets_, dt, stage_);
   return {};
 }
@@ -258,7 +259,7 @@ std::string TableLift::press() {
   clothctl::Grasp<double> grasp;
   grasp.together = false;
   grasp.force = options_.press;
-  grasp.keyframes = {touch_};
+  grasp.keyframes = {wait_, touch_};
   return take(std::move(grasp), 0.5);
 }
 
@@ -332,11 +333,29 @@ std::string TableLift::lift() {
   return steps(1);
 }
 
-std::string TableLift::run() {
+std::string TableLift::attempt() {
+  figures_.firm = 0;
   std::string bad = press();
   if (bad.empty()) bad = push();
   if (bad.empty()) bad = pinch();
   if (bad.empty()) bad = lift();
+  hide_features();
+  return bad;
+}
+
+std::string TableLift::open() {
+  stage_ = "open";
+  controller_->release();
+  return steps(0.5);
+}
+
+std::string TableLift::run() {
+  std::string bad = attempt();
+  for (; controller_->phase() == clothctl::GraspPhase::Failed; ++figures_.attempts) {
+    if (figures_.attempts == options_.attempts) break;
+    if (std::string stuck = open(); !stuck.empty()) return stuck;
+    bad = attempt();
+  }
   double height = 0;
   int count = 0;
   for (const int pad : {parts_.pads[0], parts_.pads[1]}) {

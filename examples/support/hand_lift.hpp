@@ -33,6 +33,7 @@ struct LiftOptions {
   double height = 0.12;                         ///< to lift, m
   double dt = 0.02;
   long horizon = 10;
+  int attempts = 3;  ///< after a lost or weak grasp the hand opens and tries again
   /// Of perturbations: friction and stiffness by up to 20 %, where the hand goes by up to 5 mm; 0:
   /// none.
   std::uint64_t seed = 0;
@@ -43,10 +44,11 @@ struct LiftFigures {
   std::string phase;          ///< the last one
   double lift_height_m = 0;   ///< of the held vertices at the end, above where they lay
   double bulge_height_m = 0;  ///< when the fingers begin to pinch it
-  int firm = 0;               ///< grasps of two that became firm
+  int attempts = 1;
+  int firm = 0;  ///< grasps of two that became firm, in the last attempt
   int slips = 0;
   double force_sum = 0, ik_error_max_m = 0, rectify_residual_max_m = 0, torque_max_share = 0;
-  double momentum_residual = 0;        ///< of the hand (hand_momentum.hpp)
+  double momentum_residual = NAN;      ///< of the hand; NaN where each step was divided
   double penetration_max_m = 0;        ///< of links into the table
   double sheet_penetration_max_m = 0;  ///< of the sheet into the table
   double feature_error_m = 0;          ///< mean distance of the features from their targets
@@ -88,6 +90,10 @@ class TableLift {
   /// They pinch the bulge between them.
   std::string pinch();
   std::string lift();
+  /// All of that once.
+  std::string attempt();
+  /// The fingers let go.
+  std::string open();
   /// One step of hand and world. Returns what went wrong.
   std::string step();
   std::string steps(double seconds);
@@ -109,7 +115,7 @@ class TableLift {
   std::unique_ptr<clothctl::StaticContacts<double>> contacts_;
   std::unique_ptr<clothctl::RobotClearance<Hand>> links_;
   std::array<clothctl::Vector3<double>, 2> press_;  // the way that each finger presses
-  clothctl::VectorX<double> touch_;                 // positions where the fingertips touch
+  clothctl::VectorX<double> wait_, touch_;          // positions before and where they touch
   clothctl::GraspReport<double> report_;
   std::string stage_;  // what the hand does
   LiftFigures figures_;

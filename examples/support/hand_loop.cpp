@@ -104,9 +104,8 @@ class HandsRun {
   /// Runs the task. Returns what went wrong.
   std::string follow(const FitTask& fit_task) {
     fit_task(x(), scene_);
-    // Rollouts are better where hands follow at once; with an arm, or in wind, plans run away.
-    const bool calm = !scene_.body.air.enabled() && hands_[0]->floats() && hands_[1]->floats();
-    if (options_.predictor == "auto") options_.predictor = calm ? "rollout" : "linearised";
+    if (options_.predictor == "auto")
+      options_.predictor = suits_rollouts() ? "rollout" : "linearised";
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
     AnyPredictor predictor = make_predictor(options_, scene_.body, scene_.settings);
@@ -161,6 +160,12 @@ class HandsRun {
     return out;
   }
 
+  /// Rollouts are better where hands follow at once and the sheet's edges are short beside a pinch;
+  /// with an arm, in wind, or with edges of 60 mm, plans run away.
+  bool suits_rollouts() const {
+    const double edge = options_.size / (options_.cloth - 1);  // m
+    return edge < 0.035 && !scene_.body.air.enabled() && hands_[0]->floats() && hands_[1]->floats();
+  }
   bool rolls_out() const { return options_.predictor == "rollout"; }
 
   void add_sheet(const clothctl::ClothState<double>& state) {

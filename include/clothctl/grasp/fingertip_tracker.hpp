@@ -434,7 +434,7 @@ requires ArticulatedDynamics<Model, Scalar> std::size_t FingertipTracker<Model, 
   find_carrying_rates();
   std::size_t count = 0;
   for (const int side : {1, -1}) {
-    const Scalar sign(side);
+    const Scalar sign = side > 0 ? Scalar(1) : Scalar(-1);
     if (side > 0) reference_ = Traits::upper(*model_);
     if (side < 0) reference_ = Traits::lower(*model_);
     detail::way_to_limits<Model, Scalar>(*model_, q_, reference_, sign, found_, step_);
