@@ -33,7 +33,7 @@ struct LiftOptions {
   double height = 0.12;                         ///< to lift, m
   double dt = 0.02;
   long horizon = 10;
-  int attempts = 3;  ///< after a lost or weak grasp the hand opens and tries again
+  int attempts = 2;  ///< after a lost or weak grasp the hand opens and tries again
   /// Of perturbations: friction and stiffness by up to 20 %, where the hand goes by up to 5 mm; 0:
   /// none.
   std::uint64_t seed = 0;
