@@ -75,7 +75,7 @@ int main(int argc, char** argv) {
   j["mean_error_m"] = f.feature_error_m;
   j["ik_error_max_m"] = f.ik_error_max_m;
   j["rectify_residual_max_m"] = f.rectify_residual_max_m;
-  j["penetration_max_m"] = f.penetration_max_m;
+  j["penetration_max_m"] = known(f.penetration_max_m);
   j["sheet_penetration_max_m"] = f.sheet_penetration_max_m;
   j["torque_max_share"] = f.torque_max_share;
   j["momentum_residual"] = known(f.momentum_residual);

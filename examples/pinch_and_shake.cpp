@@ -131,7 +131,7 @@ int main(int argc, char** argv) {
   j["too_weak"] = f.too_weak;
   j["grip_force_mean_N"] = known(f.force_sum / static_cast<double>(f.held_steps), f.held_steps > 0);
   j["ik_error_max_m"] = f.ik_error_max_m;
-  j["penetration_max_m"] = f.penetration_max_m;
+  j["penetration_max_m"] = known(f.penetration_max_m);
   j["torque_max_share"] = f.torque_max_share;
   j["momentum_residual"] = known(f.momentum_residual);
   j["hand_frame_ms"] = quantile(f.ms, 0.5);
@@ -143,5 +143,5 @@ int main(int argc, char** argv) {
   if (const std::string bad = r.out.empty() ? "" : page.write(r.out); !bad.empty()) refuse(bad);
   print_figures(j, r.json);
   if (!r.out.empty() && !r.json) std::printf("open %s/player.html\n", r.out.c_str());
-  return failed ? 1 : 0;
+  return failed || !f.fault.empty() ? 1 : 0;
 }

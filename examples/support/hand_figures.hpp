@@ -3,6 +3,7 @@
 // Shared by the programs for hands: the ends of a robot's fingers, a motion from pose to pose
 // and printing.
 
+#include <cmath>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
@@ -16,6 +17,9 @@ void print_figures(const nlohmann::ordered_json& figures, bool json);
 
 /// Returns a number, or null if it is unknown or not finite.
 nlohmann::ordered_json known(double value, bool is_known = true);
+
+/// Returns the larger number, or NaN where one of them is.
+inline double larger(double a, double b) { return std::isnan(a) || b <= a ? a : b; }
 
 /// Returns a length as text, in millimetres.
 std::string millimetres(double metres);

@@ -7,6 +7,7 @@
 
 #include "clothctl/grasp/joint_path_planner.hpp"
 #include "clothctl/math/rotation.hpp"
+#include "support/hand_figures.hpp"
 #include "support/random_number.hpp"
 #include "support/timing.hpp"
 
@@ -139,7 +140,8 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
   }
   if (best > 1e-3) return {};
   if (poses.touch.size() == 0) return message;
-  return "the hand has no room at the sheet: " + std::to_string(best) + " m";
+  return "in each pose found, bones of the hand are in the sheet or in what is beside it (gap " +
+         std::to_string(best) + " m, must be 0.001 m); --grasps gives other poses";
 }
 
 std::string GraspingHand::plan_way(Clearance& whole, const Vector& wait, std::uint64_t seed,
@@ -202,16 +204,16 @@ void GraspingHand::drive(double t, double dt) {
 }
 
 void GraspingHand::measure(const clothctl::WorldReport<double>& report, double dt) {
-  const Vector torques = world_.torques(parts_.hand) + world_.drive(parts_.hand).torque;
+  const Vector& torques = world_.torques(parts_.hand);
   const Vector limits = model_.tree.effort_limits();
   for (Index i = 0; i < torques.size(); ++i)
     figures_.torque_max_share =
         std::max(figures_.torque_max_share, std::abs(torques[i]) / limits[i]);
-  if (sheet_->update(world_.state(0).positions).empty()) {
-    // The sheet counts with half its thickness; a link that reaches its middle is in it.
-    const double depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
-    figures_.penetration_max_m = std::max(figures_.penetration_max_m, depth);
-  }
+  // The sheet counts with half its thickness; a link that reaches its middle is in it.
+  double depth = std::nan("");
+  if (sheet_->update(world_.state(0).positions).empty())
+    depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
+  figures_.penetration_max_m = larger(figures_.penetration_max_m, depth);
   if (report.parts != 1 || !floats()) return;  // torques are those of the last part
   figures_.momentum_residual = std::fmax(
       figures_.momentum_residual, momentum_residual(world_, parts_, model_.tree, before_, dt));

@@ -224,9 +224,8 @@ std::string TableLift::steps(double seconds) {
 void TableLift::measure(const clothctl::WorldReport<double>& report) {
   LiftFigures& f = figures_;
   f.sheet_penetration_max_m = std::max(f.sheet_penetration_max_m, report.penetration);
-  f.penetration_max_m =
-      std::max(f.penetration_max_m, -(*links_)(world_.hand(parts_.hand).positions));
-  const Vector torques = world_.torques(parts_.hand) + world_.drive(parts_.hand).torque;
+  f.penetration_max_m = larger(f.penetration_max_m, -(*links_)(world_.hand(parts_.hand).positions));
+  const Vector& torques = world_.torques(parts_.hand);
   f.torque_max_share = std::max(
       f.torque_max_share, (torques.cwiseAbs().cwiseQuotient(tree_.effort_limits())).maxCoeff());
   f.ik_error_max_m = std::max(f.ik_error_max_m, report_.ik_error);

@@ -278,7 +278,9 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
               const clothctl::ClothState<double>& state, const FitTask& fit_task,
               const HandMaker& make_hand) {
   if (!is_implicit(o.plant)) refuse("--hands: --plant must be newton or linear-implicit");
-  if (o.cloth < 4 || o.size < 0.15) refuse("--hands: the sheet is too coarse or too small");
+  if (o.cloth < 4 || o.size < 0.15)
+    refuse("--hands: the sheet is too coarse or too small (--cloth 4, --size 0.15 at least)");
+  if (o.grip != "force") refuse("--hands: --grip must be force");
   make_folder(o.out);  // before the work, since it may fail
   const Errors bare = run_bare(scene, o, state, fit_task);
   HandsRun run(std::move(scene), o, state, grid, make_hand);
@@ -289,7 +291,7 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
   std::vector<double> ms;  // of both hands
   for (std::size_t i = 0; i < std::min(a.ms.size(), b.ms.size()); ++i)
     ms.push_back(a.ms[i] + b.ms[i]);
-  const auto most = [&](double GraspFigures::*figure) { return std::max(a.*figure, b.*figure); };
+  const auto most = [&](double GraspFigures::*figure) { return larger(a.*figure, b.*figure); };
   nlohmann::ordered_json j;
   j["status"] = bad.empty() ? "finished" : bad;
   j["vertices"] = state.positions.cols();
@@ -305,7 +307,7 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
   j["grip_changes"] = run.grip_changes;
   j["ik_error_max_m"] = most(&GraspFigures::ik_error_max_m);
   j["rectify_residual_max_m"] = run.rectify_residual;
-  j["penetration_max_m"] = most(&GraspFigures::penetration_max_m);
+  j["penetration_max_m"] = known(most(&GraspFigures::penetration_max_m));
   j["torque_max_share"] = most(&GraspFigures::torque_max_share);
   j["momentum_residual"] = known(most(&GraspFigures::momentum_residual));
   j["hand_frame_ms"] = quantile(ms, 0.5);

@@ -26,7 +26,7 @@ double momentum_residual(clothctl::World<double>& world, const clothctl::HandInW
   // and the sheet do not exert are missing.
   const clothctl::HandState<double>& now = world.hand(parts.hand);
   const Vector change = (now.velocities - before.velocities) / dt;
-  const Vector torques = world.torques(parts.hand) + world.drive(parts.hand).torque;
+  const Vector& torques = world.torques(parts.hand);
   Vector needed = Vector::Zero(torques.size());
   auto work = Traits::make_workspace(tree);
   Traits::forward_kinematics(tree, before.positions, work);

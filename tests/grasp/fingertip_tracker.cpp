@@ -103,6 +103,8 @@ TEST_CASE("a finger is as strong as its weakest joint", "[grasp]") {
   const VectorX<double> share =
       (drive.torque + gravity).cwiseAbs().cwiseQuotient(tree.effort_limits());
   CHECK(share.maxCoeff() == Approx(1).epsilon(1e-9));
+  CHECK(tracker.largest_force(0, Vec::Zero()) == 0);
+  CHECK(tracker.largest_force(99, Vec(0, 0, 1)) == 0);
 }
 
 TEST_CASE("joints keep to their largest speed, and free fingers go to the posture", "[grasp]") {
@@ -235,6 +237,57 @@ TEST_CASE("a joint that moves all fingers apart does not carry the hand", "[gras
     CHECK(std::abs(limits[i].normal.x()) == Approx(1));
     CHECK(limits[i].most == Approx(2));
   }
+}
+
+TEST_CASE("where a base cannot move the hand without a turn there is no reach", "[grasp]") {
+  // A base with some joints, and a jaw on it 0.5 m from its first joint.
+  const auto limits_of = [](std::vector<std::pair<JointType, Vec>> joints) {
+    KinematicTreeBuilder<double> builder;
+    Inertia<double> body;
+    body.mass = 0.1;
+    body.about_com.diagonal().setConstant(1e-4);
+    builder.add_link("world");
+    std::string parent = "world";
+    const auto add = [&](const std::string& name, JointType type, const Vec& axis, double x) {
+      Joint<double> joint;
+      joint.name = name;
+      joint.type = type;
+      joint.parent = parent;
+      joint.child = name + "_link";
+      joint.axis = axis;
+      joint.origin.p = Vec(x, 0, 0);
+      joint.limits = {-1, 1, 1, 100};
+      builder.add_link(joint.child, body).add_joint(joint);
+      parent = joint.child;
+    };
+    for (std::size_t i = 0; i < joints.size(); ++i)
+      add("base" + std::to_string(i), joints[i].first, joints[i].second, 0);
+    const std::string base = parent;
+    add("left", JointType::Prismatic, Vec(0, 0, 1), 0.5);
+    parent = base;
+    add("other", JointType::Prismatic, Vec(0, 0, -1), 0.5);
+    const KinematicTree<double> tree = builder.build().value();
+    std::vector<FingerPad<double>> pads(2);
+    pads[0].frame = tree.find_link("left_link");
+    pads[1].frame = tree.find_link("other_link");
+    Tracker tracker = Tracker::create(tree, pads).value();
+    REQUIRE(tracker.start(VectorX<double>::Zero(tree.nv())));
+    std::vector<GripLimit<double>> out(12);
+    out.resize(tracker.reach(0, Vec::Zero(), out));
+    return out;
+  };
+  CHECK(limits_of({{JointType::Revolute, Vec(0, 0, 1)}}).empty());
+  const Vec along = Vec(1, 1, 0).normalized();
+  const auto slide = limits_of({{JointType::Prismatic, along}});
+  REQUIRE(slide.size() == 2);
+  for (const auto& limit : slide) {
+    CHECK(std::abs(limit.normal.dot(along)) == Approx(1));
+    CHECK(limit.most == Approx(1));
+  }
+  // A turn on a slide adds nothing to it.
+  const auto both = limits_of({{JointType::Prismatic, along}, {JointType::Revolute, Vec(0, 0, 1)}});
+  REQUIRE(both.size() == 2);
+  for (const auto& limit : both) CHECK(std::abs(limit.normal.dot(along)) == Approx(1));
 }
 
 TEST_CASE("bad targets are refused and change nothing; tracking never allocates", "[grasp]") {

@@ -198,3 +198,20 @@ TEST_CASE("contact phases that cannot be are refused with words", "[grasp]") {
   CHECK(step(hand, sequence).phase == GraspPhase::Free);
   CHECK(sequence.fault().rfind("contact phase 0: the force is ", 0) == 0);
 }
+
+TEST_CASE("a first contact phase that cannot begin leaves the hand that holds as it is",
+          "[grasp]") {
+  PinchingHand hand(9);
+  auto controller = hand.controller();
+  auto first = Sequence::create(controller, {phase_of(hand.grasp, 10)}).value();
+  for (int i = 0; i < 300 && controller.phase() != GraspPhase::Hold; ++i) (void)step(hand, first);
+  REQUIRE(controller.phase() == GraspPhase::Hold);
+  Grasp<double> harder = hand.grasp;
+  harder.keyframes.clear();
+  harder.force = 11;  // above most_force
+  auto sequence = Sequence::create(controller, {phase_of(harder, 0)}).value();
+  for (int i = 0; i < 3; ++i) CHECK(step(hand, sequence).phase == GraspPhase::Hold);
+  CHECK(sequence.phase() == -1);
+  CHECK_FALSE(sequence.done());
+  CHECK(sequence.fault().rfind("contact phase 0: the force is 11", 0) == 0);
+}

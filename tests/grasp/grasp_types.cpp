@@ -40,9 +40,15 @@ TEST_CASE("phases and faults have names, and only failures have words", "[grasp]
   report.fault = GraspFault::NotFirm;
   report.mean_force = 0.5;
   report.wanted_force = 3;
+  CHECK(describe_fault(report, "the hand") ==
+        "the hand did not hold still in time, at 0.5 N of 3 N");
+  report.finger = 1;
+  report.finger_force = 0.25;
+  report.finger_contacts = 2;
   CHECK(describe_fault(report, "finger 1 (index)") ==
-        "finger 1 (index) did not hold firmly in time: 0.5 N of 3 N");
+        "finger 1 (index) did not hold firmly in time: 0.25 N of 3 N, 2 contacts stick");
   report.slides = true;
   CHECK(describe_fault(report, "finger 1 (index)") ==
-        "finger 1 (index) did not hold firmly in time: 0.5 N of 3 N, and it slides");
+        "finger 1 (index) did not hold firmly in time: 0.25 N of 3 N, 2 contacts stick, and it "
+        "slides");
 }

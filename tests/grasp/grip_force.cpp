@@ -41,6 +41,22 @@ TEST_CASE("a grip presses as the load needs, and as asked for where that is more
   CHECK(report.wanted_force == 3);  // while it closes, the load does not count
 }
 
+TEST_CASE("a grip that slides at the largest force is too weak, whatever the rounding", "[grasp]") {
+  GraspSettings<double> settings;
+  GraspReport<double> report;
+  int missed = 0;
+  for (int most = 1; most <= 100; ++most) {
+    for (int asked = 1; asked <= most; ++asked) {
+      settings.most_force = 0.1 * most;
+      detail::GripForce<double> force;
+      force.reset(2);
+      force.update(settings, 0.1 * asked, true, 0.02, felt(2, 1000, 4), report);
+      if (!report.too_weak || report.wanted_force != settings.most_force) ++missed;
+    }
+  }
+  CHECK(missed == 0);
+}
+
 TEST_CASE("a grip rises steadily while something slides, and each slip counts once", "[grasp]") {
   GraspSettings<double> settings;
   settings.most_force = 4;

@@ -42,6 +42,12 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
     CHECK(grip->fingers[static_cast<std::size_t>(f)].vertices == vertices);
   }
 
+  // Without triangles the fallback normal says where the front is.
+  const auto rope = make_held_grip<double>(contacts, fingers, x, {});
+  REQUIRE(rope);
+  CHECK(rope->fingers[0].side == 1);
+  CHECK(rope->fingers[1].side == -1);
+
   auto bad = fingers;
   bad[1].segment = 2;
   CHECK(make_held_grip<double>(contacts, bad, x, triangles).error() ==
@@ -84,6 +90,9 @@ TEST_CASE("of a grip the vertex in its middle is kept, by all its fingers", "[gr
   for (const auto& f : grip.fingers) CHECK(f.vertices == std::vector<int>{1});
   CHECK(grip.fingers[0].max_normal_force == 7);
   CHECK(grip.fingers[1].side == -1);
+  grip.fingers.push_back({{}, 1, {}, 5});
+  keep_middle<double>(grip, x);
+  CHECK(grip.fingers[2].vertices.empty());  // it holds nothing
   Grip<double> none;
   keep_middle<double>(none, x);
   CHECK(none.fingers.empty());

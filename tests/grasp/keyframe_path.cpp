@@ -372,6 +372,9 @@ TEMPLATE_TEST_CASE("bad input of time_keyframes is refused", "[keyframe_path]", 
   other[2].resize(1);
   CHECK(error(other, limits, Scalar(0)) == "key 2: expected 2 positions as in key 0, found 1");
   other = places;
+  other[1].resize(0);  // the key after it has all
+  CHECK(error(other, limits, Scalar(0)) == "key 1: expected 2 positions as in key 0, found 0");
+  other = places;
   other[1][0] = infinite;
   CHECK(error(other, limits, Scalar(0)) == "key 1: position 0 is inf, expected a finite number");
   other[1][0] = Scalar(2);

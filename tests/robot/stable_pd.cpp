@@ -276,6 +276,42 @@ TEST_CASE("torque limits hold without divergence where clipping diverges", "[rob
   CHECK((loop.q - loop.target).norm() < 1e-3);
 }
 
+TEST_CASE("further torques of the motors are within the torque limits", "[robot]") {
+  const double mass = 2;
+  KinematicTreeBuilder<double> builder;
+  Inertia<double> inertia;
+  inertia.mass = mass;
+  Joint<double> joint;
+  joint.name = "along";
+  joint.parent = "world";
+  joint.child = "block";
+  joint.type = JointType::Prismatic;
+  joint.axis = Vector3<double>::UnitX();
+  joint.limits.effort = 5;
+  builder.add_link("world").add_link("block", inertia).add_joint(joint);
+  Loop loop(builder.build().value(), StablePdSettings<double>::uniform(1, 0, 10));
+  const VectorX<double> none;
+  const auto solve = [&](double feed) {
+    return loop.controller.solve(loop.tree, loop.q, loop.qd, loop.target, loop.target_velocity,
+                                 none, loop.work, loop.torques, loop.qdd,
+                                 VectorX<double>::Constant(1, feed));
+  };
+  // (m + h kd) a = τ: the damper takes its part of it.
+  const double h = loop.controller.settings().dt;
+  CHECK(solve(3).saturated == 0);
+  CHECK(loop.qdd[0] == Approx(3 / (mass + h * 10)).epsilon(1e-12));
+  CHECK(loop.torques[0] == Approx(mass * loop.qdd[0]).epsilon(1e-12));
+  CHECK(solve(-80).saturated == 1);
+  CHECK(loop.torques[0] == -5);
+  CHECK(loop.qdd[0] == Approx(-5 / mass).epsilon(1e-12));
+  CHECK(solve(std::nan("")).status == PdStatus::InvalidInput);
+  CHECK(loop.torques[0] == -5);
+  CHECK(loop.controller
+            .solve(loop.tree, loop.q, loop.qd, loop.target, loop.target_velocity, none, loop.work,
+                   loop.torques, loop.qdd, VectorX<double>::Zero(2))
+            .status == PdStatus::WrongSize);
+}
+
 TEST_CASE("gains are validated, and refused states change nothing", "[robot]") {
   const KinematicTree<double> tree = slider(1.0);
   StablePdSettings<double> settings = StablePdSettings<double>::uniform(2);

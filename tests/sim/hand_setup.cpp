@@ -40,3 +40,18 @@ TEST_CASE("a hand begins where its set-up says, and is driven to stay there", "[
     CHECK(world.set_hand(other, world.hand(hand)) ==
           "no hand " + std::to_string(other) + " (there are 1)");
 }
+
+TEST_CASE("torques of a drive keep the effort limits of the joints", "[sim]") {
+  World<double> world;
+  HandSetup<double> setup;
+  setup.positions = Eigen::Vector3d::Zero();
+  setup.control = StablePdSettings<double>::uniform(3, 0, 0);
+  const KinematicTree<double> tree = two_fingers();
+  const int hand = world.add_hand(tree, setup).value();
+  const double most = tree.effort_limits()[1];
+  world.drive(hand).torque = Eigen::Vector3d(0, 3 * most, -0.5 * most);
+  REQUIRE(world.step(1e-3).advanced);
+  CHECK(world.torques(hand)[1] == most);
+  CHECK(world.torques(hand)[2] == Approx(-0.5 * most).epsilon(1e-12));
+  CHECK(world.hand(hand).velocities[1] == Approx(1e-3 * most / 0.05).epsilon(1e-12));
+}

@@ -385,8 +385,8 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> Scalar
 FingertipTracker<Model, Scalar>::largest_force(int finger, const Vector3<Scalar>& direction) {
   using std::abs;
-  if (finger < 0 || static_cast<std::size_t>(finger) >= fingers_.size() || !all_finite(direction))
-    return Scalar(0);
+  if (finger < 0 || static_cast<std::size_t>(finger) >= fingers_.size()) return Scalar(0);
+  if (!all_finite(direction) || !(Scalar(0) < direction.squaredNorm())) return Scalar(0);
   Traits::forward_kinematics(*model_, q_, work_);
   Traits::inverse_dynamics(*model_, still_, still_, work_, torque_);
   linearise(fingers_[static_cast<std::size_t>(finger)]);
@@ -415,10 +415,18 @@ void FingertipTracker<Model, Scalar>::find_carrying_rates() {
   using Square = Eigen::Matrix<Scalar, 6, 6>;
   Square normal;
   for (Index c = 0; c < 6; ++c) {
-    for (Index r = 0; r < 6; ++r) normal(r, c) = J.row(r).dot(J.row(c)) + Scalar(r == c ? 1e-9 : 0);
+    for (Index r = 0; r < 6; ++r) normal(r, c) = J.row(r).dot(J.row(c));
   }
+  const Scalar ridge =
+      Scalar(1e-9) + Scalar(16) * scalar_traits<Scalar>::epsilon() * normal.trace();
+  normal.diagonal().array() += ridge;
   const Square one = Square::Identity();
-  const Eigen::Matrix<Scalar, 6, 3> share = normal.ldlt().solve(one.template leftCols<3>());
+  Eigen::Matrix<Scalar, 6, 3> share = normal.ldlt().solve(one.template leftCols<3>());
+  // ridge · share is by how much the motion is missed. What is missed by more than 1e-3 is left
+  // out of it: no way to a limit there.
+  const Matrix3<Scalar> missed =
+      Matrix3<Scalar>::Identity() + (Scalar(1e6) * ridge * ridge) * (share.transpose() * share);
+  share = share * missed.ldlt().solve(Matrix3<Scalar>::Identity());
   for (Index i = 0; i < J.cols(); ++i) {
     const Eigen::Matrix<Scalar, 6, 1> column = J.col(i);
     for (Index axis = 0; axis < 3; ++axis) J(axis, i) = column.dot(share.col(axis));

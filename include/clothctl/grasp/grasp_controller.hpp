@@ -129,6 +129,7 @@ class GraspController {
     Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
     detail::LimitedMotion<Scalar> motion = {};  // before that of the grasp
     Scalar depth = Scalar(0);
+    int missed = 0;  // steps without contact
     bool touched = false;
   };
 
@@ -149,7 +150,7 @@ class GraspController {
   /// Chooses F* and moves the depths.
   void press(const Scalar& dt, std::span<const Touch> touches, GraspReport<Scalar>& report);
   void judge_closing(const Scalar& dt, const HandState<Scalar>& hand,
-                     std::span<const Touch> touches, const GraspReport<Scalar>& report);
+                     std::span<const Touch> touches, GraspReport<Scalar>& report);
   void judge_holding(std::span<const Touch> touches);
   void open(const Scalar& dt);
   /// Moves the grasp and its fingers to where they shall be, at most at their largest speeds.
@@ -182,7 +183,7 @@ class GraspController {
   GraspFault fault_ = GraspFault::Nothing;
   int fault_finger_ = -1;
   Scalar time_ = Scalar(0), opened_ = Scalar(0);
-  int firm_ = 0, missed_ = 0;
+  int firm_ = 0;
   bool closed_ = false;          // fingertips have begun to close and have not opened
   bool arrives_ = false;         // they begin to close where the keyframes ended
   GraspReport<Scalar> failure_;  // of the step that failed
@@ -240,7 +241,7 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
   fault_finger_ = -1;
   force_.reset(tips_.size());
   time_ = opened_ = Scalar(0);
-  firm_ = missed_ = 0;
+  firm_ = 0;
   if (goes_on) start_closing();
   return {};
 }
@@ -382,7 +383,7 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandState<Scalar>& hand,
                                                    std::span<const Touch> touches,
-                                                   const GraspReport<Scalar>& report) {
+                                                   GraspReport<Scalar>& report) {
   using std::abs;
   time_ += dt;
   bool firm = true;
@@ -393,7 +394,11 @@ void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandS
     const bool good =
         settings_.firm_contacts <= t.contacts - t.sliding &&
         abs(felt - report.wanted_force) <= settings_.force_share * report.wanted_force;
-    if (!good && worst < 0) worst = static_cast<int>(i);
+    if (!good && worst < 0) {
+      worst = static_cast<int>(i);
+      report.finger_force = felt;
+      report.finger_contacts = t.contacts - t.sliding;
+    }
     firm = firm && good;
   }
   for (Index i = 0; i < hand.velocities.size(); ++i)
@@ -415,12 +420,10 @@ void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandS
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::judge_holding(std::span<const Touch> touches) {
-  int empty = -1;
   for (std::size_t i = 0; i < touches.size(); ++i) {
-    if (touches[i].contacts == 0) empty = static_cast<int>(i);
+    tips_[i].missed = touches[i].contacts == 0 ? tips_[i].missed + 1 : 0;
+    if (settings_.firm_steps <= tips_[i].missed) fail(GraspFault::Lost, static_cast<int>(i));
   }
-  missed_ = empty < 0 ? 0 : missed_ + 1;
-  if (settings_.firm_steps <= missed_) fail(GraspFault::Lost, empty);
 }
 
 template <class Model, RealScalar Scalar>

@@ -229,6 +229,10 @@ class GraspPoseSearch {
     out.tolerance = Scalar(0.1) * s.tolerance;
     return out;
   }
+  static Scalar length(const Vector3<Scalar>& v) {
+    using std::sqrt;
+    return sqrt(v.squaredNorm());
+  }
   /// Lists the places of all fingertips, then their directions.
   void list(std::span<const Vector3<Scalar>> places,
             std::span<const GraspContact<Scalar>> contacts) {
@@ -237,12 +241,13 @@ class GraspPoseSearch {
       tasks_.push_back(
           IkTask<Scalar>::position(fingers_[i].frame, fingers_[i].centre(), places[i]));
     if (!(Scalar(0) < settings_.normal_weight)) return;
+    // Tasks take directions that are nearer to unit vectors than what was accepted.
     for (std::size_t i = 0; i < fingers_.size(); ++i)
-      tasks_.push_back(IkTask<Scalar>::pointing(fingers_[i].frame, fingers_[i].normal,
-                                                contacts[i].press, settings_.normal_weight));
+      tasks_.push_back(IkTask<Scalar>::pointing(
+          fingers_[i].frame, fingers_[i].normal / length(fingers_[i].normal),
+          contacts[i].press / length(contacts[i].press), settings_.normal_weight));
   }
   VectorX<Scalar> errors(std::span<const Vector3<Scalar>> places, const VectorX<Scalar>& q) {
-    using std::sqrt;
     Traits::forward_kinematics(model_, q, work_);
     VectorX<Scalar> out = VectorX<Scalar>::Constant(static_cast<Index>(places.size()), Scalar(0));
     Matrix3<Scalar> R;
@@ -250,7 +255,7 @@ class GraspPoseSearch {
     for (std::size_t i = 0; i < places.size(); ++i) {
       Traits::frame_pose(model_, work_, fingers_[i].frame, R, p);
       const Vector3<Scalar> miss = p + R * fingers_[i].centre() - places[i];
-      out[static_cast<Index>(i)] = sqrt(miss.squaredNorm());
+      out[static_cast<Index>(i)] = length(miss);
     }
     return out;
   }

@@ -72,7 +72,7 @@ class GraspSequence {
         felt_.push_back(touches[static_cast<std::size_t>(f.finger)]);
     }
     const GraspReport<Scalar> report = controller_->update(dt, hand, felt_, drive);
-    if (report.phase == GraspPhase::Hold && !ended_) {
+    if (report.phase == GraspPhase::Hold && phase_ >= 0 && !ended_) {
       held_ += dt;
       if (!(held_ < now().seconds)) end_phase();
     }

@@ -202,6 +202,11 @@ struct GraspReport {
   GraspFault fault = GraspFault::Nothing;
   /// With Failed: the finger of the grasp that it is about, or -1.
   int finger = -1;
+  /// With NotFirm and a finger: the force by which it was judged, N (the mean of fingers that close
+  /// together).
+  Scalar finger_force = Scalar(0);
+  /// With NotFirm and a finger: how many of its contacts stuck.
+  int finger_contacts = 0;
   /// The wanted normal force F*, N, and the measured ones: mean and least.
   Scalar wanted_force = Scalar(0), mean_force = Scalar(0), least_force = Scalar(0);
   /// Depth δ of the fingertips, m: the largest.
@@ -226,8 +231,12 @@ std::string describe_fault(const GraspReport<Scalar>& report, const std::string&
     case GraspFault::NoTouch:
       return who + " closed by " + number_text(report.depth) + " m and touched nothing";
     case GraspFault::NotFirm:
-      return who + " did not hold firmly in time: " + number_text(report.mean_force) + " N of " +
-             number_text(report.wanted_force) + " N" + (report.slides ? ", and it slides" : "");
+      if (report.finger < 0)
+        return who + " did not hold still in time, at " + number_text(report.mean_force) +
+               " N of " + number_text(report.wanted_force) + " N";
+      return who + " did not hold firmly in time: " + number_text(report.finger_force) + " N of " +
+             number_text(report.wanted_force) + " N, " + std::to_string(report.finger_contacts) +
+             " contacts stick" + (report.slides ? ", and it slides" : "");
     case GraspFault::Lost: return who + " lost the sheet";
     case GraspFault::BadInput: return "the state of the hand or what its fingers feel is not valid";
     case GraspFault::Nothing: break;

@@ -77,6 +77,8 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
       front += (b - a).cross(c - a);
     }
     if (!all_finite(front)) return Error{name + " holds the sheet where it is not finite"};
+    // A rope has no front: planners take the fallback normal then.
+    if (!(Scalar(0) < front.squaredNorm())) front = out.fallback_normal;
     finger.side = front.dot(f.press) < Scalar(0) ? Scalar(-1) : Scalar(1);
     out.fingers.push_back(std::move(finger));
   }
@@ -99,7 +101,9 @@ void keep_middle(Grip<Scalar>& grip, const PointsView<Scalar>& x) {
     const Vector3<Scalar> way = x.col(v) - middle, least = x.col(nearest) - middle;
     if (way.squaredNorm() < least.squaredNorm()) nearest = v;
   }
-  for (Finger<Scalar>& f : grip.fingers) f.vertices = {nearest};
+  for (Finger<Scalar>& f : grip.fingers) {
+    if (!f.vertices.empty()) f.vertices = {nearest};
+  }
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -116,8 +116,8 @@ enum class PdStatus {
   /// After the last round some joints still exceeded their limits, and their torques were clipped.
   /// Apply the torques; check gains and time step.
   Clipped,
-  /// Positions, velocities, target or external torques hold NaN or an infinity; nothing was
-  /// written. Correct the input.
+  /// Positions, velocities, target, external or further torques hold NaN or an infinity; nothing
+  /// was written. Correct the input.
   InvalidInput,
   /// A vector is not as long as the robot's positions or velocities, or the robot is not the one
   /// that the controller was made for; nothing was written. Correct the call.
@@ -199,6 +199,8 @@ class StablePd {
   /// * `q` (nq), `qd` (nv): positions and velocities now
   /// * `target` (nq), `target_velocity` (nv, or empty for zero): where to be at the end of the step
   /// * `external` (nv, or empty for zero): torques Jᵀ f of known contact forces (N or N m)
+  /// * `feed` (nv, or empty for zero): further torques of the motors. `torques` and their limits
+  ///   include them.
   ///
   /// A simulation step of the same model with these torques finds the same accelerations, up to
   /// rounding. Never allocates. Complexity: one forward dynamics, and one more for each round in
@@ -206,14 +208,14 @@ class StablePd {
   [[nodiscard]] PdReport solve(const Model& model, const View& q, const View& qd,
                                const View& target, const View& target_velocity,
                                const View& external, Workspace& work,
-                               Eigen::Ref<VectorX<Scalar>> torques,
-                               Eigen::Ref<VectorX<Scalar>> qdd);
+                               Eigen::Ref<VectorX<Scalar>> torques, Eigen::Ref<VectorX<Scalar>> qdd,
+                               const View& feed = VectorX<Scalar>());
 
  private:
   static constexpr int kRounds = 8;
 
   PdStatus check_input(const Model& model, const View& q, const View& qd, const View& target,
-                       const View& target_velocity, const View& external,
+                       const View& target_velocity, const View& external, const View& feed,
                        const Workspace& work) const;
 
   /// Sets the torques at q̈ = 0 (spring_) and the diagonal that multiplies q̈ (stiff_).
@@ -309,14 +311,15 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> PdReport StablePd<Model, Scalar>::solve(
     const Model& model, const View& q, const View& qd, const View& target,
     const View& target_velocity, const View& external, Workspace& work,
-    Eigen::Ref<VectorX<Scalar>> torques, Eigen::Ref<VectorX<Scalar>> qdd) {
+    Eigen::Ref<VectorX<Scalar>> torques, Eigen::Ref<VectorX<Scalar>> qdd, const View& feed) {
   using Traits = articulated_traits<Model>;
   PdReport report;
   const bool fits = Traits::nv(model) == n_ && torques.size() == n_ && qdd.size() == n_;
-  report.status = fits ? check_input(model, q, qd, target, target_velocity, external, work)
+  report.status = fits ? check_input(model, q, qd, target, target_velocity, external, feed, work)
                        : PdStatus::WrongSize;
   if (report.status != PdStatus::Solved) return report;
   prepare(model, q, qd, target, target_velocity, work);
+  if (feed.size() > 0) spring_ += feed;
   push_ = spring_;
   if (external.size() > 0) push_ += external;
   for (;;) {
@@ -360,16 +363,17 @@ requires ArticulatedDynamics<Model, Scalar> PdReport StablePd<Model, Scalar>::so
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> PdStatus StablePd<Model, Scalar>::check_input(
     const Model& model, const View& q, const View& qd, const View& target,
-    const View& target_velocity, const View& external, const Workspace& work)
+    const View& target_velocity, const View& external, const View& feed, const Workspace& work)
 const {
   const Index positions = articulated_traits<Model>::nq(model);
   const bool fits = q.size() == positions && target.size() == positions && qd.size() == n_ &&
                     (target_velocity.size() == 0 || target_velocity.size() == n_) &&
-                    (external.size() == 0 || external.size() == n_);
+                    (external.size() == 0 || external.size() == n_) &&
+                    (feed.size() == 0 || feed.size() == n_);
   if (!fits) return PdStatus::WrongSize;
   if (!detail::workspace_fits(model, work)) return PdStatus::OtherWorkspace;
   const bool finite = all_finite(q) && all_finite(qd) && all_finite(target) &&
-                      all_finite(target_velocity) && all_finite(external);
+                      all_finite(target_velocity) && all_finite(external) && all_finite(feed);
   return finite ? PdStatus::Solved : PdStatus::InvalidInput;
 }
 

@@ -39,7 +39,8 @@ struct HandDrive {
   VectorX<Scalar> target;
   /// Velocities (nv) of the target there. At first zero.
   VectorX<Scalar> target_velocity;
-  /// Further torques (nv; N or N m) on the joints, beside those of the controller. At first zero.
+  /// Further torques (nv; N or N m) of the motors, beside spring and damper of the controller; the
+  /// limits hold for all together. At first zero.
   VectorX<Scalar> torque;
 };
 

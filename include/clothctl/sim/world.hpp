@@ -131,7 +131,8 @@ class World {
   HandDrive<Scalar>& drive(int hand) { return item(step_.parts.hands, hand)->drive; }
   /// Positions and velocities of a hand.
   const HandState<Scalar>& hand(int hand) const { return item(step_.parts.hands, hand)->state; }
-  /// The torques (nv) of a hand's controller in the last step, with its answer to contact.
+  /// What the motors of a hand exerted (nv) in the last step (its last part): its controller, with
+  /// its answer to contact, and the torques of its drive.
   const VectorX<Scalar>& torques(int hand) const { return item(step_.parts.hands, hand)->torques; }
   /// Puts a hand elsewhere. Returns an empty string, or what is wrong (there is no such hand, a
   /// size or a value of the state); nothing changes then.

@@ -2,8 +2,8 @@
 
 // With what force fingertips press, and how deep they go for it (grasp_controller.hpp). F* is what
 // is asked for, and while the hand holds, what the load needs: it rises at once to the margin times
-// |F_t| / μ, steadily while something slides, and falls within a second. The depth of a fingertip
-// integrates the error of its force, δ' = (F* - F) / (k T).
+// |F_t| / μ, steadily while something slides, and falls with a time constant of 1 s. The depth of a
+// fingertip integrates the error of its force, δ' = (F* - F) / (k T).
 
 #include <cstddef>
 #include <span>
@@ -54,7 +54,7 @@ class GripForce {
       if (report.slides) raised_ += Scalar(2) * force * dt;
       if (raised_ < needed) raised_ = needed;
       if (room < raised_) raised_ = room;
-      report.wanted_force += raised_;
+      report.wanted_force = raised_ < room ? Scalar(force + raised_) : settings.most_force;
     }
     report.too_weak = report.slides && !(report.wanted_force < settings.most_force);
   }

@@ -23,15 +23,15 @@ class LimitedMotion {
   /// Shall be at x -> R x + t. Returns false, and changes nothing, when that is no motion.
   bool move_to(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
     if (!is_rotation<Scalar>(R, Scalar(1e-3)) || !all_finite(t)) return false;
-    R_wanted_ = R;
+    R_wanted_ = renewed(R);
     t_wanted_ = t;
     return true;
   }
   /// Shall be at x -> R x + t of where it is now. Returns false, and changes nothing, when that is
   /// no motion.
   bool move_by(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
-    const Matrix3<Scalar> turned = R * R_;
-    return move_to(R, t) && move_to(renewed(turned), R * t_ + t);
+    const Vector3<Scalar> moved = R * t_ + t;
+    return is_rotation<Scalar>(R, Scalar(1e-3)) && move_to(renewed(R * R_), moved);
   }
   /// Goes on: the point that was at `middle` at first by at most `way` (m), and by a turn of at
   /// most `turn` (rad).
