@@ -78,7 +78,7 @@ int main(int argc, char** argv) {
   j["penetration_max_m"] = known(f.penetration_max_m);
   j["sheet_penetration_max_m"] = f.sheet_penetration_max_m;
   j["torque_max_share"] = f.torque_max_share;
-  j["momentum_residual"] = known(f.momentum_residual);
+  j["momentum_residual"] = nullptr;  // torques of divided steps are those of the last part
   j["hand_frame_ms"] = quantile(f.hand_ms, 0.5);
   j["hand_frame_ms_p99"] = quantile(f.hand_ms, 0.99);
   j["plan_ms"] = known(quantile(f.plan_ms, 0.5), !f.plan_ms.empty());

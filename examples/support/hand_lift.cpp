@@ -13,7 +13,6 @@
 #include "support/box_triangles.hpp"
 #include "support/hand_bulge.hpp"
 #include "support/hand_figures.hpp"
-#include "support/hand_momentum.hpp"
 #include "support/random_number.hpp"
 #include "support/timing.hpp"
 
@@ -201,15 +200,11 @@ std::string TableLift::step() {
   figures_.hand_ms.push_back(1000 * (thread_seconds() - start));
   figures_.phase = to_string(report_.phase);
   if (report_.phase == clothctl::GraspPhase::Failed) return controller_->describe(report_);
-  const clothctl::HandState<double> before = world_.hand(parts_.hand);
   const auto report = world_.step(dt);
   if (!report.advanced)
     return "the world did not advance: " + std::string(to_string(report.status));
   contacts_->update(world_);
   measure(report);
-  if (report.parts == 1)  // else torques are those of the last part
-    figures_.momentum_residual =
-        std::fmax(figures_.momentum_residual, momentum_residual(world_, parts_, tree_, before, dt));
   if (page_) page_->add_frame(world_.state(0).positions, features_, targets_, dt, stage_);
   return {};
 }
@@ -338,21 +333,22 @@ std::string TableLift::attempt() {
   if (bad.empty()) bad = push();
   if (bad.empty()) bad = pinch();
   if (bad.empty()) bad = lift();
-  hide_features();
   return bad;
 }
 
 std::string TableLift::open() {
   stage_ = "open";
+  hide_features();
   controller_->release();
   return steps(0.5);
 }
 
 std::string TableLift::run() {
   std::string bad = attempt();
-  for (; controller_->phase() == clothctl::GraspPhase::Failed; ++figures_.attempts) {
-    if (figures_.attempts == options_.attempts) break;
+  while (controller_->phase() == clothctl::GraspPhase::Failed &&
+         figures_.attempts < options_.attempts) {
     if (std::string stuck = open(); !stuck.empty()) return stuck;
+    ++figures_.attempts;
     bad = attempt();
   }
   double height = 0;

@@ -4,7 +4,6 @@
 // lift it.
 
 #include <array>
-#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -48,7 +47,6 @@ struct LiftFigures {
   int firm = 0;  ///< grasps of two that became firm, in the last attempt
   int slips = 0;
   double force_sum = 0, ik_error_max_m = 0, rectify_residual_max_m = 0, torque_max_share = 0;
-  double momentum_residual = NAN;      ///< of the hand; NaN where each step was divided
   double penetration_max_m = 0;        ///< of links into the table
   double sheet_penetration_max_m = 0;  ///< of the sheet into the table
   double feature_error_m = 0;          ///< mean distance of the features from their targets

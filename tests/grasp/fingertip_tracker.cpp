@@ -3,6 +3,7 @@
 #include <cmath>
 #include <span>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "clothctl/grasp/hand_geometry.hpp"
@@ -262,7 +263,7 @@ TEST_CASE("where a base cannot move the hand without a turn there is no reach", 
     };
     for (std::size_t i = 0; i < joints.size(); ++i)
       add("base" + std::to_string(i), joints[i].first, joints[i].second, 0);
-    const std::string base = parent;
+    const std::string base = parent;  // of both jaws
     add("left", JointType::Prismatic, Vec(0, 0, 1), 0.5);
     parent = base;
     add("other", JointType::Prismatic, Vec(0, 0, -1), 0.5);

@@ -42,11 +42,15 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
     CHECK(grip->fingers[static_cast<std::size_t>(f)].vertices == vertices);
   }
 
-  // Without triangles the fallback normal says where the front is.
-  const auto rope = make_held_grip<double>(contacts, fingers, x, {});
-  REQUIRE(rope);
-  CHECK(rope->fingers[0].side == 1);
-  CHECK(rope->fingers[1].side == -1);
+  // Without triangles, or where they cancel, the fallback normal says where the front is.
+  auto both = triangles;
+  for (const auto& face : triangles) both.push_back({face[0], face[2], face[1]});
+  for (const auto& faces : {std::vector<std::array<int, 3>>(), both}) {
+    const auto rope = make_held_grip<double>(contacts, fingers, x, faces);
+    REQUIRE(rope);
+    CHECK(rope->fingers[0].side == 1);
+    CHECK(rope->fingers[1].side == -1);
+  }
 
   auto bad = fingers;
   bad[1].segment = 2;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <span>
 #include <string>
 #include <type_traits>
 #include <vector>
@@ -221,13 +222,13 @@ std::vector<Grip<Scalar, Contact>> remap_grips(std::vector<Grip<Scalar, Contact>
   return grips;
 }
 
-/// Returns the unit normal at a vertex of positions `x` (3×n): the mean of the triangles around it,
-/// weighted by area; `fallback` where they cancel or there are none. `around` lists the indices of
-/// the triangles that contain the vertex. Never allocates.
+/// Returns the unit normal at a vertex, or at a few, of positions `x` (3×n): the mean of the
+/// triangles around, weighted by area; `fallback` where they cancel or there are none. `around`
+/// lists the indices of the triangles that contain a vertex. Never allocates.
 template <RealScalar Scalar>
 Vector3<Scalar> vertex_normal(const PointsView<Scalar>& x,
-                              const std::vector<std::array<int, 3>>& triangles,
-                              const std::vector<int>& around, const Vector3<Scalar>& fallback) {
+                              std::span<const std::array<int, 3>> triangles,
+                              std::span<const int> around, const Vector3<Scalar>& fallback) {
   using std::sqrt;
   Vector3<Scalar> sum = Vector3<Scalar>::Zero();
   Scalar size = Scalar(0);

@@ -202,10 +202,10 @@ struct GraspReport {
   GraspFault fault = GraspFault::Nothing;
   /// With Failed: the finger of the grasp that it is about, or -1.
   int finger = -1;
-  /// With NotFirm and a finger: the force by which it was judged, N (the mean of fingers that close
-  /// together).
+  /// While a grasp closes and with NotFirm, of the first finger that is not firm: the force by
+  /// which it is judged, N (the mean of fingers that close together).
   Scalar finger_force = Scalar(0);
-  /// With NotFirm and a finger: how many of its contacts stuck.
+  /// How many contacts of that finger stick.
   int finger_contacts = 0;
   /// The wanted normal force F*, N, and the measured ones: mean and least.
   Scalar wanted_force = Scalar(0), mean_force = Scalar(0), least_force = Scalar(0);

@@ -33,15 +33,17 @@ struct HoldingFinger {
 };
 
 /// Makes the grip of one hand. `x` (3×n, m): the sheet; `triangles`: its faces, which say where its
-/// front is. Fingers that hold nothing are left out. Allocates. Fails when: no finger holds
-/// anything, a segment does not exist, a triangle has a vertex off the mesh, a number is not
-/// finite, a friction coefficient is negative, or a largest force is not positive.
+/// front is (the fallback normal of the grip where there are none, as on a rope). Fingers that hold
+/// nothing are left out. Allocates. Fails when: no finger holds anything, a segment does not exist,
+/// a triangle has a vertex off the mesh, a number is not finite, a friction coefficient is
+/// negative, or a largest force is not positive.
 template <RealScalar Scalar>
 Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
                                     std::span<const HoldingFinger<Scalar>> fingers,
                                     const PointsView<Scalar>& x,
                                     std::span<const std::array<int, 3>> triangles) {
   Grip<Scalar> out;
+  std::vector<int> around;  // triangles at what a finger holds
   for (std::size_t i = 0; i < fingers.size(); ++i) {
     const HoldingFinger<Scalar>& f = fingers[i];
     const std::string name = "finger " + std::to_string(i);
@@ -63,22 +65,23 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
       finger.vertices.push_back(held.vertex);
     }
     if (finger.vertices.empty()) continue;
-    Vector3<Scalar> front = Vector3<Scalar>::Constant(Scalar(0));
-    for (const std::array<int, 3>& t : triangles) {
+    around.clear();
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
       bool held = false;
-      for (const int corner : t) {
+      for (const int corner : triangles[t]) {
         if (corner < 0 || x.cols() <= corner)
           return Error{"a triangle has vertex " + std::to_string(corner) + " off a mesh of " +
                        std::to_string(x.cols()) + " vertices"};
         for (const int v : finger.vertices) held = held || v == corner;
       }
       if (!held) continue;
-      const Vector3<Scalar> a = x.col(t[0]), b = x.col(t[1]), c = x.col(t[2]);
-      front += (b - a).cross(c - a);
+      around.push_back(static_cast<int>(t));
+      for (const int corner : triangles[t]) {
+        if (!all_finite(x.col(corner)))
+          return Error{name + " holds the sheet where it is not finite"};
+      }
     }
-    if (!all_finite(front)) return Error{name + " holds the sheet where it is not finite"};
-    // A rope has no front: planners take the fallback normal then.
-    if (!(Scalar(0) < front.squaredNorm())) front = out.fallback_normal;
+    const Vector3<Scalar> front = vertex_normal<Scalar>(x, triangles, around, out.fallback_normal);
     finger.side = front.dot(f.press) < Scalar(0) ? Scalar(-1) : Scalar(1);
     out.fingers.push_back(std::move(finger));
   }

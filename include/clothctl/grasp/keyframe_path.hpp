@@ -226,10 +226,8 @@ Result<std::vector<Keyframe<Scalar>>> time_keyframes(std::vector<VectorX<Scalar>
   for (std::size_t i = 0; i < keys.size(); ++i) {
     keys[i].time = start;
     keys[i].positions = std::move(positions[i]);
+    if (keys[i].positions.size() != velocity_limits.size()) break;  // refused below
     if (i == 0) continue;
-    const Index sizes[] = {keys[i - 1].positions.size(), keys[i].positions.size()};
-    // Refused below.
-    if (sizes[0] != velocity_limits.size() || sizes[1] != velocity_limits.size()) continue;
     Scalar duration = Scalar(1e-3);
     for (Index j = 0; j < velocity_limits.size(); ++j) {
       if (is_unbounded(velocity_limits[j])) continue;

@@ -11,6 +11,8 @@
 //   Implicit    (M + h Kd + h² Kp) q̈ = the same right-hand side
 //               τ = -Kp (q + h q̇ + h² q̈ - q̄) - Kd (q̇ + h q̈ - v̄) + g(q)
 //
+// Further torques of the motors (`feed`) add to τ, as g(q) does.
+//
 // Without v̄, a target that moves at velocity v is followed with a lag of (kd/kp) v. Without g(q),
 // joint i sags by g_i/kp_i. For one joint of mass m under symplectic Euler, Stable is stable for
 // kd > 1.5 kp h - 2 m/h, and Implicit for all gains.

@@ -125,8 +125,8 @@ class WorldHandOf : public WorldHand<Scalar> {
       step_ = -rest * d.target_velocity;
       Traits::advance(model_, d.target, step_, next_);
     }
-    report = pd_.solve(model_, s.positions, s.velocities, next_, d.target_velocity, none_, work_,
-                       this->torques, qdd_, d.torque);
+    report = pd_.solve(model_, s.positions, s.velocities, next_, d.target_velocity,
+                       VectorX<Scalar>(), work_, this->torques, qdd_, d.torque);
     const bool found = report.status == PdStatus::Solved || report.status == PdStatus::Clipped;
     if (!found) return report;
     s.velocities += dt * qdd_;
@@ -194,7 +194,6 @@ class WorldHandOf : public WorldHand<Scalar> {
   typename Traits::workspace_type work_;
   ArticulatedResponse<Model, Scalar> response_;
   VectorX<Scalar> qdd_, sum_, rest_, push_, free_, step_, next_, predicted_;
-  VectorX<Scalar> none_;  // empty
   MatrixX<Scalar> J_;
   bool pushed_ = false;
 };
