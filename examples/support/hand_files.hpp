@@ -79,14 +79,33 @@ struct HandFromFiles {
   /// The hand for a place.
   HandModel at(const GraspPlace& place) const {
     clothctl::Pose<double> origin;
-    if (on_arm) {  // it stands upright, such that it pinches at the place with few turns
-      const clothctl::Matrix3<double> turn = pinch.axes * pinch_axes(place).transpose();
-      const double yaw = std::atan2(turn(0, 1) - turn(1, 0), turn(0, 0) + turn(1, 1));
-      origin.R = clothctl::rotation_exp<double>({0, 0, yaw});
-      origin.p = place.place - origin.R * pinch.centre;
-    } else {  // at zero the base has the hand pinch along x, with the palm above
+    if (!on_arm) {  // at zero the base has the hand pinch along x, with the palm above
       origin.R = pinch.axes.transpose();
+      return on(origin);
     }
+    // It stands upright, such that it pinches at the place with few turns, and within 0.3 m of
+    // there where it holds itself up with the least effort.
+    const clothctl::Matrix3<double> turn = pinch.axes * pinch_axes(place).transpose();
+    const double yaw = std::atan2(turn(0, 1) - turn(1, 0), turn(0, 0) + turn(1, 1));
+    origin.R = clothctl::rotation_exp<double>({0, 0, yaw});
+    const clothctl::Vector3<double> first = place.place - origin.R * pinch.centre;
+    HandModel best;
+    double least = 2;
+    for (int i = 0; i < 125; ++i) {
+      origin.p = first + 0.15 * clothctl::Vector3<double>(i % 5 - 2, i / 5 % 5 - 2, i / 25 - 2);
+      HandModel model = on(origin);
+      const double effort = pinch_effort(model, place);
+      if (!(effort < least)) continue;
+      least = effort;
+      best = std::move(model);
+    }
+    if (least < 2) return best;
+    origin.p = first;
+    return on(origin);
+  }
+
+ private:
+  HandModel on(const clothctl::Pose<double>& origin) const {
     HandModel out;
     out.tree = read_on_base(path, text, root, origin, !on_arm).tree;
     out.geometry = hand.geometry;

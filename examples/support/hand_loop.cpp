@@ -104,19 +104,11 @@ class HandsRun {
   /// Runs the task. Returns what went wrong.
   std::string follow(const FitTask& fit_task) {
     fit_task(x(), scene_);
-    if (options_.predictor == "auto")
-      options_.predictor = suits_rollouts() ? "rollout" : "linearised";
+    const bool choose = options_.predictor == "auto";
+    if (choose) options_.predictor = suits_rollouts() ? "rollout" : "linearised";
     if (std::string bad = take_grips(); !bad.empty()) return bad;
     scene_.settings.command = clothctl::PlantCommand::Position;
-    AnyPredictor predictor = make_predictor(options_, scene_.body, scene_.settings);
-    if (rolls_out()) {
-      // Hands lag behind a plan: they need slow plans more than small changes from the last one.
-      scene_.settings.max_step = 0.75 * kDt;  // m
-      scene_.settings.max_change = 0;
-      scene_.settings.weights.jerk = scene_.settings.weights.step = 0.005;
-    }
-    Planner planner =
-        must(Planner::create(scene_.setup, scene_.settings, std::move(predictor), x()));
+    Planner planner = make_planner();
     auto plan = planner.make_result();
     for (long frame = 0; frame < scored_frames(scene_); ++frame) {
       const double t = kDt * static_cast<double>(frame);
@@ -124,6 +116,13 @@ class HandsRun {
         if (std::string bad = planner.set_grips(scene_.setup.grips, x()); !bad.empty()) return bad;
         plan = planner.make_result();
         ++grip_changes;
+      }
+      if (choose && rolls_out() && turns_ >= 3) {
+        options_.predictor = "linearised";
+        linearised_from_s = t;
+        if (std::string bad = take_grips(); !bad.empty()) return bad;
+        planner = make_planner();
+        plan = planner.make_result();
       }
       if (std::string bad = limit_reach(planner); !bad.empty()) return bad;
       const auto status =
@@ -139,11 +138,14 @@ class HandsRun {
     return {};
   }
 
+  const std::string& predictor() const { return options_.predictor; }
   std::vector<std::unique_ptr<GraspingHand>>& hands() { return hands_; }
   HandPage& page() { return *page_; }
   Errors errors;
   double rectify_residual = 0;
   int grip_changes = 0;
+  /// When plans with rollouts ran away, s.
+  double linearised_from_s = std::nan("");
 
  private:
   const Points& x() const { return world_.state(0).positions; }
@@ -160,6 +162,17 @@ class HandsRun {
     return out;
   }
 
+  /// Makes a planner of the grips. Hands lag behind plans, so plans must be slow and smooth.
+  Planner make_planner() {
+    clothctl::PlannerSettings<double>& settings = scene_.settings;
+    AnyPredictor predictor = make_predictor(options_, scene_.body, settings);
+    settings.max_step = 0.75 * kDt;  // m
+    settings.max_change = 0;
+    settings.weights.jerk = rolls_out() ? 0.005 : 0.03;
+    settings.weights.step = rolls_out() ? 0.005 : 0;
+    turns_ = 0;
+    return must(Planner::create(scene_.setup, settings, std::move(predictor), x()));
+  }
   /// Rollouts are better where hands follow at once and the sheet's edges are short beside a pinch;
   /// with an arm, in wind, or with edges of 60 mm, plans run away.
   bool suits_rollouts() const {
@@ -230,18 +243,23 @@ class HandsRun {
   /// Each hand makes the rigid motion nearest to what is planned for its vertices.
   void move_hands(const clothctl::PlanResult<double>& plan) {
     Index first = 0;
+    bool turns = false;
     for (std::size_t k = 0; k < 2; ++k) {
       const std::vector<int> held = scene_.setup.grips[k].vertices();
       const Points now = x()(Eigen::all, held);
       const Points next =
           plan.input.driven_positions.middleCols(first, static_cast<Index>(held.size()));
       first += static_cast<Index>(held.size());
+      const Vec step = (next - now).rowwise().mean();
+      turns = turns || (step - planned_step_[k]).norm() > 1.5 * scene_.settings.max_step;
+      planned_step_[k] = step;
       const auto moved = clothctl::rectify<double>(now, next, clothctl::VectorX<double>(),
                                                    clothctl::Matrix3<double>::Identity());
       if (!moved.found()) continue;
       rectify_residual = std::max(rectify_residual, moved.largest_residual);
       (void)hands_[k]->controller().move_by(moved.R_world_frame, moved.position);
     }
+    turns_ = turns ? turns_ + 1 : 0;
   }
   std::string phases() const {
     std::string out;
@@ -270,6 +288,9 @@ class HandsRun {
   std::unique_ptr<clothctl::StaticContacts<double>> contacts_;
   std::unique_ptr<HandPage> page_;
   double time_ = 0;
+  // Where the last plan moved each grip, m, and for how many frames on end plans have turned back.
+  std::array<Vec, 2> planned_step_ = {Vec::Zero(), Vec::Zero()};
+  int turns_ = 0;
 };
 
 }  // namespace
@@ -295,6 +316,8 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
   nlohmann::ordered_json j;
   j["status"] = bad.empty() ? "finished" : bad;
   j["vertices"] = state.positions.cols();
+  j["predictor"] = run.predictor();
+  j["linearised_from_s"] = known(run.linearised_from_s);
   j["mean_error_m"] = known(run.errors.mean(), run.errors.frames > 0);
   j["max_error_m"] = known(run.errors.most, run.errors.frames > 0);
   j["bare_mean_error_m"] = known(bare.mean(), bare.frames > 0);

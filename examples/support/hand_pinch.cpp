@@ -1,5 +1,6 @@
 #include "support/hand_pinch.hpp"
 
+#include <limits>
 #include <random>
 
 #include "clothctl/grasp/grasp_poses.hpp"
@@ -137,6 +138,23 @@ Vector pinch_at(const Tree& tree, const std::vector<Pad>& fingers, const Pinch& 
   clothctl::InverseKinematics<Tree, double> ik(tree, static_cast<int>(tasks.size()));
   (void)ik.solve(tree, tasks, pinch.positions, q, 20, uniform);
   return q;
+}
+
+double pinch_effort(const HandModel& hand, const GraspPlace& at) {
+  using Traits = clothctl::articulated_traits<Tree>;
+  const Vector q = hand.pinch_at(hand.tree, at);
+  auto work = Traits::make_workspace(hand.tree);
+  Traits::forward_kinematics(hand.tree, q, work);
+  const auto poses = poses_at(hand.tree, q);
+  const Vec a = tip(hand.tree, poses, hand.geometry.fingers[0]);
+  const Vec b = tip(hand.tree, poses, hand.geometry.fingers[1]);
+  const bool there =
+      (0.5 * (a + b) - at.place).norm() < 1e-3 && 0.999 < (b - a).normalized().dot(at.press);
+  if (!there) return std::numeric_limits<double>::infinity();
+  const Vector still = Vector::Zero(hand.tree.nv());
+  Vector torques = still;
+  Traits::inverse_dynamics(hand.tree, still, still, work, torques);
+  return torques.cwiseAbs().cwiseQuotient(hand.tree.effort_limits()).maxCoeff();
 }
 
 }  // namespace program

@@ -43,4 +43,8 @@ clothctl::VectorX<double> pinch_at(const HandModel::Tree& tree,
                                    const std::vector<clothctl::FingerPad<double>>& fingers,
                                    const Pinch& pinch, const GraspPlace& at);
 
+/// Returns the largest share of an effort limit that it takes a hand to hold itself up where it
+/// pinches at a place, or infinity where it cannot pinch there.
+double pinch_effort(const HandModel& hand, const GraspPlace& at);
+
 }  // namespace program
