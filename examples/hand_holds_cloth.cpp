@@ -54,7 +54,8 @@ int main() {
   Grasp<double> grasp;
   grasp.fingers = {{0, out_of_sheet}, {1, -out_of_sheet}};
   grasp.keyframes = {poses.touch};
-  if (const std::string bad = controller.begin(grasp); !bad.empty()) return std::puts(bad.c_str());
+  if (const std::string bad = controller.begin(grasp); !bad.empty())
+    return std::puts(bad.c_str()), 1;
   while (controller.phase() != GraspPhase::Hold)
     if (!step()) return std::puts(controller.describe(report).c_str()), 1;
   world.input(sheet).clear();
@@ -70,6 +71,7 @@ int main() {
   setup.grips = {
       make_held_grip<double>(contacts, holding, cloth.positions, network.triangles).value()};
   PlannerSettings<double> settings;
+  settings.dt = dt;
   settings.command = PlantCommand::Position;
   settings.gravity_load = Vec(0, 0, 9.81 * network.mass.sum());
   const Vec rest = cloth.positions.col(grid.vertex(0, 16));

@@ -83,8 +83,8 @@ struct HandFromFiles {
       origin.R = pinch.axes.transpose();
       return on(origin);
     }
-    // It stands upright, such that it pinches at the place with few turns, and within 0.3 m of
-    // there where it holds itself up with the least effort.
+    // It stands upright, such that it pinches at the place with few turns, and by at most
+    // 0.3 m along each axis from there where it holds itself up with the least effort.
     const clothctl::Matrix3<double> turn = pinch.axes * pinch_axes(place).transpose();
     const double yaw = std::atan2(turn(0, 1) - turn(1, 0), turn(0, 0) + turn(1, 1));
     origin.R = clothctl::rotation_exp<double>({0, 0, yaw});

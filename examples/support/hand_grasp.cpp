@@ -51,12 +51,11 @@ std::string GraspingHand::add(const std::vector<std::array<int, 3>>& triangles,
   links_->ignore_pairs(model_.home, kAllPairs);
   Clearance whole = Clearance::create(model_.tree, model_.geometry.capsules).value();
   whole.ignore_pairs(model_.home, 5e-3);  // neighbouring bones and fingers touch, or nearly
-  const std::vector<clothctl::ColliderRef<double>> beside = obstacles;
+  beside_ = obstacles;
   obstacles.emplace_back(*sheet_);
   whole.set_obstacles(obstacles);
-  links_->set_obstacles(obstacles);
   clothctl::GraspPoses<double> poses;
-  if (std::string bad = find_poses(place, fingers, beside, poses); !bad.empty()) return bad;
+  if (std::string bad = find_poses(place, fingers, poses); !bad.empty()) return bad;
   clothctl::Grasp<double> grasp;
   if (std::string bad = plan_way(whole, poses.wait, options.seed, grasp.keyframes); !bad.empty())
     return bad;
@@ -97,7 +96,6 @@ std::string GraspingHand::put_into_world(const Vector& start) {
 
 std::string GraspingHand::find_poses(const GraspPlace& place,
                                      const std::vector<clothctl::FingerPad<double>>& fingers,
-                                     const std::vector<clothctl::ColliderRef<double>>& beside,
                                      clothctl::GraspPoses<double>& poses) {
   // Where the hand waits its fingertips keep clear of the sheet, too; from there to the sheet all
   // of it keeps clear of what is beside the sheet.
@@ -107,7 +105,7 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
     const clothctl::ColliderRef<double> sheet(*sheet_);
     all.set_obstacles({&sheet, 1});
     double least = all(p.wait);
-    all.set_obstacles(beside);
+    all.set_obstacles(beside_);
     for (int k = 0; k <= 8; ++k)
       least = std::min(least, all(p.wait + k / 8.0 * (p.touch - p.wait)));
     return least;
@@ -141,7 +139,8 @@ std::string GraspingHand::find_poses(const GraspPlace& place,
   if (best > 1e-3) return {};
   if (poses.touch.size() == 0) return message;
   return "in each pose found, bones of the hand are in the sheet or in what is beside it (gap " +
-         std::to_string(best) + " m, must be 0.001 m); --grasps gives other poses";
+         std::to_string(best) +
+         " m, must be 0.001 m): take a finer or a smaller sheet, or another hand";
 }
 
 std::string GraspingHand::plan_way(Clearance& whole, const Vector& wait, std::uint64_t seed,
@@ -209,10 +208,17 @@ void GraspingHand::measure(const clothctl::WorldReport<double>& report, double d
   for (Index i = 0; i < torques.size(); ++i)
     figures_.torque_max_share =
         std::max(figures_.torque_max_share, std::abs(torques[i]) / limits[i]);
+  const auto depth_in = [&](std::span<const clothctl::ColliderRef<double>> obstacles) {
+    links_->set_obstacles(obstacles);
+    return -(*links_)(world_.hand(parts_.hand).positions);
+  };
+  if (!beside_.empty())
+    figures_.penetration_max_m = larger(figures_.penetration_max_m, depth_in(beside_));
   // The sheet counts with half its thickness; a link that reaches its middle is in it.
   double depth = std::nan("");
+  const clothctl::ColliderRef<double> sheet(*sheet_);
   if (sheet_->update(world_.state(0).positions).empty())
-    depth = -(*links_)(world_.hand(parts_.hand).positions) - 0.5 * sheet_->thickness();
+    depth = depth_in({&sheet, 1}) - 0.5 * sheet_->thickness();
   figures_.penetration_max_m = larger(figures_.penetration_max_m, depth);
   if (report.parts != 1 || !floats()) return;  // torques are those of the last part
   figures_.momentum_residual = std::fmax(

@@ -100,7 +100,6 @@ class GraspingHand {
   /// Finds poses, and a way between them, that keep clear of what is beside the sheet.
   std::string find_poses(const GraspPlace& place,
                          const std::vector<clothctl::FingerPad<double>>& fingers,
-                         const std::vector<clothctl::ColliderRef<double>>& beside,
                          clothctl::GraspPoses<double>& poses);
   /// Finds a way from a random start to the first waiting pose.
   std::string plan_way(clothctl::RobotClearance<Hand>& whole, const clothctl::VectorX<double>& wait,
@@ -115,6 +114,7 @@ class GraspingHand {
   std::unique_ptr<clothctl::GraspController<Hand>> controller_;
   std::unique_ptr<clothctl::SheetCollider<double>> sheet_;
   std::unique_ptr<clothctl::RobotClearance<Hand>> links_;  // without the fingertips that press
+  std::vector<clothctl::ColliderRef<double>> beside_;      // obstacles beside the sheet
   clothctl::HandState<double> before_;
   GraspFigures figures_;
   std::unique_ptr<HandView> view_;

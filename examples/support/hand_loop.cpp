@@ -112,18 +112,22 @@ class HandsRun {
     auto plan = planner.make_result();
     for (long frame = 0; frame < scored_frames(scene_); ++frame) {
       const double t = kDt * static_cast<double>(frame);
-      if (contacts_->changed() && take_grips().empty()) {
-        if (std::string bad = planner.set_grips(scene_.setup.grips, x()); !bad.empty()) return bad;
-        plan = planner.make_result();
-        ++grip_changes;
-      }
-      if (choose && rolls_out() && turns_ >= 3) {
+      const bool runs_away = choose && rolls_out() && turns_ >= 2;
+      if (runs_away) {
         options_.predictor = "linearised";
         linearised_from_s = t;
-        if (std::string bad = take_grips(); !bad.empty()) return bad;
-        planner = make_planner();
-        plan = planner.make_result();
       }
+      // Where a hand holds nothing firmly for a moment, the old grips stay until it does.
+      stale_ = stale_ || contacts_->changed() || runs_away;
+      const bool taken = stale_ && take_grips().empty();
+      if (taken) stale_ = false;
+      if (runs_away) {
+        planner = make_planner();
+      } else if (taken) {
+        if (std::string bad = planner.set_grips(scene_.setup.grips, x()); !bad.empty()) return bad;
+        ++grip_changes;
+      }
+      if (runs_away || taken) plan = planner.make_result();
       if (std::string bad = limit_reach(planner); !bad.empty()) return bad;
       const auto status =
           planner.plan(x(), world_.state(0).velocities, t, targets(scene_), scene_.task.wind, plan);
@@ -166,15 +170,17 @@ class HandsRun {
   Planner make_planner() {
     clothctl::PlannerSettings<double>& settings = scene_.settings;
     AnyPredictor predictor = make_predictor(options_, scene_.body, settings);
-    settings.max_step = 0.75 * kDt;  // m
+    settings.max_step = std::min(settings.max_step, 0.75 * kDt);  // m
     settings.max_change = 0;
-    settings.weights.jerk = rolls_out() ? 0.005 : 0.03;
-    settings.weights.step = rolls_out() ? 0.005 : 0;
+    if (options_.profile != "paper") {
+      settings.weights.jerk = rolls_out() ? 0.005 : 0.03;
+      settings.weights.step = rolls_out() ? 0.005 : 0;
+    }
     turns_ = 0;
     return must(Planner::create(scene_.setup, settings, std::move(predictor), x()));
   }
   /// Rollouts are better where hands follow at once and the sheet's edges are short beside a pinch;
-  /// with an arm, in wind, or with edges of 60 mm, plans run away.
+  /// with an arm, in wind, or on coarse sheets, plans run away.
   bool suits_rollouts() const {
     const double edge = options_.size / (options_.cloth - 1);  // m
     return edge < 0.035 && !scene_.body.air.enabled() && hands_[0]->floats() && hands_[1]->floats();
@@ -251,7 +257,8 @@ class HandsRun {
           plan.input.driven_positions.middleCols(first, static_cast<Index>(held.size()));
       first += static_cast<Index>(held.size());
       const Vec step = (next - now).rowwise().mean();
-      turns = turns || (step - planned_step_[k]).norm() > 1.5 * scene_.settings.max_step;
+      const double change = (step - planned_step_[k]).cwiseAbs().maxCoeff();
+      turns = turns || change > 1.25 * scene_.settings.max_step;
       planned_step_[k] = step;
       const auto moved = clothctl::rectify<double>(now, next, clothctl::VectorX<double>(),
                                                    clothctl::Matrix3<double>::Identity());
@@ -259,7 +266,7 @@ class HandsRun {
       rectify_residual = std::max(rectify_residual, moved.largest_residual);
       (void)hands_[k]->controller().move_by(moved.R_world_frame, moved.position);
     }
-    turns_ = turns ? turns_ + 1 : 0;
+    turns_ = turns ? turns_ + 1 : std::max(0.0, turns_ - 0.5);
   }
   std::string phases() const {
     std::string out;
@@ -288,9 +295,11 @@ class HandsRun {
   std::unique_ptr<clothctl::StaticContacts<double>> contacts_;
   std::unique_ptr<HandPage> page_;
   double time_ = 0;
-  // Where the last plan moved each grip, m, and for how many frames on end plans have turned back.
+  bool stale_ = false;  // the grips are not what is held
+  // Where the last plan moved each grip, m, and how many plans have turned back, less half of those
+  // that have not since.
   std::array<Vec, 2> planned_step_ = {Vec::Zero(), Vec::Zero()};
-  int turns_ = 0;
+  double turns_ = 0;
 };
 
 }  // namespace

@@ -291,6 +291,70 @@ TEST_CASE("where a base cannot move the hand without a turn there is no reach", 
   for (const auto& limit : both) CHECK(std::abs(limit.normal.dot(along)) == Approx(1));
 }
 
+namespace {
+
+/// How far an arm of two parts of 0.4 m with a wrist may move at least before a joint is at its
+/// limit of 2.5 rad, m, to first order.
+template <class Scalar>
+Scalar nearest_limit(double elbow) {
+  KinematicTreeBuilder<Scalar> builder;
+  Inertia<Scalar> body;
+  body.mass = Scalar(0.1);
+  body.about_com.diagonal().setConstant(Scalar(1e-4));
+  builder.add_link("world");
+  std::string parent = "world";
+  const auto add = [&](const std::string& name, JointType type, const Vector3<Scalar>& axis,
+                       double x) {
+    Joint<Scalar> joint;
+    joint.name = name;
+    joint.type = type;
+    joint.parent = parent;
+    joint.child = name + "_link";
+    joint.axis = axis;
+    joint.origin.p = Vector3<Scalar>(Scalar(x), 0, 0);
+    joint.limits = {Scalar(-2.5), Scalar(2.5), 1, 100};
+    builder.add_link(joint.child, body).add_joint(joint);
+    parent = joint.child;
+  };
+  const Vector3<Scalar> x(1, 0, 0), y(0, 1, 0), z(0, 0, 1);
+  add("yaw", JointType::Revolute, z, 0);
+  add("shoulder", JointType::Revolute, y, 0);
+  add("elbow", JointType::Revolute, y, 0.4);
+  add("roll", JointType::Revolute, x, 0.4);
+  add("pitch", JointType::Revolute, y, 0);
+  add("turn", JointType::Revolute, x, 0);
+  const std::string base = parent;
+  add("left", JointType::Prismatic, z, 0.1);
+  parent = base;
+  add("other", JointType::Prismatic, Vector3<Scalar>(-z), 0.1);
+  const KinematicTree<Scalar> tree = builder.build().value();
+  std::vector<FingerPad<Scalar>> pads(2);
+  pads[0].frame = tree.find_link("left_link");
+  pads[1].frame = tree.find_link("other_link");
+  auto tracker = FingertipTracker<KinematicTree<Scalar>, Scalar>::create(tree, pads).value();
+  VectorX<Scalar> q = VectorX<Scalar>::Zero(tree.nv());
+  q.template head<5>() << Scalar(0.3), Scalar(-0.8), Scalar(elbow), Scalar(0.2), Scalar(1);
+  REQUIRE(tracker.start(q));
+  std::vector<GripLimit<Scalar>> out(24);
+  REQUIRE(tracker.reach(0, Vector3<Scalar>(Vector3<Scalar>::Zero()), out) > 0);
+  return out[0].most;
+}
+
+}  // namespace
+
+TEST_CASE("the reach of an arm shrinks as it stretches, in float, too", "[grasp]") {
+  double last = 1;
+  for (const double elbow : {1.0, 0.5, 0.2, 0.03}) {
+    const double most = nearest_limit<double>(elbow);
+    CHECK(most < 0.75 * last);
+    // Stretched, an arm moves along itself hardly, and float tells by how much only roughly.
+    CHECK(double(nearest_limit<float>(elbow)) == Approx(most).epsilon(elbow < 0.1 ? 0.3 : 0.02));
+    last = most;
+  }
+  // Near the end the way along the arm is about in proportion to the angle of the elbow.
+  CHECK(nearest_limit<double>(0.003) == Approx(0.1 * last).epsilon(0.05));
+}
+
 TEST_CASE("bad targets are refused and change nothing; tracking never allocates", "[grasp]") {
   const Hand34 tree = hand34<double>();
   const auto geometry = hand34_geometry(tree);

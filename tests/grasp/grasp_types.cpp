@@ -41,7 +41,7 @@ TEST_CASE("phases and faults have names, and only failures have words", "[grasp]
   report.mean_force = 0.5;
   report.wanted_force = 3;
   CHECK(describe_fault(report, "the hand") ==
-        "the hand did not hold still in time, at 0.5 N of 3 N");
+        "the hand was not firm and at rest for long enough, at 0.5 N of 3 N");
   report.finger = 1;
   report.finger_force = 0.25;
   report.finger_contacts = 2;

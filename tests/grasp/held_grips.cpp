@@ -1,7 +1,10 @@
 #include "clothctl/grasp/held_grips.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "clothctl/mesh/grid.hpp"
@@ -78,6 +81,19 @@ TEST_CASE("what fingers hold becomes a grip of opposed fingers on the same verti
         "a triangle has vertex 9999 off a mesh of 289 vertices");
   Points<double> spoilt = x;
   spoilt(1, first) = std::nan("");
+  for (const auto& faces : {triangles, std::vector<std::array<int, 3>>()})
+    CHECK(make_held_grip<double>(contacts, fingers, spoilt, faces).error() ==
+          "finger 0 holds vertex " + std::to_string(first) + ", which is not finite");
+  // A corner beside what is held.
+  std::set<int> taken;
+  for (const auto& f : grip->fingers) taken.insert(f.vertices.begin(), f.vertices.end());
+  spoilt = x;
+  for (const auto& face : triangles) {
+    if (std::find(face.begin(), face.end(), first) == face.end()) continue;
+    for (const int corner : face) {
+      if (!taken.count(corner)) spoilt(1, corner) = std::nan("");
+    }
+  }
   CHECK(make_held_grip<double>(contacts, fingers, spoilt, triangles).error() ==
         "finger 0 holds the sheet where it is not finite");
 }

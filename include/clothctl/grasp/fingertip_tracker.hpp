@@ -422,10 +422,11 @@ void FingertipTracker<Model, Scalar>::find_carrying_rates() {
   normal.diagonal().array() += ridge;
   const Square one = Square::Identity();
   Eigen::Matrix<Scalar, 6, 3> share = normal.ldlt().solve(one.template leftCols<3>());
-  // ridge · share is by how much the motion is missed. What is missed by more than 1e-3 is left
-  // out of it: no way to a limit there.
-  const Matrix3<Scalar> missed =
-      Matrix3<Scalar>::Identity() + (Scalar(1e6) * ridge * ridge) * (share.transpose() * share);
+  // ridge · share is by how much the motion is missed. Directions in which more than a tenth is
+  // missed are left out; for the others rates stay as they are.
+  Matrix3<Scalar> missed = (Scalar(100) * ridge * ridge) * (share.transpose() * share);
+  for (int i = 0; i < 3; ++i) missed = Matrix3<Scalar>(missed * missed);
+  missed.diagonal().array() += Scalar(1);
   share = share * missed.ldlt().solve(Matrix3<Scalar>::Identity());
   for (Index i = 0; i < J.cols(); ++i) {
     const Eigen::Matrix<Scalar, 6, 1> column = J.col(i);

@@ -232,8 +232,8 @@ std::string describe_fault(const GraspReport<Scalar>& report, const std::string&
       return who + " closed by " + number_text(report.depth) + " m and touched nothing";
     case GraspFault::NotFirm:
       if (report.finger < 0)
-        return who + " did not hold still in time, at " + number_text(report.mean_force) +
-               " N of " + number_text(report.wanted_force) + " N";
+        return who + " was not firm and at rest for long enough, at " +
+               number_text(report.mean_force) + " N of " + number_text(report.wanted_force) + " N";
       return who + " did not hold firmly in time: " + number_text(report.finger_force) + " N of " +
              number_text(report.wanted_force) + " N, " + std::to_string(report.finger_contacts) +
              " contacts stick" + (report.slides ? ", and it slides" : "");

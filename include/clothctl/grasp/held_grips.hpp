@@ -62,6 +62,9 @@ Result<Grip<Scalar>> make_held_grip(const StaticContacts<Scalar>& contacts,
       if (held.vertex >= x.cols())
         return Error{name + " holds vertex " + std::to_string(held.vertex) + " off a mesh of " +
                      std::to_string(x.cols()) + " vertices"};
+      if (!all_finite(x.col(held.vertex)))
+        return Error{name + " holds vertex " + std::to_string(held.vertex) +
+                     ", which is not finite"};
       finger.vertices.push_back(held.vertex);
     }
     if (finger.vertices.empty()) continue;
