@@ -141,10 +141,10 @@ Vector pinch_at(const Tree& tree, const std::vector<Pad>& fingers, const Pinch& 
 }
 
 double pinch_effort(const HandModel& hand, const GraspPlace& at) {
-  using Traits = clothctl::articulated_traits<Tree>;
+  using Dynamics = clothctl::articulated_traits<Tree>;
   const Vector q = hand.pinch_at(hand.tree, at);
-  auto work = Traits::make_workspace(hand.tree);
-  Traits::forward_kinematics(hand.tree, q, work);
+  auto work = Dynamics::make_workspace(hand.tree);
+  Dynamics::forward_kinematics(hand.tree, q, work);
   const auto poses = poses_at(hand.tree, q);
   const Vec a = tip(hand.tree, poses, hand.geometry.fingers[0]);
   const Vec b = tip(hand.tree, poses, hand.geometry.fingers[1]);
@@ -153,7 +153,7 @@ double pinch_effort(const HandModel& hand, const GraspPlace& at) {
   if (!there) return std::numeric_limits<double>::infinity();
   const Vector still = Vector::Zero(hand.tree.nv());
   Vector torques = still;
-  Traits::inverse_dynamics(hand.tree, still, still, work, torques);
+  Dynamics::inverse_dynamics(hand.tree, still, still, work, torques);
   return torques.cwiseAbs().cwiseQuotient(hand.tree.effort_limits()).maxCoeff();
 }
 
