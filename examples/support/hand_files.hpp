@@ -11,6 +11,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <limits>
 #include <set>
 #include <string>
 #include <utility>
@@ -90,7 +91,7 @@ struct HandFromFiles {
     origin.R = clothctl::rotation_exp<double>({0, 0, yaw});
     const clothctl::Vector3<double> first = place.place - origin.R * pinch.centre;
     HandModel best;
-    double least = 2;
+    double least = std::numeric_limits<double>::infinity();
     for (int i = 0; i < 125; ++i) {
       origin.p = first + 0.15 * clothctl::Vector3<double>(i % 5 - 2, i / 5 % 5 - 2, i / 25 - 2);
       HandModel model = on(origin);
@@ -99,7 +100,7 @@ struct HandFromFiles {
       least = effort;
       best = std::move(model);
     }
-    if (least < 2) return best;
+    if (best.pinch_at) return best;
     origin.p = first;
     return on(origin);
   }

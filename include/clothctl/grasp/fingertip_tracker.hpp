@@ -129,7 +129,8 @@ class FingertipTracker {
   /// in which the joints that carry all fingers stay within their limits while the hand moves
   /// without turning, to first order about the last targets. Returns their number; the nearest come
   /// first. Without such joints, or where they cannot move it like this, there are none. A joint at
-  /// its limit blocks a direction, though a redundant arm might go round it. Never allocates.
+  /// its limit blocks a direction, though a redundant arm might go round it. In float, an arm that
+  /// is stretched to within 0.1 rad counts as one that cannot move along itself. Never allocates.
   std::size_t reach(int grip, const Vector3<Scalar>& place, std::span<GripLimit<Scalar>> out);
 
   /// The fingers.
@@ -423,11 +424,14 @@ void FingertipTracker<Model, Scalar>::find_carrying_rates() {
   const Square one = Square::Identity();
   Eigen::Matrix<Scalar, 6, 3> share = normal.ldlt().solve(one.template leftCols<3>());
   // ridge · share is by how much the motion is missed. Directions in which more than a tenth is
-  // missed are left out; for the others rates stay as they are.
-  Matrix3<Scalar> missed = (Scalar(100) * ridge * ridge) * (share.transpose() * share);
-  for (int i = 0; i < 3; ++i) missed = Matrix3<Scalar>(missed * missed);
-  missed.diagonal().array() += Scalar(1);
-  share = share * missed.ldlt().solve(Matrix3<Scalar>::Identity());
+  // missed are left out, the others stay: K starts with eigenvalues 1/(1 + 100 m²), m: the share
+  // that is missed, and K²(3 - 2 K) brings each to the nearer of 0 and 1.
+  const Matrix3<Scalar> one3 = Matrix3<Scalar>::Identity();
+  Matrix3<Scalar> K = one3 + (Scalar(100) * ridge * ridge) * (share.transpose() * share);
+  K = Matrix3<Scalar>(K.ldlt().solve(one3));
+  for (int i = 0; i < 5; ++i)
+    K = Matrix3<Scalar>(Matrix3<Scalar>(K * K) * Matrix3<Scalar>(Scalar(3) * one3 - Scalar(2) * K));
+  share = share * K;
   for (Index i = 0; i < J.cols(); ++i) {
     const Eigen::Matrix<Scalar, 6, 1> column = J.col(i);
     for (Index axis = 0; axis < 3; ++axis) J(axis, i) = column.dot(share.col(axis));
