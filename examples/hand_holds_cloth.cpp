@@ -12,7 +12,6 @@ int main() {
   const GridMesh<double> grid = make_grid<double>(17, 17, 0.5, 0.5).value();
   const SpringNetwork<double> network = sheet_network(grid, Material<double>{}).value();
   MassSpring<double> model = MassSpring<double>::create(network).value();
-  const MassSpringResponse<float> response(model);
   World<double> world;
   const int sheet = world.add_sheet(model, model.rest_state()).value();
   const int pins[] = {grid.vertex(16, 0), grid.vertex(16, 16)};
@@ -59,11 +58,11 @@ int main() {
   while (controller.phase() != GraspPhase::Hold)
     if (!step()) return std::puts(controller.describe(report).c_str()), 1;
   world.input(sheet).clear();
-  for (int i = 0; i < 150; ++i) (void)step();
+  const ClothState<double>& cloth = world.state(sheet);
+  while (step() && cloth.velocities.colwise().norm().maxCoeff() > 0.05) continue;
 
   // Plan the forces of the fingers such that the lowest corner follows a curve; each frame, the
   // rigid motion nearest to the planned one of what they hold moves the hand.
-  const ClothState<double>& cloth = world.state(sheet);
   PlannerSetup<double> setup;
   setup.triangles = network.triangles;
   setup.features.add_point(grid.vertex(0, 16));
@@ -71,14 +70,15 @@ int main() {
   setup.grips = {
       make_held_grip<double>(contacts, holding, cloth.positions, network.triangles).value()};
   PlannerSettings<double> settings;
-  settings.dt = dt;
+  settings.dt = dt, settings.horizon = std::lround(0.4 / dt);
+  settings.max_step = 0.75 * dt, settings.weights.jerk = 0.03;  // slow and smooth, for a hand
   settings.command = PlantCommand::Position;
   settings.gravity_load = Vec(0, 0, 9.81 * network.mass.sum());
   const Vec rest = cloth.positions.col(grid.vertex(0, 16));
   const auto target = [&](Index, double t) {
     return Vec(rest + Vec(0.1 - 0.1 * std::cos(2 * t), 0.1 * std::sin(2 * t), 0.02 * t));
   };
-  LinearisedPredictor<MassSpringResponse<float>> predictor{response};
+  LinearisedPredictor<MassSpringResponse<float>> predictor{MassSpringResponse<float>(model)};
   auto planner =
       Planner<decltype(predictor)>::create(setup, settings, predictor, cloth.positions).value();
   PlanResult<double> plan = planner.make_result();

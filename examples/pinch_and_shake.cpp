@@ -65,6 +65,9 @@ Request read_request(int argc, char** argv) {
   parse(app, argc, argv);
   r.grasp.implicit = r.pd == "implicit";
   if (r.grasp.most_force < r.grasp.force) refuse("--most-force: is less than --force");
+  const double speed = 6.2831853 * r.frequency * r.amplitude;  // m/s
+  if (speed > clothctl::GraspSettings<double>().hold_speed)
+    refuse("--frequency: the shake reaches " + clothctl::rounded_text(speed) + " m/s, at most 3");
   if (r.size < 0.1) refuse("--size: the hand needs a sheet of 0.1 m");
   return r;
 }

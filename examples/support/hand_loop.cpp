@@ -213,6 +213,8 @@ class HandsRun {
     const Vec across = (1 - 2 * side) * (at(0, 1) - at(0, 0)), down = at(1, 0) - at(0, 0);
     GraspOptions options;
     options.friction = scene_.setup.grips.front().fingers.front().contact.friction;
+    options.most_force = std::min(options.most_force, options_.limit);
+    options.force = std::min(options.force, options.most_force);
     const GraspPlace place{at(0, 0), down.cross(across).normalized(), Vec(0, 0, -1)};
     hands_.push_back(must(GraspingHand::create(world_, make_hand(place),
                                                scene_.body.network.triangles, {}, place, options)));

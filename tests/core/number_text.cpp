@@ -11,6 +11,7 @@
 #include "support/catch.hpp"
 
 using clothctl::number_text;
+using clothctl::rounded_text;
 
 namespace {
 
@@ -111,4 +112,16 @@ TEST_CASE("the locale does not change how numbers are written") {
   CHECK(number_text(0.5) == "0.5");
   CHECK(number_text(1234567.25) == "1234567.25");
   std::setlocale(LC_NUMERIC, before.c_str());
+}
+
+TEST_CASE("measured quantities are written with four digits") {
+  CHECK(rounded_text(0.1 + 0.2) == "0.3");
+  CHECK(rounded_text(1.0 / 3.0) == "0.3333");
+  CHECK(rounded_text(-12345.678) == "-1.235e+04");
+  CHECK(rounded_text(1.0f / 3.0f) == "0.3333");
+  CHECK(rounded_text(1e300 / 3) == "3.333e+299");
+  CHECK(rounded_text(-std::numeric_limits<double>::quiet_NaN()) == "nan");
+  CHECK(rounded_text(-std::numeric_limits<float>::infinity()) == "-inf");
+  CHECK(rounded_text(Open{}) == "2.5");
+  CHECK(rounded_text(Sealed{}) == "?");
 }

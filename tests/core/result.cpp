@@ -7,6 +7,14 @@
 
 #include "support/catch.hpp"
 
+#if __has_include(<sys/wait.h>)
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#endif
+
 using namespace clothctl;
 
 namespace {
@@ -52,6 +60,30 @@ TEST_CASE("a result of strings distinguishes values and errors", "[result]") {
   CHECK_FALSE(error.has_value());
   CHECK(error.error() == "not fine");
 }
+
+#if __has_include(<sys/wait.h>)
+TEST_CASE("taking the value of an error says so and ends the program, in every build", "[result]") {
+  std::array<int, 2> pipe_ends{};
+  REQUIRE(pipe(pipe_ends.data()) == 0);
+  const pid_t child = fork();
+  REQUIRE(child >= 0);
+  if (child == 0) {
+    (void)std::signal(SIGABRT, SIG_DFL);
+    (void)dup2(pipe_ends[1], 2);
+    _exit(halve(7).value());
+  }
+  (void)close(pipe_ends[1]);
+  std::string said;
+  std::array<char, 256> part{};
+  for (ssize_t n = 0; (n = read(pipe_ends[0], part.data(), part.size())) > 0;)
+    said.append(part.data(), static_cast<std::size_t>(n));
+  (void)close(pipe_ends[0]);
+  int status = 0;
+  REQUIRE(waitpid(child, &status, 0) == child);
+  CHECK(WIFSIGNALED(status));
+  CHECK(said == "clothctl: value() of a Result that is an error: value 7 is odd\n");
+}
+#endif
 
 // A result only converts to bool explicitly: `int n = result;` and adding results must not compile.
 static_assert(!std::is_convertible_v<Result<int>, bool> &&

@@ -450,15 +450,22 @@ TEST_CASE("a grasp moves at most at its largest speeds", "[grasp]") {
   controller.tracker().pose(0, R0, a);
   const Matrix3<double> R_first = R0;
   REQUIRE(controller.move_by(rotation_exp<double>(Vec(0, 0, 1)), Vec(1, 0, 0)));
+  double way_left = 0;
   for (int i = 0; i < 5; ++i) {
-    (void)hand.step(controller);
+    const GraspReport<double> report = hand.step(controller);
+    if (i > 0) CHECK(way_left - report.way_left == Approx(0.5 * 0.02));
+    way_left = report.way_left;
+    CHECK(report.turn_left == Approx(1 - 0.5 * 0.02 * (i + 1)));
     controller.tracker().pose(0, R1, b);
     CHECK((b - a).norm() < 0.02 * (0.5 + 0.5 * 0.02) + 2e-3);
     CHECK(rotation_log<double>(R1 * R0.transpose()).norm() < 0.5 * 0.02 + 0.01);
     a = b;
     R0 = R1;
   }
-  for (int i = 0; i < 150; ++i) (void)hand.step(controller);
+  for (int i = 0; i < 149; ++i) (void)hand.step(controller);
+  const GraspReport<double> report = hand.step(controller);
+  CHECK(report.way_left == 0);
+  CHECK(report.turn_left == 0);
   controller.tracker().pose(0, R1, b);
   CHECK(rotation_log<double>(R1 * R_first.transpose()).norm() == Approx(1).epsilon(0.02));
 }

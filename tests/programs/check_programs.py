@@ -953,6 +953,8 @@ def check_bad_input(programs, folder):
     bad("pads that do not reach", ["--force", "10 N"], "--force", 20, program=programs / "pinch")
     bad("fingers that weaken", ["--most-force"], "--most-force", 1,
         program=programs / "pinch_and_shake")
+    bad("shake that no hand follows", ["--frequency", "5.027 m/s"], "--frequency", 10,
+        program=programs / "pinch_and_shake")
     bad("sheet below the pads", ["--size", "0.05"], "--size", 0.02, program=programs / "pinch")
     bad("rope of one vertex", ["--cloth", "1"], "--cloth", 1, program=programs / "rope_ball")
     sew = programs / "sew_tshirt"

@@ -30,6 +30,23 @@ std::string number_text(const Scalar& value) {
   }
 }
 
+/// Returns `value` with at most four digits, for measured quantities in messages: 0.0123, 1.5e-07.
+/// Else as `number_text`. Allocates when the text is long.
+template <RealScalar Scalar>
+std::string rounded_text(const Scalar& value) {
+  if constexpr (std::floating_point<Scalar>) {
+    if (!is_finite(value)) return number_text(value);
+    std::array<char, 32> text{};
+    const std::to_chars_result end =
+        std::to_chars(text.data(), text.data() + text.size(), value, std::chars_format::general, 4);
+    return std::string(text.data(), static_cast<std::size_t>(end.ptr - text.data()));
+  } else if constexpr (requires { static_cast<double>(value); }) {
+    return rounded_text(static_cast<double>(value));
+  } else {
+    return "?";
+  }
+}
+
 /// Returns "NAME PROBLEM: VALUE", a message about a bad number. Allocates.
 template <RealScalar Scalar>
 std::string bad_number_line(const std::string& name, const std::string& problem,

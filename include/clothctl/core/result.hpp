@@ -4,6 +4,8 @@
 // throws.
 
 #include <cassert>
+#include <cstdio>
+#include <cstdlib>
 #include <string>
 #include <utility>
 #include <variant>
@@ -18,8 +20,18 @@ struct Error {
   std::string message;
 };
 
+namespace detail {
+
+/// Writes why the program ends to the standard error stream, and ends it.
+[[noreturn]] inline void end_without_value(const std::string& message) {
+  std::fprintf(stderr, "clothctl: value() of a Result that is an error: %s\n", message.c_str());
+  std::abort();
+}
+
+}  // namespace detail
+
 /// A value of type T or an Error. Test `has_value()` (or the result itself as a bool) before you
-/// use the value.
+/// use the value. `value()` is checked in every build, `*` and `->` only where assertions are on.
 template <class T>
 class [[nodiscard]] Result {
  public:
@@ -32,29 +44,35 @@ class [[nodiscard]] Result {
   bool has_value() const { return content_.index() == 0; }
   /// Returns true when this holds a value, false when it holds an error.
   explicit operator bool() const { return has_value(); }
-  /// Returns the value. Fails when: this holds an error (assert).
+  /// Returns the value. Fails when: this holds an error; writes it and ends the program (abort).
   T& value() & {
-    assert(has_value());
-    return *std::get_if<0>(&content_);
+    check();
+    return **this;
   }
-  /// Returns the value. Fails when: this holds an error (assert).
+  /// Returns the value. Fails when: this holds an error; writes it and ends the program (abort).
   const T& value() const& {
+    check();
+    return **this;
+  }
+  /// Moves the value out. Fails when: this holds an error; writes it and ends the program (abort).
+  T&& value() && {
+    check();
+    return std::move(**this);
+  }
+  /// Returns the value. Fails when: this holds an error (assert).
+  T& operator*() & {
     assert(has_value());
     return *std::get_if<0>(&content_);
   }
-  /// Moves the value out. Fails when: this holds an error (assert).
-  T&& value() && {
+  /// Returns the value. Fails when: this holds an error (assert).
+  const T& operator*() const& {
     assert(has_value());
-    return std::move(*std::get_if<0>(&content_));
+    return *std::get_if<0>(&content_);
   }
-  /// Returns the value. Fails when: this holds an error (assert).
-  T& operator*() & { return value(); }
-  /// Returns the value. Fails when: this holds an error (assert).
-  const T& operator*() const& { return value(); }
   /// Accesses a member of the value. Fails when: this holds an error (assert).
-  T* operator->() { return &value(); }
+  T* operator->() { return &**this; }
   /// Accesses a member of the value. Fails when: this holds an error (assert).
-  const T* operator->() const { return &value(); }
+  const T* operator->() const { return &**this; }
   /// Returns the message of the error. Fails when: this holds a value (assert).
   const std::string& error() const {
     assert(!has_value());
@@ -62,6 +80,10 @@ class [[nodiscard]] Result {
   }
 
  private:
+  void check() const {
+    if (!has_value()) detail::end_without_value(error());
+  }
+
   std::variant<T, Error> content_;
 };
 

@@ -154,7 +154,7 @@ class GraspController {
   void judge_holding(std::span<const Touch> touches);
   void open(const Scalar& dt);
   /// Moves the grasp and its fingers to where they shall be, at most at their largest speeds.
-  void move(const Scalar& dt) {
+  void move(const Scalar& dt, GraspReport<Scalar>& report) {
     const Scalar way = settings_.hold_speed * dt, turn = settings_.turn_speed * dt;
     Vector3<Scalar> middle = Vector3<Scalar>::Constant(Scalar(0));
     for (Tip& tip : tips_) {
@@ -162,6 +162,8 @@ class GraspController {
       middle += tip.motion.at(tip.place) / Scalar(static_cast<double>(tips_.size()));
     }
     motion_.advance(middle, way, turn);
+    report.way_left = motion_.way_left();
+    report.turn_left = motion_.turn_left();
   }
   void send(const Scalar& dt, HandDrive<Scalar>& drive, GraspReport<Scalar>& report);
   void fail(GraspFault fault, int finger) {
@@ -304,7 +306,7 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
     case GraspPhase::Hold:
       press(dt, touches, report);
       judge_holding(touches);
-      if (phase_ == GraspPhase::Hold) move(dt);
+      if (phase_ == GraspPhase::Hold) move(dt, report);
       send(dt, drive, report);
       break;
     case GraspPhase::Open:

@@ -301,10 +301,11 @@ requires ArticulatedModel<Model, Scalar> GraspPoses<Scalar> find_grasp_poses(
     Index worst = 0;
     (void)errors.maxCoeff(&worst);
     const std::size_t i = static_cast<std::size_t>(worst);
+    // The list has centres of fingertips; the caller gave where they touch.
+    const Vector3<Scalar> at = list[i] + fingers[i].radius * contacts[i].press;
     out.message = "finger " + std::to_string(i) + " (" + fingers[i].name + ") ends " +
-                  number_text(errors[worst]) + " m from " + place + " at (" +
-                  number_text(list[i][0]) + ", " + number_text(list[i][1]) + ", " +
-                  number_text(list[i][2]) + ")";
+                  rounded_text(errors[worst]) + " m from " + place + " at (" + rounded_text(at[0]) +
+                  ", " + rounded_text(at[1]) + ", " + rounded_text(at[2]) + ")";
   };
   if (settings.tolerance < out.touch_errors.maxCoeff()) {
     out.status = GraspPoseStatus::Unreachable;

@@ -217,6 +217,9 @@ struct GraspReport {
   int slips = 0;
   /// Whether it slides although the force is the largest.
   bool too_weak = false;
+  /// While a grasp holds: how far it is behind the motion asked for, m and rad, because that is
+  /// faster than `hold_speed` and `turn_speed`.
+  Scalar way_left = Scalar(0), turn_left = Scalar(0);
   /// Distance of the fingertips from their targets in inverse kinematics, m: the largest.
   Scalar ik_error = Scalar(0);
 };
@@ -229,13 +232,14 @@ std::string describe_fault(const GraspReport<Scalar>& report, const std::string&
   switch (report.fault) {
     case GraspFault::NotThere: return who + " is not where it shall touch the sheet";
     case GraspFault::NoTouch:
-      return who + " closed by " + number_text(report.depth) + " m and touched nothing";
+      return who + " closed by " + rounded_text(report.depth) + " m and touched nothing";
     case GraspFault::NotFirm:
       if (report.finger < 0)
         return who + " was not firm and at rest for long enough, at " +
-               number_text(report.mean_force) + " N of " + number_text(report.wanted_force) + " N";
-      return who + " did not hold firmly in time: " + number_text(report.finger_force) + " N of " +
-             number_text(report.wanted_force) + " N, " + std::to_string(report.finger_contacts) +
+               rounded_text(report.mean_force) + " N of " + rounded_text(report.wanted_force) +
+               " N";
+      return who + " did not hold firmly in time: " + rounded_text(report.finger_force) + " N of " +
+             rounded_text(report.wanted_force) + " N, " + std::to_string(report.finger_contacts) +
              " contacts stick" + (report.slides ? ", and it slides" : "");
     case GraspFault::Lost: return who + " lost the sheet";
     case GraspFault::BadInput: return "the state of the hand or what its fingers feel is not valid";

@@ -188,7 +188,7 @@ requires std::is_invocable_r_v < Scalar, Clearance&, const VectorX<Scalar>
   }
   result.queries = motions.queries();
   const auto collides = [&settings](const char* what, const Scalar& clearance_there) {
-    return std::string("the ") + what + " has a clearance of " + number_text(clearance_there) +
+    return std::string("the ") + what + " has a clearance of " + rounded_text(clearance_there) +
            " m, less than the margin " + number_text(settings.margin) + " m";
   };
   if (motions.broken())

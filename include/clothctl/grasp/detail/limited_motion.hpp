@@ -18,6 +18,10 @@ class LimitedMotion {
   /// Returns where a point is now.
   Vector3<Scalar> at(const Vector3<Scalar>& x) const { return Vector3<Scalar>(R_ * x + t_); }
 
+  /// What the last `advance` left of the way, m, and of the turn, rad.
+  const Scalar& way_left() const { return way_left_; }
+  const Scalar& turn_left() const { return turn_left_; }
+
   /// Goes back to no motion, at once.
   void reset() { *this = LimitedMotion(); }
   /// Shall be at x -> R x + t. Returns false, and changes nothing, when that is no motion.
@@ -40,12 +44,17 @@ class LimitedMotion {
     const Vector3<Scalar> from = at(middle);
     Vector3<Scalar> left = R_wanted_ * middle + t_wanted_ - from;
     const Scalar length = sqrt(left.squaredNorm());
-    if (way < length) left *= way / length;
+    way_left_ = turn_left_ = Scalar(0);
+    if (way < length) {
+      left *= way / length;
+      way_left_ = length - way;
+    }
     const Vector3<Scalar> to_turn = rotation_log<Scalar>(R_wanted_ * R_.transpose());
     const Scalar angle = sqrt(to_turn.squaredNorm());
     if (turn < angle) {
       const Vector3<Scalar> part = (turn / angle) * to_turn;
       R_ = renewed(Matrix3<Scalar>(rotation_exp<Scalar>(part) * R_));
+      turn_left_ = angle - turn;
     } else {
       R_ = R_wanted_;
     }
@@ -60,6 +69,7 @@ class LimitedMotion {
 
   Matrix3<Scalar> R_ = Matrix3<Scalar>::Identity(), R_wanted_ = R_;
   Vector3<Scalar> t_ = Vector3<Scalar>::Constant(Scalar(0)), t_wanted_ = t_;
+  Scalar way_left_ = Scalar(0), turn_left_ = Scalar(0);
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail
