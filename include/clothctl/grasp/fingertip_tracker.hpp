@@ -468,4 +468,8 @@ requires ArticulatedDynamics<Model, Scalar> std::size_t FingertipTracker<Model, 
   return count;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class ConstrainedIk<KinematicTree<double>, ActiveSet<double>, double>);
+CLOTHCTL_INSTANTIATE(class FingertipTracker<KinematicTree<double>, double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

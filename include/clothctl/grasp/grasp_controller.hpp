@@ -489,4 +489,7 @@ void GraspController<Model, Scalar>::release() {
   phase_ = GraspPhase::Open;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class GraspController<KinematicTree<double>, double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -26,6 +26,10 @@
 #include "clothctl/robot/inverse_kinematics.hpp"
 #include "clothctl/robot/prioritised_ik.hpp"
 
+#ifdef CLOTHCTL_PRECOMPILED
+#include "clothctl/robot/kinematic_tree_model.hpp"  // what is compiled once
+#endif
+
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// The part of a fingertip that touches.
@@ -318,5 +322,12 @@ requires ArticulatedModel<Model, Scalar> GraspPoses<Scalar> find_grasp_poses(
   }
   return out;
 }
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class detail::GraspPoseSearch<KinematicTree<double>, double>);
+CLOTHCTL_INSTANTIATE(GraspPoses<double> find_grasp_poses<KinematicTree<double>, double>(
+    const KinematicTree<double>&, std::span<const FingerPad<double>>,
+    std::span<const GraspContact<double>>, const VectorX<double>&, const VectorX<double>&,
+    const GraspPoseSettings<double>&));
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

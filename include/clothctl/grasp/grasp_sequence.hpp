@@ -141,4 +141,7 @@ class GraspSequence {
   bool ended_ = false, began_ = false;  // the phase; in the last update
 };
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class GraspSequence<KinematicTree<double>, double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -249,4 +249,13 @@ Result<HandInWorld> add_hand_geometry(World<Scalar>& world, int hand,
   return out;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(HandGeometry<double> hand34_geometry(const KinematicTree<double>&));
+CLOTHCTL_INSTANTIATE(VectorX<double> hand34_pinch_at(const KinematicTree<double>&,
+                                                     const Vector3<double>&, const Vector3<double>&,
+                                                     const Vector3<double>&));
+CLOTHCTL_INSTANTIATE(Result<HandInWorld> add_hand_geometry(World<double>&, int,
+                                                           const HandGeometry<double>&,
+                                                           const HandSurface<double>&));
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -244,4 +244,7 @@ Result<std::vector<Keyframe<Scalar>>> time_keyframes(std::vector<VectorX<Scalar>
   return keys;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class KeyframePath<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -26,6 +26,10 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/robot/kinematic_tree.hpp"
 
+#ifdef CLOTHCTL_PRECOMPILED
+#include "clothctl/robot/kinematic_tree_model.hpp"  // what is compiled once
+#endif
+
 namespace clothctl::inline CLOTHCTL_ABI {
 
 /// A capsule on a frame of a robot: all points within `radius` of a segment.
@@ -330,5 +334,8 @@ Result<VectorX<Scalar>> joint_reach(const KinematicTree<Scalar>& tree,
   }
   return reach;
 }
+
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class RobotClearance<KinematicTree<double>, double>);
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

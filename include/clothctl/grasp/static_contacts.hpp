@@ -190,4 +190,7 @@ void StaticContacts<Scalar>::update(const World<Scalar>& world) {
   }
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class StaticContacts<double>);
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

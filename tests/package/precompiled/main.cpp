@@ -42,6 +42,9 @@ int main() {
       IkTask<double>::position(tip, Vector3<double>::Zero(), place)};
   InverseKinematics<Tree> ik(hand, 1);
   if (ik.solve(hand, tasks, VectorX<double>(), q).status != IkStatus::Reached) return 6;
+  const std::vector<FingerPad<double>> fingers = hand34_geometry(hand).fingers;
+  const auto controller = GraspController<Tree>::create(hand, fingers, hand.neutral());
+  if (!controller || controller->phase() != GraspPhase::Free) return 7;
   std::printf("clothctl %s\n", CLOTHCTL_VERSION_STRING);
   return 0;
 }
