@@ -59,16 +59,16 @@ int main() {
     if (!step()) return std::puts(controller.describe(report).c_str()), 1;
   world.input(sheet).clear();
   const ClothState<double>& cloth = world.state(sheet);
-  while (step() && cloth.velocities.colwise().norm().maxCoeff() > 0.05) continue;
+  for (double t = 0; t < 10; t += dt)
+    if (!step()) return std::puts(controller.describe(report).c_str()), 1;
 
   // Plan the forces of the fingers such that the lowest corner follows a curve; each frame, the
   // rigid motion nearest to the planned one of what they hold moves the hand.
   PlannerSetup<double> setup;
   setup.triangles = network.triangles;
   setup.features.add_point(grid.vertex(0, 16));
-  const std::vector<HoldingFinger<double>> holding{{0, out_of_sheet}, {1, -out_of_sheet}};
-  setup.grips = {
-      make_held_grip<double>(contacts, holding, cloth.positions, network.triangles).value()};
+  const std::vector<HoldingFinger<double>> two{{0, out_of_sheet}, {1, -out_of_sheet}};
+  setup.grips = {make_held_grip<double>(contacts, two, cloth.positions, network.triangles).value()};
   PlannerSettings<double> settings;
   settings.dt = dt, settings.horizon = std::lround(0.4 / dt);
   settings.max_step = 0.75 * dt, settings.weights.jerk = 0.03;  // slow and smooth, for a hand

@@ -43,12 +43,12 @@ Request read_request(int argc, char** argv) {
   };
   add_sheet(app, r.cloth, r.size, r.material);
   (void)add_hand(app, r.hand);
-  add("--force", r.grasp.force, 0.01, 100, "Normal force of each finger, N");
-  add("--most-force", r.grasp.most_force, 0.01, 100, "Largest force, where the sheet slides, N");
+  add("--force", r.grasp.force, 0.01, 15, "Normal force of each finger, N");
+  add("--most-force", r.grasp.most_force, 0.01, 15, "Largest force, where the sheet slides, N");
   add("--friction", r.grasp.friction, 0.01, 10, "Friction coefficient of the fingertips");
   add("--amplitude", r.amplitude, 0, 0.5, "Amplitude of the shake, m");
   add("--frequency", r.frequency, 0, 10, "Frequency of the shake, Hz");
-  add("--dt", r.dt, 1e-3, 0.05, "Time step, s");
+  add("--dt", r.dt, 1e-3, 0.04, "Time step, s");
   add("--seconds", r.seconds, 0.1, 600, "Length of the shake, s");
   app.add_option("--pd", r.pd, "Form of the hand's control")
       ->check(CLI::IsMember({"stable", "implicit"}))
@@ -64,7 +64,7 @@ Request read_request(int argc, char** argv) {
   app.add_option("--out", r.out, "Folder for player.html (made if missing)");
   parse(app, argc, argv);
   r.grasp.implicit = r.pd == "implicit";
-  if (r.grasp.most_force < r.grasp.force) refuse("--most-force: is less than --force");
+  if (r.grasp.most_force < r.grasp.force) refuse("--most-force: less than --force (default 10)");
   const double speed = 6.2831853 * r.frequency * r.amplitude;  // m/s
   if (speed > clothctl::GraspSettings<double>().hold_speed)
     refuse("--frequency: the shake reaches " + clothctl::rounded_text(speed) + " m/s, at most 3");

@@ -182,8 +182,7 @@ std::string TableLift::add_hand() {
     if (c.frame == fingers[0].frame || c.frame == fingers[1].frame) continue;
     for (const Vec& end : {c.from, c.to}) planes.push_back({c.frame, end, kUp, c.radius + 4e-3});
   }
-  controller_->tracker().set_half_spaces(planes);
-  return {};
+  return controller_->tracker().set_half_spaces(planes);
 }
 
 std::string TableLift::step() {
@@ -194,7 +193,7 @@ std::string TableLift::step() {
     // What the table bears is no part of a pinch; and while a fold closes, its layers shift.
     felt[k].normal_force = clothctl::pad_touch(world_, parts_.pads[k], dt, press_[k]).normal_force;
     if (stage_ == "pinch" && controller_->phase() == clothctl::GraspPhase::Close)
-      felt[k].sliding = 0;
+      felt[k].sliding = 0, felt[k].tangential_force = 0;
   }
   report_ = controller_->update(dt, world_.hand(parts_.hand), felt, world_.drive(parts_.hand));
   figures_.hand_ms.push_back(1000 * (thread_seconds() - start));

@@ -313,10 +313,13 @@ int run_hands(Scene scene, const Options& o, const clothctl::GridMesh<double>& g
   if (o.cloth < 4 || o.size < 0.15)
     refuse("--hands: the sheet is too coarse or too small (--cloth 4, --size 0.15 at least)");
   if (o.grip != "force") refuse("--hands: --grip must be force");
+  if (o.patch_size != 1) refuse("--hands: --patch-size must be 1, fingers say what they hold");
+  if (!(scene.setup.grips.front().fingers.front().contact.friction > 0))
+    refuse("--hands: --friction must be positive, fingers hold by it");
   make_folder(o.out);  // before the work, since it may fail
-  const Errors bare = run_bare(scene, o, state, fit_task);
-  HandsRun run(std::move(scene), o, state, grid, make_hand);
+  HandsRun run(scene, o, state, grid, make_hand);
   std::string bad = run.grasp();
+  const Errors bare = bad.empty() ? run_bare(std::move(scene), o, state, fit_task) : Errors();
   if (bad.empty()) bad = run.follow(fit_task);
   const GraspFigures& a = run.hands()[0]->figures();
   const GraspFigures& b = run.hands()[1]->figures();

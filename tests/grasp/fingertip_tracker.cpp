@@ -80,6 +80,24 @@ TEST_CASE("the torques that are fed forward are those of the motion and of the f
   for (const auto& body : tree.bodies()) mass += body.inertia.mass;
   CHECK(drive.torque[0] == Approx(mass * 0.1 / 0.02).epsilon(1e-9));
   CHECK(drive.torque[1] == Approx(0).margin(1e-9));
+
+  // A base that goes on turning needs what inverse dynamics says of its velocities.
+  REQUIRE(tracker.start(start));
+  q = start;
+  for (int i = 0; i < 2; ++i) {
+    q[4] += 0.02 * 1.5;
+    REQUIRE(tracker.move_to(q, 0.02, drive));
+  }
+  using Traits = articulated_traits<Hand34>;
+  auto work = Traits::make_workspace(tree);
+  Traits::forward_kinematics(tree, q, work);
+  const VectorX<double> none = VectorX<double>::Zero(tree.nv());
+  VectorX<double> turning = none, still = none, velocity = none;
+  velocity[4] = 1.5;
+  Traits::inverse_dynamics(tree, velocity, none, work, turning);
+  Traits::inverse_dynamics(tree, none, none, work, still);
+  REQUIRE((turning - still).norm() > 0.01);
+  CHECK((drive.torque - (turning - still)).norm() < 1e-9);
 }
 
 TEST_CASE("a finger is as strong as its weakest joint", "[grasp]") {
@@ -143,11 +161,35 @@ TEST_CASE("half-spaces keep a finger above a table", "[grasp]") {
   const HalfSpace<double> plane{geometry.fingers[2].frame, geometry.fingers[2].centre(),
                                 Vec(0, 0, 1), middle.z() - 0.002};
   const std::vector<HalfSpace<double>> planes{plane};
-  tracker.set_half_spaces(planes);
+  REQUIRE(tracker.set_half_spaces(planes) == "");
   HandDrive<double> drive = drive_of(tree);
-  for (int i = 1; i <= 20; ++i)
+  Vec thumb, now;
+  tracker.pose(0, R, thumb);
+  for (int i = 1; i <= 20; ++i) {
+    const auto targets = targets_at(tracker, Vec(0, 0, -0.001));
+    const long since = allocations();
+    const auto report = tracker.track(targets, 0.02, drive);
+    const long allocated = allocations() - since;
+    if (i > 1 && allocation_counting_works()) CHECK(allocated == 0);
+    CHECK(report.status != IkStatus::InvalidInput);
+    CHECK(report.error < 1e-3);
+  }
+  tracker.pose(2, R, now);
+  CHECK(now.z() > middle.z() - 0.0021);
+  tracker.pose(0, R, now);
+  CHECK(now.z() == Approx(thumb.z() - 0.02).margin(2e-3));
+
+  // What is refused is named, and those that were set stay.
+  std::vector<HalfSpace<double>> bad{plane, plane};
+  bad[1].frame = 999;
+  CHECK(tracker.set_half_spaces(bad) == "half-space 1: a plane's frame does not exist");
+  bad[1] = plane;
+  bad[1].normal = Vec(0, 0, 2);
+  CHECK(tracker.set_half_spaces(bad) == "half-space 1: a plane's normal is not a unit vector");
+  bad.assign(65, plane);
+  CHECK(tracker.set_half_spaces(bad) == "65 half-spaces, at most 64");
+  for (int i = 1; i <= 5; ++i)
     (void)tracker.track(targets_at(tracker, Vec(0, 0, -0.001)), 0.02, drive);
-  Vec now;
   tracker.pose(2, R, now);
   CHECK(now.z() > middle.z() - 0.0021);
 }

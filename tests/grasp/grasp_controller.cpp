@@ -181,6 +181,7 @@ TEST_CASE("a hand opens whatever came before, and only once", "[grasp]") {
       felt[0].normal_force = kNan;
       const auto bad = controller.update(0.02, hand.world.hand(0), felt, hand.world.drive(0));
       CHECK(bad.fault == GraspFault::BadInput);
+      CHECK(controller.describe(bad) == "a force that a finger feels is not finite");
     }
     for (int i = 0; i < 3; ++i) (void)hand.step(controller);
     CHECK(hand.touches()[0].contacts > 0);
@@ -322,6 +323,62 @@ TEST_CASE("a grasp without keyframes goes on with what is held", "[grasp]") {
   CHECK(hand.touches()[0].normal_force == Approx(5).epsilon(0.3));
 }
 
+TEST_CASE("a grasp that goes on holds what the load needs, and says what is lost", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  (void)take(hand, controller);
+  // What a sheet of 3 N on each finger would let them feel.
+  std::array<PadTouch<double>, 2> heavy{};
+  for (auto& t : heavy) {
+    t.normal_force = 7.5;
+    t.tangential_force = 3;
+    t.contacts = 6;
+  }
+  const auto feel = [&](const std::array<PadTouch<double>, 2>& felt) {
+    HandState<double> state = hand.world.hand(0);
+    state.positions = controller.tracker().positions();
+    return controller.update(0.02, state, felt, hand.world.drive(0));
+  };
+  REQUIRE(controller.set_load(0, Vec(0, 0, 3)));
+  GraspReport<double> report = feel(heavy);
+  CHECK(report.wanted_force == Approx(7.5));  // 1.5 · 3 N / 0.6
+  report = feel(heavy);
+  const VectorX<double> torque = hand.world.drive(0).torque;
+  Grasp<double> same = hand.grasp;
+  same.keyframes.clear();
+  REQUIRE(controller.begin(same) == "");
+  report = feel(heavy);
+  CHECK(report.phase == GraspPhase::Close);
+  CHECK(report.wanted_force == Approx(7.5));
+  CHECK((hand.world.drive(0).torque - torque).norm() < 0.05 * torque.norm());
+  // Fingers that have had the sheet and no longer do.
+  for (int i = 0; i < 300 && report.phase == GraspPhase::Close; ++i) report = feel({});
+  CHECK(report.fault == GraspFault::Lost);
+}
+
+TEST_CASE("a finger that is not firm does not slide because another one does", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  Grasp<double> grasp = hand.grasp;
+  grasp.together = false;
+  REQUIRE(controller.begin(grasp) == "");
+  std::array<PadTouch<double>, 2> felt{};
+  for (auto& t : felt) {
+    t.normal_force = 1;
+    t.contacts = 6;
+  }
+  felt[1].normal_force = 3;
+  felt[1].sliding = 6;
+  HandState<double> state = hand.world.hand(0);
+  GraspReport<double> report;
+  for (int i = 0; i < 300 && report.phase != GraspPhase::Failed; ++i) {
+    state.positions = controller.tracker().positions();
+    report = controller.update(0.02, state, felt, hand.world.drive(0));
+  }
+  CHECK(controller.describe(report) ==
+        "finger 0 (thumb) did not hold firmly in time: 1 N of 3 N, 6 contacts stick");
+}
+
 TEST_CASE("a grasp that is not there, or not firm, says why", "[grasp]") {
   PinchingHand hand(9);
   GraspController<Hand34> controller = hand.controller();
@@ -388,6 +445,32 @@ TEST_CASE("fingers that close each by themselves meet their own forces", "[grasp
   CHECK(felt[1].normal_force == Approx(3).epsilon(0.25));
 }
 
+TEST_CASE("a hand that has opened retreats, and the sheet is free", "[grasp]") {
+  PinchingHand hand(9);
+  GraspController<Hand34> controller = hand.controller();
+  (void)take(hand, controller);
+  controller.release();
+  (void)run_through(hand, controller, GraspPhase::Open);
+  REQUIRE(controller.phase() == GraspPhase::Free);
+  Grasp<double> away;
+  away.keyframes = {hand.poses.wait};
+  REQUIRE(controller.begin(away) == "");
+  CHECK(controller.phase() == GraspPhase::Approach);
+  const auto fingerless = [&] {
+    const auto report = controller.update(hand.dt, hand.world.hand(0), {}, hand.world.drive(0));
+    REQUIRE(hand.world.step(hand.dt).advanced);
+    return report;
+  };
+  for (int i = 0; i < 300 && controller.phase() == GraspPhase::Approach; ++i) (void)fingerless();
+  CHECK(controller.phase() == GraspPhase::Free);
+  for (int i = 0; i < 50; ++i) (void)fingerless();
+  CHECK((hand.world.hand(0).positions - hand.poses.wait).norm() < 0.02);
+  CHECK(hand.world.hand(0).velocities.norm() < 0.02);
+  // Nothing holds what fell from between the fingertips.
+  CHECK(hand.world.state(0).positions.row(2).maxCoeff() < hand.at.z() - 0.5);
+  CHECK_FALSE(controller.move_to(Matrix3<double>::Identity(), Vec::Zero()));
+}
+
 TEST_CASE("bad grasps and measurements are refused in words, and nothing changes", "[grasp]") {
   PinchingHand hand(9);
   GraspController<Hand34> controller = hand.controller();
@@ -398,7 +481,10 @@ TEST_CASE("bad grasps and measurements are refused in words, and nothing changes
     CHECK(controller.phase() == GraspPhase::Free);
     return message;
   };
-  CHECK(refused([](auto& g) { g.fingers.clear(); }) == "the grasp has no fingers");
+  CHECK(refused([](auto& g) {
+          g.fingers.clear();
+          g.keyframes.clear();
+        }) == "the grasp has neither fingers nor keyframes");
   CHECK(refused([](auto& g) { g.fingers[1].finger = 7; }) ==
         "finger 1 of the grasp is finger 7 of a hand of 5");
   CHECK(refused([](auto& g) { g.fingers[1].finger = 0; }) ==

@@ -1,6 +1,7 @@
 #include "clothctl/grasp/grasp_sequence.hpp"
 
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "clothctl/cloth/mass_spring_response.hpp"
@@ -169,6 +170,49 @@ TEST_CASE("the caller may end a contact phase, and choose the next", "[grasp]") 
   CHECK(sequence.begin_phase(0).empty());
   CHECK(step(hand, sequence).phase == GraspPhase::Approach);
   CHECK(!sequence.done());
+}
+
+TEST_CASE("a phase that the caller begins is told by the next update", "[grasp]") {
+  PinchingHand hand(9);
+  auto controller = hand.controller();
+  Grasp<double> harder = hand.grasp;
+  harder.force = 4;
+  harder.keyframes.clear();
+  const double infinity = std::numeric_limits<double>::infinity();
+  auto sequence =
+      Sequence::create(controller, {phase_of(hand.grasp, infinity, false), phase_of(harder, 0.2)})
+          .value();
+  std::vector<int> begun;
+  for (int i = 0; i < 300 && sequence.phase() < 1; ++i) {
+    (void)step(hand, sequence);
+    if (sequence.began()) begun.push_back(sequence.phase());
+    if (controller.phase() == GraspPhase::Hold) CHECK(sequence.end_phase());
+  }
+  for (int i = 0; i < 3; ++i) {
+    (void)step(hand, sequence);
+    if (sequence.began()) begun.push_back(sequence.phase());
+  }
+  CHECK(begun == std::vector<int>{0, 1});
+}
+
+TEST_CASE("a contact phase without fingers takes the hand away", "[grasp]") {
+  PinchingHand hand(9);
+  auto controller = hand.controller();
+  Grasp<double> away;
+  away.keyframes = {hand.poses.wait};
+  Grasp<double> again = hand.grasp;
+  auto sequence = Sequence::create(controller, {phase_of(hand.grasp, 0.1), phase_of(away, 0),
+                                                phase_of(again, 0.1)})
+                      .value();
+  std::vector<int> begun;
+  for (int i = 0; i < 800 && !sequence.done() && sequence.fault().empty(); ++i) {
+    const auto report = step(hand, sequence);
+    REQUIRE(report.phase != GraspPhase::Failed);
+    if (sequence.began()) begun.push_back(sequence.phase());
+  }
+  CHECK(begun == std::vector<int>{0, 1, 2});
+  CHECK(sequence.done());
+  CHECK(controller.phase() == GraspPhase::Free);
 }
 
 TEST_CASE("contact phases that cannot be are refused with words", "[grasp]") {

@@ -47,7 +47,9 @@ TEST_CASE("phases and faults have names, and only failures have words", "[grasp]
   report.finger_contacts = 2;
   CHECK(describe_fault(report, "finger 1 (index)") ==
         "finger 1 (index) did not hold firmly in time: 0.25 N of 3 N, 2 contacts stick");
-  report.slides = true;
+  report.slides = true;  // another finger
+  CHECK(describe_fault(report, "finger 1 (index)").ends_with("2 contacts stick"));
+  report.finger_slides = true;
   CHECK(describe_fault(report, "finger 1 (index)") ==
         "finger 1 (index) did not hold firmly in time: 0.25 N of 3 N, 2 contacts stick, and it "
         "slides");

@@ -105,6 +105,7 @@ TEST_CASE("the parts of a hand in a world are where it says", "[grasp]") {
 
 TEST_CASE("bad geometry is refused in words", "[grasp]") {
   PinchingHand hand(5);
+  const int obstacles = hand.world.obstacle_count(), pads = hand.world.pad_count();
   const auto refused = [&](auto change, const HandSurface<double>& surface = {}) {
     HandGeometry<double> bad = hand.geometry;
     change(bad);
@@ -127,5 +128,17 @@ TEST_CASE("bad geometry is refused in words", "[grasp]") {
   surface.with_pads.clear();
   surface.samples.radius = std::nan("");
   CHECK(refused([](auto&) {}, surface).find("the pad of finger thumb has the radius nan") == 0);
-  CHECK(add_hand_geometry<double>(hand.world, 7, hand.geometry).error().find("capsule 0: ") == 0);
+  CHECK(add_hand_geometry<double>(hand.world, 7, hand.geometry).error() ==
+        "capsule 0: no hand 7 (there are 1)");
+  surface = {};
+  surface.pad.friction = -1;
+  CHECK(refused([](auto&) {}, surface).find("finger thumb: the pad has ") == 0);
+  surface = {};
+  surface.links.friction = -1;
+  CHECK(refused([](auto&) {}, surface).find("capsule 0: ") == 0);
+  CHECK(refused([](auto& g) { g.capsules.back().frame = 999; }).find(" has no frame 999") !=
+        std::string::npos);
+  // What was refused is not there in part.
+  CHECK(hand.world.obstacle_count() == obstacles);
+  CHECK(hand.world.pad_count() == pads);
 }

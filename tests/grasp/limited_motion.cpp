@@ -36,6 +36,7 @@ TEST_CASE("a motion goes straight to where it shall be, at most at its speeds", 
     REQUIRE(++steps < 100);
   }
   CHECK(steps == 34);  // 1 rad at 0.03 takes longer than 0.22 m at 0.01
+  CHECK(!motion.move_to(R, Vec(1e200, 0, 0)));
   motion.reset();
   CHECK(motion.at(middle) == middle);
 }

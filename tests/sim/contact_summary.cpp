@@ -8,6 +8,7 @@
 
 #include "support/catch.hpp"
 #include "support/pads.hpp"
+#include "support/sheet_on_obstacles.hpp"
 
 using namespace clothctl;
 using namespace clothctl_test;
@@ -26,6 +27,32 @@ TEST_CASE("outer forces are those that balance the weight of a held sheet", "[si
   f.setZero();
   add_contact_forces<double>(held.world, 0, 0.02, except, f);
   CHECK(f.row(1).sum() == Approx(-3).epsilon(0.01));
+}
+
+TEST_CASE("what bears a sheet at rest is its weight, however steps are divided", "[sim]") {
+  for (const int parts : {1, 4}) {
+    World<double> world;
+    const SpringNetwork<double> network = level_sheet<double>(9);
+    MassSpring<double> model = MassSpring<double>::create(network).value();
+    ClothState<double> state = model.rest_state();
+    state.positions.row(2).setConstant(1e-3);
+    WorldSheetSetup<double> setup;
+    setup.substeps = parts;
+    (void)world.add_sheet(std::move(model), std::move(state), setup).value();
+    using Vec = Vector3<double>;
+    (void)world.add_obstacle(PlaneCollider<double>::create(Vec::Zero(), Vec(0, 0, 1)).value())
+        .value();
+    CHECK(world.last_part() == 0);
+    for (int i = 0; i < 100; ++i) {
+      const auto report = world.step(0.02);
+      REQUIRE(report.advanced);
+      CHECK(report.parts == parts);
+    }
+    CHECK(world.last_part() == Approx(0.02 / parts));
+    Points<double> f = Points<double>::Zero(3, 81);
+    add_contact_forces<double>(world, 0, 0.02, {}, f);
+    CHECK(f.row(2).sum() == Approx(9.81 * network.mass.sum()).epsilon(1e-3));
+  }
 }
 
 TEST_CASE("static contacts are the vertices at a finger, each once", "[sim]") {
@@ -49,6 +76,7 @@ TEST_CASE("a pad feels what presses it, what pulls it, and whether it slides", "
   GrippedSheet held(9, 3);
   PadTouch<double> before = pad_touch(held.world, 0, 0.02);
   CHECK(before.contacts == 0);
+  for (const int none : {-1, 2}) CHECK(pad_touch(held.world, none, 0.02).contacts == 0);
   for (int i = 0; i < 300; ++i) REQUIRE(held.world.step(0.02).advanced);
   double pull = 0;
   for (int pad = 0; pad < 2; ++pad) {

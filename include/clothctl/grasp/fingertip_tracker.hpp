@@ -95,10 +95,9 @@ class FingertipTracker {
   /// Sets the posture (nq) that joints go to where the fingertips leave them free. Returns false,
   /// and changes nothing, when it is of another size or not finite.
   [[nodiscard]] bool set_posture(const VectorX<Scalar>& q);
-  /// Sets the half-spaces that points of the hand shall stay in, at most 64. Allocates.
-  void set_half_spaces(std::span<const HalfSpace<Scalar>> planes) {
-    planes_.assign(planes.begin(), planes.end());
-  }
+  /// Sets the half-spaces that points of the hand shall stay in, at most 64. Returns an empty
+  /// string, or what is wrong, with the number of the half-space; nothing changes then. Allocates.
+  [[nodiscard]] std::string set_half_spaces(std::span<const HalfSpace<Scalar>> planes);
 
   /// Moves the positions so that the fingertips are at their targets (at most one for a finger),
   /// and writes what drives the hand there within `dt` (s). Never allocates, but with half-spaces
@@ -178,6 +177,7 @@ class FingertipTracker {
   PrioritisedIk<Model, Scalar> ik_;
   ConstrainedIk<Model, ActiveSet<Scalar>, Scalar> constrained_;
   std::vector<IkTask<Scalar>> tasks_;
+  static constexpr int kMostPlanes = 64;
   std::vector<HalfSpace<Scalar>> planes_;
   std::vector<bool> carries_;  // of each velocity coordinate: moves all fingers as one body
   VectorX<Scalar> q_, found_, posture_, reference_, qd_, next_, step_, still_, torque_, effort_;
@@ -193,7 +193,8 @@ requires ArticulatedDynamics<Model, Scalar> FingertipTracker<Model, Scalar>::Fin
       settings_(settings),
       work_(Traits::make_workspace(model)),
       ik_(model, 2 * static_cast<int>(fingers_.size()), 1, ik_settings(settings)),
-      constrained_(model, 2 * static_cast<int>(fingers_.size()), 64, ik_settings(settings)) {
+      constrained_(model, 2 * static_cast<int>(fingers_.size()), kMostPlanes,
+                   ik_settings(settings)) {
   const Index nq = Traits::nq(model), nv = Traits::nv(model);
   q_ = found_ = posture_ = reference_ = VectorX<Scalar>::Constant(nq, Scalar(0));
   qd_ = next_ = step_ = still_ = torque_ = effort_ = VectorX<Scalar>::Constant(nv, Scalar(0));
@@ -270,6 +271,19 @@ bool FingertipTracker<Model, Scalar>::set_posture(const VectorX<Scalar>& q) {
   if (q.size() != q_.size() || !all_finite(q)) return false;
   posture_ = q;
   return true;
+}
+
+template <class Model, RealScalar Scalar>
+requires ArticulatedDynamics<Model, Scalar> std::string
+FingertipTracker<Model, Scalar>::set_half_spaces(std::span<const HalfSpace<Scalar>> planes) {
+  if (planes.size() > kMostPlanes)
+    return std::to_string(planes.size()) + " half-spaces, at most " + std::to_string(kMostPlanes);
+  for (std::size_t i = 0; i < planes.size(); ++i) {
+    if (const auto bad = detail::find_bad_plane(*model_, planes[i]); !bad.empty())
+      return "half-space " + std::to_string(i) + ": " + std::string(bad);
+  }
+  planes_.assign(planes.begin(), planes.end());
+  return {};
 }
 
 template <class Model, RealScalar Scalar>

@@ -21,10 +21,12 @@
 //
 // Reference: [Bai 2016], section 5.
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -121,17 +123,7 @@ class GraspController {
  private:
   using Traits = articulated_traits<Model>;
 
-  /// A finger of the grasp on its way.
-  struct Tip {
-    Vector3<Scalar> place = Vector3<Scalar>::Constant(Scalar(0));
-    Vector3<Scalar> press = Vector3<Scalar>::Constant(Scalar(0));
-    Vector3<Scalar> load = Vector3<Scalar>::Constant(Scalar(0));
-    Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
-    detail::LimitedMotion<Scalar> motion = {};  // before that of the grasp
-    Scalar depth = Scalar(0);
-    int missed = 0;  // steps without contact
-    bool touched = false;
-  };
+  using Tip = detail::GraspTip<Scalar>;
 
   GraspController(FingertipTracker<Model, Scalar> tracker, const GraspSettings<Scalar>& settings)
       : tracker_(std::move(tracker)), settings_(settings) {
@@ -164,8 +156,17 @@ class GraspController {
     motion_.advance(middle, way, turn);
     report.way_left = motion_.way_left();
     report.turn_left = motion_.turn_left();
+    for (const Tip& tip : tips_) {
+      report.way_left = std::max(report.way_left, tip.motion.way_left());
+      report.turn_left = std::max(report.turn_left, tip.motion.turn_left());
+    }
   }
   void send(const Scalar& dt, HandDrive<Scalar>& drive, GraspReport<Scalar>& report);
+  void refuse(std::string_view bad) {
+    if (bad.empty() || phase_ == GraspPhase::Failed) return;
+    fail(GraspFault::BadInput, -1);
+    bad_input_ = bad;
+  }
   void fail(GraspFault fault, int finger) {
     phase_ = GraspPhase::Failed;
     fault_ = fault;
@@ -183,10 +184,12 @@ class GraspController {
   detail::GripForce<Scalar> force_;
   GraspPhase phase_ = GraspPhase::Free;
   GraspFault fault_ = GraspFault::Nothing;
+  std::string_view bad_input_;
   int fault_finger_ = -1;
   Scalar time_ = Scalar(0), opened_ = Scalar(0);
   int firm_ = 0;
   bool closed_ = false;          // fingertips have begun to close and have not opened
+  bool goes_on_ = false;         // they began with what the hand held
   bool arrives_ = false;         // they begin to close where the keyframes ended
   GraspReport<Scalar> failure_;  // of the step that failed
 };
@@ -234,16 +237,22 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
   if (!goes_on) {
     if (std::string bad = plan_way(grasp); !bad.empty()) return bad;
   }
+  std::vector<Tip> tips(grasp.fingers.size());
+  for (std::size_t i = 0; goes_on && i < tips.size() * tips_.size(); ++i) {
+    const std::size_t from = i / tips.size(), to = i % tips.size();
+    if (grasp_.fingers[from].finger == grasp.fingers[to].finger) tips[to].load = tips_[from].load;
+  }
   grasp_ = std::move(grasp);
-  tips_.assign(grasp_.fingers.size(), Tip());
+  tips_ = std::move(tips);
   targets_.assign(grasp_.fingers.size(), FingertipTarget<Scalar>());
   phase_ = GraspPhase::Approach;
   closed_ = arrives_ = false;
   fault_ = GraspFault::Nothing;
   fault_finger_ = -1;
-  force_.reset(tips_.size());
+  force_.reset(tips_.size(), goes_on);
   time_ = opened_ = Scalar(0);
   firm_ = 0;
+  goes_on_ = goes_on;
   if (goes_on) start_closing();
   return {};
 }
@@ -251,22 +260,12 @@ requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, S
 template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar> std::string GraspController<Model, Scalar>::plan_way(
     const Grasp<Scalar>& grasp) {
+  if (std::string bad =
+          grasp.find_bad_keyframe(Traits::lower(tracker_.model()), Traits::upper(tracker_.model()));
+      !bad.empty())
+    return bad;
   std::vector<VectorX<Scalar>> keys{tracker_.positions()};
-  for (std::size_t i = 0; i < grasp.keyframes.size(); ++i) {
-    if (grasp.keyframes[i].size() != keys[0].size() || !all_finite(grasp.keyframes[i]))
-      return "keyframe " + std::to_string(i) + " has " + std::to_string(grasp.keyframes[i].size()) +
-             " entries for " + std::to_string(keys[0].size()) +
-             " positions, or one that is not finite";
-    const VectorX<Scalar> low = Traits::lower(tracker_.model()),
-                          high = Traits::upper(tracker_.model());
-    for (Index k = 0; k < low.size(); ++k) {
-      if (!(grasp.keyframes[i][k] < low[k]) && !(high[k] < grasp.keyframes[i][k])) continue;
-      return "keyframe " + std::to_string(i) + " is " + number_text(grasp.keyframes[i][k]) +
-             " at position " + std::to_string(k) + ", beyond its limits " + number_text(low[k]) +
-             " and " + number_text(high[k]);
-    }
-    keys.push_back(grasp.keyframes[i]);
-  }
+  keys.insert(keys.end(), grasp.keyframes.begin(), grasp.keyframes.end());
   const VectorX<Scalar> limits =
       VectorX<Scalar>::Constant(keys[0].size(), settings_.approach_speed);
   auto timed = time_keyframes<Scalar>(std::move(keys), limits, Scalar(0));
@@ -283,15 +282,9 @@ requires ArticulatedDynamics<Model, Scalar> GraspReport<Scalar>
 GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>& hand,
                                        std::span<const Touch> touches, HandDrive<Scalar>& drive) {
   GraspReport<Scalar> report;
-  bool good = hand.positions.size() == q_.size() &&
-              hand.velocities.size() == Traits::nv(tracker_.model()) &&
-              all_finite(hand.positions) && all_finite(hand.velocities) && is_finite(dt) &&
-              Scalar(0) < dt;
-  const bool failed = phase_ == GraspPhase::Failed;
-  if (!failed && phase_ != GraspPhase::Free) good = good && touches.size() == grasp_.fingers.size();
-  for (const Touch& t : touches)
-    good = good && is_finite(t.normal_force) && is_finite(t.tangential_force);
-  if (!good && !failed) fail(GraspFault::BadInput, -1);
+  const bool failed = phase_ == GraspPhase::Failed, idle = failed || phase_ == GraspPhase::Free;
+  refuse(detail::find_bad_reading<Scalar>(dt, hand, q_.size(), Traits::nv(tracker_.model()),
+                                          touches, idle ? touches.size() : grasp_.fingers.size()));
   switch (phase_) {
     case GraspPhase::Free:
     case GraspPhase::Failed: break;
@@ -321,6 +314,7 @@ GraspController<Model, Scalar>::update(const Scalar& dt, const HandState<Scalar>
   }
   report.phase = phase_;
   report.fault = fault_;
+  if (fault_ == GraspFault::BadInput) report.bad_input = bad_input_;
   report.finger = fault_finger_;
   report.slips = force_.slips();
   return report;
@@ -332,10 +326,13 @@ void GraspController<Model, Scalar>::approach(const Scalar& dt, HandDrive<Scalar
   time_ += dt;
   path_.front().sample(time_, q_, qd_);
   if (!tracker_.move_to(q_, dt, drive)) {
-    fail(GraspFault::BadInput, -1);
+    refuse("the drive is not that of this hand");
   } else if (!(time_ < path_.front().end_time())) {
     start_closing();
     arrives_ = true;
+    if (!tips_.empty()) return;
+    phase_ = GraspPhase::Free;
+    closed_ = false;
   }
 }
 
@@ -371,7 +368,8 @@ template <class Model, RealScalar Scalar>
 requires ArticulatedDynamics<Model, Scalar>
 void GraspController<Model, Scalar>::press(const Scalar& dt, std::span<const Touch> touches,
                                            GraspReport<Scalar>& report) {
-  force_.update(settings_, grasp_.force, phase_ == GraspPhase::Hold, dt, touches, report);
+  const bool holds = phase_ == GraspPhase::Hold || goes_on_;
+  force_.update(settings_, grasp_.force, holds, dt, touches, report);
   for (std::size_t i = 0; i < tips_.size(); ++i) {
     const Scalar felt = grasp_.together ? report.mean_force : touches[i].normal_force;
     Scalar& depth = tips_[i].depth;
@@ -400,6 +398,7 @@ void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandS
       worst = static_cast<int>(i);
       report.finger_force = felt;
       report.finger_contacts = t.contacts - t.sliding;
+      report.finger_slides = t.contacts < 2 * t.sliding;
     }
     firm = firm && good;
   }
@@ -416,7 +415,8 @@ void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandS
     fail(GraspFault::NoTouch, static_cast<int>(i));
     return;
   }
-  fail(GraspFault::NotFirm, worst);
+  const bool lost = goes_on_ && touches[static_cast<std::size_t>(std::max(worst, 0))].contacts == 0;
+  fail(lost ? GraspFault::Lost : GraspFault::NotFirm, worst);
 }
 
 template <class Model, RealScalar Scalar>
@@ -454,7 +454,7 @@ void GraspController<Model, Scalar>::send(const Scalar& dt, HandDrive<Scalar>& d
   }
   const IkReport<Scalar> found = tracker_.track(targets_, dt, drive);
   report.ik_error = found.error;
-  if (found.status == IkStatus::InvalidInput) fail(GraspFault::BadInput, -1);
+  if (found.status == IkStatus::InvalidInput) refuse(found.message);
 }
 
 template <class Model, RealScalar Scalar>

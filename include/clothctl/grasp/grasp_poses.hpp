@@ -144,7 +144,7 @@ std::string find_bad_grasp(const Model& model, std::span<const FingerPad<Scalar>
                            const VectorX<Scalar>& pre_shape, const VectorX<Scalar>& grip) {
   const auto unit = [](const Vector3<Scalar>& v) {
     const Scalar square = v.squaredNorm();
-    return Scalar(0.98) < square && square < Scalar(1.02);  // false for NaN
+    return is_finite(square) && Scalar(0.98) < square && square < Scalar(1.02);
   };
   if (fingers.empty()) return "the hand has no finger pads";
   if (fingers.size() != contacts.size())

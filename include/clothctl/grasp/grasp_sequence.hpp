@@ -49,7 +49,7 @@ class GraspSequence {
       const ContactPhase<Scalar>& phase = phases[i];
       if (std::string bad = phase.grasp.find_bad_finger(count); !bad.empty())
         return Error{name + bad};
-      if (!(Scalar(0) <= phase.seconds))
+      if (!is_finite(phase.seconds) ? !is_unbounded(phase.seconds) : phase.seconds < Scalar(0))
         return Error{name + "lasts " + number_text(phase.seconds) + " s, must not be negative"};
       if (!phase.grasp.keyframes.empty()) continue;
       if (i == 0 ? controller.phase() != GraspPhase::Hold : phases[i - 1].release)
@@ -63,7 +63,9 @@ class GraspSequence {
   /// else does. After a failure the hand rests: `begin_phase` tries again.
   GraspReport<Scalar> update(const Scalar& dt, const HandState<Scalar>& hand,
                              std::span<const Touch> touches, HandDrive<Scalar>& drive) {
-    began_ = false;
+    // Where a grasp has no fingers, the phase is over when the hand has come to its last keyframe.
+    if (phase_ >= 0 && now().grasp.fingers.empty() && controller_->phase() == GraspPhase::Free)
+      ended_ = true;
     const bool next = phase_ < 0 || (opens() && controller_->phase() == GraspPhase::Free);
     if (next && fault_.empty() && !done()) (void)begin_phase(phase_ + 1);
     felt_.clear();
@@ -76,6 +78,7 @@ class GraspSequence {
       held_ += dt;
       if (!(held_ < now().seconds)) end_phase();
     }
+    began_ = std::exchange(begins_, false);
     return report;
   }
 
@@ -101,7 +104,7 @@ class GraspSequence {
     phase_ = number;
     held_ = Scalar(0);
     ended_ = false;
-    began_ = true;
+    begins_ = true;
     return {};
   }
 
@@ -109,14 +112,14 @@ class GraspSequence {
   int phase() const { return phase_; }
   /// The number of phases.
   int phase_count() const { return static_cast<int>(phases_.size()); }
-  /// Whether the last update began a phase.
+  /// Whether a phase began in the last update, or between it and the update before.
   bool began() const { return began_; }
   /// How long this phase has held, s.
   const Scalar& held() const { return held_; }
   /// Whether the last phase is over and, where it opens the hand, the hand is open.
   bool done() const {
     return ended_ && phase_ + 1 == phase_count() &&
-           (!now().release || controller_->phase() == GraspPhase::Free);
+           (!opens() || controller_->phase() == GraspPhase::Free);
   }
   /// Why a phase could not begin; empty if all is well. No other begins by itself then, until
   /// `begin_phase` has begun one. What fails within a phase is in the report.
@@ -129,7 +132,7 @@ class GraspSequence {
     felt_.reserve(fingers);
   }
   /// Whether the phase is over and the hand opens, or has opened.
-  bool opens() const { return ended_ && now().release; }
+  bool opens() const { return ended_ && (now().release || now().grasp.fingers.empty()); }
   const ContactPhase<Scalar>& now() const { return phases_[static_cast<std::size_t>(phase_)]; }
 
   Controller* controller_;
@@ -139,6 +142,7 @@ class GraspSequence {
   int phase_ = -1;
   Scalar held_ = Scalar(0);
   bool ended_ = false, began_ = false;  // the phase; in the last update
+  bool begins_ = false;                 // since the last update
 };
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).

@@ -100,7 +100,8 @@ struct GraspFinger {
 /// One grasp.
 template <RealScalar Scalar>
 struct Grasp {
-  /// Its fingers.
+  /// Its fingers. None: the hand only goes through the keyframes and is free again, to retreat
+  /// after it has opened.
   std::vector<GraspFinger<Scalar>> fingers;
   /// Joint positions (nq each) to go through; the fingertips touch at the last of them, which is
   /// the posture of the fingers from then on. Empty: goes on with what the hand holds.
@@ -114,7 +115,7 @@ struct Grasp {
 
   /// Returns an empty string, or what is wrong with the fingers for a hand of `count` fingers.
   std::string find_bad_finger(int count) const {
-    if (fingers.empty()) return "the grasp has no fingers";
+    if (fingers.empty() && keyframes.empty()) return "the grasp has neither fingers nor keyframes";
     for (std::size_t i = 0; i < fingers.size(); ++i) {
       const GraspFinger<Scalar>& f = fingers[i];
       const std::string name = "finger " + std::to_string(i) + " of the grasp ";
@@ -127,8 +128,25 @@ struct Grasp {
                  std::to_string(j) + " is";
       }
       const Scalar square = f.press.squaredNorm();
-      if (!(Scalar(0.98) < square && square < Scalar(1.02)))
+      if (!is_finite(square) || square < Scalar(0.98) || Scalar(1.02) < square)
         return name + "has a direction to press that is not a unit vector";
+    }
+    return {};
+  }
+  /// Returns an empty string, or which keyframe is of another size than `lower` and `upper` (nq),
+  /// not finite, or beyond them, and where.
+  std::string find_bad_keyframe(const VectorX<Scalar>& lower, const VectorX<Scalar>& upper) const {
+    for (std::size_t i = 0; i < keyframes.size(); ++i) {
+      const VectorX<Scalar>& q = keyframes[i];
+      const std::string name = "keyframe " + std::to_string(i);
+      if (q.size() != lower.size() || !all_finite(q))
+        return name + " has " + std::to_string(q.size()) + " entries for " +
+               std::to_string(lower.size()) + " positions, or one that is not finite";
+      for (Index k = 0; k < q.size(); ++k) {
+        if (!(q[k] < lower[k]) && !(upper[k] < q[k])) continue;
+        return name + " is " + number_text(q[k]) + " at position " + std::to_string(k) +
+               ", beyond its limits " + number_text(lower[k]) + " and " + number_text(upper[k]);
+      }
     }
     return {};
   }
@@ -205,8 +223,12 @@ struct GraspReport {
   /// While a grasp closes and with NotFirm, of the first finger that is not firm: the force by
   /// which it is judged, N (the mean of fingers that close together).
   Scalar finger_force = Scalar(0);
+  /// With BadInput: what is wrong.
+  std::string_view bad_input = {};
   /// How many contacts of that finger stick.
   int finger_contacts = 0;
+  /// Whether it slides: more than half of its contacts do.
+  bool finger_slides = false;
   /// The wanted normal force F*, N, and the measured ones: mean and least.
   Scalar wanted_force = Scalar(0), mean_force = Scalar(0), least_force = Scalar(0);
   /// Depth δ of the fingertips, m: the largest.
@@ -240,9 +262,9 @@ std::string describe_fault(const GraspReport<Scalar>& report, const std::string&
                " N";
       return who + " did not hold firmly in time: " + rounded_text(report.finger_force) + " N of " +
              rounded_text(report.wanted_force) + " N, " + std::to_string(report.finger_contacts) +
-             " contacts stick" + (report.slides ? ", and it slides" : "");
+             " contacts stick" + (report.finger_slides ? ", and it slides" : "");
     case GraspFault::Lost: return who + " lost the sheet";
-    case GraspFault::BadInput: return "the state of the hand or what its fingers feel is not valid";
+    case GraspFault::BadInput: return std::string(report.bad_input);
     case GraspFault::Nothing: break;
   }
   return {};

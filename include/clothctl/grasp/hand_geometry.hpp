@@ -200,8 +200,7 @@ struct HandSurface {
 
 /// Adds the shape of hand `hand` to a world: each capsule as an obstacle on its link, and the pads.
 /// Allocates. Fails when: the hand does not exist, a capsule or a pad is not valid, a finger with a
-/// pad has no capsule on its frame, or there are no fingers. The world then holds what was added
-/// before.
+/// pad has no capsule on its frame, or there are no fingers. The world is then as it was.
 template <RealScalar Scalar>
 Result<HandInWorld> add_hand_geometry(World<Scalar>& world, int hand,
                                       const HandGeometry<Scalar>& geometry,
@@ -211,40 +210,52 @@ Result<HandInWorld> add_hand_geometry(World<Scalar>& world, int hand,
   if (geometry.fingers.empty()) return Error{"the hand has no finger pads"};
   out.segments.assign(geometry.fingers.size(), -1);
   out.pads.assign(geometry.fingers.size(), -1);
+  // Everything is checked before anything is added.
+  std::vector<CapsuleCollider<Scalar>> shapes;
   for (std::size_t i = 0; i < geometry.capsules.size(); ++i) {
     const LinkCapsule<Scalar>& c = geometry.capsules[i];
+    const std::string name = "capsule " + std::to_string(i) + ": ";
     auto shape = CapsuleCollider<Scalar>::create(c.from, c.to, c.radius);
-    if (!shape) return Error{"capsule " + std::to_string(i) + ": " + shape.error()};
-    const auto added = world.add_link_shape(hand, c.frame, std::move(shape).value(), surface.links);
-    if (!added) return Error{"capsule " + std::to_string(i) + ": " + added.error()};
-    out.shapes.push_back(*added);
+    if (!shape) return Error{name + shape.error()};
+    if (std::string bad = world.check_link_shape(hand, c.frame, surface.links); !bad.empty())
+      return Error{name + bad};
+    shapes.push_back(std::move(shape).value());
   }
   std::vector<int> wanted = surface.with_pads;
   for (std::size_t f = 0; wanted.size() < geometry.fingers.size() && surface.with_pads.empty(); ++f)
     wanted.push_back(static_cast<int>(f));
+  std::vector<std::vector<PadSample<Scalar>>> samples;
   for (const int f : wanted) {
     if (f < 0 || static_cast<std::size_t>(f) >= geometry.fingers.size())
       return Error{"there is no finger " + std::to_string(f)};
     const FingerPad<Scalar>& finger = geometry.fingers[static_cast<std::size_t>(f)];
-    if (out.pads[static_cast<std::size_t>(f)] >= 0)
-      return Error{"finger " + finger.name + " gets two pads"};
+    int& segment = out.segments[static_cast<std::size_t>(f)];
+    if (segment >= 0) return Error{"finger " + finger.name + " gets two pads"};
     Scalar least = scalar_traits<Scalar>::infinity();
-    int carrier = -1;
     for (std::size_t i = 0; i < geometry.capsules.size(); ++i) {
       const LinkCapsule<Scalar>& c = geometry.capsules[i];
       const Scalar far_away =
           detail::offset_from_segment<Scalar>(c.from, c.to, finger.point).squaredNorm();
       if (c.frame != finger.frame || !(far_away < least)) continue;
       least = far_away;
-      carrier = out.shapes[i];
+      segment = static_cast<int>(i);
     }
-    if (carrier < 0) return Error{"finger " + finger.name + " has no capsule on its frame"};
-    auto samples = fingertip_samples<Scalar>(finger, surface.samples);
-    if (!samples) return Error{samples.error()};
-    const auto pad = world.add_pad(carrier, std::move(samples).value(), surface.pad);
-    if (!pad) return Error{"finger " + finger.name + ": " + pad.error()};
-    out.segments[static_cast<std::size_t>(f)] = carrier;
-    out.pads[static_cast<std::size_t>(f)] = *pad;
+    if (segment < 0) return Error{"finger " + finger.name + " has no capsule on its frame"};
+    auto of_finger = fingertip_samples<Scalar>(finger, surface.samples);
+    if (!of_finger) return Error{of_finger.error()};
+    std::string bad = validate_pad_samples<Scalar>(*of_finger);
+    if (bad.empty()) bad = surface.pad.validate();
+    if (!bad.empty()) return Error{"finger " + finger.name + ": the pad has " + bad};
+    samples.push_back(std::move(of_finger).value());
+  }
+  for (std::size_t i = 0; i < shapes.size(); ++i)
+    out.shapes.push_back(
+        world.add_link_shape(hand, geometry.capsules[i].frame, std::move(shapes[i]), surface.links)
+            .value());
+  for (std::size_t k = 0; k < wanted.size(); ++k) {
+    const std::size_t f = static_cast<std::size_t>(wanted[k]);
+    out.segments[f] = out.shapes[static_cast<std::size_t>(out.segments[f])];
+    out.pads[f] = world.add_pad(out.segments[f], std::move(samples[k]), surface.pad).value();
   }
   return out;
 }

@@ -128,7 +128,7 @@ class KeyframePath {
   void sample(const Scalar& t, Eigen::Ref<VectorX<Scalar>> q,
               Eigen::Ref<VectorX<Scalar>> qd) const {
     assert(q.size() == size() && qd.size() == size());
-    const bool before = !(begin_time() < t);
+    const bool before = is_finite(t) ? !(begin_time() < t) : !(is_unbounded(t) && Scalar(0) < t);
     if (before || !(t < end_time())) {
       q = before ? keys_.front().positions : keys_.back().positions;
       qd.setConstant(Scalar(0));

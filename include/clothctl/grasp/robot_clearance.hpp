@@ -14,7 +14,9 @@
 // it, a clearance at q says that a whole neighbourhood of q is free (joint_path_planner.hpp).
 
 #include <cassert>
+#include <concepts>
 #include <cstddef>
+#include <limits>
 #include <span>
 #include <string>
 #include <utility>
@@ -162,8 +164,14 @@ class RobotClearance {
     return sqrt(x.squaredNorm());
   }
   static Scalar nan() {
-    return scalar_traits<Scalar>::infinity() - scalar_traits<Scalar>::infinity();
+    if constexpr (std::floating_point<Scalar>) {
+      return std::numeric_limits<Scalar>::quiet_NaN();
+    } else {
+      return scalar_traits<Scalar>::infinity() - scalar_traits<Scalar>::infinity();
+    }
   }
+
+  static bool is_nan(const Scalar& x) { return !is_finite(x) && !is_unbounded(x); }
 
   const Model* model_;
   typename Traits::workspace_type work_;
@@ -222,7 +230,7 @@ bool RobotClearance<Model, S>::lower(int capsule, Distance distance, Scalar& bes
     const Part part = open[--count];
     const Scalar middle = half * (part.from + part.to), reach = half * (part.to - part.from) * size;
     const Scalar there = distance(Vec(a + middle * along)) - radius;
-    if (!(there == there)) {
+    if (is_nan(there)) {
       best = there;
       return true;
     }
@@ -258,7 +266,7 @@ auto RobotClearance<Model, S>::closest(const VectorX<Scalar>& q) -> ClosestPart<
       if (!lower(static_cast<int>(i), distance, out.distance)) continue;
       out.capsule = static_cast<int>(i);
       out.obstacle = static_cast<int>(o);
-      if (!(out.distance == out.distance)) return out;
+      if (is_nan(out.distance)) return out;
     }
   }
   for (const auto& [i, j] : pairs_) {
@@ -327,7 +335,7 @@ Result<VectorX<Scalar>> joint_reach(const KinematicTree<Scalar>& tree,
       const Scalar low = abs(body.ratio * tree.lower()[body.position] + body.offset);
       const Scalar high = abs(body.ratio * tree.upper()[body.position] + body.offset);
       way += low < high ? high : low;
-      if (!is_finite(way))
+      if (!is_finite(way) || is_unbounded(way))
         return Error{"joint " + body.name + " slides without limits below another joint"};
     }
     lengthen(body.parent, way);

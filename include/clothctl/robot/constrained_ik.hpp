@@ -40,6 +40,22 @@ struct HalfSpace {
   Scalar offset = Scalar(0);
 };
 
+namespace detail {
+
+/// Returns what is wrong with a plane for a robot; empty if it is good.
+template <class Model, RealScalar Scalar>
+std::string_view find_bad_plane(const Model& model, const HalfSpace<Scalar>& plane) {
+  using std::abs;
+  if (!has_frame(model, plane.frame)) return "a plane's frame does not exist";
+  if (!all_finite(plane.point) || !all_finite(plane.normal) || !is_finite(plane.offset))
+    return "a plane's point, normal or offset holds NaN or an infinity";
+  if (!(abs(plane.normal.squaredNorm() - Scalar(1)) < Scalar(1e-3)))
+    return "a plane's normal is not a unit vector";
+  return {};
+}
+
+}  // namespace detail
+
 /// Inverse kinematics of one robot under planes, with a QP solver of the caller's choice, for
 /// instance `ActiveSet`.
 template <class Model, class Qp,
@@ -116,12 +132,8 @@ class ConstrainedIk {
     if (static_cast<Index>(planes.size()) > most_planes_)
       return "there are more planes than memory was made for";
     for (const HalfSpace<Scalar>& plane : planes) {
-      if (!detail::has_frame(model, plane.frame)) return "a plane's frame does not exist";
-      if (!all_finite(plane.point) || !all_finite(plane.normal) || !is_finite(plane.offset)) {
-        return "a plane's point, normal or offset holds NaN or an infinity";
-      }
-      if (!(abs(plane.normal.squaredNorm() - Scalar(1)) < Scalar(1e-3)))
-        return "a plane's normal is not a unit vector";
+      if (const std::string_view fault = detail::find_bad_plane(model, plane); !fault.empty())
+        return fault;
     }
     return problem_.validate(model, tasks, reference, q);
   }

@@ -15,39 +15,42 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
-/// Calls visit(vertex, weight, impulse, state) for each vertex of each contact of a sheet with a
-/// carrier for which `wanted(carrier)`; the impulse (N s) is that of the contact.
+/// Calls visit(vertex, weight, contact, time) for each vertex of each contact of a sheet with a
+/// carrier for which `wanted(carrier)`; the contact's impulse (N s) acted for `time` in the last
+/// step, of `dt` s.
 template <RealScalar Scalar, class Wanted, class Visit>
-void for_each_touched(const World<Scalar>& world, int sheet, Wanted wanted, Visit visit) {
-  const auto corners = [&](const auto& vertex, const auto& weight, const auto& contact) {
+void for_each_touched(const World<Scalar>& world, int sheet, const Scalar& dt, Wanted wanted,
+                      Visit visit) {
+  const auto corners = [&](const auto& vertex, const auto& weight, const auto& contact,
+                           const Scalar& time) {
     for (std::size_t k = 0; k < 3 && vertex[k] >= 0; ++k)
-      visit(vertex[k], weight[static_cast<Index>(k)], contact.impulse, contact.state);
+      visit(vertex[k], weight[static_cast<Index>(k)], contact, time);
   };
   for (const ObstacleContact<Scalar>& c : world.contacts(sheet)) {
     if (c.state != ContactState::Open && wanted(c.obstacle))
-      corners(c.point.vertex, c.point.weight, c);
+      corners(c.point.vertex, c.point.weight, c, world.last_part());
   }
   for (int pad = 0; pad < world.pad_count(); ++pad) {
     if (!wanted(world.pad_carrier(pad))) continue;
     for (const PadContact<Scalar>& c : world.pad_contacts(pad)) {
-      if (c.sheet == sheet && c.state != ContactState::Open) corners(c.vertex, c.weight, c);
+      if (c.sheet == sheet && c.state != ContactState::Open) corners(c.vertex, c.weight, c, dt);
     }
   }
 }
 
 }  // namespace detail
 
-/// Adds the forces (N) that obstacles, bodies and pads exerted on a sheet in the last step, of `dt`
-/// s in one part, to `forces` (3×vertices). `except` names obstacles, and bodies as -1 - b, whose
+/// Adds the forces (N) that obstacles, bodies and pads exerted on a sheet at the end of the last
+/// step, of `dt` s, to `forces` (3×vertices). `except` names obstacles, and bodies as -1 - b, whose
 /// forces do not count: those that are planned. Never allocates.
 template <RealScalar Scalar>
 void add_contact_forces(const World<Scalar>& world, int sheet, const Scalar& dt,
                         std::span<const int> except, Eigen::Ref<Points<Scalar>> forces) {
   detail::for_each_touched(
-      world, sheet,
+      world, sheet, dt,
       [&](int carrier) { return std::find(except.begin(), except.end(), carrier) == except.end(); },
-      [&](int v, const Scalar& weight, const Vector3<Scalar>& impulse, ContactState) {
-        forces.col(v) += (weight / dt) * impulse;
+      [&](int v, const Scalar& weight, const auto& contact, const Scalar& time) {
+        forces.col(v) += (weight / time) * contact.impulse;
       });
 }
 
@@ -58,9 +61,9 @@ template <RealScalar Scalar>
 void add_static_contacts(const World<Scalar>& world, int sheet, int carrier,
                          std::vector<int>& vertices) {
   detail::for_each_touched(
-      world, sheet, [&](int number) { return number == carrier; },
-      [&](int v, const Scalar& weight, const Vector3<Scalar>&, ContactState state) {
-        if (state != ContactState::Stick || weight < Scalar(0.2)) return;
+      world, sheet, Scalar(1), [&](int number) { return number == carrier; },
+      [&](int v, const Scalar& weight, const auto& contact, const Scalar&) {
+        if (contact.state != ContactState::Stick || weight < Scalar(0.2)) return;
         if (std::find(vertices.begin(), vertices.end(), v) == vertices.end()) vertices.push_back(v);
       });
 }
@@ -83,6 +86,7 @@ template <RealScalar Scalar, class Counts>
 PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt, Counts counts) {
   using std::sqrt;
   PadTouch<Scalar> out;
+  if (pad < 0 || world.pad_count() <= pad) return out;
   Vector3<Scalar> across = Vector3<Scalar>::Constant(Scalar(0));
   for (const PadContact<Scalar>& c : world.pad_contacts(pad)) {
     if (c.state == ContactState::Open || !counts(c)) continue;
@@ -98,7 +102,8 @@ PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt
 
 }  // namespace detail
 
-/// Returns what a pad felt in the last step, of `dt` s. Never allocates.
+/// Returns what a pad felt in the last step, of `dt` s: nothing where there is no such pad, such as
+/// -1 of a finger without one. Never allocates.
 template <RealScalar Scalar>
 PadTouch<Scalar> pad_touch(const World<Scalar>& world, int pad, const Scalar& dt) {
   return detail::pad_touch(world, pad, dt, [](const PadContact<Scalar>&) { return true; });

@@ -89,6 +89,9 @@ class World {
   Result<int> add_link_shape(int hand, int frame, C shape,
                              const ColliderSurface<Scalar>& surface = {},
                              const CollisionGroups& groups = {});
+  /// Returns an empty string, or why `add_link_shape` would refuse any shape there. Allocates.
+  std::string check_link_shape(int hand, int frame,
+                               const ColliderSurface<Scalar>& surface = {}) const;
   /// Adds a soft pad to an obstacle, or to body b with `carrier` -1 - b, and returns its number.
   /// Samples are in the frame of the carrier. What carries pads touches sheets with its pads only.
   /// Allocates. Fails when: the carrier does not exist, or samples or settings are not valid.
@@ -137,7 +140,7 @@ class World {
   /// Puts a hand elsewhere. Returns an empty string, or what is wrong (there is no such hand, a
   /// size or a value of the state); nothing changes then.
   std::string set_hand(int hand, const HandState<Scalar>& state);
-  /// The contacts of a pad in the last step (its last part).
+  /// The contacts of a pad in the last part of the last step, with their impulses in all of it.
   std::span<const PadContact<Scalar>> pad_contacts(int pad) const {
     return step_.grips.contacts(pad);
   }
@@ -155,6 +158,9 @@ class World {
   std::span<const ObstacleContact<Scalar>> contacts(int sheet) const {
     return item(step_.contacts, sheet);
   }
+  /// The length of the part of the last step that `contacts` and `torques` tell of, s: all of it
+  /// where the world did not divide it; 0 before any step.
+  const Scalar& last_part() const { return step_.last_part; }
   /// The motion of an obstacle.
   const RigidMotion<Scalar>& motion(int obstacle) const {
     return item(step_.parts.obstacles, obstacle)->motion();
@@ -257,15 +263,23 @@ template <Collider<S> C>
 Result<int> World<S>::add_link_shape(int hand, int frame, C shape,
                                      const ColliderSurface<Scalar>& surface,
                                      const CollisionGroups& groups) {
-  if (!has(step_.parts.hands, hand)) return Error{missing_item_line("hand", hand, hand_count())};
+  if (std::string bad = check_link_shape(hand, frame, surface); !bad.empty()) return Error{bad};
   detail::WorldHand<Scalar>& carrier = *item(step_.parts.hands, hand);
-  if (!carrier.has_frame(frame))
-    return Error{"hand " + std::to_string(hand) + " has no frame " + std::to_string(frame)};
   Result<int> added = add_obstacle(std::move(shape), carrier.frame_motion(frame), surface, groups);
   if (!added) return added;
   step_.parts.obstacles.back()->hand = hand;
   step_.parts.obstacles.back()->frame = frame;
   return added;
+}
+
+template <RealScalar S>
+std::string World<S>::check_link_shape(int hand, int frame,
+                                       const ColliderSurface<Scalar>& surface) const {
+  if (!has(step_.parts.hands, hand)) return missing_item_line("hand", hand, hand_count());
+  if (!item(step_.parts.hands, hand)->has_frame(frame))
+    return "hand " + std::to_string(hand) + " has no frame " + std::to_string(frame);
+  const std::string bad = surface.validate();
+  return bad.empty() ? bad : "obstacle " + std::to_string(obstacle_count()) + ": " + bad;
 }
 
 template <RealScalar S>

@@ -1,26 +1,66 @@
 #pragma once
 
 // With what force fingertips press, and how deep they go for it (grasp_controller.hpp). F* is what
-// is asked for, and while the hand holds, what the load needs: it rises at once to the margin times
-// |F_t| / μ, steadily while something slides, and falls with a time constant of 1 s. The depth of a
-// fingertip integrates the error of its force, δ' = (F* - F) / (k T).
+// is asked for, and while the hand holds something, what the load needs: it rises at once to the
+// margin times |F_t| / μ, steadily while something slides, and falls with a time constant of 1 s.
+// The depth of a fingertip integrates the error of its force, δ' = (F* - F) / (k T).
 
 #include <cstddef>
 #include <span>
+#include <string_view>
 #include <vector>
 
+#include "clothctl/grasp/detail/limited_motion.hpp"
 #include "clothctl/grasp/grasp_types.hpp"
 #include "clothctl/sim/contact_summary.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
+/// A finger of a grasp on its way.
+template <RealScalar Scalar>
+struct GraspTip {
+  /// Where it touched, its direction to press and its share of the load, at first (world).
+  Vector3<Scalar> place = Vector3<Scalar>::Constant(Scalar(0));
+  Vector3<Scalar> press = Vector3<Scalar>::Constant(Scalar(0));
+  Vector3<Scalar> load = Vector3<Scalar>::Constant(Scalar(0));
+  /// How it was turned.
+  Matrix3<Scalar> R = Matrix3<Scalar>::Identity();
+  /// Its own motion, before that of the grasp.
+  LimitedMotion<Scalar> motion = {};
+  /// How deep it is pressed, m.
+  Scalar depth = Scalar(0);
+  /// Steps without contact, and whether it has had one.
+  int missed = 0;
+  bool touched = false;
+};
+
+/// Returns what is wrong with a step of `dt` s, the state of a hand of `nq` positions and `nv`
+/// velocities, and what `fingers` fingers feel; empty if it is good.
+template <RealScalar Scalar>
+std::string_view find_bad_reading(const Scalar& dt, const HandState<Scalar>& hand, Index nq,
+                                  Index nv, std::span<const PadTouch<Scalar>> touches,
+                                  std::size_t fingers) {
+  if (!is_finite(dt) || !(Scalar(0) < dt)) return "the step length is not positive";
+  if (hand.positions.size() != nq || hand.velocities.size() != nv)
+    return "the state of the hand has another size";
+  if (!all_finite(hand.positions)) return "a position of the hand is not finite";
+  if (!all_finite(hand.velocities)) return "a velocity of the hand is not finite";
+  if (touches.size() != fingers) return "there is not one touch for each finger of the grasp";
+  for (const PadTouch<Scalar>& t : touches) {
+    if (!is_finite(t.normal_force) || !is_finite(t.tangential_force))
+      return "a force that a finger feels is not finite";
+  }
+  return {};
+}
+
 /// The force of one grasp.
 template <RealScalar Scalar>
 class GripForce {
  public:
-  /// Starts a grasp of `fingers` fingers. Allocates.
-  void reset(std::size_t fingers) {
-    raised_ = Scalar(0);
+  /// Starts a grasp of `fingers` fingers; `goes_on`: what the load needed before counts still.
+  /// Allocates.
+  void reset(std::size_t fingers, bool goes_on = false) {
+    if (!goes_on) raised_ = Scalar(0);
     slips_ = 0;
     slid_.assign(fingers, 0);
   }

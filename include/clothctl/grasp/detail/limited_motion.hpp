@@ -27,6 +27,9 @@ class LimitedMotion {
   /// Shall be at x -> R x + t. Returns false, and changes nothing, when that is no motion.
   bool move_to(const Matrix3<Scalar>& R, const Vector3<Scalar>& t) {
     if (!is_rotation<Scalar>(R, Scalar(1e-3)) || !all_finite(t)) return false;
+    for (Index i = 0; i < 3; ++i) {
+      if (is_unbounded(t[i])) return false;
+    }
     R_wanted_ = renewed(R);
     t_wanted_ = t;
     return true;

@@ -63,7 +63,8 @@ class WorldHand {
   virtual ImpulseResponseRef<Scalar> side() = 0;
   /// Takes the velocities of `side`.
   virtual void take_side() = 0;
-  /// Moves the joints. Returns false where they are no longer finite.
+  /// Moves the joints. Returns false where they are no longer finite, or faster than 1e4 (rad/s or
+  /// m/s).
   virtual bool finish(const Scalar& dt) = 0;
   /// Computes the frames at `state.positions`.
   virtual void update_frames() = 0;
@@ -180,6 +181,10 @@ class WorldHandOf : public WorldHand<Scalar> {
     step_ = dt * s.velocities;
     Traits::advance(model_, s.positions, step_, next_);
     if (!all_finite(next_) || !all_finite(s.velocities)) return false;
+    // Faster is no motion of a hand: forces of velocities then grow without bounds, step by step.
+    for (Index i = 0; i < s.velocities.size(); ++i) {
+      if (Scalar(1e4) < s.velocities[i] || s.velocities[i] < Scalar(-1e4)) return false;
+    }
     s.positions = next_;
     update_frames();
     return true;

@@ -41,6 +41,8 @@ class WorldStep {
   bool prepared = false;
   /// The contacts of each sheet in the last step.
   std::vector<std::vector<ObstacleContact<Scalar>>> contacts;
+  /// The length of the last part of that step, s; 0 before any.
+  Scalar last_part = Scalar(0);
 
  private:
   using Sheet = WorldSheet<Scalar>;
@@ -226,12 +228,13 @@ WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor)
   report.status = StepStatus::Converged;
   save();
   grips.begin();
-  Scalar left = dt;
+  Scalar left = dt, part = dt;
   for (int open = substeps_; 0 < open; ++report.parts) {
     // A sheet may have become faster in the last part.
     open = part_count(left, open, kMostParts - report.parts);
     // Driven vertices go an equal part of what is left of their way.
-    const Scalar share = Scalar(1) / Scalar(static_cast<double>(open)), part = left * share;
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(open));
+    part = left * share;
     if (!advance(part, share, executor, report)) {
       restore();
       report.advanced = false;
@@ -247,6 +250,7 @@ WorldReport<S> WorldStep<S>::step(const Scalar& dt, const ExecutorRef& executor)
     for (ObstacleContact<Scalar>& c : contacts[i])
       c.obstacle = parts.sheets[i]->obstacle_number[index(c.obstacle)];
   }
+  last_part = part;
   report.advanced = true;
   return report;
 }
