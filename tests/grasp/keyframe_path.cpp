@@ -66,6 +66,13 @@ Sample<Scalar> at(const KeyframePath<Scalar>& path, Scalar t) {
 
 constexpr KeyframeTangents kBoth[] = {KeyframeTangents::CatmullRom, KeyframeTangents::Monotone};
 
+/// Whether numbers below the normal ones are not flushed to zero, as -ffast-math does.
+template <class Scalar>
+bool keeps_tiny() {
+  volatile Scalar tiny = std::numeric_limits<Scalar>::denorm_min();
+  return tiny + tiny > 0;
+}
+
 }  // namespace
 
 TEMPLATE_TEST_CASE("a path passes through its keys and rests outside of them", "[keyframe_path]",
@@ -340,8 +347,10 @@ TEMPLATE_TEST_CASE("bad keys are refused with key and value", "[keyframe_path]",
         "key 1: expected 2 positions as in key 0, found 3");
   CHECK(error([&](auto& k) { k[2].positions[1] = nan; }) ==
         "key 2: position 1 is nan, expected a finite number");
-  CHECK(error([&](auto& k) { k[1].time = std::numeric_limits<Scalar>::denorm_min(); }) ==
-        "key 1: time " + clothctl::number_text(std::numeric_limits<Scalar>::denorm_min()) +
+  const Scalar tiny = std::numeric_limits<Scalar>::denorm_min();
+  if (!keeps_tiny<Scalar>()) return;
+  CHECK(error([&](auto& k) { k[1].time = tiny; }) ==
+        "key 1: time " + clothctl::number_text(tiny) +
             " is too close to the key before for its positions");
 }
 
@@ -379,7 +388,8 @@ TEMPLATE_TEST_CASE("bad input of time_keyframes is refused", "[keyframe_path]", 
   CHECK(error(other, limits, Scalar(0)) == "key 1: position 0 is inf, expected a finite number");
   other[1][0] = Scalar(2);
   limits[0] = std::numeric_limits<Scalar>::denorm_min();
-  CHECK(error(other, limits, Scalar(0)) == "key 1: time is inf, expected a finite number");
+  if (keeps_tiny<Scalar>())
+    CHECK(error(other, limits, Scalar(0)) == "key 1: time is inf, expected a finite number");
 }
 
 TEST_CASE("a path that stands still at its keys is straight between them", "[grasp]") {

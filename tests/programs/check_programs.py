@@ -953,6 +953,8 @@ def check_bad_input(programs, folder):
     bad("pads that do not reach", ["--force", "10 N"], "--force", 20, program=programs / "pinch")
     bad("fingers that weaken", ["--most-force"], "--most-force", 1,
         program=programs / "pinch_and_shake")
+    bad("patches of hands", ["--patch-size"], "--hands", "--cloth", 9, "--patch-size", 2)
+    bad("hands without friction", ["--friction"], "--hands", "--cloth", 9, "--friction", 0)
     bad("shake that no hand follows", ["--frequency", "5.027 m/s"], "--frequency", 10,
         program=programs / "pinch_and_shake")
     bad("sheet below the pads", ["--size", "0.05"], "--size", 0.02, program=programs / "pinch")
