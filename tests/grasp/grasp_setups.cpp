@@ -379,7 +379,10 @@ void spoil(Draw& draw, const Robot& robot, bool holds, Grasp<double>& grasp) {
   VectorX<double>& key = grasp.keyframes.back();
   const double numbers[] = {kNan, kInf, 0.0, -1.0, 1e9};
   switch (draw.whole(0, 7)) {
-    case 0: grasp.fingers.clear(); break;
+    case 0:
+      grasp.fingers.clear();
+      grasp.keyframes.clear();
+      break;
     case 1: grasp.fingers[0].finger = draw.chance(0.5) ? -1 : 99; break;
     case 2: grasp.fingers.push_back(grasp.fingers[0]); break;
     case 3: grasp.fingers[0].press *= draw.chance(0.5) ? kNan : 2.0; break;
@@ -517,6 +520,7 @@ void Watched::any_call(Draw& draw, const VectorX<double>& touch) {
       const bool bad = draw.chance(0.3);
       const GraspPhase before = controller.phase();
       if (bad) spoil(draw, robot, before == GraspPhase::Hold, grasp);
+      if (!bad && draw.chance(0.2)) grasp.fingers.clear();  // goes elsewhere
       const std::string words = controller.begin(grasp);
       out.note(words);
       out.refused_grasps += words.empty() ? 0 : 1;
