@@ -4,7 +4,6 @@
 // throws.
 
 #include <cassert>
-#include <cstdio>
 #include <cstdlib>
 #include <string>
 #include <utility>
@@ -20,16 +19,6 @@ struct Error {
   std::string message;
 };
 
-namespace detail {
-
-/// Writes why the program ends to the standard error stream, and ends it.
-[[noreturn]] inline void end_without_value(const std::string& message) {
-  std::fprintf(stderr, "clothctl: value() of a Result that is an error: %s\n", message.c_str());
-  std::abort();
-}
-
-}  // namespace detail
-
 /// A value of type T or an Error. Test `has_value()` (or the result itself as a bool) before you
 /// use the value. `value()` is checked in every build, `*` and `->` only where assertions are on.
 template <class T>
@@ -44,17 +33,17 @@ class [[nodiscard]] Result {
   bool has_value() const { return content_.index() == 0; }
   /// Returns true when this holds a value, false when it holds an error.
   explicit operator bool() const { return has_value(); }
-  /// Returns the value. Fails when: this holds an error; writes it and ends the program (abort).
+  /// Returns the value. Fails when: this holds an error; ends the program (abort).
   T& value() & {
     check();
     return **this;
   }
-  /// Returns the value. Fails when: this holds an error; writes it and ends the program (abort).
+  /// Returns the value. Fails when: this holds an error; ends the program (abort).
   const T& value() const& {
     check();
     return **this;
   }
-  /// Moves the value out. Fails when: this holds an error; writes it and ends the program (abort).
+  /// Moves the value out. Fails when: this holds an error; ends the program (abort).
   T&& value() && {
     check();
     return std::move(**this);
@@ -81,7 +70,8 @@ class [[nodiscard]] Result {
 
  private:
   void check() const {
-    if (!has_value()) detail::end_without_value(error());
+    assert(has_value());
+    if (!has_value()) std::abort();
   }
 
   std::variant<T, Error> content_;
