@@ -554,6 +554,9 @@ TEST_CASE("a grasp moves at most at its largest speeds", "[grasp]") {
   CHECK(report.turn_left == 0);
   controller.tracker().pose(0, R1, b);
   CHECK(rotation_log<double>(R1 * R_first.transpose()).norm() == Approx(1).epsilon(0.02));
+  // One finger alone is behind, too.
+  REQUIRE(controller.move_finger_by(0, Matrix3<double>::Identity(), Vec(0.02, 0, 0)));
+  CHECK(hand.step(controller).way_left == Approx(0.02 - 0.5 * 0.02));
 }
 
 // What is refused needs no hand of ours.

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cmath>
+#include <vector>
 
 #include "support/catch.hpp"
 
@@ -110,4 +111,29 @@ TEST_CASE("a fingertip against a spring ends at its force, within speed and dept
   CHECK(depth == settings.most_depth);
   for (int i = 0; i < 1000; ++i) depth = Force::deepen(settings, 1, 1e6, 0.02, depth);
   CHECK(depth == -settings.most_depth);
+}
+
+TEST_CASE("bad readings are named, each", "[grasp]") {
+  const HandState<double> good{VectorX<double>::Zero(3), VectorX<double>::Zero(2)};
+  const std::vector<PadTouch<double>> felt(2);
+  const auto bad = [&](double dt, const HandState<double>& hand,
+                       const std::vector<PadTouch<double>>& touches) {
+    return detail::find_bad_reading<double>(dt, hand, 3, 2, touches, 2);
+  };
+  CHECK(bad(0.02, good, felt) == "");
+  CHECK(bad(0, good, felt) == "the step length is not positive");
+  CHECK(bad(std::nan(""), good, felt) == "the step length is not positive");
+  HandState<double> hand = good;
+  hand.velocities.resize(3);
+  CHECK(bad(0.02, hand, felt) == "the state of the hand has another size");
+  hand = good;
+  hand.positions[2] = std::nan("");
+  CHECK(bad(0.02, hand, felt) == "a position of the hand is not finite");
+  hand = good;
+  hand.velocities[1] = std::nan("");
+  CHECK(bad(0.02, hand, felt) == "a velocity of the hand is not finite");
+  CHECK(bad(0.02, good, {felt[0]}) == "there is not one touch for each finger of the grasp");
+  auto spoilt = felt;
+  spoilt[1].tangential_force = std::nan("");
+  CHECK(bad(0.02, good, spoilt) == "a force that a finger feels is not finite");
 }

@@ -170,6 +170,7 @@ TEST_CASE("clearance with nothing to be near, and bad input", "[grasp]") {
   const double nan = std::nan("");
   auto one = Clearance::create(tree, {{0, Vec(0, 0, 0), Vec(0, 0, 0.1), 0.01}}).value();
   CHECK(is_unbounded(one(hand34_home(tree))));
+  CHECK(!is_finite(one(hand34_home(tree))));
   CHECK(one.closest(hand34_home(tree)).capsule == -1);
   const auto is_nan = [](double x) { return !is_finite(x) && !is_unbounded(x); };
   CHECK(is_nan(one(VectorX<double>::Constant(tree.nq(), nan))));

@@ -110,3 +110,19 @@ TEST_CASE("in the parts of a step the target moves with its velocity", "[sim]") 
   articulated_traits<Tree>::difference(tree, hand.state.positions, hand.drive.target, way);
   CHECK(way.norm() < 1e-4);
 }
+
+TEST_CASE("joints of absurd speed do not move on", "[sim]") {
+  RobotDraws draws(1);
+  const Tree tree = draws.tree<double>(8, false, false);
+  auto hand = make_hand(tree, draws);
+  const VectorX<double> q = hand.state.positions;
+  for (const double speed : {2e4, -2e4}) {
+    hand.state.velocities.setZero();
+    hand.state.velocities[3] = speed;
+    CHECK_FALSE(hand.finish(1e-6));
+    CHECK(hand.state.positions == q);
+  }
+  hand.state.velocities[3] = 0.9e4;
+  CHECK(hand.finish(1e-6));
+  CHECK(hand.state.positions != q);
+}

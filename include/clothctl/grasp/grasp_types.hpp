@@ -223,12 +223,12 @@ struct GraspReport {
   /// While a grasp closes and with NotFirm, of the first finger that is not firm: the force by
   /// which it is judged, N (the mean of fingers that close together).
   Scalar finger_force = Scalar(0);
-  /// With BadInput: what is wrong.
-  std::string_view bad_input = {};
   /// How many contacts of that finger stick.
   int finger_contacts = 0;
   /// Whether it slides: more than half of its contacts do.
   bool finger_slides = false;
+  /// With BadInput: what is wrong.
+  std::string_view bad_input = {};
   /// The wanted normal force F*, N, and the measured ones: mean and least.
   Scalar wanted_force = Scalar(0), mean_force = Scalar(0), least_force = Scalar(0);
   /// Depth δ of the fingertips, m: the largest.
