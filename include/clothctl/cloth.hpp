@@ -6,6 +6,7 @@
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/cloth/mass_spring_settings.hpp"
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/cloth/position_based.hpp"

@@ -2,6 +2,7 @@
 
 // Features, prediction over a window, condensed programs and the planner.
 
+#include "clothctl/mpc/coarse_predictor.hpp"
 #include "clothctl/mpc/features.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
 #include "clothctl/mpc/linearised_predictor.hpp"
@@ -11,4 +12,5 @@
 #include "clothctl/mpc/planner_settings.hpp"
 #include "clothctl/mpc/rollout_predictor.hpp"
 #include "clothctl/mpc/run_frame.hpp"
+#include "clothctl/mpc/sheet_sampling.hpp"
 #include "clothctl/mpc/window.hpp"

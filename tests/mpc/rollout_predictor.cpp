@@ -3,9 +3,12 @@
 
 #include "clothctl/mpc/rollout_predictor.hpp"
 
+#include <array>
+
 #include "laws/predictor_laws.hpp"
 #include "mpc/planner_loops.hpp"
 #include "support/catch.hpp"
+#include "support/thread_executor.hpp"
 #include "support/tier.hpp"
 
 using namespace clothctl;
@@ -135,6 +138,34 @@ TEST_CASE("known external forces enter a rollout", "[mpc]") {
   REQUIRE(frozen.predict(sheet.state.positions, sheet.state.velocities, request, exact));
   CHECK((rolled.free_response.col(0) - exact.free_response.col(0)).norm() < 1e-12);
   CHECK((rolled.free_response - without.free_response).norm() > 1e-4);
+}
+
+TEST_CASE("a rollout prediction has the same bits with every executor", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
+  clothctl_test::ThreadExecutor threads;
+  clothctl_test::BackwardExecutor backward;
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    WindowRequest<double> request = request_for(sheet, kind, 6);
+    request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.02);
+    std::array<WindowResponse<double>, 3> responses;
+    for (std::size_t i = 0; i < 3; ++i) {
+      Rolling predictor = rolling(model, 2);
+      if (i == 1) predictor.set_executor(ExecutorRef(threads));
+      if (i == 2) predictor.set_executor(ExecutorRef(backward));
+      predictor.reserve(request, responses[i]);
+      for (int frame = 0; frame < 3; ++frame) {
+        request.has_path = frame > 0;
+        responses[i].plan = request.plan;
+        REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request,
+                                  responses[i]));
+      }
+      CHECK(responses[i].free_response == responses[0].free_response);
+      CHECK(responses[i].impulse_response == responses[0].impulse_response);
+      CHECK(responses[i].plan == responses[0].plan);
+    }
+  }
+  CHECK(threads.loops == 5);  // not in the first frame of forces, whose path the inner one gives
 }
 
 TEST_CASE("rollout predictions obey the laws of predictors", "[mpc]") {

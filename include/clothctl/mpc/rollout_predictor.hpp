@@ -10,7 +10,8 @@
 //
 // Each frame starts Newton's method from the velocities that the last rollout found for it. The
 // impulse response is that of the inner predictor, which is linear, so the planner needs damping
-// with this predictor (PlannerSettings::rollout).
+// with this predictor (PlannerSettings::rollout). Rollout and inner prediction do not depend on
+// each other, so an executor can run them at the same time.
 
 #include <cassert>
 #include <string>
@@ -18,6 +19,7 @@
 #include <vector>
 
 #include "clothctl/concepts/cloth.hpp"
+#include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/window.hpp"
 
@@ -75,6 +77,10 @@ class RolloutPredictor {
   bool predict(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
 
+  /// Lets `executor`, which must outlive this, run the rollout and the inner prediction.
+  /// Predictions have the same bits with every executor.
+  void set_executor(ExecutorRef executor) { executor_ = executor; }
+
   /// Returns the number of vertices of the sheet.
   Index vertex_count() const { return cloth_traits<Model>::vertex_count(model_); }
   /// Forgets earlier rollouts. Call it after the plant jumped.
@@ -84,6 +90,9 @@ class RolloutPredictor {
   }
 
  private:
+  /// Rolls out the window. Returns false when a step fails.
+  bool roll_out(const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& inner);
+
   /// Rolls out frame k: moves the held vertices along the path, writes the outputs to free_ and the
   /// forces that hold these vertices to plan_. Returns false when the step fails.
   bool roll(Index k, const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& inner);
@@ -91,6 +100,7 @@ class RolloutPredictor {
   Model model_;
   Inner inner_;
   RolloutSettings settings_;
+  ExecutorRef executor_;
   decltype(cloth_traits<Model>::make_workspace(std::declval<const Model&>())) workspace_;
   ClothState<Scalar> state_;
   ClothInput<Scalar> input_;
@@ -139,7 +149,7 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
                                              const PointsView<Scalar>& v,
                                              const WindowRequest<Scalar>& request,
                                              WindowResponse<Scalar>& response) {
-  if (!predictor_traits<Inner>::predict(inner_, x, v, request, response)) return false;
+  if (x.cols() != vertex_count() || v.cols() != vertex_count()) return false;
   state_.positions = x;
   state_.velocities = v;
   if (request.outer_force.cols() > 0) {
@@ -153,15 +163,34 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     velocities_.back() = velocities_[velocities_.size() > 1 ? velocities_.size() - 2 : 0];
   }
   plan_ = response.plan;
-  for (Index k = 0; k < request.horizon; ++k) {
-    if (!roll(k, request, response)) {
-      fresh_ = true;
-      return true;
-    }
+  bool predicted = false, rolled = false;
+  const auto predict_inner = [&] {
+    predicted = predictor_traits<Inner>::predict(inner_, x, v, request, response);
+  };
+  if (request.kind == GripInput::Force && !request.has_path) {
+    predict_inner();  // the rollout follows its path
+    if (predicted) rolled = roll_out(request, response);
+  } else {
+    executor_.for_each_block(2, [&](int block) {
+      if (block == 0) predict_inner();
+      if (block == 1) rolled = roll_out(request, response);
+    });
   }
-  response.free_response = free_;
-  response.plan = plan_;
-  fresh_ = false;
+  fresh_ = !rolled;
+  if (predicted && rolled) {
+    response.free_response = free_;
+    response.plan = plan_;
+  }
+  return predicted;
+}
+
+template <class Model, class Inner>
+requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
+bool RolloutPredictor<Model, Inner>::roll_out(const WindowRequest<Scalar>& request,
+                                              const WindowResponse<Scalar>& inner) {
+  for (Index k = 0; k < request.horizon; ++k) {
+    if (!roll(k, request, inner)) return false;
+  }
   return true;
 }
 

@@ -1,0 +1,468 @@
+#pragma once
+
+// The step of a mass-spring sheet for predictions: a quasi-Newton step in single precision where
+// MassSpring takes Newton steps in double precision. With the symbols of mass_spring.hpp, from
+// velocities v near those at the end of the step:
+//
+//   y = x0 + h v
+//   g = M (v - v0) + h α M v + h D v - h ( f(y) + f_g + f_u + C (w - v) )
+//   B (v⁺ - v) = -g on the free vertices,   B = (1 + h α) M + h (D + C) + h² ( K(y) + L )
+//
+// K is the projected stiffness of the springs. L stands for the stiffness of bending, whose blocks
+// reach to the vertices after the next ones and would double the cost of the factor. A stencil of
+// stiffness kb and weights w_i gives ½ kb |w_i w_j| to the pair of each vertex i with a positive
+// and each vertex j with a negative weight, as a spring without rest length. Twice this L bounds
+// the stiffness of bending from above, so the error of a step shrinks, but slowly where bending is
+// stiff on a fine mesh. With `bending_in_matrix`, L is the stiffness of bending.
+//
+// D has the directions of the springs at x0, in g and in B: a damper that B turned along with its
+// spring would be missing in a direction in which little but the mass resists.
+//
+// A full step overshoots where springs turn far. If a step moves a vertex by more than a quarter of
+// the shortest spring, and the slope of the energy along it has turned from s0 < 0 to s1 > -s0, it
+// is cut to s0/(s0 - s1) of its length.
+//
+// A coarse sheet that stands for a fine one resists compression and shear more than the fine one
+// does, which wrinkles between the coarse vertices; CoarseFactors make it softer.
+
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "clothctl/cloth/detail/spring_batches.hpp"
+#include "clothctl/cloth/mass_spring.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// Factors on the parameters of a network, for a coarse sheet that stands for a finer one. The
+/// defaults change nothing.
+struct CoarseFactors {
+  /// Stiffness of springs other than diagonals of cells.
+  double stretch = 1;
+  /// Stiffness of the diagonals of cells.
+  double shear = 1;
+  /// What is left of the former where such a spring is shorter than at rest.
+  double compressed_stretch = 1;
+  /// What is left of the latter where a diagonal is shorter than at rest.
+  double compressed_shear = 1;
+  /// Stiffness of bending.
+  double bending = 1;
+  /// Mass-proportional drag.
+  double drag = 1;
+
+  /// Returns the factors that made a grid of 17×17 vertices predict the motion of one of 33×33 best
+  /// (docs/planner.md, section 1.5).
+  static CoarseFactors fitted() { return {0.84, 1.3, 0.4, 0.05, 0.65, 0.84}; }
+
+  /// Returns an empty string, or a line that names the first bad factor and its value.
+  std::string validate() const {
+    const std::array<std::pair<const char*, double>, 6> factors{
+        {{"stretch", stretch},
+         {"shear", shear},
+         {"compressed_stretch", compressed_stretch},
+         {"compressed_shear", compressed_shear},
+         {"bending", bending},
+         {"drag", drag}}};
+    for (const auto& [name, value] : factors) {
+      if (!is_finite(value) || value < 0)
+        return std::string(name) + " is " + number_text(value) +
+               ", must be finite and not negative";
+    }
+    return {};
+  }
+};
+
+/// Settings of a MassSpringRollout.
+struct RolloutModelSettings {
+  /// Factors for a coarse sheet.
+  CoarseFactors factors = {};
+  /// If true, the matrix has the stiffness of bending. Its factor then takes twice the time.
+  bool bending_in_matrix = false;
+  /// Largest number of quasi-Newton steps of `step`, which starts from the velocities before it.
+  int first_steps = 8;
+
+  /// Returns an empty string, or a line that names the first bad setting and its value.
+  std::string validate() const {
+    if (first_steps < 1)
+      return "first_steps is " + std::to_string(first_steps) + ", must be at least 1";
+    return factors.validate();
+  }
+};
+
+namespace detail {
+
+/// The memory of a step of MassSpringRollout.
+template <RealScalar Scalar>
+struct RolloutWorkspace {
+  BlockCholesky<Scalar> factor;
+  BlockSymmetric<Scalar> matrix;
+  Lanes<Scalar, 1> change;
+  Points<Scalar> start, start_velocity, position, velocity, outer, gradient, direction;
+  std::vector<Matrix3<Scalar>> air;
+  std::vector<unsigned char> held;
+  Scalar dt = Scalar(0);
+  bool advanced = false;
+  std::uint64_t structure = 0;
+
+  bool is_held(Index i) const { return held[static_cast<std::size_t>(i)] != 0; }
+};
+
+}  // namespace detail
+
+/// A mass-spring sheet that a RolloutPredictor simulates fast. Satisfies the concepts ClothModel
+/// and ClothRollout. `S` is the scalar type of states and inputs, `Inner` that of the step.
+/// Attachments of an input are refused. Reference: docs/planner.md, section 1.1.
+template <RealScalar S = double, RealScalar Inner = float>
+class MassSpringRollout {
+ public:
+  /// The scalar type of states and inputs.
+  using Scalar = S;
+  /// All memory of a step, made by `make_workspace`.
+  using Workspace = detail::RolloutWorkspace<Inner>;
+
+  /// Copies the network and the dynamics (gravity, drag, air, pinned vertices) of a model.
+  /// Allocates. Fails when the settings are not valid (assert).
+  template <RealScalar Other>
+  explicit MassSpringRollout(const MassSpring<Other>& model, RolloutModelSettings settings = {});
+
+  /// Returns the number of vertices.
+  Index vertex_count() const { return network_.vertex_count(); }
+
+  /// Returns the state of the undeformed body at rest. Allocates.
+  ClothState<Scalar> rest_state() const;
+
+  /// Makes the memory of a step of this model. Allocates.
+  Workspace make_workspace() const;
+
+  /// Advances `state` by `dt` (s) with up to `first_steps` quasi-Newton steps from its velocities;
+  /// one that changes no velocity by 1 mm/s is the last. Never allocates. Fails when: see
+  /// StepStatus; the state is then bitwise unchanged.
+  [[nodiscard]] StepReport<Scalar> step(ClothState<Scalar>& state, const ClothInput<Scalar>& input,
+                                        Scalar dt, Workspace& ws) const {
+    const StepStatus refused = prepare(state, input, dt, ws);
+    if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
+    return solve(settings_.first_steps, Scalar(1e-3), state, input, dt, ws);
+  }
+
+  /// The same with at most `newton_steps` quasi-Newton steps from the end velocities `guess` (3×n,
+  /// m/s). One that changes no velocity by `tolerance` (m/s) is the last.
+  [[nodiscard]] StepReport<Scalar> step_from(const PointsView<Scalar>& guess, int newton_steps,
+                                             ClothState<Scalar>& state,
+                                             const ClothInput<Scalar>& input, Scalar dt,
+                                             Workspace& ws, Scalar tolerance) const {
+    StepStatus refused = prepare(state, input, dt, ws);
+    if (refused == StepStatus::Converged && (guess.cols() != vertex_count() || !all_finite(guess)))
+      refused = StepStatus::InvalidInput;
+    if (refused != StepStatus::Converged) return {refused, false, Scalar(0), 0};
+    for (Index i = 0; i < vertex_count(); ++i) {
+      if (!ws.is_held(i)) ws.velocity.col(i) = guess.col(i).template cast<Inner>();
+    }
+    return solve(newton_steps, tolerance, state, input, dt, ws);
+  }
+
+  /// Writes the forces that made `vertices` follow their prescribed motion in the last step with
+  /// this workspace, 3×vertices.size(), N. Never allocates. Returns false, and writes nothing, when
+  /// the workspace was made by another model or its last step did not advance, a vertex is off the
+  /// mesh, or `forces` has another number of columns.
+  bool holding_forces(std::span<const int> vertices, Workspace& ws,
+                      Eigen::Ref<Points<Scalar>> forces) const;
+
+ private:
+  /// Finds the blocks of springs, bending and air.
+  void make_pattern(bool with_bending);
+
+  /// Checks the arguments and computes what is constant over the step. Sets ws.velocity to v0, with
+  /// held vertices at their prescribed velocity.
+  StepStatus prepare(const ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt,
+                     Workspace& ws) const;
+
+  /// Sets bending_ to L.
+  void load_bending();
+
+  /// Quasi-Newton steps from ws.velocity, then the end of the step.
+  StepReport<Scalar> solve(int steps, Scalar tolerance, ClothState<Scalar>& state,
+                           const ClothInput<Scalar>& input, Scalar dt, Workspace& ws) const;
+
+  /// One of them. Returns the largest change of a velocity coordinate, m/s, infinite when the
+  /// matrix is not definite or the change is not finite.
+  Inner improve(Workspace& ws) const;
+
+  /// Sets ws.position to y, and ws.gradient to g without the springs' part.
+  void load_gradient(Workspace& ws) const;
+
+  SpringNetwork<Inner> network_;
+  RolloutModelSettings settings_;
+  AirSettings<Inner> air_;
+  Vector3<Inner> gravity_;
+  Inner drag_, longest_move_;  // m
+  std::vector<int> pinned_;
+  BlockSymmetric<Inner> bending_;  // has the pattern of the matrix
+  EliminationTree tree_;
+  detail::SpringBatches<Inner> springs_;
+  std::vector<std::array<int, 3>> air_slots_;
+  std::uint64_t structure_ = 0;
+};
+
+template <RealScalar S, RealScalar Inner>
+template <RealScalar Other>
+MassSpringRollout<S, Inner>::MassSpringRollout(const MassSpring<Other>& model,
+                                               RolloutModelSettings settings)
+    : network_(model.network().template cast<Inner>()),
+      settings_(settings),
+      gravity_(model.settings().gravity.template cast<Inner>()),
+      drag_(static_cast<Inner>(model.settings().drag) * Inner(settings.factors.drag)),
+      longest_move_(Inner(0)),
+      pinned_(model.settings().pinned) {
+  assert(settings.validate().empty());
+  const CoarseFactors& factors = settings_.factors;
+  air_.density = static_cast<Inner>(model.settings().air.density);
+  air_.normal_coefficient = static_cast<Inner>(model.settings().air.normal_coefficient);
+  air_.tangent_coefficient = static_cast<Inner>(model.settings().air.tangent_coefficient);
+  for (Spring<Inner>& s : network_.springs) {
+    const bool shear = s.kind == SpringKind::Shear;
+    s.stiffness = s.stiffness * Inner(shear ? factors.shear : factors.stretch);
+    const Inner quarter = Inner(0.25) * s.rest_length;
+    if (!(Inner(0) < longest_move_) || quarter < longest_move_) longest_move_ = quarter;
+  }
+  for (BendStencil<Inner>& b : network_.bends) b.stiffness = b.stiffness * Inner(factors.bending);
+  make_pattern(settings_.bending_in_matrix);
+  load_bending();
+  tree_ = nested_dissection<Inner>(bending_, network_.rest_positions);
+  springs_ = detail::SpringBatches<Inner>(network_, bending_, [&](const Spring<Inner>& s) {
+    return Inner(s.kind == SpringKind::Shear ? factors.compressed_shear
+                                             : factors.compressed_stretch);
+  });
+  structure_ = detail::hash_structure(bending_, tree_, network_);
+}
+
+template <RealScalar S, RealScalar Inner>
+void MassSpringRollout<S, Inner>::make_pattern(bool with_bending) {
+  std::vector<std::pair<int, int>> pairs;
+  for (const Spring<Inner>& s : network_.springs) pairs.emplace_back(s.a, s.b);
+  for (const BendStencil<Inner>& b : network_.bends) {
+    for (std::size_t i = 1; i < static_cast<std::size_t>(b.count); ++i) {
+      for (std::size_t j = 0; j < i; ++j) {
+        if (with_bending || b.weight[i] * b.weight[j] < Inner(0))
+          pairs.emplace_back(b.vertex[i], b.vertex[j]);
+      }
+    }
+  }
+  const std::size_t triangles = air_.enabled() ? network_.triangles.size() : 0;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    const std::array<int, 3>& corner = network_.triangles[t];
+    for (std::size_t e = 0; e < 3; ++e) pairs.emplace_back(corner[e], corner[(e + 1) % 3]);
+  }
+  bending_ = BlockSymmetric<Inner>(network_.vertex_count(), std::move(pairs));
+  for (std::size_t t = 0; t < triangles; ++t) {
+    const std::array<int, 3>& corner = network_.triangles[t];
+    air_slots_.push_back({bending_.find(corner[0], corner[1]), bending_.find(corner[1], corner[2]),
+                          bending_.find(corner[2], corner[0])});
+  }
+}
+
+template <RealScalar S, RealScalar Inner>
+auto MassSpringRollout<S, Inner>::rest_state() const -> ClothState<Scalar> {
+  return {network_.rest_positions.template cast<Scalar>(), Points<Scalar>::Zero(3, vertex_count())};
+}
+
+template <RealScalar S, RealScalar Inner>
+auto MassSpringRollout<S, Inner>::make_workspace() const -> Workspace {
+  Workspace ws;
+  ws.factor = BlockCholesky<Inner>(bending_, tree_);
+  ws.matrix = bending_;
+  ws.change.setZero(1, 3 * vertex_count());
+  for (Points<Inner>* p :
+       {&ws.start, &ws.start_velocity, &ws.position, &ws.velocity, &ws.outer, &ws.gradient})
+    p->setZero(3, vertex_count());
+  ws.direction.setZero(3, springs_.direction_columns());
+  ws.air.assign(air_slots_.size(), Matrix3<Inner>::Zero());
+  ws.held.assign(static_cast<std::size_t>(vertex_count()), 0);
+  ws.structure = structure_;
+  return ws;
+}
+
+template <RealScalar S, RealScalar Inner>
+bool MassSpringRollout<S, Inner>::holding_forces(std::span<const int> vertices, Workspace& ws,
+                                                 Eigen::Ref<Points<Scalar>> forces) const {
+  if (ws.structure != structure_ || !ws.advanced) return false;
+  if (static_cast<Index>(vertices.size()) != forces.cols()) return false;
+  for (const int v : vertices) {
+    if (v < 0 || v >= vertex_count()) return false;
+  }
+  load_gradient(ws);
+  springs_.add_gradient(ws.position, ws.velocity, ws.direction, ws.dt, ws.gradient);
+  for (std::size_t j = 0; j < vertices.size(); ++j) {
+    for (Index c = 0; c < 3; ++c)
+      forces(c, static_cast<Index>(j)) = static_cast<Scalar>(ws.gradient(c, vertices[j]) / ws.dt);
+  }
+  return true;
+}
+
+template <RealScalar S, RealScalar Inner>
+StepStatus MassSpringRollout<S, Inner>::prepare(const ClothState<Scalar>& state,
+                                                const ClothInput<Scalar>& input, Scalar dt,
+                                                Workspace& ws) const {
+  if (ws.structure != structure_) return StepStatus::InvalidWorkspace;
+  ws.advanced = false;
+  const StepStatus refused = detail::check_step(state, input, dt, vertex_count(), ws.held);
+  if (refused != StepStatus::Converged) return refused;
+  if (!input.attached_vertices.empty()) return StepStatus::InvalidInput;
+  ws.dt = static_cast<Inner>(dt);
+  const Vector3<Scalar> origin = state.positions.col(0);  // single precision for the shape alone
+  for (Index i = 0; i < vertex_count(); ++i) {
+    const Vector3<Scalar> local = state.positions.col(i) - origin;
+    ws.start.col(i) = local.template cast<Inner>();
+    ws.start_velocity.col(i) = state.velocities.col(i).template cast<Inner>();
+    ws.outer.col(i) = network_.mass[i] * gravity_;
+  }
+  for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
+    ws.outer.col(input.force_vertices[i]) +=
+        input.forces.col(static_cast<Index>(i)).template cast<Inner>();
+  const Vector3<Inner> wind = input.wind.template cast<Inner>();
+  detail::freeze_air<Inner>(network_, ws.start, ws.start_velocity, wind, air_, ws.air, ws.outer);
+  springs_.set_directions(ws.start, ws.direction);
+  ws.velocity = ws.start_velocity;
+  for (const int v : pinned_) {
+    ws.held[static_cast<std::size_t>(v)] = 1;
+    ws.velocity.col(v).setZero();
+  }
+  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i) {
+    const int v = input.driven_vertices[i];
+    const Vector3<Scalar> way =
+        input.driven_positions.col(static_cast<Index>(i)) - state.positions.col(v);
+    ws.velocity.col(v) = (way / dt).template cast<Inner>();
+  }
+  return StepStatus::Converged;
+}
+
+template <RealScalar S, RealScalar Inner>
+void MassSpringRollout<S, Inner>::load_bending() {
+  for (const BendStencil<Inner>& b : network_.bends) {
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
+      const int v = b.vertex[i];
+      if (settings_.bending_in_matrix)
+        detail::add_to_diagonal(bending_.diagonal(v),
+                                Inner(b.stiffness * b.weight[i] * b.weight[i]));
+      for (std::size_t j = 0; j < i; ++j) {
+        const Inner pair = b.stiffness * b.weight[i] * b.weight[j];
+        if (settings_.bending_in_matrix) {
+          detail::add_to_diagonal(bending_.lower(bending_.find(v, b.vertex[j])), pair);
+        } else if (pair < Inner(0)) {
+          const Inner half = Inner(0.5) * pair;
+          detail::add_to_diagonal(bending_.lower(bending_.find(v, b.vertex[j])), half);
+          detail::add_to_diagonal(bending_.diagonal(v), Inner(Inner(0) - half));
+          detail::add_to_diagonal(bending_.diagonal(b.vertex[j]), Inner(Inner(0) - half));
+        }
+      }
+    }
+  }
+}
+
+template <RealScalar S, RealScalar Inner>
+void MassSpringRollout<S, Inner>::load_gradient(Workspace& ws) const {
+  using detail::Triple;
+  const Inner h = ws.dt, third = Inner(1) / Inner(3);
+  const Inner inertia = Inner(1) + h * drag_;
+  for (Index k = 0; k < ws.position.size(); ++k) {
+    const Inner v = ws.velocity.data()[k];
+    ws.position.data()[k] = ws.start.data()[k] + h * v;
+    ws.gradient.data()[k] =
+        network_.mass[k / 3] * (inertia * v - ws.start_velocity.data()[k]) - h * ws.outer.data()[k];
+  }
+  for (std::size_t e = 0; e < air_slots_.size(); ++e) {
+    const std::array<int, 3>& t = network_.triangles[e];
+    const Triple<Inner> mean =
+        (detail::column(ws.velocity, t[0]) + detail::column(ws.velocity, t[1]) +
+         detail::column(ws.velocity, t[2])) *
+        third;
+    const Triple<Inner> push = detail::product(ws.air[e], mean) * (h * third);
+    for (const int v : t) detail::add_to_column(ws.gradient, v, push);
+  }
+  for (const BendStencil<Inner>& b : network_.bends) {
+    const int count = b.count;
+    if (b.is_folded()) {
+      const detail::FoldedHinge<Inner> hinge(b, ws.position);
+      const Triple<Inner> push = hinge.error() * (h * b.stiffness);
+      for (int i = 0; i < 4; ++i)
+        detail::add_to_column(ws.gradient, b.vertex[static_cast<std::size_t>(i)],
+                              hinge.share(i, push));
+      continue;
+    }
+    const Triple<Inner> curvature = detail::stencil_curvature<Inner>(b, ws.position);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i)
+      detail::add_to_column(ws.gradient, b.vertex[i], curvature * (h * b.stiffness * b.weight[i]));
+  }
+}
+
+template <RealScalar S, RealScalar Inner>
+Inner MassSpringRollout<S, Inner>::improve(Workspace& ws) const {
+  const Inner h = ws.dt, ninth = Inner(1) / Inner(9);
+  load_gradient(ws);
+  ws.matrix.set_zero();
+  ws.matrix.add_scaled(bending_, h * h);
+  for (Index i = 0; i < vertex_count(); ++i)
+    detail::add_to_diagonal(ws.matrix.diagonal(i),
+                            Inner((Inner(1) + h * drag_) * network_.mass[i]));
+  for (std::size_t e = 0; e < air_slots_.size(); ++e) {
+    const Matrix3<Inner> block = ws.air[e] * (h * ninth);
+    for (std::size_t c = 0; c < 3; ++c) {
+      detail::add_block(ws.matrix.diagonal(network_.triangles[e][c]), block);
+      detail::add_block(ws.matrix.lower(air_slots_[e][c]), block);
+    }
+  }
+  springs_.add_step(ws.position, ws.velocity, ws.direction, h, ws.gradient, ws.matrix);
+  if (!ws.factor.factorize(ws.matrix, ws.held)) return scalar_traits<Inner>::infinity();
+  for (Index k = 0; k < ws.change.cols(); ++k)
+    ws.change[k] = ws.is_held(k / 3) ? Inner(0) : Inner(Inner(0) - ws.gradient.data()[k]);
+  ws.factor.template solve<1>(ws.change);
+  const auto slope = [&] {
+    Inner sum = Inner(0);
+    for (Index k = 0; k < ws.change.cols(); ++k) sum += ws.change[k] * ws.gradient.data()[k];
+    return sum;
+  };
+  const Inner before = slope();
+  detail::move_along(ws.velocity, Inner(1), ws.change, ws.velocity);
+  const Inner change = detail::largest_magnitude(ws.change);
+  if (!all_finite(ws.change)) return scalar_traits<Inner>::infinity();
+  if (h * change < longest_move_) return change;
+  load_gradient(ws);
+  springs_.add_gradient(ws.position, ws.velocity, ws.direction, h, ws.gradient);
+  const Inner after = slope();
+  if (!is_finite(after)) return after;
+  if (!(Inner(0) - before < after)) return change;
+  const Inner kept = before / (before - after);
+  detail::move_along(ws.velocity, Inner(kept - Inner(1)), ws.change, ws.velocity);
+  return kept * change;
+}
+
+template <RealScalar S, RealScalar Inner>
+auto MassSpringRollout<S, Inner>::solve(int steps, Scalar tolerance, ClothState<Scalar>& state,
+                                        const ClothInput<Scalar>& input, Scalar dt,
+                                        Workspace& ws) const -> StepReport<Scalar> {
+  StepReport<Scalar> report{StepStatus::IterationLimit, false, Scalar(0), 0};
+  for (int k = 0; k < steps; ++k) {
+    const Inner change = improve(ws);
+    ++report.iterations;
+    if (!is_finite(change))
+      return {StepStatus::NumericalFailure, false, report.residual, report.iterations};
+    if (static_cast<Scalar>(change) < tolerance) {
+      report.status = StepStatus::Converged;
+      break;
+    }
+  }
+  state.velocities = ws.velocity.template cast<Scalar>();
+  state.positions += dt * state.velocities;
+  for (std::size_t i = 0; i < input.driven_vertices.size(); ++i)
+    state.positions.col(input.driven_vertices[i]) =
+        input.driven_positions.col(static_cast<Index>(i));
+  report.advanced = ws.advanced = true;
+  return report;
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI

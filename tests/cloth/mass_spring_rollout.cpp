@@ -1,0 +1,188 @@
+// The quasi-Newton step of rollouts, compared with the converged step of MassSpring.
+
+#include "clothctl/cloth/mass_spring_rollout.hpp"
+
+#include <limits>
+
+#include "laws/cloth_laws.hpp"
+#include "laws/cloth_rollout_laws.hpp"
+#include "support/catch.hpp"
+#include "support/sheets.hpp"
+
+using namespace clothctl;
+using clothctl_test::HangingSheet;
+
+static_assert(ClothRollout<MassSpringRollout<double, float>> &&
+              ClothRollout<MassSpringRollout<double, double>> &&
+              ClothRollout<MassSpringRollout<float, float>, float>);
+
+namespace {
+
+ClothInput<double> driven_corners(const HangingSheet& sheet, const Vector3<double>& way) {
+  ClothInput<double> input;
+  input.driven_vertices = {sheet.upper_left(), sheet.upper_right()};
+  input.driven_positions.resize(3, 2);
+  for (Index j = 0; j < 2; ++j) {
+    input.driven_positions.col(j) =
+        sheet.state.positions.col(input.driven_vertices[static_cast<std::size_t>(j)]) +
+        (j == 0 ? 1.0 : 0.5) * way;
+  }
+  input.wind = Vector3<double>(0.3, 1.0, 0);
+  return input;
+}
+
+}  // namespace
+
+TEST_CASE("many quasi-Newton steps end where the converged step ends", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(9, 1, 60);
+  const MassSpring<double> model = sheet.model(Integration::Newton, true);
+  for (const bool bending : {false, true}) {
+    CAPTURE(bending);
+    RolloutModelSettings settings;
+    settings.bending_in_matrix = bending;
+    const MassSpringRollout<double, double> rollout(model, settings);
+    auto workspace = rollout.make_workspace();
+    auto exact_workspace = model.make_workspace();
+    ClothState<double> exact = sheet.state, state = exact;
+    const Points<double> guess = state.velocities;
+    ClothInput<double> input = driven_corners(sheet, {0.004, 0.003, 0.002});
+    input.force_vertices = {20};
+    input.forces = Vector3<double>(0.01, 0, 0.02);
+    REQUIRE(model.step(exact, input, 0.02, exact_workspace).advanced);
+    const StepReport<double> report =
+        rollout.step_from(guess, 300, state, input, 0.02, workspace, 1e-9);
+    CHECK(report.status == StepStatus::Converged);
+    CHECK((state.velocities - exact.velocities).cwiseAbs().maxCoeff() < 1e-4);
+    CHECK((state.positions - exact.positions).cwiseAbs().maxCoeff() < 2e-6);
+  }
+}
+
+TEST_CASE("single precision costs micrometres", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(17, 1, 60);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  const MassSpringRollout<double, float> fast(model);
+  const MassSpringRollout<double, double> exact(model);
+  auto fast_workspace = fast.make_workspace();
+  auto exact_workspace = exact.make_workspace();
+  ClothState<double> a = sheet.state, b = sheet.state;
+  a.positions.colwise() += Vector3<double>(100, -50, 20);  // far from the origin
+  b.positions = a.positions;
+  ClothInput<double> input = driven_corners(sheet, {0.002, 0.001, 0.003});
+  input.driven_positions.colwise() += Vector3<double>(100, -50, 20);
+  REQUIRE(fast.step(a, input, 0.02, fast_workspace).advanced);
+  REQUIRE(exact.step(b, input, 0.02, exact_workspace).advanced);
+  CHECK((a.positions - b.positions).cwiseAbs().maxCoeff() < 2e-6);
+}
+
+TEST_CASE("the model of rollouts obeys the laws of cloth models", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 40);
+  const MassSpringRollout<double, double> model(sheet.model(Integration::Newton, true));
+  clothctl_test::ClothRolloutLaws<double> laws;
+  laws.newton_steps = 200;
+  laws.tolerance = 3e-3;  // `step` ends at changes of 1 mm/s
+  clothctl_test::check_cloth_rollout_laws(model, sheet.state,
+                                          {sheet.upper_left(), sheet.upper_right()}, laws);
+}
+
+TEST_CASE("the content of a workspace does not matter", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 40);
+  const MassSpringRollout<double> model(sheet.model(Integration::Newton, true));
+  CoarseFactors soft;
+  soft.stretch = 0.5;
+  soft.bending = 3;
+  const MassSpringRollout<double> other(sheet.model(Integration::Newton, true), {soft});
+  const ClothInput<double> input = driven_corners(sheet, {0.004, 0.003, 0.002});
+  auto fresh = model.make_workspace(), used = model.make_workspace();
+  ClothState<double> a = sheet.state, b = sheet.state, c = sheet.state;
+  REQUIRE(other.step(c, input, 0.01, used).advanced);  // the same structure, other numbers
+  REQUIRE(model.step(a, input, 0.02, fresh).advanced);
+  REQUIRE(model.step(b, input, 0.02, used).advanced);
+  CHECK(a == b);
+  CHECK(!(a == c));
+}
+
+TEST_CASE("one cautious step follows a large turn of springs", "[cloth]") {
+  // A full step from far away ends with stretched springs; the cut one does not.
+  const HangingSheet sheet = clothctl_test::hanging_sheet(9, 1, 60);
+  const MassSpringRollout<double, double> model(sheet.model(Integration::Newton));
+  auto workspace = model.make_workspace();
+  ClothState<double> state = sheet.state;
+  Points<double> guess = Points<double>::Zero(3, 81);
+  guess.row(1).setConstant(8);  // m/s: 16 cm in a step
+  const ClothInput<double> input = driven_corners(sheet, {0, 0, 0});
+  for (int k = 0; k < 60; ++k) {
+    ClothState<double> next = sheet.state;
+    REQUIRE(model.step_from(guess, 1, next, input, 0.02, workspace, 0.0).advanced);
+    guess = next.velocities;
+    state = next;
+  }
+  CHECK(state.velocities.cwiseAbs().maxCoeff() < 1);
+}
+
+TEST_CASE("factors of coarse sheets change what they name", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 40);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  const ClothInput<double> input = driven_corners(sheet, {0.004, -0.003, 0.002});
+  const auto end = [&](const CoarseFactors& factors) {
+    const MassSpringRollout<double, double> rollout(model, {factors});
+    auto workspace = rollout.make_workspace();
+    ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
+    REQUIRE(rollout.step(state, input, 0.02, workspace).advanced);
+    return state;
+  };
+  const ClothState<double> plain = end({});
+  for (double CoarseFactors::*factor :
+       {&CoarseFactors::stretch, &CoarseFactors::shear, &CoarseFactors::compressed_stretch,
+        &CoarseFactors::compressed_shear, &CoarseFactors::bending, &CoarseFactors::drag}) {
+    CoarseFactors factors;
+    factors.*factor = 0.5;
+    CHECK((end(factors).positions - plain.positions).cwiseAbs().maxCoeff() > 1e-7);
+  }
+  CHECK(CoarseFactors::fitted().validate().empty());
+  CoarseFactors bad;
+  bad.shear = -1;
+  CHECK(bad.validate() == "shear is -1, must be finite and not negative");
+  bad.shear = std::numeric_limits<double>::quiet_NaN();
+  CHECK(bad.validate() == "shear is nan, must be finite and not negative");
+  CHECK(RolloutModelSettings{{}, false, 0}.validate() == "first_steps is 0, must be at least 1");
+}
+
+TEST_CASE("a refused step of a rollout changes nothing", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 20);
+  const MassSpringRollout<double> model(sheet.model(Integration::Newton));
+  auto workspace = model.make_workspace();
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const ClothInput<double> good = driven_corners(sheet, {0, 0, 0});
+  ClothState<double> state = sheet.state;
+  Points<double> forces = Points<double>::Zero(3, 2);
+  CHECK_FALSE(model.holding_forces(good.driven_vertices, workspace, forces));  // no step yet
+
+  Points<double> guess = state.velocities;
+  guess(0, 3) = nan;
+  CHECK(model.step_from(guess, 1, state, good, 0.02, workspace, 0.0).status ==
+        StepStatus::InvalidInput);
+  guess.setZero(3, 2);
+  CHECK(model.step_from(guess, 1, state, good, 0.02, workspace, 0.0).status ==
+        StepStatus::InvalidInput);
+  CHECK(model.step(state, good, nan, workspace).status == StepStatus::InvalidInput);
+  ClothInput<double> attached = good;
+  attached.attached_vertices = {2};
+  attached.attached_positions = Vector3<double>::Zero();
+  attached.attachment_stiffness = VectorX<double>::Ones(1);
+  CHECK(model.step(state, attached, 0.02, workspace).status == StepStatus::InvalidInput);
+  auto foreign =
+      MassSpringRollout<double>(clothctl_test::hanging_sheet(6, 1, 20).model(Integration::Newton))
+          .make_workspace();
+  CHECK(model.step(state, good, 0.02, foreign).status == StepStatus::InvalidWorkspace);
+  ClothInput<double> violent = good;  // overflows in single precision
+  violent.driven_positions.setConstant(1e300);
+  CHECK(model.step(state, violent, 0.02, workspace).status == StepStatus::NumericalFailure);
+  CHECK_FALSE(model.holding_forces(good.driven_vertices, workspace, forces));
+  CHECK(state == sheet.state);
+
+  REQUIRE(model.step(state, good, 0.02, workspace).advanced);
+  CHECK(model.holding_forces(good.driven_vertices, workspace, forces));
+  const std::vector<int> off{0, 25};
+  CHECK_FALSE(model.holding_forces(off, workspace, forces));
+  CHECK_FALSE(model.holding_forces(good.driven_vertices, foreign, forces));
+}
