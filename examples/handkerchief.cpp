@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <numbers>
 
-#include "clothctl/network/sheet.hpp"
+#include "clothctl/mesh/grid.hpp"
 #include "support/command_line.hpp"
 #include "support/hand_files.hpp"
 #include "support/hand_loop.hpp"
@@ -39,6 +39,7 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
   app.add_option("--features", features,
                  "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: "
                  "lower corners)");
+  add_model(app, o.model);
   HandFiles files;
   add_hand(app, files)->needs(app.add_flag("--hands", o.hands, "Simulated hands move the sheet"));
   parse(app, o, argc, argv);
@@ -66,8 +67,7 @@ Scene make_scene(const Options& o, const Grid& grid, const std::vector<int>& cor
   const bool windy = o.targets.empty() && o.task == "wind";
   Scene scene;
   scene.material = material.name;
-  scene.body.network = must(clothctl::sheet_network(grid, material));
-  scene.body.drag = material.drag;
+  scene.body = sheet_body(o, grid, material);
   if (windy) scene.body.air = {1.2, material.air_normal, material.air_tangent};
   for (int side : {0, 1})
     scene.setup.grips.push_back(clothctl::make_pinch<double>(corner_patch(grid, side, o.patch_size),
@@ -107,8 +107,8 @@ void fit_task(const Options& o, const Grid& grid, const std::vector<int>& corner
     scene.task = make_handkerchief_task(o.task, o.seed, o.size, x.col(corners.front()),
                                         x.col(corners.back()));
     scene.title = "Handkerchief: " + o.task;
-    const std::string count = std::to_string(corners.size());
-    if (corners.size() != 2) refuse("--features: the built-in tasks move 2 features, not " + count);
+    if (const auto count = std::to_string(corners.size()); count != "2")
+      refuse("--features: the built-in tasks move 2 features, not " + count);
     return;
   }
   for (std::size_t i = 0; i < corners.size(); ++i)

@@ -63,9 +63,10 @@ void add_planner_options(CLI::App& app, Options& o) {
                  "positions sent)")
       ->check(CLI::IsMember({"force", "position", "planned-position"}))
       ->capture_default_str();
-  app.add_option("--predictor", o.predictor,
-                 "linearised: once a frame; rollout: nonlinear free response; auto: rollout on "
-                 "implicit plants in still air with soft patches, else linearised")
+  app.add_option(
+         "--predictor", o.predictor,
+         "linearised: once a frame; rollout: nonlinear free response; auto: rollout for sheets on "
+         "implicit plants in still air with soft patches, else linearised")
       ->transform(old_name("frozen", "linearised"))
       ->check(CLI::IsMember({"auto", "linearised", "rollout"}))
       ->capture_default_str();
@@ -124,6 +125,14 @@ void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
       ->check(between(0.01, 100))
       ->capture_default_str();
   app.add_option("--material", material, "Preset name or JSON file")->capture_default_str();
+}
+
+void add_model(CLI::App& app, int& model) {
+  app.add_option("--model", model,
+                 "Vertices along a side of the sheet that the planner predicts with, if --cloth is "
+                 "larger")
+      ->check(between(3, 129))
+      ->capture_default_str();
 }
 
 void parse(CLI::App& app, int argc, char** argv) {

@@ -26,6 +26,9 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
 void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
                const std::string& cloth_help = "Vertices along a side");
 
+/// Adds the option of the coarse sheet that predicts the cloth.
+void add_model(CLI::App& app, int& model);
+
 /// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
 /// 2.
 void parse(CLI::App& app, int argc, char** argv);

@@ -31,6 +31,7 @@ struct Options {
   std::string targets;
   double dt = 0.02;
   int cloth = 17;
+  int model = 17;
   double size = 0.5;
   std::string material = "handkerchief";
   int horizon = 20;

@@ -2,10 +2,13 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/cloth/position_based.hpp"
+#include "clothctl/mpc/coarse_predictor.hpp"
 #include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/mpc/rollout_predictor.hpp"
+#include "support/second_thread.hpp"
 
 namespace program {
 
@@ -18,6 +21,27 @@ clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integr
   settings.air = body.air;
   settings.limit_energy = false;  // the published step, which the planner predicts
   return must(clothctl::MassSpring<double>::create(body.network, settings));
+}
+
+using Response = clothctl::MassSpringResponse<float>;
+using Linearised = clothctl::LinearisedPredictor<Response, double>;
+
+/// Rolls out a model beside the linearised prediction, on two threads.
+template <class Model>
+clothctl::RolloutPredictor<Model, Linearised> rolled(Model model, Linearised linearised,
+                                                     clothctl::RolloutSettings settings) {
+  clothctl::RolloutPredictor<Model, Linearised> predictor(std::move(model), std::move(linearised),
+                                                          settings);
+  predictor.set_executor(clothctl::ExecutorRef(second_thread()));
+  return predictor;
+}
+
+/// A predictor of the body, from one of its coarse sheet if there is one.
+template <class Predictor>
+AnyPredictor sampled(const Body& body, Predictor predictor) {
+  if (!body.coarse) return AnyPredictor(std::move(predictor));
+  return AnyPredictor(
+      clothctl::CoarsePredictor<Predictor>(body.coarse->sampling, std::move(predictor)));
 }
 
 }  // namespace
@@ -40,14 +64,15 @@ std::string chosen_predictor(const Options& o, const Body& body) {
   if (o.predictor != "auto") return o.predictor;
   // In wind or with hard patch rows, rollouts can become unstable (docs/performance.md), so the
   // linearised predictor is used.
-  const bool better =
-      is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
+  // A rope is predicted better without rollouts.
+  const bool sheet = !body.network.triangles.empty();
+  const bool better = is_implicit(o.plant) && sheet && !body.air.enabled() && o.patch == "soft" &&
+                      o.profile != "paper";
   return better ? "rollout" : "linearised";
 }
 
 AnyPredictor make_predictor(const Options& o, const Body& body,
                             clothctl::PlannerSettings<double>& settings) {
-  using Response = clothctl::MassSpringResponse<float>;
   const bool implicit = is_implicit(o.plant);
   clothctl::ResponseSettings<float> response;
   clothctl::LinearisedPredictorSettings<double> exact;
@@ -64,10 +89,13 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
       if (o.profile != "paper") settings.weights.anchor = 100;
     }
   }
-  clothctl::MassSpring<double> model =
-      make_mass_spring(body, clothctl::Integration::LinearlyImplicit);
-  clothctl::LinearisedPredictor<Response, double> linearised(Response(model, response), exact);
-  if (chosen_predictor(o, body) == "linearised") return AnyPredictor(std::move(linearised));
+  Body predicted = body;
+  if (body.coarse) predicted.network = body.coarse->network;
+  const clothctl::MassSpring<double> model =
+      make_mass_spring(predicted, clothctl::Integration::LinearlyImplicit);
+  if (chosen_predictor(o, body) == "linearised") {
+    return sampled(body, Linearised(Response(model, response), exact));
+  }
   if (o.profile != "paper") {
     const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
     settings.weights.jerk = calm.weights.jerk;
@@ -75,10 +103,16 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
     settings.max_change = calm.max_change;
   }
   clothctl::RolloutSettings rollout;
-  if (o.plant != "newton") rollout.newton_steps = 0;
-  return AnyPredictor(clothctl::RolloutPredictor<clothctl::MassSpring<double>,
-                                                 clothctl::LinearisedPredictor<Response, double>>(
-      std::move(model), std::move(linearised), rollout));
+  if (o.plant != "newton") {  // such a plant takes the model's own step
+    rollout.newton_steps = 0;
+    return sampled(body, rolled(model, Linearised(Response(model, response), exact), rollout));
+  }
+  rollout.step_tolerance = 0.5;  // one step, but where something moves violently
+  response.bending_in_matrix = false;
+  clothctl::RolloutModelSettings fast;
+  if (body.coarse) fast.factors = clothctl::CoarseFactors::fitted();
+  return sampled(body, rolled(clothctl::MassSpringRollout<double>(model, fast),
+                              Linearised(Response(model, response), exact), rollout));
 }
 
 }  // namespace program

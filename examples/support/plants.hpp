@@ -6,11 +6,13 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/mpc/sheet_sampling.hpp"
 #include "clothctl/network/spring_network.hpp"
 #include "support/options.hpp"
 #include "support/timing.hpp"
@@ -105,11 +107,18 @@ class AnyPredictor {
   std::unique_ptr<Base> predictor_;
 };
 
+/// A coarse sheet that predicts a finer one.
+struct CoarseSheet {
+  clothctl::SpringNetwork<double> network;
+  clothctl::SheetSampling<double> sampling;
+};
+
 /// A body to simulate. Every plant and predictor of the programs is made from one.
 struct Body {
   clothctl::SpringNetwork<double> network;
   double drag = 0;
   clothctl::AirSettings<double> air = {};
+  std::optional<CoarseSheet> coarse = {};
 };
 
 inline bool is_implicit(const std::string& plant) {
@@ -122,7 +131,8 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 /// Returns "linearised" or "rollout": the meaning of --predictor auto.
 std::string chosen_predictor(const Options& o, const Body& body);
 
-/// Adjusts weights and predictor to a plant. In position-based sheets, unconverged elongation and
+/// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In
+/// position-based sheets, unconverged elongation and
 /// not tension carries the weight, so their predictor scales the tension term and uses the measured
 /// net force.
 AnyPredictor make_predictor(const Options& o, const Body& body,

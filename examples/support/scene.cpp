@@ -1,6 +1,7 @@
 #include "support/scene.hpp"
 
 #include "clothctl/cloth/settle.hpp"
+#include "clothctl/network/sheet.hpp"
 
 namespace program {
 
@@ -14,6 +15,19 @@ void check_scene(const Scene& scene) {
        {clothctl::validate_grips(scene.setup.grips, vertices), scene.settings.validate()}) {
     if (!problem.empty()) refuse(problem);
   }
+}
+
+Body sheet_body(const Options& o, const clothctl::GridMesh<double>& grid,
+                const clothctl::Material<double>& material) {
+  Body body;
+  body.network = must(clothctl::sheet_network(grid, material));
+  body.drag = material.drag;
+  if (o.model < o.cloth) {
+    const auto coarse = must(clothctl::make_grid<double>(o.model, o.model, o.size, o.size));
+    body.coarse = CoarseSheet{must(clothctl::sheet_network(coarse, material)),
+                              clothctl::sample_grids(grid, coarse)};
+  }
+  return body;
 }
 
 clothctl::PlannerSettings<double> planner_settings(const Options& o, double weight) {

@@ -6,8 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "clothctl/mesh/grid.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/network/materials.hpp"
 #include "support/options.hpp"
 #include "support/plants.hpp"
 #include "support/tasks.hpp"
@@ -27,6 +29,11 @@ struct Scene {
 
 /// Ends the program if grips, features or settings do not fit the body.
 void check_scene(const Scene& scene);
+
+/// Returns a sheet of `material`. If --model is less than --cloth, it has a coarse sheet that
+/// predicts it.
+Body sheet_body(const Options& o, const clothctl::GridMesh<double>& grid,
+                const clothctl::Material<double>& material);
 
 /// Returns the planner's settings from the common options.
 clothctl::PlannerSettings<double> planner_settings(const Options& o, double weight);

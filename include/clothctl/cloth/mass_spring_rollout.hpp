@@ -465,4 +465,9 @@ auto MassSpringRollout<S, Inner>::solve(int steps, Scalar tolerance, ClothState<
   return report;
 }
 
+// Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
+CLOTHCTL_INSTANTIATE(class MassSpringRollout<double, float>);
+CLOTHCTL_INSTANTIATE(MassSpringRollout<double, float>::MassSpringRollout(const MassSpring<double>&,
+                                                                         RolloutModelSettings));
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

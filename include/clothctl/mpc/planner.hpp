@@ -19,6 +19,7 @@
 #include "clothctl/mpc/detail/plan_change.hpp"
 #include "clothctl/mpc/detail/plan_input.hpp"
 #include "clothctl/mpc/detail/plan_output.hpp"
+#include "clothctl/mpc/detail/step_damping.hpp"
 #include "clothctl/mpc/detail/window_cost.hpp"
 #include "clothctl/mpc/detail/window_qp.hpp"
 #include "clothctl/mpc/plan_types.hpp"
@@ -130,8 +131,7 @@ class Planner {
   void reset();
 
  private:
-  static constexpr int kMostAttempts = 4;  // with more damping
-  static constexpr int kMostRounds = 6;    // with other frames at limits of the grips
+  static constexpr int kMostRounds = 6;  // with other frames at limits of the grips
 
   using Traits = predictor_traits<P>;
   using Basis = detail::GripBasis<Scalar, Contact>;
@@ -144,9 +144,6 @@ class Planner {
   template <class Features>
   static PointFeatures<Scalar> point_features(const Features& features);
 
-  /// Returns the step weight at which the damping of a plan starts when the settings ask for less,
-  /// s²/m².
-  static Scalar least_step_weight() { return Scalar(1e-4); }
   static Vector3<Scalar> still_air(const Scalar&) { return Vector3<Scalar>::Zero(); }
   static constexpr const char* wrong_response() {
     return "the predictor's reserve sized its response for another window";
@@ -192,8 +189,8 @@ class Planner {
   detail::PlanChange<Scalar> change_;
   detail::FingerPlan<Scalar> finger_plan_;
   detail::PredictionAgreement<Scalar> agreement_;
-  Points<Scalar> last_velocity_;    // of all vertices, measured in the last frame
-  Scalar step_weight_ = Scalar(0);  // grows where forces would change the hands' path too much
+  Points<Scalar> last_velocity_;  // of all vertices, measured in the last frame
+  detail::StepDamping<Scalar> damping_;
   bool has_last_ = false;
   bool has_plan_ = false;
 };
@@ -291,7 +288,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::reset() {
   has_plan_ = false;
   problem_.request.has_path = false;
   problem_.request.has_applied = false;
-  step_weight_ = Scalar(0);
+  damping_.reset();
   limits_.reset();
   start_plan();
   Traits::reset(predictor_);
@@ -399,20 +396,14 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
       !detail::response_fits(problem_))
     return fail(result);
   PlanStatus status = PlanStatus::Failed;
-  step_weight_ *= Scalar(0.5);
-  if (step_weight_ < least_step_weight() || step_weight_ < problem_.settings.weights.step)
-    step_weight_ = problem_.settings.weights.step;
-  if (!has_plan_) step_weight_ = Scalar(0);  // nothing to keep to
-  for (int attempt = 0, round = 0;;) {
-    qp_.assemble(problem_, cost_.stack(problem_, step_weight_), limits_, x);
+  damping_.start(problem_.settings.weights.step, has_plan_);
+  for (int round = 0;;) {
+    qp_.assemble(problem_, cost_.stack(problem_, damping_.weight()), limits_, x);
     status = qp_.solve(problem_, result);
     if (status == PlanStatus::Failed) return fail(result);
     change_.take(problem_, qp_, has_plan_, result);
     if (limits_.update(problem_, change_.outputs()) && ++round < kMostRounds) continue;
-    if (attempt == kMostAttempts || !change_.too_large(problem_, has_plan_)) break;
-    ++attempt;
-    step_weight_ *= Scalar(4);
-    if (step_weight_ < least_step_weight()) step_weight_ = least_step_weight();
+    if (!change_.too_large(problem_, has_plan_) || !damping_.raise()) break;
   }
   result.limit_excess = limits_.largest();
   extract(status, result);

@@ -25,6 +25,7 @@
 
 #ifdef CLOTHCTL_PRECOMPILED
 #include "clothctl/cloth/mass_spring.hpp"  // what is compiled once
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/mpc/linearised_predictor.hpp"
 #endif
 
@@ -239,5 +240,8 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
 CLOTHCTL_INSTANTIATE(class RolloutPredictor<
                      MassSpring<double>, LinearisedPredictor<MassSpringResponse<float>, double>>);
+CLOTHCTL_INSTANTIATE(
+    class RolloutPredictor<MassSpringRollout<double>,
+                           LinearisedPredictor<MassSpringResponse<float>, double>>);
 
 }  // namespace clothctl::inline CLOTHCTL_ABI
