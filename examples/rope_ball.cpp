@@ -92,7 +92,8 @@ Scene make_scene(const Options& o, const clothctl::RopeBall<double>& body) {
 
 int main(int argc, char** argv) {
   Ball ball;
-  const Options o = read_options(argc, argv, ball);
+  Options o = read_options(argc, argv, ball);
+  if (o.predictor == "auto") o.predictor = "linearised";  // no rollout predicts a rope better
   clothctl::RopeSettings<double> rope;
   rope.length = o.size;
   rope.segments = o.cloth - 1;

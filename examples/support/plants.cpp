@@ -64,10 +64,8 @@ std::string chosen_predictor(const Options& o, const Body& body) {
   if (o.predictor != "auto") return o.predictor;
   // In wind or with hard patch rows, rollouts can become unstable (docs/performance.md), so the
   // linearised predictor is used.
-  // A rope is predicted better without rollouts.
-  const bool sheet = !body.network.triangles.empty();
-  const bool better = is_implicit(o.plant) && sheet && !body.air.enabled() && o.patch == "soft" &&
-                      o.profile != "paper";
+  const bool better =
+      is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
   return better ? "rollout" : "linearised";
 }
 

@@ -133,7 +133,7 @@ struct PlannerSettings {
   static PlannerSettings rollout() {
     PlannerSettings s;
     s.weights.jerk = Scalar(0.01);
-    s.weights.step = Scalar(0.05);
+    s.weights.step = Scalar(0.01);
     s.max_change = Scalar(0.1);
     return s;
   }
