@@ -93,7 +93,8 @@ Scene make_scene(const Options& o, const clothctl::RopeBall<double>& body) {
 int main(int argc, char** argv) {
   Ball ball;
   Options o = read_options(argc, argv, ball);
-  if (o.predictor == "auto") o.predictor = "linearised";  // no rollout predicts a rope better
+  // No rollout predicts a rope better.
+  if (o.predictor == "auto") o.predictor = "linearised";
   clothctl::RopeSettings<double> rope;
   rope.length = o.size;
   rope.segments = o.cloth - 1;
