@@ -16,10 +16,12 @@ TEST_CASE("damping grows by attempts up to a bound, and fades afterwards", "[mpc
   CHECK(damping.weight() == 0.2);
   CHECK(damping.raise());
   CHECK(damping.weight() == 0.8);
+  CHECK(damping.raise());
+  CHECK(damping.weight() == 3.2);
   CHECK_FALSE(damping.raise());
-  CHECK(damping.weight() == 0.8);
+  CHECK(damping.weight() == 3.2);
   damping.start(0.05, true);
-  CHECK(damping.weight() == 0.4);
+  CHECK(damping.weight() == 1.6);
   for (int frame = 0; frame < 10; ++frame) damping.start(0.05, true);
   CHECK(damping.weight() == 0.05);
 }
@@ -30,7 +32,7 @@ TEST_CASE("damping stays bounded when every frame asks for more", "[mpc]") {
     for (int frame = 0; frame < 100; ++frame) {
       damping.start(given, true);
       while (damping.raise()) CHECK(damping.weight() > 0);
-      CHECK(damping.weight() <= 16 * std::max(given, 1e-4));
+      CHECK(damping.weight() <= 64 * std::max(given, 1e-4));
     }
   }
 }

@@ -379,7 +379,7 @@ TEST_CASE("a frame counts the iterations of all its QPs", "[mpc]") {
   settings.max_change = 1e-6;  // almost zero, so that the forces are planned repeatedly
   Frame frame(single(), settings, 1, 20.0, 0.5);
   frame.run(2);
-  CHECK(told.solves == 4);  // with the weights 0, 1e-4, 4e-4 and 16e-4 of `step`
+  CHECK(told.solves == 5);  // with the weights 0, 1e-4, 4e-4, 16e-4 and 64e-4 of `step`
   CHECK(frame.result.qp_iterations == told.iterations);
   CHECK(told.iterations > static_cast<int>(told.answer.iterations));
 }

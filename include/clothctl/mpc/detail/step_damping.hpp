@@ -41,7 +41,7 @@ class StepDamping {
 
  private:
   static constexpr int kMostAttempts = 4;
-  static constexpr double kMostGrowth = 16;
+  static constexpr double kMostGrowth = 64;
   /// Where damping starts when the settings ask for less.
   static Scalar least() { return Scalar(1e-4); }
 
