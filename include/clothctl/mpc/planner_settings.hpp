@@ -95,7 +95,7 @@ struct PlannerSettings {
   Scalar max_step = Scalar(0.05);
   /// Largest change of the planned velocity of a held vertex from one plan to the next, m/s; 0
   /// means any. Plans of poses are scaled back to it. Plans of forces are made again, up to four
-  /// times in a frame, each time with four times the `step` weight (at least 1e-4 s²/m², at most 16
+  /// times in a frame, each time with four times the `step` weight (at least 1e-4 s²/m², at most 64
   /// times the given one).
   Scalar max_change = Scalar(0);
   /// Tolerances and budget of the QPs of a frame, for solvers that are made from QpSettings. The
