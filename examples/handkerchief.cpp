@@ -130,6 +130,7 @@ int main(int argc, char** argv) {
   std::vector<int> corners{grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
   if (!features.empty()) corners = read_vertices(features, "--features");
   Scene scene = make_scene(o, grid, corners);
+  if (o.hands) scene.body.coarse.reset();  // not tried with hands
   if (!o.targets.empty()) {
     scene.task = read_task(o);
     if (scene.task.curves.size() != corners.size())
