@@ -39,9 +39,10 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
   app.add_option("--features", features,
                  "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: "
                  "lower corners)");
-  add_model(app, o.model);
   HandFiles files;
-  add_hand(app, files)->needs(app.add_flag("--hands", o.hands, "Simulated hands move the sheet"));
+  CLI::Option* hands = app.add_flag("--hands", o.hands, "Simulated hands move the sheet");
+  add_hand(app, files)->needs(hands);
+  add_model(app, o.model)->excludes(hands);
   parse(app, o, argc, argv);
   hand = read_hand(files);
   if (2 * o.patch_size > o.cloth)
@@ -130,7 +131,6 @@ int main(int argc, char** argv) {
   std::vector<int> corners{grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
   if (!features.empty()) corners = read_vertices(features, "--features");
   Scene scene = make_scene(o, grid, corners);
-  if (o.hands) scene.body.coarse.reset();  // not tried with hands
   if (!o.targets.empty()) {
     scene.task = read_task(o);
     if (scene.task.curves.size() != corners.size())

@@ -127,10 +127,11 @@ void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
   app.add_option("--material", material, "Preset name or JSON file")->capture_default_str();
 }
 
-void add_model(CLI::App& app, int& model) {
-  app.add_option("--model", model,
-                 "Vertices along a side of the sheet that the planner predicts with, if --cloth is "
-                 "larger")
+CLI::Option* add_model(CLI::App& app, int& model) {
+  return app
+      .add_option("--model", model,
+                  "Vertices along a side of the sheet that the planner predicts with, if --cloth "
+                  "is larger; with --hands, it predicts with all")
       ->check(between(3, 129))
       ->capture_default_str();
 }

@@ -26,8 +26,8 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
 void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
                const std::string& cloth_help = "Vertices along a side");
 
-/// Adds the option of the coarse sheet that predicts the cloth.
-void add_model(CLI::App& app, int& model);
+/// Adds the option of the coarse sheet that predicts the cloth, and returns it.
+CLI::Option* add_model(CLI::App& app, int& model);
 
 /// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
 /// 2.

@@ -14,14 +14,18 @@ namespace program {
 
 namespace {
 
-clothctl::MassSpring<double> make_mass_spring(const Body& body, clothctl::Integration integration) {
+clothctl::MassSpring<double> make_mass_spring(const Body& body,
+                                              const clothctl::SpringNetwork<double>& network,
+                                              clothctl::Integration integration) {
   clothctl::MassSpringSettings<double> settings;
   settings.integration = integration;
   settings.drag = body.drag;
   settings.air = body.air;
   settings.limit_energy = false;  // the published step, which the planner predicts
-  return must(clothctl::MassSpring<double>::create(body.network, settings));
+  return must(clothctl::MassSpring<double>::create(network, settings));
 }
+
+constexpr clothctl::Index kMostWithoutBending = 33 * 33;
 
 using Response = clothctl::MassSpringResponse<float>;
 using Linearised = clothctl::LinearisedPredictor<Response, double>;
@@ -50,8 +54,10 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   Body changed = body;
   changed.drag = drag;
   if (name == "linear-implicit")
-    return AnyPlant(make_mass_spring(changed, clothctl::Integration::LinearlyImplicit));
-  if (name == "newton") return AnyPlant(make_mass_spring(changed, clothctl::Integration::Newton));
+    return AnyPlant(
+        make_mass_spring(changed, body.network, clothctl::Integration::LinearlyImplicit));
+  if (name == "newton")
+    return AnyPlant(make_mass_spring(changed, body.network, clothctl::Integration::Newton));
   clothctl::PositionBasedSettings<double> settings =
       name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet()
                     : clothctl::PositionBasedSettings<double>();
@@ -87,13 +93,17 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
       if (o.profile != "paper") settings.weights.anchor = 100;
     }
   }
-  Body predicted = body;
-  if (body.coarse) predicted.network = body.coarse->network;
   const clothctl::MassSpring<double> model =
-      make_mass_spring(predicted, clothctl::Integration::LinearlyImplicit);
-  if (chosen_predictor(o, body) == "linearised") {
-    return sampled(body, Linearised(Response(model, response), exact));
-  }
+      make_mass_spring(body, body.coarse ? body.coarse->network : body.network,
+                       clothctl::Integration::LinearlyImplicit);
+  const bool rolls = chosen_predictor(o, body) == "rollout", newton = o.plant == "newton";
+  clothctl::RolloutModelSettings fast;
+  if (body.coarse) fast.factors = clothctl::CoarseFactors::fitted();
+  // One quasi-Newton step does not converge on a fine mesh without it.
+  fast.bending_in_matrix = kMostWithoutBending < model.vertex_count();
+  if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
+  Linearised linearised(Response(model, response), exact);
+  if (!rolls) return sampled(body, std::move(linearised));
   if (o.profile != "paper") {
     const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
     settings.weights.jerk = calm.weights.jerk;
@@ -101,16 +111,13 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
     settings.max_change = calm.max_change;
   }
   clothctl::RolloutSettings rollout;
-  if (o.plant != "newton") {  // such a plant takes the model's own step
+  if (!newton) {  // such a plant takes the model's own step
     rollout.newton_steps = 0;
-    return sampled(body, rolled(model, Linearised(Response(model, response), exact), rollout));
+    return sampled(body, rolled(model, std::move(linearised), rollout));
   }
   rollout.step_tolerance = 0.5;  // one step, but where something moves violently
-  response.bending_in_matrix = false;
-  clothctl::RolloutModelSettings fast;
-  if (body.coarse) fast.factors = clothctl::CoarseFactors::fitted();
   return sampled(body, rolled(clothctl::MassSpringRollout<double>(model, fast),
-                              Linearised(Response(model, response), exact), rollout));
+                              std::move(linearised), rollout));
 }
 
 }  // namespace program

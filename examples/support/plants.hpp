@@ -132,9 +132,8 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 std::string chosen_predictor(const Options& o, const Body& body);
 
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In
-/// position-based sheets, unconverged elongation and
-/// not tension carries the weight, so their predictor scales the tension term and uses the measured
-/// net force.
+/// position-based sheets, unconverged elongation and not tension carries the weight, so their
+/// predictor scales the tension term and uses the measured net force.
 AnyPredictor make_predictor(const Options& o, const Body& body,
                             clothctl::PlannerSettings<double>& settings);
 

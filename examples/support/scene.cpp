@@ -22,7 +22,7 @@ Body sheet_body(const Options& o, const clothctl::GridMesh<double>& grid,
   Body body;
   body.network = must(clothctl::sheet_network(grid, material));
   body.drag = material.drag;
-  if (o.model < o.cloth) {
+  if (o.model < o.cloth && !o.hands) {  // coarse sheets were not tried with hands
     const auto coarse = must(clothctl::make_grid<double>(o.model, o.model, o.size, o.size));
     body.coarse = CoarseSheet{must(clothctl::sheet_network(coarse, material)),
                               clothctl::sample_grids(grid, coarse)};

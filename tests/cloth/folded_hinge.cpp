@@ -62,7 +62,7 @@ Points<double> noise(std::mt19937& random, Index n, double size) {
 
 /// Returns the bending stiffness matrix.
 Eigen::MatrixXd stiffness(const Network& network, const Points<double>& x) {
-  const SpringPattern<double> pattern(network, true, false);
+  const SpringPattern<double> pattern(network, BendingBlocks::All, false);
   BlockSymmetric<double> k = pattern.matrix();
   pattern.add_bending(network, x, 1.0, k);
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(x.size(), x.size());

@@ -58,7 +58,7 @@ Eigen::MatrixXd dense(const BlockSymmetric<S>& a) {
 
 Eigen::MatrixXd stiffness(const Network& network, const Points<double>& x,
                           const StiffnessScale<double>& scale = {}) {
-  const SpringPattern<double> pattern(network, true, false);
+  const SpringPattern<double> pattern(network, BendingBlocks::All, false);
   BlockSymmetric<double> k = pattern.matrix();
   pattern.add_springs(network, x, scale, 1.0, k);
   pattern.add_bending(network, x, scale.bending, k);
@@ -246,10 +246,39 @@ TEST_CASE("bending stencils have constant stiffness and no force in their null s
     }
   }
   // Without bending in the pattern, nothing is added.
-  const SpringPattern<double> bare(row, false, false);
+  const SpringPattern<double> bare(row, BendingBlocks::None, false);
   BlockSymmetric<double> none = bare.matrix();
   bare.add_bending(row, x, 1.0, none);
   CHECK(dense(none).isZero());
+}
+
+TEST_CASE("twice the bending of neighbours bounds bending from above", "[cloth]") {
+  std::mt19937 random(8);
+  const Network network = sheet();
+  const Points<double> x = network.rest_positions + noise(random, network.vertex_count(), 0.01);
+  const auto bending = [&](BendingBlocks blocks) {
+    const SpringPattern<double> pattern(network, blocks, false);
+    BlockSymmetric<double> k = pattern.matrix();
+    pattern.add_bending(network, x, 2.0, k);
+    return dense(k);
+  };
+  const Eigen::MatrixXd exact = bending(BendingBlocks::All),
+                        ties = bending(BendingBlocks::Neighbours);
+  CHECK(bending(BendingBlocks::None).isZero());
+  REQUIRE(exact.norm() > 0);
+  const auto least = [](const Eigen::MatrixXd& m) {
+    return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(m).eigenvalues().minCoeff();
+  };
+  CHECK(least(2 * ties - exact) > -1e-12 * exact.norm());
+  CHECK(least(ties - exact) < -1e-3 * exact.norm());  // once is not enough
+  // A translation costs nothing. On a grid, neighbours are springs: no block is added.
+  for (Index c = 0; c < 3; ++c) {
+    Eigen::VectorXd shift = Eigen::VectorXd::Zero(ties.rows());
+    for (Index i = c; i < shift.size(); i += 3) shift[i] = 1;
+    CHECK((ties * shift).norm() < 1e-12 * ties.norm());
+  }
+  CHECK(SpringPattern<double>(network, BendingBlocks::Neighbours, false).matrix().lower_count() ==
+        SpringPattern<double>(network, BendingBlocks::None, false).matrix().lower_count());
 }
 
 TEST_CASE(
@@ -271,7 +300,7 @@ TEST_CASE(
   Points<double> push = Points<double>::Zero(3, n);
   spring_directions<double>(network, x, direction);
   freeze_air<double>(network, x, v, wind, settings, air, push);
-  const SpringPattern<double> pattern(network, true, true);
+  const SpringPattern<double> pattern(network, BendingBlocks::All, true);
   BlockSymmetric<double> frozen = pattern.matrix();
   const double dt = 0.02;
   pattern.add_frozen(network, direction, air, dt, frozen);
@@ -312,7 +341,7 @@ TEMPLATE_TEST_CASE("coincident ends give no force, no direction and a definite b
     CHECK(static_cast<double>(energy) == Approx(0.5 * 50 * 0.01).epsilon(1e-5));
     spring_directions<S>(pair, x, direction);
     CHECK(direction.isZero());
-    const SpringPattern<S> pattern(pair, true, false);
+    const SpringPattern<S> pattern(pair, BendingBlocks::All, false);
     BlockSymmetric<S> k = pattern.matrix();
     pattern.add_springs(pair, x, {}, S(1), k);
     CHECK(k.diagonal(0) == Matrix3<S>(S(50) * Matrix3<S>::Identity()));
@@ -326,7 +355,7 @@ TEST_CASE("forces and assembly do not allocate", "[cloth]") {
   Points<double> f = Points<double>::Zero(3, x.cols());
   Points<double> direction = Points<double>::Zero(3, static_cast<Index>(network.springs.size()));
   std::vector<Eigen::Matrix3d> air(network.triangles.size());
-  const SpringPattern<double> pattern(network, true, true);
+  const SpringPattern<double> pattern(network, BendingBlocks::All, true);
   BlockSymmetric<double> a = pattern.matrix();
   const long before = clothctl_test::allocations();
   (void)add_spring_forces<double>(network, x, f);

@@ -30,7 +30,7 @@ struct Step {
     network = sheet_network<double>(make_grid<double>(4, 3, 0.2, 0.3).value(), Material<double>())
                   .value();
     for (Spring<double>& s : network.springs) s.damping = 0.02;
-    const SpringPattern<double> pattern(network, true, true);
+    const SpringPattern<double> pattern(network, BendingBlocks::All, true);
     const EliminationTree tree =
         nested_dissection<double>(pattern.matrix(), network.rest_positions);
     ws.reserve(network, pattern.matrix(), tree, network.triangles.size());

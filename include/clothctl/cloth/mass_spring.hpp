@@ -392,7 +392,7 @@ template <RealScalar S>
 MassSpring<S>::MassSpring(SpringNetwork<Scalar> network, MassSpringSettings<Scalar> settings)
     : network_(std::move(network)),
       settings_(std::move(settings)),
-      pattern_(network_, true, settings_.air.enabled()),
+      pattern_(network_, detail::BendingBlocks::All, settings_.air.enabled()),
       tree_(settings_.linear_solver == LinearSolver::Factor
                 ? nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions)
                 : EliminationTree()) {

@@ -107,14 +107,14 @@ MassSpringResponse<S>::MassSpringResponse(const MassSpring<Other>& model,
                                           ResponseSettings<Scalar> settings)
     : network_(model.network().template cast<Scalar>()),
       settings_(settings),
+      air_settings_(model.settings().air.template cast<Scalar>()),
       gravity_(model.settings().gravity.template cast<Scalar>()),
       drag_(static_cast<Scalar>(model.settings().drag)),
       pinned_(model.settings().pinned) {
-  air_settings_.density = static_cast<Scalar>(model.settings().air.density);
-  air_settings_.normal_coefficient = static_cast<Scalar>(model.settings().air.normal_coefficient);
-  air_settings_.tangent_coefficient = static_cast<Scalar>(model.settings().air.tangent_coefficient);
-  pattern_ =
-      detail::SpringPattern<Scalar>(network_, settings_.bending_in_matrix, air_settings_.enabled());
+  pattern_ = detail::SpringPattern<Scalar>(
+      network_,
+      settings_.bending_in_matrix ? detail::BendingBlocks::All : detail::BendingBlocks::None,
+      air_settings_.enabled());
   factor_ = BlockCholesky<Scalar>(
       pattern_.matrix(), nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions));
   for (const BendStencil<Scalar>& b : network_.bends) {

@@ -9,10 +9,9 @@
 //   B (v⁺ - v) = -g on the free vertices,   B = (1 + h α) M + h (D + C) + h² ( K(y) + L )
 //
 // K is the projected stiffness of the springs. L stands for the stiffness of bending, whose blocks
-// reach to the vertices after the next ones and would double the cost of the factor. A stencil of
-// stiffness kb and weights w_i gives ½ kb |w_i w_j| to the pair of each vertex i with a positive
-// and each vertex j with a negative weight, as a spring without rest length. Twice this L bounds
-// the stiffness of bending from above, so the error of a step shrinks, but slowly where bending is
+// reach to the vertices after the next ones and would double the cost of the factor: it has the
+// blocks of neighbours alone (BendingBlocks in detail/spring_forces.hpp). Twice L bounds the
+// stiffness of bending from above, so the error of a step shrinks, but slowly where bending is
 // stiff on a fine mesh. With `bending_in_matrix`, L is the stiffness of bending.
 //
 // D has the directions of the springs at x0, in g and in B: a damper that B turned along with its
@@ -27,7 +26,6 @@
 
 #include <array>
 #include <cassert>
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -174,16 +172,10 @@ class MassSpringRollout {
                       Eigen::Ref<Points<Scalar>> forces) const;
 
  private:
-  /// Finds the blocks of springs, bending and air.
-  void make_pattern(bool with_bending);
-
   /// Checks the arguments and computes what is constant over the step. Sets ws.velocity to v0, with
   /// held vertices at their prescribed velocity.
   StepStatus prepare(const ClothState<Scalar>& state, const ClothInput<Scalar>& input, Scalar dt,
                      Workspace& ws) const;
-
-  /// Sets bending_ to L.
-  void load_bending();
 
   /// Quasi-Newton steps from ws.velocity, then the end of the step.
   StepReport<Scalar> solve(int steps, Scalar tolerance, ClothState<Scalar>& state,
@@ -202,10 +194,9 @@ class MassSpringRollout {
   Vector3<Inner> gravity_;
   Inner drag_, longest_move_;  // m
   std::vector<int> pinned_;
-  BlockSymmetric<Inner> bending_;  // has the pattern of the matrix
+  detail::SpringPattern<Inner> pattern_;
   EliminationTree tree_;
   detail::SpringBatches<Inner> springs_;
-  std::vector<std::array<int, 3>> air_slots_;
   std::uint64_t structure_ = 0;
 };
 
@@ -215,15 +206,13 @@ MassSpringRollout<S, Inner>::MassSpringRollout(const MassSpring<Other>& model,
                                                RolloutModelSettings settings)
     : network_(model.network().template cast<Inner>()),
       settings_(settings),
+      air_(model.settings().air.template cast<Inner>()),
       gravity_(model.settings().gravity.template cast<Inner>()),
       drag_(static_cast<Inner>(model.settings().drag) * Inner(settings.factors.drag)),
       longest_move_(Inner(0)),
       pinned_(model.settings().pinned) {
   assert(settings.validate().empty());
   const CoarseFactors& factors = settings_.factors;
-  air_.density = static_cast<Inner>(model.settings().air.density);
-  air_.normal_coefficient = static_cast<Inner>(model.settings().air.normal_coefficient);
-  air_.tangent_coefficient = static_cast<Inner>(model.settings().air.tangent_coefficient);
   for (Spring<Inner>& s : network_.springs) {
     const bool shear = s.kind == SpringKind::Shear;
     s.stiffness = s.stiffness * Inner(shear ? factors.shear : factors.stretch);
@@ -231,39 +220,16 @@ MassSpringRollout<S, Inner>::MassSpringRollout(const MassSpring<Other>& model,
     if (!(Inner(0) < longest_move_) || quarter < longest_move_) longest_move_ = quarter;
   }
   for (BendStencil<Inner>& b : network_.bends) b.stiffness = b.stiffness * Inner(factors.bending);
-  make_pattern(settings_.bending_in_matrix);
-  load_bending();
-  tree_ = nested_dissection<Inner>(bending_, network_.rest_positions);
-  springs_ = detail::SpringBatches<Inner>(network_, bending_, [&](const Spring<Inner>& s) {
+  pattern_ = detail::SpringPattern<Inner>(
+      network_,
+      settings_.bending_in_matrix ? detail::BendingBlocks::All : detail::BendingBlocks::Neighbours,
+      air_.enabled());
+  tree_ = nested_dissection<Inner>(pattern_.matrix(), network_.rest_positions);
+  springs_ = detail::SpringBatches<Inner>(network_, pattern_.matrix(), [&](const Spring<Inner>& s) {
     return Inner(s.kind == SpringKind::Shear ? factors.compressed_shear
                                              : factors.compressed_stretch);
   });
-  structure_ = detail::hash_structure(bending_, tree_, network_);
-}
-
-template <RealScalar S, RealScalar Inner>
-void MassSpringRollout<S, Inner>::make_pattern(bool with_bending) {
-  std::vector<std::pair<int, int>> pairs;
-  for (const Spring<Inner>& s : network_.springs) pairs.emplace_back(s.a, s.b);
-  for (const BendStencil<Inner>& b : network_.bends) {
-    for (std::size_t i = 1; i < static_cast<std::size_t>(b.count); ++i) {
-      for (std::size_t j = 0; j < i; ++j) {
-        if (with_bending || b.weight[i] * b.weight[j] < Inner(0))
-          pairs.emplace_back(b.vertex[i], b.vertex[j]);
-      }
-    }
-  }
-  const std::size_t triangles = air_.enabled() ? network_.triangles.size() : 0;
-  for (std::size_t t = 0; t < triangles; ++t) {
-    const std::array<int, 3>& corner = network_.triangles[t];
-    for (std::size_t e = 0; e < 3; ++e) pairs.emplace_back(corner[e], corner[(e + 1) % 3]);
-  }
-  bending_ = BlockSymmetric<Inner>(network_.vertex_count(), std::move(pairs));
-  for (std::size_t t = 0; t < triangles; ++t) {
-    const std::array<int, 3>& corner = network_.triangles[t];
-    air_slots_.push_back({bending_.find(corner[0], corner[1]), bending_.find(corner[1], corner[2]),
-                          bending_.find(corner[2], corner[0])});
-  }
+  structure_ = detail::hash_structure(pattern_.matrix(), tree_, network_);
 }
 
 template <RealScalar S, RealScalar Inner>
@@ -274,14 +240,14 @@ auto MassSpringRollout<S, Inner>::rest_state() const -> ClothState<Scalar> {
 template <RealScalar S, RealScalar Inner>
 auto MassSpringRollout<S, Inner>::make_workspace() const -> Workspace {
   Workspace ws;
-  ws.factor = BlockCholesky<Inner>(bending_, tree_);
-  ws.matrix = bending_;
+  ws.factor = BlockCholesky<Inner>(pattern_.matrix(), tree_);
+  ws.matrix = pattern_.matrix();
   ws.change.setZero(1, 3 * vertex_count());
   for (Points<Inner>* p :
        {&ws.start, &ws.start_velocity, &ws.position, &ws.velocity, &ws.outer, &ws.gradient})
     p->setZero(3, vertex_count());
   ws.direction.setZero(3, springs_.direction_columns());
-  ws.air.assign(air_slots_.size(), Matrix3<Inner>::Zero());
+  ws.air.assign(air_.enabled() ? network_.triangles.size() : 0, Matrix3<Inner>::Zero());
   ws.held.assign(static_cast<std::size_t>(vertex_count()), 0);
   ws.structure = structure_;
   return ws;
@@ -342,80 +308,29 @@ StepStatus MassSpringRollout<S, Inner>::prepare(const ClothState<Scalar>& state,
 }
 
 template <RealScalar S, RealScalar Inner>
-void MassSpringRollout<S, Inner>::load_bending() {
-  for (const BendStencil<Inner>& b : network_.bends) {
-    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i) {
-      const int v = b.vertex[i];
-      if (settings_.bending_in_matrix)
-        detail::add_to_diagonal(bending_.diagonal(v),
-                                Inner(b.stiffness * b.weight[i] * b.weight[i]));
-      for (std::size_t j = 0; j < i; ++j) {
-        const Inner pair = b.stiffness * b.weight[i] * b.weight[j];
-        if (settings_.bending_in_matrix) {
-          detail::add_to_diagonal(bending_.lower(bending_.find(v, b.vertex[j])), pair);
-        } else if (pair < Inner(0)) {
-          const Inner half = Inner(0.5) * pair;
-          detail::add_to_diagonal(bending_.lower(bending_.find(v, b.vertex[j])), half);
-          detail::add_to_diagonal(bending_.diagonal(v), Inner(Inner(0) - half));
-          detail::add_to_diagonal(bending_.diagonal(b.vertex[j]), Inner(Inner(0) - half));
-        }
-      }
-    }
-  }
-}
-
-template <RealScalar S, RealScalar Inner>
 void MassSpringRollout<S, Inner>::load_gradient(Workspace& ws) const {
-  using detail::Triple;
-  const Inner h = ws.dt, third = Inner(1) / Inner(3);
-  const Inner inertia = Inner(1) + h * drag_;
-  for (Index k = 0; k < ws.position.size(); ++k) {
-    const Inner v = ws.velocity.data()[k];
-    ws.position.data()[k] = ws.start.data()[k] + h * v;
-    ws.gradient.data()[k] =
-        network_.mass[k / 3] * (inertia * v - ws.start_velocity.data()[k]) - h * ws.outer.data()[k];
+  const Inner h = ws.dt, inertia = Inner(1) + h * drag_;
+  detail::move_along(ws.start, h, ws.velocity, ws.position);
+  ws.gradient = ws.outer;
+  (void)detail::add_bending_forces<Inner>(network_, ws.position, Inner(0), ws.gradient);
+  for (Index k = 0; k < ws.gradient.size(); ++k) {
+    const Inner v = ws.velocity.data()[k], v0 = ws.start_velocity.data()[k];
+    Inner& g = ws.gradient.data()[k];
+    g = network_.mass[k / 3] * (inertia * v - v0) - h * g;
   }
-  for (std::size_t e = 0; e < air_slots_.size(); ++e) {
-    const std::array<int, 3>& t = network_.triangles[e];
-    const Triple<Inner> mean =
-        (detail::column(ws.velocity, t[0]) + detail::column(ws.velocity, t[1]) +
-         detail::column(ws.velocity, t[2])) *
-        third;
-    const Triple<Inner> push = detail::product(ws.air[e], mean) * (h * third);
-    for (const int v : t) detail::add_to_column(ws.gradient, v, push);
-  }
-  for (const BendStencil<Inner>& b : network_.bends) {
-    const int count = b.count;
-    if (b.is_folded()) {
-      const detail::FoldedHinge<Inner> hinge(b, ws.position);
-      const Triple<Inner> push = hinge.error() * (h * b.stiffness);
-      for (int i = 0; i < 4; ++i)
-        detail::add_to_column(ws.gradient, b.vertex[static_cast<std::size_t>(i)],
-                              hinge.share(i, push));
-      continue;
-    }
-    const Triple<Inner> curvature = detail::stencil_curvature<Inner>(b, ws.position);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(count); ++i)
-      detail::add_to_column(ws.gradient, b.vertex[i], curvature * (h * b.stiffness * b.weight[i]));
-  }
+  (void)detail::add_air_gradient<Inner>(network_, ws.air, ws.velocity, h, Inner(0), ws.gradient);
 }
 
 template <RealScalar S, RealScalar Inner>
 Inner MassSpringRollout<S, Inner>::improve(Workspace& ws) const {
-  const Inner h = ws.dt, ninth = Inner(1) / Inner(9);
+  const Inner h = ws.dt;
   load_gradient(ws);
   ws.matrix.set_zero();
-  ws.matrix.add_scaled(bending_, h * h);
   for (Index i = 0; i < vertex_count(); ++i)
     detail::add_to_diagonal(ws.matrix.diagonal(i),
                             Inner((Inner(1) + h * drag_) * network_.mass[i]));
-  for (std::size_t e = 0; e < air_slots_.size(); ++e) {
-    const Matrix3<Inner> block = ws.air[e] * (h * ninth);
-    for (std::size_t c = 0; c < 3; ++c) {
-      detail::add_block(ws.matrix.diagonal(network_.triangles[e][c]), block);
-      detail::add_block(ws.matrix.lower(air_slots_[e][c]), block);
-    }
-  }
+  pattern_.add_bending(network_, ws.position, h * h, ws.matrix);
+  pattern_.add_air(network_, ws.air, h, ws.matrix);
   springs_.add_step(ws.position, ws.velocity, ws.direction, h, ws.gradient, ws.matrix);
   if (!ws.factor.factorize(ws.matrix, ws.held)) return scalar_traits<Inner>::infinity();
   for (Index k = 0; k < ws.change.cols(); ++k)

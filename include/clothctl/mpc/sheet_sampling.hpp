@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "clothctl/core/result.hpp"
+#include "clothctl/math/closest_point.hpp"
 #include "clothctl/mesh/grid.hpp"
 #include "clothctl/mpc/features.hpp"
 
@@ -69,54 +70,34 @@ PointFeatures<Scalar> sample_vertices(const GridMesh<Scalar>& of, const GridMesh
   return out;
 }
 
-/// Writes the weights of the corners of a triangle at the point nearest to `p` in its plane, those
-/// below zero cut off. Returns the squared distance of `p` from their sum, m².
-template <RealScalar Scalar>
-Scalar weigh_corners(const Vector3<Scalar>& p, const std::array<Vector3<Scalar>, 3>& corner,
-                     std::array<Scalar, 3>& weight) {
-  const Vector3<Scalar> u = corner[1] - corner[0], w = corner[2] - corner[0], d = p - corner[0];
-  const Scalar uu = u.dot(u), uw = u.dot(w), ww = w.dot(w), ud = u.dot(d), wd = w.dot(d);
-  const Scalar determinant = uu * ww - uw * uw, zero = Scalar(0);
-  weight = {Scalar(1), zero, zero};
-  if (scalar_traits<Scalar>::epsilon() * uu * ww < determinant) {
-    weight[1] = (ww * ud - uw * wd) / determinant;
-    weight[2] = (uu * wd - uw * ud) / determinant;
-    weight[0] = Scalar(1) - weight[1] - weight[2];
-  }
-  const Scalar least = Scalar(64) * scalar_traits<Scalar>::epsilon();
-  Scalar sum = zero;
-  for (Scalar& share : weight) {
-    if (share < least) share = zero;
-    sum += share;
-  }
-  Vector3<Scalar> gap = p;
-  for (std::size_t i = 0; i < 3; ++i) {
-    weight[i] = weight[i] / sum;
-    gap -= weight[i] * corner[i];
-  }
-  return gap.squaredNorm();
-}
-
-/// Returns `points` (3×n, m) as sums of the corners of the nearest triangles of a mesh.
+/// Returns `points` (3×n, m) as sums of the corners of the nearest triangles of a mesh. Weights
+/// that are rounding errors are left out.
 template <RealScalar Scalar>
 PointFeatures<Scalar> sample_points(const PointsView<Scalar>& points,
                                     const PointsView<Scalar>& vertices,
                                     const std::vector<std::array<int, 3>>& triangles) {
   PointFeatures<Scalar> out;
   for (Index i = 0; i < points.cols(); ++i) {
-    const Vector3<Scalar> p = points.col(i);
-    Scalar nearest = scalar_traits<Scalar>::infinity();
+    PointOnTriangle<Scalar> best;
+    for (std::size_t t = 0; t < triangles.size(); ++t) {
+      const std::array<int, 3>& c = triangles[t];
+      const PointOnTriangle<Scalar> at = closest_on_triangle<Scalar>(
+          points.col(i), {vertices.col(c[0]), vertices.col(c[1]), vertices.col(c[2])});
+      if (best.triangle >= 0 && !(at.squared_distance < best.squared_distance)) continue;
+      best = at;
+      best.triangle = static_cast<int>(t);
+    }
+    const Scalar least = Scalar(64) * scalar_traits<Scalar>::epsilon();
+    Scalar sum = Scalar(0);
+    for (Scalar& weight : best.weights) {
+      if (weight < least) weight = Scalar(0);
+      sum += weight;
+    }
     std::vector<typename PointFeatures<Scalar>::Term> terms;
-    for (const std::array<int, 3>& t : triangles) {
-      std::array<Scalar, 3> weight;
-      const Scalar distance = weigh_corners<Scalar>(
-          p, {vertices.col(t[0]), vertices.col(t[1]), vertices.col(t[2])}, weight);
-      if (!(distance < nearest)) continue;
-      nearest = distance;
-      terms.clear();
-      for (std::size_t c = 0; c < 3; ++c) {
-        if (Scalar(0) < weight[c]) terms.push_back({t[c], weight[c]});
-      }
+    for (std::size_t c = 0; c < 3; ++c) {
+      if (Scalar(0) < best.weights[c])
+        terms.push_back(
+            {triangles[static_cast<std::size_t>(best.triangle)][c], best.weights[c] / sum});
     }
     out.add_sum(std::move(terms));
   }

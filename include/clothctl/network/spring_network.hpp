@@ -51,6 +51,13 @@ struct AirSettings {
            (Scalar(0) < normal_coefficient || Scalar(0) < tangent_coefficient);
   }
 
+  /// Returns the same settings in another scalar.
+  template <RealScalar Other>
+  AirSettings<Other> cast() const {
+    return {static_cast<Other>(density), static_cast<Other>(normal_coefficient),
+            static_cast<Other>(tangent_coefficient)};
+  }
+
   /// Returns an empty string when all values are good, else a line that names the first bad one.
   std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };

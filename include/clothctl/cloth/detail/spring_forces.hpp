@@ -70,6 +70,18 @@ void add_to_diagonal(Matrix3<Scalar>& block, const Scalar& value) {
   for (Index c = 0; c < 3; ++c) block(c, c) = block(c, c) + value;
 }
 
+/// The blocks that bending has in a step matrix.
+enum class BendingBlocks {
+  /// None.
+  None,
+  /// Those of pairs of vertices with weights of opposite signs, which are neighbours. A pair i, j
+  /// gets ½ kb |w_i w_j| I as a spring without rest length would; twice that bounds the stiffness
+  /// of bending from above.
+  Neighbours,
+  /// All of them.
+  All
+};
+
 /// For each element of a network, the blocks of a BlockSymmetric matrix that it adds to.
 template <RealScalar Scalar>
 class SpringPattern {
@@ -77,15 +89,16 @@ class SpringPattern {
   /// An empty pattern.
   SpringPattern() = default;
 
-  /// Finds the blocks of all springs, of the bending stencils if `with_bending` is set, and of the
-  /// triangles if `with_air` is set. No element may contain a vertex twice. Allocates.
-  SpringPattern(const SpringNetwork<Scalar>& network, bool with_bending, bool with_air) {
+  /// Finds the blocks of all springs, those of the bending stencils that `bending` names, and those
+  /// of the triangles if `with_air` is set. No element may contain a vertex twice. Allocates.
+  SpringPattern(const SpringNetwork<Scalar>& network, BendingBlocks bending, bool with_air)
+      : bending_(bending) {
     std::vector<std::pair<int, int>> springs, bends, triangles;
     for (const Spring<Scalar>& s : network.springs) springs.emplace_back(s.a, s.b);
-    if (with_bending) {
-      for (const BendStencil<Scalar>& b : network.bends) {
-        each_pair(b, [&](int i, int j) { bends.emplace_back(vertex(b, i), vertex(b, j)); });
-      }
+    for (const BendStencil<Scalar>& b : network.bends) {
+      each_pair(b, [&](int i, int j) {
+        if (has_block(b, i, j)) bends.emplace_back(vertex(b, i), vertex(b, j));
+      });
     }
     if (with_air) {
       for (const std::array<int, 3>& t : network.triangles) {
@@ -130,14 +143,20 @@ class SpringPattern {
     }
   }
 
-  /// Adds `factor` times the bending stiffness at positions `x` (3×n, m) to `out`, or nothing if
-  /// the pattern was made without bending. Only hinges that are folded at rest depend on `x`. Never
+  /// Adds `factor` times the bending stiffness at positions `x` (3×n, m) to `out`, as far as the
+  /// pattern has it. With all blocks, hinges that are folded at rest depend on `x`. Never
   /// allocates.
   void add_bending(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x, Scalar factor,
                    BlockSymmetric<Scalar>& out) const {
     if (bends_.empty()) return;
     std::size_t slot = 0;
     for (const BendStencil<Scalar>& b : network.bends) {
+      if (bending_ == BendingBlocks::Neighbours) {
+        each_pair(b, [&](int i, int j) {
+          if (has_block(b, i, j)) add_tie(b, i, j, factor, bends_[slot++], out);
+        });
+        continue;
+      }
       if (b.is_folded()) {
         add_folded(b, FoldedHinge<Scalar>(b, x), factor, bends_.data() + slot, out);
         slot += 6;
@@ -166,6 +185,13 @@ class SpringPattern {
       const Triple<Scalar> n = column(direction, static_cast<Index>(e));
       add_spring_block(s, springs_[e], outer_product(n, n * (dt * s.damping)), out);
     }
+    add_air(network, air, dt, out);
+  }
+
+  /// Adds `dt` times C for the matrices C_t of the triangles (`air`; empty: no air) to `out`. Never
+  /// allocates.
+  void add_air(const SpringNetwork<Scalar>& network, const std::vector<Matrix3<Scalar>>& air,
+               Scalar dt, BlockSymmetric<Scalar>& out) const {
     const Scalar ninth = Scalar(1) / Scalar(9);
     for (std::size_t e = 0; e < air.size(); ++e) {
       const std::array<int, 3>& t = network.triangles[e];
@@ -199,6 +225,19 @@ class SpringPattern {
     for (int k = 0; k < 8; ++k) lower[k] = lower[k] - from[k];
     lower[8] = lower[8] - from[8];
   }
+  /// Adds the spring without rest length that stands for the bending of a pair of neighbours.
+  static void add_tie(const BendStencil<Scalar>& b, int i, int j, const Scalar& factor, int slot,
+                      BlockSymmetric<Scalar>& out) {
+    const Scalar coupling = Scalar(0.5) * factor * b.stiffness * weight(b, i) * weight(b, j);
+    const Scalar own = Scalar(0) - coupling;
+    add_to_diagonal(out.lower(slot), coupling);
+    add_to_diagonal(out.diagonal(vertex(b, i)), own);
+    add_to_diagonal(out.diagonal(vertex(b, j)), own);
+  }
+  bool has_block(const BendStencil<Scalar>& b, int i, int j) const {
+    if (bending_ != BendingBlocks::Neighbours) return bending_ == BendingBlocks::All;
+    return weight(b, i) * weight(b, j) < Scalar(0);
+  }
   static int vertex(const BendStencil<Scalar>& b, int i) {
     return b.vertex[static_cast<std::size_t>(i)];
   }
@@ -219,6 +258,7 @@ class SpringPattern {
   }
 
   BlockSymmetric<Scalar> matrix_;
+  BendingBlocks bending_ = BendingBlocks::None;
   std::vector<int> springs_;
   std::vector<int> bends_;
   std::vector<int> triangles_;
@@ -258,6 +298,45 @@ void freeze_air(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& 
   }
 }
 
+/// Adds dt C v to `gradient` (3×n, N s) for the matrices C_t of the triangles (`air`; empty: no
+/// air) at velocities `v` (3×n, m/s) and returns `energy` plus ½ dt vᵀC v (J). Never allocates.
+template <RealScalar Scalar>
+Scalar add_air_gradient(const SpringNetwork<Scalar>& network,
+                        const std::vector<Matrix3<Scalar>>& air, const Points<Scalar>& v,
+                        const Scalar& dt, Scalar energy, Points<Scalar>& gradient) {
+  const Scalar third = Scalar(1) / Scalar(3), half = Scalar(0.5);
+  for (std::size_t e = 0; e < air.size(); ++e) {
+    const std::array<int, 3>& t = network.triangles[e];
+    const Triple<Scalar> mean = (column(v, t[0]) + column(v, t[1]) + column(v, t[2])) * third;
+    const Triple<Scalar> push = product(air[e], mean);
+    energy += half * dt * dot(mean, push);
+    for (int vertex : t) add_to_column(gradient, vertex, push * (dt * third));
+  }
+  return energy;
+}
+
+/// Adds bending forces at positions `x` (3×n, m) to `forces` (3×n, N) and returns `energy` plus
+/// theirs (J). Never allocates.
+template <RealScalar Scalar>
+Scalar add_bending_forces(const SpringNetwork<Scalar>& network, const PointsView<Scalar>& x,
+                          Scalar energy, Points<Scalar>& forces) {
+  for (const BendStencil<Scalar>& b : network.bends) {
+    if (b.is_folded()) {
+      const FoldedHinge<Scalar> hinge(b, x);
+      energy += Scalar(0.5) * b.stiffness * squared_norm(hinge.error());
+      const Triple<Scalar> push = hinge.error() * b.stiffness;
+      for (int i = 0; i < 4; ++i)
+        subtract_from_column(forces, b.vertex[static_cast<std::size_t>(i)], hinge.share(i, push));
+      continue;
+    }
+    const Triple<Scalar> curvature = stencil_curvature<Scalar>(b, x);
+    energy += Scalar(0.5) * b.stiffness * squared_norm(curvature);
+    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
+      subtract_from_column(forces, b.vertex[i], curvature * (b.stiffness * b.weight[i]));
+  }
+  return energy;
+}
+
 /// Adds spring and bending forces at positions `x` (3×n, m) to `forces` (3×n, N) and returns their
 /// energy (J). Never allocates.
 template <RealScalar Scalar>
@@ -276,21 +355,7 @@ Scalar add_spring_forces(const SpringNetwork<Scalar>& network, const PointsView<
     subtract_from_column(forces, s.a, f);
     add_to_column(forces, s.b, f);
   }
-  for (const BendStencil<Scalar>& b : network.bends) {
-    if (b.is_folded()) {
-      const FoldedHinge<Scalar> hinge(b, x);
-      energy += Scalar(0.5) * b.stiffness * squared_norm(hinge.error());
-      const Triple<Scalar> push = hinge.error() * b.stiffness;
-      for (int i = 0; i < 4; ++i)
-        subtract_from_column(forces, b.vertex[static_cast<std::size_t>(i)], hinge.share(i, push));
-      continue;
-    }
-    const Triple<Scalar> curvature = stencil_curvature<Scalar>(b, x);
-    energy += Scalar(0.5) * b.stiffness * squared_norm(curvature);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(b.count); ++i)
-      subtract_from_column(forces, b.vertex[i], curvature * (b.stiffness * b.weight[i]));
-  }
-  return energy;
+  return add_bending_forces<Scalar>(network, x, energy, forces);
 }
 
 /// Returns the elastic energy at positions `x` (3×n, m), J. Never allocates.

@@ -47,15 +47,7 @@ Scalar add_damping(const SpringNetwork<Scalar>& network, const Points<Scalar>& v
     add_to_column(ws.gradient, s.a, push);
     subtract_from_column(ws.gradient, s.b, push);
   }
-  const Scalar third = Scalar(1) / Scalar(3);
-  for (std::size_t e = 0; e < ws.air.size(); ++e) {
-    const std::array<int, 3>& t = network.triangles[e];
-    const Triple mean = (column(v, t[0]) + column(v, t[1]) + column(v, t[2])) * third;
-    const Triple push = product(ws.air[e], mean);
-    energy += half * dt * dot(mean, push);
-    for (int vertex : t) add_to_column(ws.gradient, vertex, push * (dt * third));
-  }
-  return energy;
+  return add_air_gradient<Scalar>(network, ws.air, v, dt, energy, ws.gradient);
 }
 
 /// Returns the energy E of a step of length `dt` (s) that starts at `state` and ends with
