@@ -21,7 +21,7 @@ struct Structure {
       : network(sheet_network<double>(make_grid<double>(rows, cols, 0.3, 0.4).value(),
                                       Material<double>())
                     .value()),
-        pattern(network, true, air),
+        pattern(network, BendingBlocks::All, air),
         tree(nested_dissection<double>(pattern.matrix(), network.rest_positions)) {}
 
   MassSpringWorkspace<double> workspace(std::size_t air_count) const {
