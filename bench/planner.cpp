@@ -16,9 +16,9 @@
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/mesh/grid.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/sheet.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 
 namespace {
 

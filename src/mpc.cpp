@@ -2,6 +2,7 @@
 
 #include "clothctl/cloth.hpp"
 #include "clothctl/contact.hpp"
+#include "clothctl/prediction.hpp"
 #include "clothctl/qp.hpp"
 
 // From here on CLOTHCTL_INSTANTIATE defines.

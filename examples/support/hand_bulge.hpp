@@ -10,9 +10,9 @@
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/grasp/static_contacts.hpp"
 #include "clothctl/mesh/grid.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/network/materials.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 #include "clothctl/sim/world.hpp"
 
 namespace program {

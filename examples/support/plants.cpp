@@ -4,10 +4,10 @@
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/cloth/position_based.hpp"
-#include "clothctl/mpc/coarse_predictor.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "clothctl/prediction/coarse_predictor.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
 #include "support/second_thread.hpp"
 
 namespace program {

@@ -12,8 +12,8 @@
 
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
-#include "clothctl/mpc/sheet_sampling.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/prediction/sheet_sampling.hpp"
 #include "support/options.hpp"
 #include "support/timing.hpp"
 

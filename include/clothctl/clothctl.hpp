@@ -15,6 +15,7 @@
 #include "clothctl/mesh.hpp"
 #include "clothctl/mpc.hpp"
 #include "clothctl/network.hpp"
+#include "clothctl/prediction.hpp"
 #include "clothctl/qp.hpp"
 #include "clothctl/robot.hpp"
 #include "clothctl/sim.hpp"

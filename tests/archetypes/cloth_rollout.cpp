@@ -7,7 +7,7 @@
 
 #include "archetypes/cloth.hpp"
 #include "archetypes/predictor.hpp"
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
 #include "laws/cloth_rollout_laws.hpp"
 #include "laws/predictor_laws.hpp"
 #include "support/catch.hpp"

@@ -6,9 +6,9 @@
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner.hpp"
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
 #include "laws/predictor_laws.hpp"
 #include "support/catch.hpp"
 

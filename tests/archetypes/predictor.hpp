@@ -4,7 +4,7 @@
 // a planner owns its predictor.
 
 #include "clothctl/concepts/prediction.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 
 namespace clothctl_test {
 

@@ -6,7 +6,7 @@
 #include <random>
 #include <type_traits>
 
-#include "clothctl/mpc/linearised_predictor.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 #include "laws/step_response_laws.hpp"
 #include "support/catch.hpp"
 

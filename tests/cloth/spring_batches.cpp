@@ -17,7 +17,7 @@ template <class S>
 struct Scene {
   SpringNetwork<S> network =
       sheet_network<S>(make_grid<S>(6, 5, S(0.3), S(0.4)).value(), Material<S>()).value();
-  SpringPattern<S> pattern{network, BendingBlocks::None, false};
+  SpringPattern<S> pattern{network, BendingBlocks::Absent, false};
   Points<S> start = network.rest_positions + noise(1, 0.004), end = start + noise(2, 0.004),
             velocity = noise(3, 0.3), direction, gradient;
   BlockSymmetric<S> matrix = pattern.matrix();

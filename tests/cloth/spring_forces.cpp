@@ -246,7 +246,7 @@ TEST_CASE("bending stencils have constant stiffness and no force in their null s
     }
   }
   // Without bending in the pattern, nothing is added.
-  const SpringPattern<double> bare(row, BendingBlocks::None, false);
+  const SpringPattern<double> bare(row, BendingBlocks::Absent, false);
   BlockSymmetric<double> none = bare.matrix();
   bare.add_bending(row, x, 1.0, none);
   CHECK(dense(none).isZero());
@@ -264,7 +264,7 @@ TEST_CASE("twice the bending of neighbours bounds bending from above", "[cloth]"
   };
   const Eigen::MatrixXd exact = bending(BendingBlocks::All),
                         ties = bending(BendingBlocks::Neighbours);
-  CHECK(bending(BendingBlocks::None).isZero());
+  CHECK(bending(BendingBlocks::Absent).isZero());
   REQUIRE(exact.norm() > 0);
   const auto least = [](const Eigen::MatrixXd& m) {
     return Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(m).eigenvalues().minCoeff();
@@ -278,7 +278,7 @@ TEST_CASE("twice the bending of neighbours bounds bending from above", "[cloth]"
     CHECK((ties * shift).norm() < 1e-12 * ties.norm());
   }
   CHECK(SpringPattern<double>(network, BendingBlocks::Neighbours, false).matrix().lower_count() ==
-        SpringPattern<double>(network, BendingBlocks::None, false).matrix().lower_count());
+        SpringPattern<double>(network, BendingBlocks::Absent, false).matrix().lower_count());
 }
 
 TEST_CASE(

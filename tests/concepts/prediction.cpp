@@ -7,9 +7,9 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/mpc/features.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/features.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
+#include "clothctl/prediction/window.hpp"
 #include "support/catch.hpp"
 
 namespace other_engine {

@@ -15,7 +15,7 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/mpc/features.hpp"
+#include "clothctl/prediction/features.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 

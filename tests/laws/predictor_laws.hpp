@@ -17,7 +17,7 @@
 
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/core/cloth_state.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 

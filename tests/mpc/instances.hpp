@@ -3,9 +3,9 @@
 // The planners that most tests of this folder use, those that CLOTHCTL_PRECOMPILED compiles once.
 
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner.hpp"
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
 
 namespace clothctl_test {
 

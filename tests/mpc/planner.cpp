@@ -7,8 +7,8 @@
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/plan_types.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 #include "mpc/instances.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"

@@ -6,11 +6,11 @@
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/model_plant.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 #include "clothctl/qp/kkt.hpp"
-#include "mpc/dense_step.hpp"
 #include "mpc/instances.hpp"
+#include "prediction/dense_step.hpp"
 #include "support/catch.hpp"
 #include "support/sheets.hpp"
 

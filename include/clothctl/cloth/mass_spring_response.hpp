@@ -113,7 +113,7 @@ MassSpringResponse<S>::MassSpringResponse(const MassSpring<Other>& model,
       pinned_(model.settings().pinned) {
   pattern_ = detail::SpringPattern<Scalar>(
       network_,
-      settings_.bending_in_matrix ? detail::BendingBlocks::All : detail::BendingBlocks::None,
+      settings_.bending_in_matrix ? detail::BendingBlocks::All : detail::BendingBlocks::Absent,
       air_settings_.enabled());
   factor_ = BlockCholesky<Scalar>(
       pattern_.matrix(), nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions));

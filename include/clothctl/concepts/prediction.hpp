@@ -159,7 +159,7 @@ struct predictor_traits : detail::scalar_of<P> {
 
 /// Predicts how linear outputs of a sheet respond to inputs over a window: `Request` says which
 /// outputs and inputs, `Response` holds the prediction (WindowRequest and WindowResponse of
-/// mpc/window.hpp).
+/// prediction/window.hpp).
 ///
 /// Axioms: after `reserve` for a request, predictions of that size never allocate; when `predict`
 /// returns false, callers ignore the response; the prediction depends only on state, request and

@@ -35,17 +35,17 @@ class [[nodiscard]] Result {
   explicit operator bool() const { return has_value(); }
   /// Returns the value. Fails when: this holds an error; ends the program (abort).
   T& value() & {
-    check();
+    require_value();
     return **this;
   }
   /// Returns the value. Fails when: this holds an error; ends the program (abort).
   const T& value() const& {
-    check();
+    require_value();
     return **this;
   }
   /// Moves the value out. Fails when: this holds an error; ends the program (abort).
   T&& value() && {
-    check();
+    require_value();
     return std::move(**this);
   }
   /// Returns the value. Fails when: this holds an error (assert).
@@ -69,7 +69,7 @@ class [[nodiscard]] Result {
   }
 
  private:
-  void check() const {
+  void require_value() const {
     assert(has_value());
     if (!has_value()) std::abort();
   }

@@ -157,8 +157,8 @@ class GraspController {
     report.way_left = motion_.way_left();
     report.turn_left = motion_.turn_left();
     for (const Tip& tip : tips_) {
-      report.way_left = std::max(report.way_left, tip.motion.way_left());
-      report.turn_left = std::max(report.turn_left, tip.motion.turn_left());
+      report.way_left = (std::max)(report.way_left, tip.motion.way_left());
+      report.turn_left = (std::max)(report.turn_left, tip.motion.turn_left());
     }
   }
   void send(const Scalar& dt, HandDrive<Scalar>& drive, GraspReport<Scalar>& report);
@@ -415,7 +415,8 @@ void GraspController<Model, Scalar>::judge_closing(const Scalar& dt, const HandS
     fail(GraspFault::NoTouch, static_cast<int>(i));
     return;
   }
-  const bool lost = goes_on_ && touches[static_cast<std::size_t>(std::max(worst, 0))].contacts == 0;
+  const bool lost =
+      goes_on_ && touches[static_cast<std::size_t>((std::max)(worst, 0))].contacts == 0;
   fail(lost ? GraspFault::Lost : GraspFault::NotFirm, worst);
 }
 

@@ -8,8 +8,8 @@
 // engine are not tracked reliably (docs/planner.md).
 
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

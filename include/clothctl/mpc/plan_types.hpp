@@ -9,8 +9,8 @@
 #include "clothctl/contact/grip.hpp"
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/status.hpp"
-#include "clothctl/mpc/features.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
+#include "clothctl/prediction/features.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

@@ -27,7 +27,7 @@
 #include "clothctl/qp/box_active_set.hpp"
 
 #ifdef CLOTHCTL_PRECOMPILED
-#include "clothctl/mpc/rollout_predictor.hpp"  // what is compiled once
+#include "clothctl/prediction/rollout_predictor.hpp"  // what is compiled once
 #endif
 
 namespace clothctl::inline CLOTHCTL_ABI {

@@ -20,7 +20,7 @@
 
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {

@@ -73,7 +73,7 @@ void add_to_diagonal(Matrix3<Scalar>& block, const Scalar& value) {
 /// The blocks that bending has in a step matrix.
 enum class BendingBlocks {
   /// None.
-  None,
+  Absent,
   /// Those of pairs of vertices with weights of opposite signs, which are neighbours. A pair i, j
   /// gets ½ kb |w_i w_j| I as a spring without rest length would; twice that bounds the stiffness
   /// of bending from above.
@@ -258,7 +258,7 @@ class SpringPattern {
   }
 
   BlockSymmetric<Scalar> matrix_;
-  BendingBlocks bending_ = BendingBlocks::None;
+  BendingBlocks bending_ = BendingBlocks::Absent;
   std::vector<int> springs_;
   std::vector<int> bends_;
   std::vector<int> triangles_;

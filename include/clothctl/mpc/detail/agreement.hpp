@@ -7,8 +7,8 @@
 
 #include <cmath>
 
-#include "clothctl/mpc/features.hpp"
 #include "clothctl/mpc/plan_types.hpp"
+#include "clothctl/prediction/features.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

@@ -10,7 +10,7 @@
 
 #include "clothctl/mpc/detail/force_basis.hpp"
 #include "clothctl/mpc/detail/pose_basis.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

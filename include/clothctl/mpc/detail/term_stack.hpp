@@ -11,7 +11,7 @@
 #include <cassert>
 #include <span>
 
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 

@@ -1,6 +1,6 @@
 // Features as sums of vertices, refused features, and foreign feature maps.
 
-#include "clothctl/mpc/features.hpp"
+#include "clothctl/prediction/features.hpp"
 
 #include <limits>
 

@@ -21,12 +21,12 @@
 #include "clothctl/concepts/cloth.hpp"
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/number_text.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 
 #ifdef CLOTHCTL_PRECOMPILED
 #include "clothctl/cloth/mass_spring.hpp"  // what is compiled once
 #include "clothctl/cloth/mass_spring_rollout.hpp"
-#include "clothctl/mpc/linearised_predictor.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 #endif
 
 namespace clothctl::inline CLOTHCTL_ABI {

@@ -18,8 +18,8 @@
 #include <utility>
 #include <vector>
 
-#include "clothctl/mpc/sheet_sampling.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/sheet_sampling.hpp"
+#include "clothctl/prediction/window.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

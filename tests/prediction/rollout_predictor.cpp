@@ -1,7 +1,7 @@
 // The free response of rollouts, compared with the model's own steps, and its effect in closed
 // loops.
 
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
 
 #include <array>
 

@@ -15,7 +15,7 @@
 #include "clothctl/core/result.hpp"
 #include "clothctl/math/closest_point.hpp"
 #include "clothctl/mesh/grid.hpp"
-#include "clothctl/mpc/features.hpp"
+#include "clothctl/prediction/features.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

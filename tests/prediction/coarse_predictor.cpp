@@ -1,7 +1,7 @@
 // Predictions of a fine sheet by a coarse one: exact where both are the same mesh, near the fine
 // sheet's own prediction elsewhere, and good enough to track with.
 
-#include "clothctl/mpc/coarse_predictor.hpp"
+#include "clothctl/prediction/coarse_predictor.hpp"
 
 #include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "laws/predictor_laws.hpp"

@@ -1,7 +1,7 @@
 // Sampling of two meshes of one sheet: exact for positions that vary linearly, injection where
 // vertices are shared.
 
-#include "clothctl/mpc/sheet_sampling.hpp"
+#include "clothctl/prediction/sheet_sampling.hpp"
 
 #include <limits>
 

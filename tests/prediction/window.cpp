@@ -1,6 +1,6 @@
 // Moves a prediction from the zero plan to another plan.
 
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 
 #include "support/allocations.hpp"
 #include "support/catch.hpp"

@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "clothctl/core/types.hpp"
-#include "clothctl/mpc/features.hpp"
+#include "clothctl/prediction/features.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 

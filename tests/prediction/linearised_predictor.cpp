@@ -1,14 +1,14 @@
 // The linearised predictor, compared with an independent dense rollout of the linearised step and
 // with the plant itself.
 
-#include "clothctl/mpc/linearised_predictor.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
 
 #include <random>
 
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/mpc/rollout_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
 #include "laws/predictor_laws.hpp"
-#include "mpc/dense_step.hpp"
+#include "prediction/dense_step.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/sheets.hpp"

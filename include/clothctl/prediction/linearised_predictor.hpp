@@ -35,7 +35,7 @@
 
 #include "clothctl/concepts/prediction.hpp"
 #include "clothctl/core/number_text.hpp"
-#include "clothctl/mpc/window.hpp"
+#include "clothctl/prediction/window.hpp"
 
 #ifdef CLOTHCTL_PRECOMPILED
 #include "clothctl/cloth/mass_spring_response.hpp"  // what is compiled once

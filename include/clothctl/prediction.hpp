@@ -1,0 +1,10 @@
+#pragma once
+
+// Features, and how they are predicted to move over a window of frames.
+
+#include "clothctl/prediction/coarse_predictor.hpp"
+#include "clothctl/prediction/features.hpp"
+#include "clothctl/prediction/linearised_predictor.hpp"
+#include "clothctl/prediction/rollout_predictor.hpp"
+#include "clothctl/prediction/sheet_sampling.hpp"
+#include "clothctl/prediction/window.hpp"
