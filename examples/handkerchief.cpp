@@ -3,21 +3,19 @@
 //
 //   handkerchief --task async --out out          then open out/player.html
 
-#include <cmath>
 #include <filesystem>
-#include <numbers>
 
 #include "clothctl/mesh/grid.hpp"
 #include "support/command_line.hpp"
 #include "support/hand_files.hpp"
 #include "support/hand_loop.hpp"
+#include "support/handkerchief_scene.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 
 namespace {
 
 using namespace program;
-using Grid = clothctl::GridMesh<double>;
 
 /// Returns the options, and in `features` the text of --features, in `hand` what --hand names.
 Options read_options(int argc, char** argv, std::string& features, HandMaker& hand) {
@@ -51,56 +49,6 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
   return o;
 }
 
-/// Returns the vertices that the left (0) or right (1) hand holds.
-std::vector<int> corner_patch(const Grid& grid, int side, int size) {
-  std::vector<int> patch;
-  for (int row = grid.rows - size; row < grid.rows; ++row) {
-    for (int col = 0; col < size; ++col)
-      patch.push_back(grid.vertex(row, side == 0 ? col : grid.cols - 1 - col));
-  }
-  return patch;
-}
-
-/// Makes body, grips, features and settings; the features are the vertices `corners`.
-Scene make_scene(const Options& o, const Grid& grid, const std::vector<int>& corners) {
-  const clothctl::Material<double> material = read_material(o.material);
-  const double friction = o.friction_given ? o.friction : material.friction;
-  const bool windy = o.targets.empty() && o.task == "wind";
-  Scene scene;
-  scene.material = material.name;
-  scene.body = sheet_body(o, grid, material);
-  if (windy) scene.body.air = {1.2, material.air_normal, material.air_tangent};
-  for (int side : {0, 1})
-    scene.setup.grips.push_back(clothctl::make_pinch<double>(corner_patch(grid, side, o.patch_size),
-                                                             friction, o.limit, o.generators));
-  for (int v : corners) scene.setup.features.add_point(v);
-  scene.setup.triangles = scene.body.network.triangles;
-  scene.settings = planner_settings(o, 9.81 * scene.body.network.mass.sum());
-  check_scene(scene);
-  return scene;
-}
-
-/// Places the sheet in the vertical plane through the first targets, left to right, slightly bent,
-/// with the hands `spread` apart.
-clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Task& task) {
-  Vec middle(0, 0, -o.size), along(1, 0, 0);
-  if (!task.curves.empty()) {
-    const Vec left = task.curves.front().position(0), right = task.curves.back().position(0);
-    middle = (left + right) / 2;
-    const Vec level(right[0] - left[0], right[1] - left[1], 0);
-    if (level.norm() > 1e-6) along = level.normalized();
-  }
-  const Vec up(0, 0, 1), normal = up.cross(along), hands = middle + o.size * up;
-  clothctl::ClothState<double> state{grid.positions, Points::Zero(3, grid.positions.cols())};
-  for (Index i = 0; i < grid.positions.cols(); ++i) {
-    const Vec flat = grid.positions.col(i);
-    const double turn = std::numbers::pi * flat[0] / o.size;
-    const double bow = 0.25 * std::sqrt(1 - o.spread) * o.size * std::cos(turn);
-    state.positions.col(i) = hands + o.spread * flat[0] * along + flat[2] * up + bow * normal;
-  }
-  return state;
-}
-
 /// Makes the task start at the settled positions of the features `corners`. x: positions, 3×n, m.
 void fit_task(const Options& o, const Grid& grid, const std::vector<int>& corners, const Points& x,
               Scene& scene) {
@@ -112,13 +60,8 @@ void fit_task(const Options& o, const Grid& grid, const std::vector<int>& corner
       refuse("--features: the built-in tasks move 2 features, not " + count);
     return;
   }
-  for (std::size_t i = 0; i < corners.size(); ++i)
-    scene.task.curves[i].translate(x.col(corners[i]) - scene.task.curves[i].position(0));
   scene.title = "Handkerchief: " + std::filesystem::path(o.targets).stem().string();
-  for (std::size_t i = 0; i + 1 < corners.size(); ++i) {
-    const Vec side = grid.positions.col(corners[i]) - grid.positions.col(corners[i + 1]);
-    check_reach(o, scene.task, i, i + 1, side.norm());
-  }
+  fit_targets(o, grid, corners, x, scene.task);
 }
 
 }  // namespace
@@ -130,17 +73,15 @@ int main(int argc, char** argv) {
   const Grid grid = must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size));
   std::vector<int> corners{grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
   if (!features.empty()) corners = read_vertices(features, "--features");
-  Scene scene = make_scene(o, grid, corners);
+  Scene scene = handkerchief_scene(o, grid, corners, read_material(o.material));
   if (!o.targets.empty()) {
     scene.task = read_task(o);
     if (scene.task.curves.size() != corners.size())
       refuse(o.targets + ": has " + std::to_string(scene.task.curves.size()) + " curves for " +
              std::to_string(corners.size()) + " features");
   }
-  std::vector<int> held = scene.setup.grips[0].vertices();
-  for (int v : scene.setup.grips[1].vertices()) held.push_back(v);
   const clothctl::ClothState<double> state =
-      settle(o, scene.body, place(o, grid, scene.task), held, is_implicit(o.plant) ? 2.4 : 4.8);
+      hang_handkerchief(o, grid, scene.task, scene, scene.body);
   const auto fit = [&](const Points& x, Scene& s) { fit_task(o, grid, corners, x, s); };
   if (o.hands) return run_hands(std::move(scene), o, grid, state, fit, hand);
   fit(state.positions, scene);

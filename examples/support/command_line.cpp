@@ -49,8 +49,9 @@ CLI::Validator old_name(const std::string& old, const std::string& name) {
       "");
 }
 
-/// Adds the options of planning, plant and fingers.
-void add_planner_options(CLI::App& app, Options& o) {
+}  // namespace
+
+void add_planner(CLI::App& app, Options& o) {
   app.add_option("--horizon", o.horizon, "Frames in the planning window")
       ->check(between(1, 200))
       ->capture_default_str();
@@ -89,8 +90,6 @@ void add_planner_options(CLI::App& app, Options& o) {
       ->capture_default_str();
 }
 
-}  // namespace
-
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
                 const std::string& task_help) {
   const auto named = [](const std::string& text) {
@@ -108,7 +107,7 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
       ->check(between(1e-4, 1))
       ->capture_default_str()
       ->needs(targets);
-  add_planner_options(app, o);
+  add_planner(app, o);
   app.add_option("--seed", o.seed, "Seed of the random tasks")
       ->check(seed_number())
       ->capture_default_str();
@@ -153,7 +152,8 @@ void parse(CLI::App& app, int argc, char** argv) {
 
 void parse(CLI::App& app, Options& o, int argc, char** argv) {
   parse(app, argc, argv);
-  o.dt_given = app.count("--dt") > 0;
+  const CLI::Option* dt = app.get_option_no_throw("--dt");
+  o.dt_given = dt != nullptr && dt->count() > 0;
   o.friction_given = app.count("--friction") > 0;
 }
 

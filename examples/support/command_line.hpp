@@ -22,6 +22,9 @@ CLI::Validator seed_number();
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
                 const std::string& task_help);
 
+/// Adds the options of planning, plant and fingers; add_common does, too.
+void add_planner(CLI::App& app, Options& o);
+
 /// Adds --cloth, --size and --material of a square sheet.
 void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
                const std::string& cloth_help = "Vertices along a side");
@@ -32,7 +35,7 @@ CLI::Option* add_model(CLI::App& app, int& model);
 /// Parses the command line. --help exits with 0; a bad command line prints one line and exits with
 /// 2.
 void parse(CLI::App& app, int argc, char** argv);
-/// The same for a program with `add_common`.
+/// The same for a program with `add_common` or `add_planner`.
 void parse(CLI::App& app, Options& o, int argc, char** argv);
 
 }  // namespace program

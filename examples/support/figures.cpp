@@ -50,6 +50,7 @@ Summary Figures::sum_up(Index features, Index frames, double size) {
   summary.frame_ms_median = quantile(frame_ms_, 0.5);
   summary.frame_ms_p99 = quantile(frame_ms_, 0.99);
   summary.plant_ms_median = quantile(plant_ms_, 0.5);
+  for (double ms : frame_ms_) summary.planning_s += ms / 1000;
   summary.agreement = quantile(agreement_, 0.5);
   summary.prediction_error_m = quantile(prediction_, 0.5);
   summary.qp_iterations_median = quantile(iterations_, 0.5);

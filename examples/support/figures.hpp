@@ -17,6 +17,7 @@ struct Summary {
   double patch_residual_max_m = 0;
   double mean_error_m = 0, p95_error_m = 0, max_error_m = 0;
   double frame_ms_median = 0, frame_ms_p99 = 0, plant_ms_median = 0;
+  double planning_s = 0;  // of all frames; not in summary.json
   double agreement = 0, prediction_error_m = 0, qp_iterations_median = 0, cone_violation_max = 0,
          hand_speed_max = 0;
 };

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cmath>
 #include <random>
 
@@ -53,21 +54,23 @@ void draw_circles(const clothctl::VectorX<double>& times, double size, const Vec
   }
 }
 
-/// Two asynchronous lines with the same end, time laws u^a and u^(1/a), and normally distributed
-/// noise on 22 control points.
-void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, double scale,
-                double size, const Vec& left, const Vec& right, Points& a, Points& b) {
-  Normal normal(seed * 2654435761u + 12345u);
-  const double law = 1.5, duration = times[times.size() - 1];
-  const Vec end = scale * size * Vec(0.3 * normal(), 0.3 * normal(), 0.12 * normal() + 0.2);
-  const Index controls = 22;
-  Points ca(3, controls), cb(3, controls);
-  for (Index i = 0; i < controls; ++i) {
-    const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
-    const double noise = i < 3 ? 0.0 : 0.06 * size * scale;
-    ca.col(i) = left + end * std::pow(u, law) + noise * Vec(normal(), normal(), normal());
-    cb.col(i) = right + end * std::pow(u, 1 / law) + noise * Vec(normal(), normal(), normal());
-  }
+/// Returns the times of the frames of `duration`.
+clothctl::VectorX<double> frame_times(double duration) {
+  const Index rows = static_cast<Index>(std::lround(duration / 0.02)) + 1;
+  clothctl::VectorX<double> times(rows);
+  for (Index i = 0; i < rows; ++i) times[i] = 0.02 * static_cast<double>(i);
+  return times;
+}
+
+/// Returns the control points of a curve of `duration`: 22 for 5 s, of which 3 stand still.
+Index control_points(double duration) {
+  return std::max<Index>(7, static_cast<Index>(std::lround(22 * duration / 5)));
+}
+
+/// Draws B-splines of control points; their distance is limited to what a sheet of `size` bears.
+void draw_splines(const clothctl::VectorX<double>& times, double size, const Points& ca,
+                  const Points& cb, Points& a, Points& b) {
+  const double duration = times[times.size() - 1];
   const auto sa = must(clothctl::CubicBSpline<double>::from_control_points(ca, 0, duration));
   const auto sb = must(clothctl::CubicBSpline<double>::from_control_points(cb, 0, duration));
   for (Index i = 0; i < times.size(); ++i) {
@@ -84,22 +87,47 @@ void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, doub
   }
 }
 
+/// Two asynchronous lines with the same end, time laws u^a and u^(1/a), and normally distributed
+/// noise on their control points.
+void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, double scale,
+                double noise_sd, double size, const Vec& left, const Vec& right, Points& a,
+                Points& b) {
+  Normal normal(seed * 2654435761u + 12345u);
+  const double law = 1.5;
+  const Vec end = scale * size * Vec(0.3 * normal(), 0.3 * normal(), 0.12 * normal() + 0.2);
+  const Index controls = control_points(times[times.size() - 1]);
+  Points ca(3, controls), cb(3, controls);
+  for (Index i = 0; i < controls; ++i) {
+    const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
+    const double noise = i < 3 ? 0.0 : noise_sd;
+    ca.col(i) = left + end * std::pow(u, law) + noise * Vec(normal(), normal(), normal());
+    cb.col(i) = right + end * std::pow(u, 1 / law) + noise * Vec(normal(), normal(), normal());
+  }
+  draw_splines(times, size, ca, cb, a, b);
+}
+
+Task curves_task(const clothctl::VectorX<double>& times, const Points& a, const Points& b) {
+  Task task;
+  task.names = {"L", "R"};
+  task.duration = times[times.size() - 1];
+  task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, a)));
+  task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, b)));
+  return task;
+}
+
 }  // namespace
 
 Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size,
                             const Vec& left, const Vec& right) {
-  Task task;
-  task.names = {"L", "R"};
-  task.duration = name == "wind" ? 6 : 5;
-  const Index rows = static_cast<Index>(std::lround(task.duration / 0.02)) + 1;
-  clothctl::VectorX<double> times(rows);
-  for (Index i = 0; i < rows; ++i) times[i] = 0.02 * static_cast<double>(i);
-  Points a(3, rows), b(3, rows);
+  const clothctl::VectorX<double> times = frame_times(name == "wind" ? 6 : 5);
+  Points a(3, times.size()), b(3, times.size());
+  const double scale = name == "wind" ? 0.3 : 1.0;
   if (name == "circle") {
     draw_circles(times, size, left, right, a, b);
   } else {
-    draw_lines(times, seed, name == "wind" ? 0.3 : 1.0, size, left, right, a, b);
+    draw_lines(times, seed, scale, 0.06 * size * scale, size, left, right, a, b);
   }
+  Task task = curves_task(times, a, b);
   if (name == "wind") {
     // A breeze from the front with gusts, which the planner knows.
     task.wind = [](double t) {
@@ -107,9 +135,33 @@ Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double 
       return Vec(0.2 * ramp(t / 2) * gust, 1.0 * ramp(t / 2) * gust, 0);
     };
   }
-  task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, a)));
-  task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, b)));
   return task;
+}
+
+Task make_random_task(std::uint64_t seed, double noise_sd, double duration, double size,
+                      const Vec& left, const Vec& right) {
+  const clothctl::VectorX<double> times = frame_times(duration);
+  Points a(3, times.size()), b(3, times.size());
+  draw_lines(times, seed, 1.0, noise_sd, size, left, right, a, b);
+  return curves_task(times, a, b);
+}
+
+Task make_hand_paths(std::uint64_t seed, double noise_sd, double duration, double size,
+                     const Vec& left, const Vec& right) {
+  const clothctl::VectorX<double> times = frame_times(duration);
+  Points a(3, times.size()), b(3, times.size());
+  Normal normal(seed * 2654435761u + 54321u);
+  const Vec drift = 0.3 * size * Vec(normal(), normal(), normal());
+  const Index controls = control_points(duration);
+  Points ca(3, controls), cb(3, controls);
+  for (Index i = 0; i < controls; ++i) {
+    const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
+    const double noise = i < 3 ? 0.0 : noise_sd;
+    ca.col(i) = left + u * drift + noise * Vec(normal(), normal(), normal());
+    cb.col(i) = right + u * drift + noise * Vec(normal(), normal(), normal());
+  }
+  draw_splines(times, size, ca, cb, a, b);
+  return curves_task(times, a, b);
 }
 
 }  // namespace program

@@ -15,16 +15,9 @@ namespace {
 
 using Planner = clothctl::Planner<AnyPredictor>;
 
-/// Returns the number of frames that count for the errors. In the last window the targets are
-/// extrapolated.
-Index scored_frames(const Scene& scene, const Options& o, Index frames) {
-  const Index scored = frames - scene.settings.horizon + 1;
-  if (scored < 2) {
-    refuse((o.targets.empty() ? "--task " + o.task : o.targets) + ": lasts " +
-           std::to_string(frames) + " frames of 0.02 s, must be over the --horizon of " +
-           std::to_string(scene.settings.horizon));
-  }
-  return scored;
+/// Returns the number of frames of a run.
+Index run_frames(const Scene& scene) {
+  return static_cast<Index>(std::lround(scene.task.duration / scene.settings.dt));
 }
 
 void warn_of_weight(const Scene& scene, const Options& o) {
@@ -54,21 +47,28 @@ std::string reason(const clothctl::FrameReport<double>& report,
 
 }  // namespace
 
-int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predictor) {
+Index scored_frames(const Scene& scene, const Options& o) {
+  const Index frames = run_frames(scene), scored = frames - scene.settings.horizon + 1;
+  if (scored < 2) {
+    refuse((o.targets.empty() ? "--task " + o.task : o.targets) + ": lasts " +
+           std::to_string(frames) + " frames of 0.02 s, must be over the --horizon of " +
+           std::to_string(scene.settings.horizon));
+  }
+  return scored;
+}
+
+Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredictor predictor,
+                 RunRecorder& recorder, Progress& progress) {
   Planner planner =
       must(Planner::create(scene.setup, scene.settings, std::move(predictor), plant.positions()));
   if (const std::string problem = check_plant(planner, plant); !problem.empty()) refuse(problem);
   clothctl::PlanResult<double> result = planner.make_result();
   const double dt = scene.settings.dt;
-  const Index frames = static_cast<Index>(std::lround(scene.task.duration / dt));
-  RunRecorder recorder(scene, o, scored_frames(scene, o, frames));
-  warn_of_weight(scene, o);
+  const Index frames = run_frames(scene);
   const auto target = [&](Index i, double t) {
     return scene.task.curves[static_cast<std::size_t>(i)].position(t);
   };
-
   Figures figures;
-  Progress progress;
   recorder.add_frame(0, plant.positions(),
                      Points::Zero(3, static_cast<Index>(scene.setup.grips.size())), figures);
   for (Index frame = 0; frame < frames; ++frame) {
@@ -88,7 +88,14 @@ int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predi
     recorder.add_frame(frame + 1, plant.positions(), recorder.arrows(result), figures);
   }
   progress.clear();
-  const Summary summary = figures.sum_up(scene.setup.features.count(), frames, o.size);
+  return figures.sum_up(scene.setup.features.count(), frames, o.size);
+}
+
+int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predictor) {
+  RunRecorder recorder(scene, o, scored_frames(scene, o));
+  warn_of_weight(scene, o);
+  Progress progress;
+  const Summary summary = run_loop(scene, o, plant, std::move(predictor), recorder, progress);
   if (!o.out.empty()) recorder.write(summary);
   if (o.json) {
     std::printf("%s\n", to_json(summary, scene, o, -1).c_str());

@@ -48,6 +48,7 @@ struct Options {
   double spread = 0.9;
   std::uint64_t seed = 1;
   bool hands = false;
+  bool second_thread = true;  // rollouts use one; plans have the same bits without it
   bool json = false;
   std::string out;
   bool dt_given = false;

@@ -1,5 +1,6 @@
 #include "support/plants.hpp"
 
+#include "bring_your_own/cloth_plant.hpp"
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/mass_spring_rollout.hpp"
@@ -25,18 +26,55 @@ clothctl::MassSpring<double> make_mass_spring(const Body& body,
   return must(clothctl::MassSpring<double>::create(network, settings));
 }
 
+/// The foreign cloth, which can be set to a state.
+class ForeignPlant {
+ public:
+  ForeignPlant(const clothctl::SpringNetwork<double>& network, double drag)
+      : network_(network), drag_(static_cast<float>(drag)) {
+    set_state({Points::Zero(3, network.vertex_count()), Points::Zero(3, network.vertex_count())});
+  }
+  const Points& positions() const { return x_; }
+  const Points& velocities() const { return v_; }
+  void set_state(const clothctl::ClothState<double>& state) {
+    cloth_ = game::make_cloth(network_, state.positions);
+    cloth_.drag = drag_;
+    for (std::size_t i = 0; i < cloth_.v.size(); ++i)
+      cloth_.v[i] = game::y_up(state.velocities.col(static_cast<Index>(i)));
+    measure();
+  }
+  void apply(const clothctl::ClothInput<double>& input) { Traits::apply(cloth_, input); }
+  clothctl::StepReport<double> advance(double dt) {
+    const clothctl::StepReport<double> report = Traits::advance(cloth_, dt);
+    measure();
+    return report;
+  }
+
+ private:
+  using Traits = clothctl::plant_traits<game::Cloth>;
+  void measure() {
+    x_ = Traits::positions(cloth_);
+    v_ = Traits::velocities(cloth_);
+  }
+
+  clothctl::SpringNetwork<double> network_;
+  game::Cloth cloth_;
+  float drag_;
+  Points x_, v_;
+};
+
 constexpr clothctl::Index kMostWithoutBending = 33 * 33;
 
 using Response = clothctl::MassSpringResponse<float>;
 using Linearised = clothctl::LinearisedPredictor<Response, double>;
 
-/// Rolls out a model beside the linearised prediction, on two threads.
+/// Rolls out a model beside the linearised prediction, on one thread or two.
 template <class Model>
 clothctl::RolloutPredictor<Model, Linearised> rolled(Model model, Linearised linearised,
-                                                     clothctl::RolloutSettings settings) {
+                                                     clothctl::RolloutSettings settings,
+                                                     bool two_threads) {
   clothctl::RolloutPredictor<Model, Linearised> predictor(std::move(model), std::move(linearised),
                                                           settings);
-  predictor.set_executor(clothctl::ExecutorRef(second_thread()));
+  if (two_threads) predictor.set_executor(clothctl::ExecutorRef(second_thread()));
   return predictor;
 }
 
@@ -58,6 +96,8 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
         make_mass_spring(changed, body.network, clothctl::Integration::LinearlyImplicit));
   if (name == "newton")
     return AnyPlant(make_mass_spring(changed, body.network, clothctl::Integration::Newton));
+  if (name == "explicit")
+    return AnyPlant(AnyPlant::Plant(), ForeignPlant(changed.network, changed.drag));
   clothctl::PositionBasedSettings<double> settings =
       name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet()
                     : clothctl::PositionBasedSettings<double>();
@@ -81,7 +121,9 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   clothctl::ResponseSettings<float> response;
   clothctl::LinearisedPredictorSettings<double> exact;
   if (!implicit) {
-    const auto loose = clothctl::loose_plant<double>(clothctl::WeightBearing::Elongation);
+    const auto loose =
+        clothctl::loose_plant<double>(o.plant == "explicit" ? clothctl::WeightBearing::Tension
+                                                            : clothctl::WeightBearing::Elongation);
     response = loose.response;
     exact = loose.predictor;
     if (o.profile != "paper") {
@@ -113,11 +155,11 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   clothctl::RolloutSettings rollout;
   if (!newton) {  // such a plant takes the model's own step
     rollout.newton_steps = 0;
-    return sampled(body, rolled(model, std::move(linearised), rollout));
+    return sampled(body, rolled(model, std::move(linearised), rollout, o.second_thread));
   }
   rollout.step_tolerance = 0.5;  // one step, but where something moves violently
   return sampled(body, rolled(clothctl::MassSpringRollout<double>(model, fast),
-                              std::move(linearised), rollout));
+                              std::move(linearised), rollout, o.second_thread));
 }
 
 }  // namespace program

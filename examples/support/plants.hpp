@@ -29,7 +29,13 @@ class AnyPlant {
  public:
   using Scalar = double;
   template <clothctl::ClothModel Model>
-  explicit AnyPlant(Model model) : plant_(std::make_unique<Holder<Model>>(std::move(model))) {}
+  explicit AnyPlant(Model model)
+      : AnyPlant(Plant(), clothctl::ModelPlant<Model>(std::move(model))) {}
+  /// Marks the constructor for plants that are not a model.
+  struct Plant {};
+  /// Holds a plant with `set_state`, whose positions and velocities are references.
+  template <class Held>
+  AnyPlant(Plant, Held plant) : plant_(std::make_unique<Holder<Held>>(std::move(plant))) {}
   Index vertex_count() const { return plant_->positions().cols(); }
   const Points& positions() const { return plant_->positions(); }
   const Points& velocities() const { return plant_->velocities(); }
@@ -53,15 +59,15 @@ class AnyPlant {
     virtual void apply(const clothctl::ClothInput<double>&) = 0;
     virtual clothctl::StepReport<double> advance(double) = 0;
   };
-  template <class Model>
+  template <class Held>
   struct Holder final : Base {
-    explicit Holder(Model model) : plant(std::move(model)) {}
+    explicit Holder(Held held) : plant(std::move(held)) {}
     const Points& positions() const override { return plant.positions(); }
     const Points& velocities() const override { return plant.velocities(); }
     void set_state(const clothctl::ClothState<double>& state) override { plant.set_state(state); }
     void apply(const clothctl::ClothInput<double>& input) override { plant.apply(input); }
     clothctl::StepReport<double> advance(double dt) override { return plant.advance(dt); }
-    clothctl::ModelPlant<Model> plant;
+    Held plant;
   };
   std::unique_ptr<Base> plant_;
   double last_step_ms_ = 0;
@@ -125,7 +131,8 @@ inline bool is_implicit(const std::string& plant) {
   return plant == "linear-implicit" || plant == "newton";
 }
 
-/// Makes the plant called `name`; `drag` replaces the body's drag (for settling).
+/// Makes the plant called `name`; `drag` replaces the body's drag (for settling). "explicit" is the
+/// foreign cloth of bring_your_own: at most 9×9 vertices, or its substeps are too long.
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
 /// Returns "linearised" or "rollout": the meaning of --predictor auto.

@@ -33,4 +33,14 @@ void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t 
 Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size,
                             const Vec& left, const Vec& right);
 
+/// Returns random targets as in [Bai 2016], section 6.2: two asynchronous lines from `left` and
+/// `right`, with normal noise of standard deviation `noise_sd` (m) on every axis of the control
+/// points of their B-splines, 22 in 5 s. `duration`: s.
+Task make_random_task(std::uint64_t seed, double noise_sd, double duration, double size,
+                      const Vec& left, const Vec& right);
+
+/// Returns random smooth paths of two hands: B-splines with a common drift and noise as above.
+Task make_hand_paths(std::uint64_t seed, double noise_sd, double duration, double size,
+                     const Vec& left, const Vec& right);
+
 }  // namespace program

@@ -32,7 +32,7 @@ double quantile(std::vector<double> values, double q) {
 void Progress::show(long done, long all) {
   if (isatty(2) == 0 || milliseconds(start_) < 2000 || milliseconds(last_) < 100) return;
   last_ = std::chrono::steady_clock::now();
-  std::fprintf(stderr, "\rframe %ld of %ld", done, all);
+  std::fprintf(stderr, "\r%sframe %ld of %ld\033[K", prefix_.c_str(), done, all);
   shown_ = true;
 }
 

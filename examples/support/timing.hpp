@@ -3,6 +3,8 @@
 // Time measurement, summaries and progress of the programs' runs.
 
 #include <chrono>
+#include <string>
+#include <utility>
 #include <vector>
 
 namespace program {
@@ -25,8 +27,11 @@ class Progress {
   void show(long done, long all);
   /// Clears the line before other output.
   void clear();
+  /// Sets what the line shows before the number of the frame.
+  void set_prefix(std::string prefix) { prefix_ = std::move(prefix); }
 
  private:
+  std::string prefix_;
   std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now(), last_ = start_;
   bool shown_ = false;
 };

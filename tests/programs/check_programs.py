@@ -12,6 +12,7 @@ import json
 import math
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -214,6 +215,104 @@ def check_runs(programs, folder):
     code, text, _ = run(programs / "bring_your_own")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"bring_your_own: exit {code}: {text}")
+
+
+EVALUATE_TABLE = "# clothctl evaluation 1 "
+
+
+def check_evaluate(programs, folder):
+    """The evaluation: every study, stopped and resumed, in shards, on ranks, with bad input."""
+    evaluate = programs / "evaluate"
+    small = ["--cloth", 5, "--seconds", 0.6, "--horizon", 6]
+
+    def table(name):
+        return (folder / name / "results.csv").read_bytes()
+
+    for study, cases in (("known", 1), ("random", 1), ("sd", 6), ("plants", 8), ("mismatch", 9),
+                         ("table1", 1), ("window", 13)):
+        out = folder / f"evaluate_{study}"
+        arguments = [a for a in small if study != "window" or a not in ("--horizon", 6)]
+        code, text, errors = run(evaluate, "--study", study, *arguments, "--seeds", 1, "--json",
+                                 "--out", out)
+        check(code == 0 and not errors, f"evaluate {study}: exit {code}: {errors}")
+        if code != 0:
+            continue
+        summary = json.loads(text.strip().split("\n")[-1])
+        check(summary["status"] == "finished" and len(summary["cases"]) == cases
+              and summary["runs"] == cases and summary["missing"] == 0,
+              f"evaluate {study}: {summary}")
+        check(json.loads((out / "summary.json").read_text()) == summary,
+              f"evaluate {study}: summary.json differs from the printed line")
+        lines = (out / "results.csv").read_text().strip().split("\n")
+        check(lines[0].startswith(EVALUATE_TABLE) and len(lines) == 2 + cases
+              and len({line.count(",") for line in lines[1:]}) == 1
+              and json.loads(lines[0][len(EVALUATE_TABLE):]) == summary["setup"],
+              f"evaluate {study}: results.csv {lines[:2]}")
+        check(is_page(out / "report.html") and "<svg" in (out / "report.html").read_text(),
+              f"evaluate {study}: report.html")
+
+    job = ["--study", "sd", *small, "--seeds", 3]
+    check(run(evaluate, *job, "--out", folder / "whole")[0] == 0, "evaluate sd")
+    # As after a cut: some runs are missing, and one was being written.
+    cut = folder / "cut"
+    shutil.copytree(folder / "whole", cut)
+    for path in sorted((cut / "runs").iterdir())[::2]:
+        path.unlink()
+    (cut / "results.csv").unlink()
+    (cut / "runs" / "000-000001.csv.99").write_text("SD 0 m")
+    code, _, errors = run(evaluate, *job, "--resume", "--out", cut)
+    check(code == 0 and table("cut") == table("whole"), f"evaluate --resume: {errors}")
+    for i in (1, 2):
+        code, text, _ = run(evaluate, *job, "--shard", f"{i}/2", "--resume", "--json", "--out",
+                            folder / "shards")
+        check(code == 0 and json.loads(text)["missing"] == (9 if i == 1 else 0),
+              f"evaluate --shard {i}/2: {text}")
+    check(table("shards") == table("whole"), "evaluate --shard: the table differs from one run's")
+    if shutil.which("mpirun"):
+        start = ["--allow-run-as-root", "--oversubscribe", "-n", 3]
+        code, _, errors = run("mpirun", *start, evaluate, *job, "--out", folder / "ranks")
+        if code == 0 and (folder / "ranks" / "results.csv").exists():
+            check(table("ranks") == table("whole"), "evaluate on 3 ranks: another table")
+        else:  # built without MPI, the processes refuse each other's folder
+            check("has results" in errors, f"evaluate on 3 ranks: exit {code}: {errors}")
+
+    curves = folder / "curves"
+    curves.mkdir()
+    (curves / "a.csv").write_text(targets(0.6))
+    (curves / "b.csv").write_text(targets(0.8))
+    given = ["--study", "random", "--cloth", 5, "--horizon", 6, "--curves", curves]
+    code, text, _ = run(evaluate, *given, "--json", "--out", folder / "given")
+    check(code == 0 and json.loads(text)["runs"] == 2, f"evaluate --curves: {text}")
+    check_evaluate_refusals(evaluate, folder, job, given)
+
+
+def check_evaluate_refusals(evaluate, folder, job, given):
+    def refused(name, arguments, *words):
+        code, _, errors = run(evaluate, *arguments)
+        check(code == 2 and len(errors.strip().split("\n")) == 1
+              and all(word in errors for word in words),
+              f"evaluate {name}: exit {code}: {errors!r}")
+
+    new = ["--out", folder / "new"]
+    refused("without --resume", [*job, "--out", folder / "whole"], "--resume", "whole")
+    refused("other settings", [*job, "--limit", 5, "--resume", "--out", folder / "whole"],
+            "limit_N", "20", "5")
+    refused("study", ["--study", "all", *new], "all")
+    refused("no --out", ["--study", "sd"], "--out")
+    for shard in ("3/2", "0/2", "1", "1/2x", "a/2", "1/-2"):
+        refused(f"--shard {shard}", [*job, f"--shard={shard}", *new], "--shard", shard)
+    refused("short", ["--study", "known", "--seconds", 0.3, *new], "--seconds", "15", "20")
+    refused("--horizon", ["--study", "window", "--horizon", 5, *new], "--horizon", "window")
+    refused("--seeds", [*given, "--seeds", 3, *new], "--seeds", "3", "2 files")
+    empty = folder / "no_curves"
+    empty.mkdir()
+    refused("--curves", [*given[:-1], empty, *new], "no_curves", ".csv")
+    bad = folder / "bad.csv"
+    bad.write_text(targets(0.6, spoil=lambda rows: rows.__setitem__(3, "0.04,1,2,x,4,5,6")))
+    refused("bad curve", [*given[:-1], bad, *new], "bad.csv:4", "'x'")
+    damaged = folder / "cut" / "runs" / "000-000002.csv"
+    damaged.write_text("SD 0 mm,random,2\n\n")
+    refused("damaged run", [*job, "--resume", "--out", folder / "cut"], "000-000002.csv", "cells")
 
 
 SIMULATE_KEYS = ["status", "vertices", "real_time_factor", "stretch_max", "stretch_mean",
@@ -978,7 +1077,7 @@ def main():
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "drape", "foreign_plant", "bring_your_own",
              "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch",
-             "pinch_and_shake", "hand_holds_cloth", "lift_from_table")
+             "pinch_and_shake", "hand_holds_cloth", "lift_from_table", "evaluate")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
         print("skipped: not built:", ", ".join(missing))
@@ -986,6 +1085,7 @@ def main():
     with tempfile.TemporaryDirectory() as folder:
         check_bad_input(programs, pathlib.Path(folder))
         check_qp_runs(programs, pathlib.Path(folder))
+        check_evaluate(programs, pathlib.Path(folder))
         check_simulate_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
         check_sewing(programs, pathlib.Path(folder))
