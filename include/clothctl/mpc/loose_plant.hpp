@@ -41,6 +41,7 @@ LoosePlantProfile<Scalar> loose_plant(WeightBearing weight = WeightBearing::Tens
   profile.planner.input = GripInput::Pose;
   profile.planner.weights.smooth = Scalar(10);
   profile.planner.weights.anchor = Scalar(100);
+  profile.planner.least_agreement = Scalar(0.9);
   if (weight == WeightBearing::Elongation) {
     profile.predictor.measured_force = Scalar(1);
     profile.response.scale.axial = 0.2f;

@@ -35,6 +35,16 @@ struct PlanResult {
   /// [0, 1]. 1 means that the plant does what was predicted. 1 also in the first frame and after a
   /// failure.
   Scalar agreement = Scalar(1);
+  /// The same for predictions over half a window, with means over the last second, and a motion of
+  /// at least 1 mm a frame.
+  Scalar window_agreement = Scalar(1);
+  /// Weight of the hand anchor in this frame, 1/m² (PlannerSettings::least_agreement).
+  Scalar anchor_weight = Scalar(0);
+  /// True when window_agreement is below 0.7 and the anchor cannot grow, or below 0.5: the plant
+  /// does not do what the model says, and the features are about to lose their targets or have lost
+  /// them. Hold the hands still, move the targets more slowly, or use a better model. May be true
+  /// for a second when a sheet starts to move.
+  bool losing = false;
   /// Largest coordinate of a predicted non-affine mode of a patch (affine_patch.hpp) over the
   /// window, m.
   Scalar patch_residual = Scalar(0);

@@ -13,6 +13,7 @@
 
 #include "clothctl/core/result.hpp"
 #include "clothctl/mpc/detail/agreement.hpp"
+#include "clothctl/mpc/detail/anchor_schedule.hpp"
 #include "clothctl/mpc/detail/finger_plan.hpp"
 #include "clothctl/mpc/detail/grip_change.hpp"
 #include "clothctl/mpc/detail/grip_limits.hpp"
@@ -189,6 +190,7 @@ class Planner {
   detail::PlanChange<Scalar> change_;
   detail::FingerPlan<Scalar> finger_plan_;
   detail::PredictionAgreement<Scalar> agreement_;
+  detail::AnchorSchedule<Scalar> schedule_;
   Points<Scalar> last_velocity_;  // of all vertices, measured in the last frame
   detail::StepDamping<Scalar> damping_;
   bool has_last_ = false;
@@ -289,6 +291,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::reset() {
   problem_.request.has_path = false;
   problem_.request.has_applied = false;
   damping_.reset();
+  schedule_.reset();
   limits_.reset();
   start_plan();
   Traits::reset(predictor_);
@@ -309,6 +312,7 @@ Planner<P, Setup, BoxSolver, RowSolver>::Planner(Setup setup, PlannerSettings<Sc
   reserve(setup_.anchors.empty() ? anchors_at(problem_.basis, start) : setup_.anchors);
   qp_.reserve(problem_);
   agreement_.reserve(problem_.feature_count);
+  schedule_.reserve(problem_.feature_count, settings.horizon);
   last_velocity_.setZero(3, vertex_count_);
   start_plan();
 }
@@ -385,6 +389,8 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
                                                                const PointsView<Scalar>& v,
                                                                PlanResult<Scalar>& result) {
   agreement_.measure(setup_.features, x, has_last_, result);
+  schedule_.measure(problem_.settings, agreement_.measured(), result);
+  problem_.anchor_growth = schedule_.growth();
   result.qp_iterations = 0;
   result.qp_status = QpStatus::Solved;
   result.used_rows = false;
@@ -433,6 +439,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::extract(PlanStatus status,
   problem_.response.free_response += change_.outputs();
   result.predicted = problem_.response.free_response.topRows(3 * problem_.feature_count);
   agreement_.predict(result.predicted);
+  schedule_.predict(result.predicted);
   result.patch_residual = detail::largest_non_affine(problem_, point_);
   problem_.request.plan = result.plan;
   has_plan_ = true;
@@ -475,6 +482,7 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::fail(PlanResult<Scalar>& res
   result.patch_residual = result.limit_excess = Scalar(0);
   send(result);
   has_last_ = false;
+  schedule_.forget();
   qp_.reset();
   return PlanStatus::Failed;
 }

@@ -90,6 +90,13 @@ struct PlannerSettings {
   HeavyChainAxes heavy_chain_axes = HeavyChainAxes::SheetNormal;
   /// Size of gravity, m/s² (hand anchor).
   Scalar gravity = Scalar(9.81);
+  /// Agreement of predictions over half a window (PlanResult::window_agreement) that feedback
+  /// needs, from 0 to below 1. Below it, the weight of the anchor grows, up to 16 times in a
+  /// second, so that feedback through a wrong model cannot pump energy into the sheet. It falls
+  /// again only with a reset. 0 leaves the weight as it is.
+  Scalar least_agreement = Scalar(0);
+  /// Largest weight of the anchor under `least_agreement`, 1/m².
+  Scalar most_anchor = Scalar(3000);
   /// Longest step of a commanded grip in a frame along each axis, m; also of positions that planned
   /// forces reach (PlantCommand::Position).
   Scalar max_step = Scalar(0.05);
@@ -142,7 +149,7 @@ struct PlannerSettings {
   std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
-    const std::array<std::pair<const char*, const Scalar*>, 12> weighed{
+    const std::array<std::pair<const char*, const Scalar*>, 13> weighed{
         {{"feature", &weights.feature},
          {"force", &weights.force},
          {"cone", &weights.cone},
@@ -154,6 +161,7 @@ struct PlannerSettings {
          {"limit", &weights.limit},
          {"jerk", &weights.jerk},
          {"step", &weights.step},
+         {"most_anchor", &most_anchor},
          {"max_change", &max_change}}};
     for (const auto& [name, value] : weighed) {
       if (bad(*value))
@@ -166,6 +174,8 @@ struct PlannerSettings {
       if (bad(*value) || !(Scalar(0) < *value))
         return std::string(name) + " is " + number_text(*value) + ", must be positive";
     }
+    if (bad(least_agreement) || !(least_agreement < Scalar(1)))
+      return "least_agreement is " + number_text(least_agreement) + ", must be 0 to below 1";
     if (!all_finite(gravity_load)) return "gravity_load is not finite";
     if (input == GripInput::Pose && command != PlantCommand::Force)
       return "command is Position with pose input; poses are always sent as positions";

@@ -48,6 +48,8 @@ struct FrameReport {
   FrameStatus status = FrameStatus::NotPlanned;
   /// How the planner ended.
   PlanStatus plan = PlanStatus::Failed;
+  /// True when the loop is losing its targets (PlanResult::losing), whatever the plan's status.
+  bool losing = false;
   /// How the plant's step ended.
   StepReport<Scalar> step = {};
   /// Distance of the features from their targets at the end of the frame, m: mean and largest.
@@ -110,6 +112,7 @@ requires ClothPlant<Plant, typename AnyPlanner::Scalar>
   }
   report.plan =
       planner.plan(Traits::positions(plant), Traits::velocities(plant), t, target, wind, result);
+  report.losing = report.plan != PlanStatus::InvalidInput && result.losing;
   if (!can_apply(report.plan)) return report;
   result.input.wind = wind(t);
   Traits::apply(plant, result.input);

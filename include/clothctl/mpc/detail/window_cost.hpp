@@ -133,9 +133,11 @@ class WindowCost {
     past_[0] = now;
     past_[1] = past_[0] - settings.dt * velocity;
     past_[2] = past_[1] - settings.dt * before;
-    stack_.add(problem.response, point_, past_, 0, sqrt(w.anchor), [&](Index k) {
-      return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k));
-    });
+    stack_.add(problem.response, point_, past_, 0, sqrt(problem.anchor_growth * w.anchor),
+               [&](Index k) {
+                 return Vector3<Scalar>(
+                     anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k));
+               });
     stack_.add(problem.response, point_, past_, 2, sqrt(w.smooth) / settings.dt, none);
     stack_.add_change(problem.response, point_, 1, sqrt(step_weight) / settings.dt);
     stack_.add(problem.response, point_, past_, 3, sqrt(w.jerk) / settings.dt, none);
