@@ -16,6 +16,9 @@ TEMPLATE_TEST_CASE("the profile loose_plant is valid and holds the hands firmly"
     CHECK(profile.planner.input == GripInput::Pose);
     CHECK(profile.planner.weights.anchor == S(100));
     CHECK(profile.planner.weights.smooth == S(10));
+    CHECK(profile.planner.least_agreement == S(0.9));
+    CHECK(PlannerSettings<S>().least_agreement == S(0));
+    CHECK(profile.planner.weights.anchor < profile.planner.most_anchor);
     CHECK(profile.planner.weights.feature == PlannerSettings<S>().weights.feature);
   }
 }

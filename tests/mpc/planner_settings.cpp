@@ -36,6 +36,8 @@ TEST_CASE("every bad setting is refused", "[mpc]") {
     CHECK(refused([&](Settings& s) { s.gravity = bad; }));
     CHECK(refused([&](Settings& s) { s.max_step = bad; }));
     CHECK(refused([&](Settings& s) { s.max_change = bad; }));
+    CHECK(refused([&](Settings& s) { s.most_anchor = bad; }));
+    CHECK(refused([&](Settings& s) { s.least_agreement = bad; }));
     for (double PlannerWeights<double>::*weight :
          {&PlannerWeights<double>::feature, &PlannerWeights<double>::force,
           &PlannerWeights<double>::cone, &PlannerWeights<double>::velocity,
@@ -48,6 +50,7 @@ TEST_CASE("every bad setting is refused", "[mpc]") {
   }
   for (const double bad : {nan, inf}) CHECK(refused([&](Settings& s) { s.gravity_load[1] = bad; }));
   CHECK(refused([](Settings& s) { s.dt = 0.0; }));
+  CHECK(refused([](Settings& s) { s.least_agreement = 1.0; }));
   CHECK(refused([](Settings& s) { s.gravity = 0.0; }));
   CHECK(refused([](Settings& s) { s.max_step = 0.0; }));
   CHECK(refused([](Settings& s) {
