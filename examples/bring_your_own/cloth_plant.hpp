@@ -27,6 +27,7 @@ struct Cloth {
   std::vector<std::size_t> held;  // vertices moved by hand, to `hand`
   std::vector<Float3> hand;
   float drag = 0;
+  int substeps = 400;  // of a frame; stiff or fine cloth needs more
 
   void substep(float h) {
     std::vector<Float3> f = push;
@@ -49,15 +50,15 @@ struct Cloth {
   }
 
   void frame(float dt) {
-    const int substeps = 400;
+    const float h = dt / static_cast<float>(substeps);
     for (int k = 0; k < substeps; ++k) {
       const std::vector<Float3> before = x;
-      substep(dt / substeps);
-      const float left = dt * static_cast<float>(substeps - k) / substeps;  // rest of the frame, s
+      substep(h);
+      const float left = h * static_cast<float>(substeps - k);  // rest of the frame, s
       for (std::size_t i = 0; i < held.size(); ++i) {
         for (std::size_t c = 0; c < 3; ++c) {
           v[held[i]][c] = (hand[i][c] - before[held[i]][c]) / left;
-          x[held[i]][c] = before[held[i]][c] + v[held[i]][c] * dt / substeps;
+          x[held[i]][c] = before[held[i]][c] + v[held[i]][c] * h;
         }
       }
     }

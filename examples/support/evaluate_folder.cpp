@@ -87,7 +87,7 @@ nlohmann::ordered_json settings_json(const Evaluation& e) {
   j["generators"] = o.generators;
   j["max_step_mm"] = o.max_step_mm;
   for (const std::string& option : options_set_by(e.study)) {
-    if (option.starts_with("--")) j.erase(option.substr(2));
+    j.erase(option.substr(2));  // without the dashes
   }
   return j;
 }

@@ -4,6 +4,7 @@
 #include <charconv>
 #include <span>
 #include <utility>
+#include <vector>
 
 #include "clothctl/core/number_text.hpp"
 

@@ -4,7 +4,6 @@
 // from run to run; all other cells have the same bits wherever and whenever a run is made.
 
 #include <string>
-#include <vector>
 
 namespace program {
 

@@ -40,15 +40,13 @@ Task follow(const Grid& grid, const Scene& scene, const clothctl::ClothState<dou
   AnyPlant plant = make_plant("newton", scene.body, scene.body.drag);
   plant.set_state(rest);
   const std::vector<int> corners = lower_corners(grid);
-  const Index rows = static_cast<Index>(std::lround(hands.duration / 0.02)) + 1;
-  clothctl::VectorX<double> times(rows);
-  Points paths[2] = {Points(3, rows), Points(3, rows)};
+  const clothctl::VectorX<double> times = frame_times(hands.duration);
+  Points paths[2] = {Points(3, times.size()), Points(3, times.size())};
   clothctl::ClothInput<double> input;
   for (const clothctl::Grip<double>& grip : scene.setup.grips)
     input.driven_vertices.push_back(grip.vertices().front());
   input.driven_positions.resize(3, 2);
-  for (Index i = 0; i < rows; ++i) {
-    times[i] = 0.02 * static_cast<double>(i);
+  for (Index i = 0; i < times.size(); ++i) {
     for (Index side = 0; side < 2; ++side)
       input.driven_positions.col(side) =
           hands.curves[static_cast<std::size_t>(side)].position(times[i]);
@@ -58,12 +56,7 @@ Task follow(const Grid& grid, const Scene& scene, const clothctl::ClothState<dou
     for (std::size_t side = 0; side < 2; ++side)
       paths[side].col(i) = plant.positions().col(corners[side]);
   }
-  Task task;
-  task.names = {"L", "R"};
-  task.duration = hands.duration;
-  for (const Points& path : paths)
-    task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, path)));
-  return task;
+  return curves_task(times, paths[0], paths[1]);
 }
 
 /// Measures the curves: mean over both of length and speed, m and m/s.

@@ -17,6 +17,11 @@ class Normal {
     const double v = (static_cast<double>(engine_() >> 11) + 0.5) / 9007199254740992.0;
     return std::sqrt(-2 * std::log(u)) * std::cos(2 * 3.14159265358979323846 * v);
   }
+  /// Three of them. The order of arguments would be the compiler's choice.
+  Vec vector() {
+    const double z = (*this)(), y = (*this)(), x = (*this)();
+    return {x, y, z};
+  }
 
  private:
   std::mt19937_64 engine_;
@@ -54,14 +59,6 @@ void draw_circles(const clothctl::VectorX<double>& times, double size, const Vec
   }
 }
 
-/// Returns the times of the frames of `duration`.
-clothctl::VectorX<double> frame_times(double duration) {
-  const Index rows = static_cast<Index>(std::lround(duration / 0.02)) + 1;
-  clothctl::VectorX<double> times(rows);
-  for (Index i = 0; i < rows; ++i) times[i] = 0.02 * static_cast<double>(i);
-  return times;
-}
-
 /// Returns the control points of a curve of `duration`: 22 for 5 s, of which 3 stand still.
 Index control_points(double duration) {
   return std::max<Index>(7, static_cast<Index>(std::lround(22 * duration / 5)));
@@ -94,16 +91,26 @@ void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, doub
                 Points& b) {
   Normal normal(seed * 2654435761u + 12345u);
   const double law = 1.5;
-  const Vec end = scale * size * Vec(0.3 * normal(), 0.3 * normal(), 0.12 * normal() + 0.2);
+  const Vec end =
+      scale * size * (normal.vector().cwiseProduct(Vec(0.3, 0.3, 0.12)) + Vec(0, 0, 0.2));
   const Index controls = control_points(times[times.size() - 1]);
   Points ca(3, controls), cb(3, controls);
   for (Index i = 0; i < controls; ++i) {
     const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
     const double noise = i < 3 ? 0.0 : noise_sd;
-    ca.col(i) = left + end * std::pow(u, law) + noise * Vec(normal(), normal(), normal());
-    cb.col(i) = right + end * std::pow(u, 1 / law) + noise * Vec(normal(), normal(), normal());
+    ca.col(i) = left + end * std::pow(u, law) + noise * normal.vector();
+    cb.col(i) = right + end * std::pow(u, 1 / law) + noise * normal.vector();
   }
   draw_splines(times, size, ca, cb, a, b);
+}
+
+}  // namespace
+
+clothctl::VectorX<double> frame_times(double duration) {
+  const Index rows = static_cast<Index>(std::lround(duration / 0.02)) + 1;
+  clothctl::VectorX<double> times(rows);
+  for (Index i = 0; i < rows; ++i) times[i] = 0.02 * static_cast<double>(i);
+  return times;
 }
 
 Task curves_task(const clothctl::VectorX<double>& times, const Points& a, const Points& b) {
@@ -114,8 +121,6 @@ Task curves_task(const clothctl::VectorX<double>& times, const Points& a, const 
   task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, b)));
   return task;
 }
-
-}  // namespace
 
 Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size,
                             const Vec& left, const Vec& right) {
@@ -151,14 +156,14 @@ Task make_hand_paths(std::uint64_t seed, double noise_sd, double duration, doubl
   const clothctl::VectorX<double> times = frame_times(duration);
   Points a(3, times.size()), b(3, times.size());
   Normal normal(seed * 2654435761u + 54321u);
-  const Vec drift = 0.3 * size * Vec(normal(), normal(), normal());
+  const Vec drift = 0.3 * size * normal.vector();
   const Index controls = control_points(duration);
   Points ca(3, controls), cb(3, controls);
   for (Index i = 0; i < controls; ++i) {
     const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
     const double noise = i < 3 ? 0.0 : noise_sd;
-    ca.col(i) = left + u * drift + noise * Vec(normal(), normal(), normal());
-    cb.col(i) = right + u * drift + noise * Vec(normal(), normal(), normal());
+    ca.col(i) = left + u * drift + noise * normal.vector();
+    cb.col(i) = right + u * drift + noise * normal.vector();
   }
   draw_splines(times, size, ca, cb, a, b);
   return curves_task(times, a, b);

@@ -128,7 +128,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
     exact = loose.predictor;
     if (o.profile != "paper") {
       settings.weights.smooth = loose.planner.weights.smooth;
-      settings.weights.anchor = loose.planner.weights.anchor;
+      settings.weights.anchor = loose.planner.weights.anchor;  // constant: tasks take seconds
     }
     if (o.plant == "pbd") {  // Verlet sheets are even softer
       response.scale.geometric = 0.003f;

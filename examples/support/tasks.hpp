@@ -33,6 +33,13 @@ void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t 
 Task make_handkerchief_task(const std::string& name, std::uint64_t seed, double size,
                             const Vec& left, const Vec& right);
 
+/// Returns the times of the frames of `duration` s, from 0 on, s.
+clothctl::VectorX<double> frame_times(double duration);
+
+/// Returns the task that moves the lower left corner through `a` and the right one through `b` (a
+/// column for each time, m).
+Task curves_task(const clothctl::VectorX<double>& times, const Points& a, const Points& b);
+
 /// Returns random targets as in [Bai 2016], section 6.2: two asynchronous lines from `left` and
 /// `right`, with normal noise of standard deviation `noise_sd` (m) on every axis of the control
 /// points of their B-splines, 22 in 5 s. `duration`: s.

@@ -164,7 +164,8 @@ TEST_CASE("the stacked rows give the cost of the settings", "[mpc][window_cost]"
   cost.reserve(window.problem, window.anchors);
   const long before = clothctl_test::allocations();
   const bool sampled = cost.sample(window.problem, Window::start, Window::target);
-  const detail::TermStack<double>& stack = cost.stack(window.problem, 0.9);
+  const detail::TermStack<double>& stack =
+      cost.stack(window.problem, 0.9, window.settings.weights.anchor);
   const long made = clothctl_test::allocations() - before;
   REQUIRE(sampled);
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
@@ -186,7 +187,8 @@ TEST_CASE("each weight of the cost has its own rows", "[mpc][window_cost]") {
     detail::WindowCost<double> cost;
     cost.reserve(window.problem, window.anchors);
     REQUIRE(cost.sample(window.problem, Window::start, Window::target));
-    const detail::TermStack<double>& stack = cost.stack(window.problem, step_weight);
+    const detail::TermStack<double>& stack =
+        cost.stack(window.problem, step_weight, weights.anchor);
     CHECK(stack.rows() == rows);
     CHECK(stacked(stack, change) == Approx(window.cost(change, step_weight)).epsilon(1e-12));
   };
@@ -211,7 +213,7 @@ TEST_CASE("each weight of the cost has its own rows", "[mpc][window_cost]") {
   const auto rows = [&] {
     detail::WindowCost<double> cost;
     cost.reserve(window.problem, window.anchors);
-    return cost.stack(window.problem, 0.0).rows();
+    return cost.stack(window.problem, 0.0, window.settings.weights.anchor).rows();
   };
   CHECK(rows() == 0);
   window.settings.patch = PatchMode::Soft;

@@ -212,6 +212,9 @@ def check_runs(programs, folder):
     code, text, _ = run(programs / "foreign_plant")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"foreign_plant: exit {code}: {text}")
+    for arguments in (("4",), ("18",), ("x",), ("9", "4"), ("9", "12", "1")):
+        code, _, errors = run(programs / "foreign_plant", *arguments)
+        check(code == 2 and "usage" in errors, f"foreign_plant {arguments}: exit {code}: {errors}")
     code, text, _ = run(programs / "bring_your_own")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"bring_your_own: exit {code}: {text}")

@@ -36,7 +36,7 @@ struct PlanResult {
   /// failure.
   Scalar agreement = Scalar(1);
   /// The same for predictions over half a window, with means over the last second, and a motion of
-  /// at least 1 mm a frame.
+  /// at least 1 mm a frame. 1 until the first such prediction can be judged; kept after a failure.
   Scalar window_agreement = Scalar(1);
   /// Weight of the hand anchor in this frame, 1/m² (PlannerSettings::least_agreement).
   Scalar anchor_weight = Scalar(0);

@@ -390,7 +390,6 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
                                                                PlanResult<Scalar>& result) {
   agreement_.measure(setup_.features, x, has_last_, result);
   schedule_.measure(problem_.settings, agreement_.measured(), result);
-  problem_.anchor_growth = schedule_.growth();
   result.qp_iterations = 0;
   result.qp_status = QpStatus::Solved;
   result.used_rows = false;
@@ -404,7 +403,8 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
   PlanStatus status = PlanStatus::Failed;
   damping_.start(problem_.settings.weights.step, has_plan_);
   for (int round = 0;;) {
-    qp_.assemble(problem_, cost_.stack(problem_, damping_.weight()), limits_, x);
+    qp_.assemble(problem_, cost_.stack(problem_, damping_.weight(), result.anchor_weight), limits_,
+                 x);
     status = qp_.solve(problem_, result);
     if (status == PlanStatus::Failed) return fail(result);
     change_.take(problem_, qp_, has_plan_, result);

@@ -93,7 +93,7 @@ struct PlannerSettings {
   /// Agreement of predictions over half a window (PlanResult::window_agreement) that feedback
   /// needs, from 0 to below 1. Below it, the weight of the anchor grows, up to 16 times in a
   /// second, so that feedback through a wrong model cannot pump energy into the sheet. It falls
-  /// again only with a reset. 0 leaves the weight as it is.
+  /// again only with a reset. 0 leaves the weight as it is: better for motions of a few seconds.
   Scalar least_agreement = Scalar(0);
   /// Largest weight of the anchor under `least_agreement`, 1/m².
   Scalar most_anchor = Scalar(3000);

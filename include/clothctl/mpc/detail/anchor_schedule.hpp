@@ -10,13 +10,14 @@
 //
 //   e = |y - ŷ|,  d = |y - y_{m frames before}|      rms over the features
 //   agreement = 1 - √(ē² / max(d̄², (m · 1 mm)²))     means over the last second, at least 0
-//   w <- w 2^(rate h min(1, (a - agreement) / (1 - a)))  while agreement < a,   w <= most
+//   w <- w exp(rate h min(1, (a - agreement) / (1 - a)))  while agreement < a,  w <= most
 //
 // y: features now, ŷ: what was predicted for now m frames ago, h: length of a frame, a: agreement
 // that the settings ask for. The weight does not fall again before a reset: a loop that has fed
 // the sheet once would do so again.
 
 #include <cmath>
+#include <numbers>
 
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
@@ -45,9 +46,6 @@ class AnchorSchedule {
   /// Forgets the predictions, which the plant did not follow.
   void forget() { known_ = 0; }
 
-  /// The factor on the weight of the settings, at least 1.
-  const Scalar& growth() const { return growth_; }
-
   /// Compares the features measured now (3×features, m) with their prediction of half a window ago.
   /// Writes window_agreement, anchor_weight and losing of `result`. Never allocates.
   void measure(const PlannerSettings<Scalar>& settings, const Points<Scalar>& features,
@@ -59,8 +57,9 @@ class AnchorSchedule {
     result.window_agreement = agreement();
     raise(settings, result.window_agreement);
     result.anchor_weight = growth_ * settings.weights.anchor;
-    result.losing = result.window_agreement < Scalar(kLost) ||
-                    (result.window_agreement < Scalar(kLosing) && !may_grow(settings));
+    result.losing =
+        result.window_agreement < Scalar(kLost) ||
+        (result.window_agreement < Scalar(kLosing) && !(growth_ < most_growth(settings)));
   }
 
   /// Keeps the features predicted for half a window ahead, of a 3·features × K matrix, m. Call it
@@ -72,15 +71,16 @@ class AnchorSchedule {
   }
 
  private:
-  static constexpr double kMemory = 1.0;     // time over which is averaged, s
-  static constexpr double kDoublings = 4.0;  // of the weight in a second, at most
+  static constexpr double kMemory = 1.0;                    // time over which is averaged, s
+  static constexpr double kRate = 4.0 * std::numbers::ln2;  // of growth, 1/s: 16 times in a second
   // Agreement below which the loop is losing: when the weight cannot grow, and in any case.
   static constexpr double kLosing = 0.7, kLost = 0.5;
 
-  /// True when a larger weight may still help.
-  bool may_grow(const PlannerSettings<Scalar>& settings) const {
-    return Scalar(0) < settings.least_agreement &&
-           growth_ * settings.weights.anchor < Scalar(0.99) * settings.most_anchor;
+  /// Returns how far the weight may grow, as a factor.
+  static Scalar most_growth(const PlannerSettings<Scalar>& settings) {
+    const Scalar given = settings.weights.anchor, most = settings.most_anchor;
+    const bool grows = Scalar(0) < settings.least_agreement && Scalar(0) < given && given < most;
+    return grows ? most / given : Scalar(1);
   }
 
   void average(Scalar dt, const Points<Scalar>& features, Index slot) {
@@ -104,13 +104,13 @@ class AnchorSchedule {
   }
 
   void raise(const PlannerSettings<Scalar>& settings, Scalar agreement) {
-    using std::exp2;
-    const Scalar wanted = settings.least_agreement, given = settings.weights.anchor;
-    if (!(agreement < wanted) || !(Scalar(0) < given) || !may_grow(settings)) return;
+    using std::exp;
+    const Scalar wanted = settings.least_agreement, most = most_growth(settings);
+    if (!(agreement < wanted) || !(growth_ < most)) return;
     Scalar lack = (wanted - agreement) / (Scalar(1) - wanted);
     if (Scalar(1) < lack) lack = Scalar(1);
-    growth_ *= exp2(Scalar(kDoublings) * settings.dt * lack);
-    if (settings.most_anchor < growth_ * given) growth_ = settings.most_anchor / given;
+    growth_ *= exp(Scalar(kRate) * settings.dt * lack);
+    if (most < growth_) growth_ = most;
   }
 
   MatrixX<Scalar> predicted_, measured_;  // by frame, modulo their number

@@ -87,13 +87,14 @@ class WindowCost {
     return anchor_position(anchors_[g], settings.heavy_chain_axes, settings.gravity, target, t);
   }
 
-  /// Returns the rows of the cost about the plan of `problem.response`. `step_weight`: w_r, s²/m².
-  /// Valid until the next call. Never allocates.
-  const TermStack<Scalar>& stack(const Problem& problem, Scalar step_weight) {
+  /// Returns the rows of the cost about the plan of `problem.response`. `step_weight`: w_r, s²/m²,
+  /// `anchor_weight`: w_h, 1/m²; both change from frame to frame. Valid until the next call. Never
+  /// allocates.
+  const TermStack<Scalar>& stack(const Problem& problem, Scalar step_weight, Scalar anchor_weight) {
     stack_.clear();
     add_features(problem);
     for (std::size_t g = 0; g < problem.basis.grips().size(); ++g)
-      add_grip(problem, g, step_weight);
+      add_grip(problem, g, step_weight, anchor_weight);
     for (const HeldPatch<Scalar>& patch : problem.patches) add_patch(problem, patch);
     return stack_;
   }
@@ -112,7 +113,7 @@ class WindowCost {
   }
 
   /// Anchor and smoothness of the centroid of grip `g`.
-  void add_grip(const Problem& problem, std::size_t g, Scalar step_weight) {
+  void add_grip(const Problem& problem, std::size_t g, Scalar step_weight, Scalar anchor_weight) {
     using std::sqrt;
     const PlannerSettings<Scalar>& settings = problem.settings;
     const HeldMotion<Scalar>& motion = problem.motion;
@@ -133,11 +134,9 @@ class WindowCost {
     past_[0] = now;
     past_[1] = past_[0] - settings.dt * velocity;
     past_[2] = past_[1] - settings.dt * before;
-    stack_.add(problem.response, point_, past_, 0, sqrt(problem.anchor_growth * w.anchor),
-               [&](Index k) {
-                 return Vector3<Scalar>(
-                     anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k));
-               });
+    stack_.add(problem.response, point_, past_, 0, sqrt(anchor_weight), [&](Index k) {
+      return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k));
+    });
     stack_.add(problem.response, point_, past_, 2, sqrt(w.smooth) / settings.dt, none);
     stack_.add_change(problem.response, point_, 1, sqrt(step_weight) / settings.dt);
     stack_.add(problem.response, point_, past_, 3, sqrt(w.jerk) / settings.dt, none);

@@ -60,8 +60,6 @@ struct WindowProblem {
   std::vector<HeldPatch<Scalar>> patches;
   /// Number of features.
   Index feature_count;
-  /// Factor on the weight of the hand anchor in this frame (anchor_schedule.hpp).
-  Scalar anchor_growth = Scalar(1);
   /// What is asked of the predictor.
   WindowRequest<Scalar> request;
   /// What it answered.
