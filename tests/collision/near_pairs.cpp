@@ -10,6 +10,7 @@
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/folded_sheets.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using clothctl_test::uniform;
@@ -40,6 +41,7 @@ bool same(const SelfContact<S>& p, const SelfContact<S>& q) {
 TEMPLATE_TEST_CASE("searches with a list find what those without find", "[self_contact]", float,
                    double) {
   using S = TestType;
+  if (clothctl_test::kSanitized && std::is_same_v<S, float>) return;  // the code of double
   const auto [flat, triangles] = clothctl_test::layer(13, 1);
   const Points<S> rest = flat.cast<S>();
   SelfContactSettings<S> settings;

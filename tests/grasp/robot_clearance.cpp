@@ -11,6 +11,7 @@
 #include "clothctl/robot/kinematic_tree_model.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 
@@ -231,7 +232,7 @@ TEST_CASE("a hand finds its way around a wall", "[grasp]") {
   for (std::size_t k = 1; k < path.positions.size(); ++k) {
     const VectorX<double> way = path.positions[k] - path.positions[k - 1];
     const int parts = static_cast<int>(reach.dot(way.cwiseAbs()) / 1e-3) + 1;
-    for (int s = 0; s <= parts; s += 7)
+    for (int s = 0; s <= parts; s += clothctl_test::trials(7, 1, 97))
       CHECK(clearance(path.positions[k - 1] + double(s) / parts * way) > 0);
   }
   CHECK_FALSE(is_path_free<double>({from, to}, reach, clearance, 1e-3, 1e-3));

@@ -9,6 +9,7 @@
 #include "clothctl/sim/world.hpp"
 #include "support/allocations.hpp"
 #include "support/sheet_on_obstacles.hpp"
+#include "support/tier.hpp"
 
 using namespace clothctl;
 using namespace clothctl_test;
@@ -43,6 +44,7 @@ RigidBodySetup<double> ball(double mass, const Vec& at, const Vec& velocity) {
 TEMPLATE_TEST_CASE("a light body that falls on a sheet over an obstacle is not thrown back",
                    "[sim]", Implicit, Xpbd) {
   for (const double mass : {1e-4, 2e-3, 0.02, 0.2, 2.0}) {
+    if (clothctl_test::kSanitized && mass > 1e-4) continue;
     CAPTURE(mass);
     World<double> world;
     ColliderSurface<double> rough;
