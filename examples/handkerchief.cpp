@@ -34,6 +34,8 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
   app.add_option("--spread", o.spread, "Distance of the hands at the start, share of the size")
       ->check(between(0.1, 1))
       ->capture_default_str();
+  app.add_option("--gusts", o.gusts, "Known gusts across the sheet, mean speed, m/s")
+      ->check(between(0, 10));
   app.add_option("--features", features,
                  "Vertices that follow the targets, row·N + column, row 0 at the bottom (default: "
                  "lower corners)");
@@ -82,7 +84,10 @@ int main(int argc, char** argv) {
   }
   const clothctl::ClothState<double> state =
       hang_handkerchief(o, grid, scene.task, scene, scene.body);
-  const auto fit = [&](const Points& x, Scene& s) { fit_task(o, grid, corners, x, s); };
+  const auto fit = [&](const Points& x, Scene& s) {
+    fit_task(o, grid, corners, x, s);
+    if (0 < o.gusts) s.task.wind = gusts(o.gusts);
+  };
   if (o.hands) return run_hands(std::move(scene), o, grid, state, fit, hand);
   fit(state.positions, scene);
   AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);

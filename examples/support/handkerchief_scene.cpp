@@ -1,5 +1,6 @@
 #include "support/handkerchief_scene.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -42,7 +43,7 @@ clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Tas
 Scene handkerchief_scene(const Options& o, const Grid& grid, const std::vector<int>& features,
                          const clothctl::Material<double>& material) {
   const double friction = o.friction_given ? o.friction : material.friction;
-  const bool windy = o.targets.empty() && o.task == "wind";
+  const bool windy = 0 < o.gusts || (o.targets.empty() && o.task == "wind");
   Scene scene;
   scene.material = material.name;
   scene.body = sheet_body(o, grid, material);
@@ -55,6 +56,14 @@ Scene handkerchief_scene(const Options& o, const Grid& grid, const std::vector<i
   scene.settings = planner_settings(o, 9.81 * scene.body.network.mass.sum());
   check_scene(scene);
   return scene;
+}
+
+std::function<Vec(double)> gusts(double speed) {
+  return [speed](double t) {
+    const double rise = std::clamp(t / 2, 0.0, 1.0);
+    const double gust = 1 + 0.5 * std::sin(2.1 * t) + 0.3 * std::sin(5.3 * t + 1);
+    return Vec(rise * rise * (3 - 2 * rise) * gust * speed * Vec(0.2, 1, 0));
+  };
 }
 
 clothctl::ClothState<double> hang_handkerchief(const Options& o, const Grid& grid, const Task& task,

@@ -2,6 +2,7 @@
 
 // The sheet that is moved by its upper corners, at rest between two hands.
 
+#include <functional>
 #include <vector>
 
 #include "clothctl/mesh/grid.hpp"
@@ -25,5 +26,9 @@ clothctl::ClothState<double> hang_handkerchief(const Options& o, const Grid& gri
 /// positions, 3×n, m. Refuses or warns of curves that are further apart than the cloth is wide.
 void fit_targets(const Options& o, const Grid& grid, const std::vector<int>& features,
                  const Points& x, Task& task);
+
+/// Returns air that blows across the sheet at a mean speed (m/s) that it reaches within 2 s, with
+/// gusts of at most 1.8 times that speed.
+std::function<Vec(double)> gusts(double speed);
 
 }  // namespace program

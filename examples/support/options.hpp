@@ -46,6 +46,7 @@ struct Options {
   int generators = 4;
   double max_step_mm = 50;
   double spread = 0.9;
+  double gusts = 0;
   std::uint64_t seed = 1;
   bool hands = false;
   bool second_thread = true;  // rollouts use one; plans have the same bits without it

@@ -108,10 +108,9 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
 
 std::string chosen_predictor(const Options& o, const Body& body) {
   if (o.predictor != "auto") return o.predictor;
-  // In wind or with hard patch rows, rollouts can become unstable (docs/performance.md), so the
-  // linearised predictor is used.
-  const bool better =
-      is_implicit(o.plant) && !body.air.enabled() && o.patch == "soft" && o.profile != "paper";
+  // With hard patch rows, rollouts can become unstable (docs/performance.md), so the linearised
+  // predictor is used.
+  const bool better = is_implicit(o.plant) && o.patch == "soft" && o.profile != "paper";
   return better ? "rollout" : "linearised";
 }
 

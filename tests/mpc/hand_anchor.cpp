@@ -5,6 +5,8 @@
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 
+#include <Eigen/Geometry>
+
 using namespace clothctl;
 
 namespace {
@@ -160,4 +162,30 @@ TEST_CASE("anchors made from a start leave the hands there", "[mpc]") {
   CHECK(make_anchors(features, hands)[1].feature_weights == std::vector<double>{0.0, 1.0});
   CHECK(make_anchors(features, Points<double>(hands.leftCols(1)))[0].feature_weights ==
         std::vector<double>{0.5, 0.5});
+}
+
+TEST_CASE("in moving air the sheet hangs along gravity and air together", "[mpc]") {
+  const HandAnchor<double> anchor = anchor_of({0.5, 0.5}, V(0.0, 0.0, 0.4));
+  const V across(0.3, 0.4, 0.1), normal(-0.8, 0.6, 0.0), up(0, 0, 1);
+  for (const V& air : {V(3, -2, 1), V(-40, 5, -8), V(0, 0, 4), V(1e-3, 0, 0)}) {
+    const V lead = air_lead(anchor, HeavyChainAxes::Horizontal, 9.81, across, air);
+    const V hang = lead + 0.4 * up;  // from the features to the hand
+    CHECK(hang.norm() == Approx(0.4));
+    CHECK(hang.cross(9.81 * up - air).norm() < 1e-12 * air.norm());
+    CHECK(hang.dot(9.81 * up - air) > 0);
+    const V sheet = air_lead(anchor, HeavyChainAxes::SheetNormal, 9.81, across, air);
+    const V swing = normal * normal.dot(air) + up * air[2];
+    CHECK((sheet - air_lead(anchor, HeavyChainAxes::Horizontal, 9.81, across, swing)).norm() <
+          1e-14);
+    CHECK(air_lead(anchor, HeavyChainAxes::Off, 9.81, across, air).norm() == 0);
+  }
+  CHECK(air_lead(anchor, HeavyChainAxes::Horizontal, 9.81, across, V(0, 0, 0)).norm() < 1e-15);
+  // Where air and gravity cancel, and where nothing hangs, there is no lead.
+  CHECK(air_lead(anchor, HeavyChainAxes::Horizontal, 9.81, across, V(0, 0, 9.81)).norm() == 0);
+  CHECK(
+      air_lead(anchor_of({1.0}, V(0.1, 0, 0)), HeavyChainAxes::Horizontal, 9.81, across, V(3, 0, 0))
+          .norm() == 0);
+  // Features in one place make no line.
+  const V still = air_lead(anchor, HeavyChainAxes::SheetNormal, 9.81, V(0, 0, 0), V(5, 5, 0));
+  CHECK(still.norm() < 1e-15);
 }

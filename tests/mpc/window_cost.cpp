@@ -246,3 +246,47 @@ TEST_CASE("a target that is not finite is reported for any feature or anchor",
   cost.reserve(window.problem, window.anchors);
   CHECK_FALSE(cost.sample(window.problem, 0.0, broken_after(1.001 * end)));
 }
+
+TEST_CASE("hands lead by what the air does to the sheet", "[mpc][window_cost]") {
+  Window window;
+  for (HandAnchor<double>& anchor : window.anchors) anchor.hanging_length = 0.4;
+  window.settings.heavy_chain_axes = HeavyChainAxes::Horizontal;
+  const double step = 0.9, weight = 1.3;
+  detail::WindowCost<double> cost;
+  cost.reserve(window.problem, window.anchors);
+  REQUIRE(cost.sample(window.problem, Window::start, Window::target));
+  const MatrixX<double> still = cost.stack(window.problem, step, weight).residual();
+  window.response.air = Points<double>::Random(3, kHorizon) * 5.0;
+  const MatrixX<double> windy = cost.stack(window.problem, step, weight).residual();
+  REQUIRE(still.rows() == windy.rows());
+  int changed = 0;
+  for (Index r = 0; r < still.rows(); ++r) {
+    if (still.row(r) == windy.row(r)) continue;
+    const Index c = changed++ % 3;  // rows come in threes, one for each coordinate
+    for (Index k = 0; k < kHorizon; ++k) {
+      const V lead = air_lead(window.anchors[0], HeavyChainAxes::Horizontal,
+                              window.settings.gravity, V(0, 0, 0), V(window.response.air.col(k)));
+      CHECK(still(r, k) - windy(r, k) == Approx(std::sqrt(weight) * lead[c]));
+    }
+  }
+  CHECK(changed == 6);
+}
+
+TEST_CASE("the request's drift is the velocity of the targets", "[mpc][window_cost]") {
+  Window window;
+  detail::WindowCost<double> cost;
+  cost.reserve(window.problem, window.anchors);
+  const V velocity(0.3, -0.2, 1.5);
+  const auto target = [&](Index i, double t) { return V(V(0.1 * double(i), 2, 3) + t * velocity); };
+  REQUIRE(cost.sample(window.problem, Window::start, target));
+  for (Index k = 0; k < kHorizon; ++k)
+    CHECK((window.problem.request.drift.col(k) - velocity).norm() < 1e-12);
+  // Without anchors nobody asks for it, nor for targets before the window.
+  window.settings.weights.anchor = 0;
+  const auto later = [&](Index i, double t) {
+    return t <= Window::start ? V(0, std::numeric_limits<double>::quiet_NaN(), 0) : target(i, t);
+  };
+  CHECK(cost.sample(window.problem, Window::start, later));
+  window.settings.weights.anchor = 1;
+  CHECK_FALSE(cost.sample(window.problem, Window::start, later));
+}

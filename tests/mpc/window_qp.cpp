@@ -224,6 +224,22 @@ struct Frame {
     return out;
   }
 
+  // How far the hand leads in frame k: along gravity and air, in the plane across the features.
+  V lead(const clothctl_test::DenseStep& dense_step, const HandAnchor<double>& anchor,
+         Index k) const {
+    const double end = t + static_cast<double>(k + 1) * kDt;
+    const V velocity =
+        0.5 * (wanted(0, end) + wanted(1, end) - wanted(0, end - kDt) - wanted(1, end - kDt)) / kDt;
+    V force = V::Zero();
+    for (Index i = 0; i < state.positions.cols(); ++i)
+      force += dense_step.wind_force.block<3, 3>(3 * i, 0) * (wind(end - kDt) - velocity);
+    const V air = force / model.network().mass.sum() - model.settings().drag * velocity;
+    const V along = wanted(1, end) - wanted(0, end);
+    const V across = V(-along[1], along[0], 0).normalized(), up(0, 0, 1);
+    const V pull = (settings.gravity - air[2]) * up - across * across.dot(air);
+    return anchor.hanging_length * (pull.normalized() - up);
+  }
+
   // J of planner_settings.hpp.
   double cost(const clothctl_test::DenseStep& dense_step, const VectorX<double>& u) const {
     MatrixX<double> raw;
@@ -276,7 +292,7 @@ struct Frame {
         const V wanted_hand = anchor_position(
             anchor, settings.heavy_chain_axes, settings.gravity,
             [&](Index i, double time) { return wanted(i, time); }, s);
-        J += w.anchor * (centroid(k) - wanted_hand).squaredNorm();
+        J += w.anchor * (centroid(k) - wanted_hand - lead(dense_step, anchor, k)).squaredNorm();
         J += w.smooth * (velocity(k) - velocity(k - 1)).squaredNorm();
         J += w.jerk * (velocity(k) - 2.0 * velocity(k - 1) + velocity(k - 2)).squaredNorm();
         if (grips[g].size() < 2) continue;

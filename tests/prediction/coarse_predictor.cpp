@@ -187,6 +187,6 @@ TEST_CASE("a coarse rollout tracks a finer sheet better than its linearised pred
                                  PlannerSettings<double>::rollout(), input);
     CAPTURE(plain.mean_error, rolled.mean_error);
     CHECK(rolled.failures == 0);
-    CHECK(rolled.mean_error < 0.75 * plain.mean_error);
+    CHECK(rolled.mean_error < 0.9 * plain.mean_error);
   }
 }

@@ -470,3 +470,34 @@ TEST_CASE("linearised predictions obey the laws of predictors", "[mpc]") {
       },
       state, std::vector<int>{sheet.upper_left(), sheet.upper_right()}, rounded);
 }
+
+TEST_CASE("the air's acceleration is what it adds to the momentum of a moving sheet", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6);
+  const MassSpring<double> airy = sheet.model(Integration::LinearlyImplicit, true);
+  LinearisedPredictor<MassSpringResponse<double>> predictor{MassSpringResponse<double>(airy)};
+  WindowRequest<double> request = request_for(sheet, GripInput::Force, 3);
+  randomise(request, 8, 0.0, true, false);
+  WindowResponse<double> response;
+  predictor.reserve(request, response);
+  const Vector3<double> drift(0.4, -0.7, 0.2);
+  ClothState<double> state = sheet.state;
+  state.velocities.colwise() = drift;
+  REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
+  const Points<double> resting = response.air;  // no drift asked for: as if it stood
+  request.drift = drift.replicate(1, 3);
+  REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
+  // All springs together move no centre of mass: what is left of it is gravity and air.
+  const double dt = 1e-7;
+  auto workspace = airy.make_workspace();
+  ClothInput<double> input;
+  input.wind = request.wind.col(0);
+  REQUIRE(airy.step(state, input, dt, workspace).advanced);
+  const VectorX<double>& mass = sheet.network.mass;
+  const Vector3<double> rate = (state.velocities * mass / mass.sum() - drift) / dt;
+  const Vector3<double> air = rate + Vector3<double>(0, 0, 9.81);
+  CAPTURE(air.transpose());
+  CHECK(air.norm() > 1.0);
+  for (Index k = 0; k < 3; ++k)
+    CHECK((Vector3<double>(response.air.col(k)) - air).norm() < 1e-4 * air.norm());
+  CHECK((resting.col(0) - response.air.col(0)).norm() > 0.1);
+}

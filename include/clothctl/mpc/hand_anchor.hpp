@@ -14,6 +14,11 @@
 //
 // This moving average looks τ ahead and needs no derivatives. It is computed as a mean of 32
 // samples. Reference: Petit, Rouchon, Flatness of heavy chain systems (2001).
+//
+// Air that accelerates the sheet by a (mean over the sheet, with its drag) adds to gravity: the
+// sheet hangs along g + a, and its hand leads by
+//
+//   L ( (g ẑ - a) / |g ẑ - a| - ẑ )
 
 #include <cmath>
 #include <numbers>
@@ -89,9 +94,46 @@ std::vector<HandAnchor<Scalar>> make_anchors(const Points<Scalar>& features,
   return anchors;
 }
 
-/// Returns where the hand of `anchor` belongs at time `t` (s), m. `target(feature, time)` is the
-/// target of a feature (m), `gravity` the magnitude of gravity (m/s²). Never allocates. Complexity:
-/// at most 34 evaluations of each feature's target.
+namespace detail {
+
+/// Returns the horizontal part of `v` in which a sheet swings; `across` goes from its first to its
+/// last feature. Zero along lines that are shorter than rounding. Never allocates.
+template <RealScalar Scalar>
+Vector3<Scalar> swing_part(const HandAnchor<Scalar>& anchor, HeavyChainAxes heavy_chain_axes,
+                           const Vector3<Scalar>& across, const Vector3<Scalar>& v) {
+  const Vector3<Scalar> level(v[0], v[1], Scalar(0));
+  if (heavy_chain_axes == HeavyChainAxes::Horizontal || anchor.feature_weights.size() < 2)
+    return level;
+  const Vector3<Scalar> normal(-across[1], across[0], Scalar(0));
+  const Scalar squared = normal.squaredNorm();
+  if (!(scalar_traits<Scalar>::epsilon() < squared)) return Vector3<Scalar>::Zero();
+  return normal * (normal.dot(level) / squared);
+}
+
+}  // namespace detail
+
+/// Returns by how much the hand of `anchor` leads where the air accelerates the sheet by `air`
+/// (m/s², mean over the sheet), m. `gravity`: magnitude of gravity (m/s²), `across`: way from the
+/// first to the last feature (m). At most 2 L long; zero where gravity and air cancel. Never
+/// allocates.
+template <RealScalar Scalar>
+Vector3<Scalar> air_lead(const HandAnchor<Scalar>& anchor, HeavyChainAxes heavy_chain_axes,
+                         Scalar gravity, const Vector3<Scalar>& across,
+                         const Vector3<Scalar>& air) {
+  if (heavy_chain_axes == HeavyChainAxes::Off || !(Scalar(0) < anchor.hanging_length))
+    return Vector3<Scalar>::Zero();
+  Vector3<Scalar> pull = -detail::swing_part(anchor, heavy_chain_axes, across, air);
+  pull[2] = gravity - air[2];
+  const Scalar strength = pull.norm();
+  if (!(scalar_traits<Scalar>::epsilon() * gravity < strength)) return Vector3<Scalar>::Zero();
+  pull /= strength;
+  pull[2] -= Scalar(1);
+  return anchor.hanging_length * pull;
+}
+
+/// Returns where the hand of `anchor` belongs at time `t` (s) in still air, m. `target(feature,
+/// time)` is the target of a feature (m), `gravity` the magnitude of gravity (m/s²). Never
+/// allocates. Complexity: at most 34 evaluations of each feature's target.
 template <RealScalar Scalar, class Target>
 Vector3<Scalar> anchor_position(const HandAnchor<Scalar>& anchor, HeavyChainAxes heavy_chain_axes,
                                 Scalar gravity, const Target& target, Scalar t) {
@@ -117,17 +159,10 @@ Vector3<Scalar> anchor_position(const HandAnchor<Scalar>& anchor, HeavyChainAxes
         Scalar((2.0 * std::numbers::pi) * (static_cast<double>(i) + 0.5) / kSamples);
     mean += share * followed(t + tau * sin(angle));
   }
-  Vector3<Scalar> ahead = mean - now;
-  ahead[2] = Scalar(0);
-  if (heavy_chain_axes == HeavyChainAxes::SheetNormal && anchor.feature_weights.size() > 1) {
-    const Vector3<Scalar> first = target(Index(0), t);
-    const Vector3<Scalar> last = target(static_cast<Index>(anchor.feature_weights.size()) - 1, t);
-    Vector3<Scalar> normal(first[1] - last[1], last[0] - first[0], Scalar(0));
-    const Scalar squared = normal.squaredNorm();
-    if (!(scalar_traits<Scalar>::epsilon() < squared)) return now + anchor.offset;
-    ahead = normal * (normal.dot(ahead) / squared);
-  }
-  return now + ahead + anchor.offset;
+  const Vector3<Scalar> first = target(Index(0), t);
+  const Vector3<Scalar> last = target(static_cast<Index>(anchor.feature_weights.size()) - 1, t);
+  const Vector3<Scalar> across = last - first, ahead = mean - now;
+  return now + detail::swing_part(anchor, heavy_chain_axes, across, ahead) + anchor.offset;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -33,7 +33,7 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Plans contact forces or grip poses over a receding horizon. Reference: [Bai 2016], section 4.1.
+/// Plans contact forces or grip poses over a receding horizon ([Bai 2016], section 4.1).
 ///
 /// `P` models Predictor. `Setup` is a PlannerSetup: it fixes the contact model of the fingers and
 /// the feature map. The solvers model BoxQpSolver and QpSolver and can be made without arguments,
@@ -133,14 +133,11 @@ class Planner {
 
  private:
   static constexpr int kMostRounds = 6;  // with other frames at limits of the grips
-
   using Traits = predictor_traits<P>;
   using Basis = detail::GripBasis<Scalar, Contact>;
   using Problem = detail::WindowProblem<Scalar, Contact>;
-
   Planner(Setup setup, PlannerSettings<Scalar> settings, P predictor,
           const PointsView<Scalar>& start);
-
   /// Returns the features as weighted sums of vertices.
   template <class Features>
   static PointFeatures<Scalar> point_features(const Features& features);
@@ -408,8 +405,14 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
     status = qp_.solve(problem_, result);
     if (status == PlanStatus::Failed) return fail(result);
     change_.take(problem_, qp_, has_plan_, result);
-    if (limits_.update(problem_, change_.outputs()) && ++round < kMostRounds) continue;
-    if (!change_.too_large(problem_, has_plan_) || !damping_.raise()) break;
+    const bool spent = qp_.spent(problem_, result);
+    const bool beyond = limits_.update(problem_, change_.outputs());
+    if (beyond && !spent && ++round < kMostRounds) continue;
+    const bool large = change_.too_large(problem_, has_plan_);
+    if (large && !spent && damping_.raise()) continue;
+    if (spent && (beyond || large) && status == PlanStatus::Planned)
+      status = PlanStatus::Suboptimal;
+    break;
   }
   result.limit_excess = limits_.largest();
   extract(status, result);

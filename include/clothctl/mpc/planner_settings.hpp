@@ -107,7 +107,8 @@ struct PlannerSettings {
   Scalar max_change = Scalar(0);
   /// Tolerances and budget of the QPs of a frame, for solvers that are made from QpSettings. The
   /// default of 300 iterations is more than a successful plan needs. If a QP reaches the limit, the
-  /// plan is Suboptimal.
+  /// plan is Suboptimal. A frame plans again, for `max_change` or limits of the grips, only as long
+  /// as its QPs have taken fewer iterations than this together; 0 means no limit.
   QpSettings<Scalar> qp = default_qp();
   /// The upward force that the grips carry together at rest, N: minus the weight of the sheet,
   /// `plant.gravity_load()`. Each held vertex has its share of it as u_ref. Left at zero, the

@@ -148,6 +148,7 @@ void CoarsePredictor<Inner>::reserve(const WindowRequest<Scalar>& request,
   response.impulse_response.setZero(request.output_rows(), request.inputs() * request.horizon);
   response.free_response.setZero(request.output_rows(), request.horizon);
   response.plan.setZero(request.inputs(), request.horizon);
+  response.air = response_.air;
 }
 
 template <WindowPredictor Inner>
@@ -161,6 +162,7 @@ bool CoarsePredictor<Inner>::predict(const PointsView<Scalar>& x, const PointsVi
   write_plan(request, response);
   for (Index j = 0; j < held_count(); ++j) write_impulse_response(j, request, response);
   write_free_response(x, request, response);
+  response.air = response_.air;
   return true;
 }
 
@@ -188,6 +190,7 @@ void CoarsePredictor<Inner>::load_request(const PointsView<Scalar>& x, const Poi
   request_.has_path = request.has_path;
   request_.has_applied = request.has_applied;
   request_.wind = request.wind;
+  request_.drift = request.drift;
   request_.outer_force.setZero();
   for (Index i = 0; i < request.outer_force.cols(); ++i) {
     sampling_.fine_from_coarse.for_each_term(i, [&](int c, const Scalar& weight) {

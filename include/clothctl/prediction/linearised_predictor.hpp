@@ -115,6 +115,9 @@ class LinearisedPredictor {
 
   void gather_force(const WindowRequest<S>& request);
 
+  /// Writes the acceleration by the air, from the air drag of the linearisation.
+  void write_air(const WindowRequest<S>& request, WindowResponse<S>& response) const;
+
   /// Starts the lanes of the output rows first .. first + used - 1: a = Cᵀ, w = 0, and the free
   /// response at the measured outputs.
   void start_lanes(Index first, Index used, const PointsView<S>& x, const WindowRequest<S>& request,
@@ -178,6 +181,7 @@ void LinearisedPredictor<Response, S>::reserve(const WindowRequest<S>& request,
   response.impulse_response.setZero(request.output_rows(), request.inputs() * request.horizon);
   response.free_response.setZero(request.output_rows(), request.horizon);
   response.plan.setZero(request.inputs(), request.horizon);
+  response.air.setZero(3, request.horizon);
   held_sum_.setZero(kLanes, request.inputs());
   gust_response_.setZero(3 * kLanes, request.horizon);
   last_held_.reserve(request.held.size());
@@ -211,6 +215,7 @@ bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const Poi
     return false;
   }
   gather_force(request);
+  write_air(request, response);
   if (measured) blend_measured(request);
   for (Index first = 0; first < request.output_rows(); first += kLanes)
     run_lanes(first, x, request, response);
@@ -272,6 +277,25 @@ void LinearisedPredictor<Response, S>::gather_force(const WindowRequest<S>& requ
     axis[c] = Inner(1);
     Traits::add_wind_force(response_, axis, gust);
     airy_ = airy_ || Inner(0) < gust.cwiseAbs().maxCoeff();
+  }
+}
+
+template <StepResponse Response, RealScalar S>
+void LinearisedPredictor<Response, S>::write_air(const WindowRequest<S>& request,
+                                                 WindowResponse<S>& response) const {
+  Inner total = Inner(0);
+  for (Index i = 0; i < v_.cols(); ++i) total += Traits::mass(response_)[i];
+  Matrix3<S> rate;
+  for (Index c = 0; c < 3; ++c) {
+    const Vector3<Inner> force = gust_[static_cast<std::size_t>(c)].rowwise().sum();
+    for (Index d = 0; d < 3; ++d) rate(d, c) = static_cast<S>(force[d] / total);
+  }
+  const S drag = static_cast<S>(Traits::drag(response_));
+  for (Index k = 0; k < request.horizon; ++k) {
+    Vector3<S> drift = Vector3<S>::Zero();
+    if (request.drift.cols() > 0) drift = request.drift.col(k);
+    const Vector3<S> relative = request.wind.col(k) - drift;
+    response.air.col(k) = rate * relative - drag * drift;
   }
 }
 

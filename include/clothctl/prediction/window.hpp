@@ -25,8 +25,8 @@ enum class GripInput {
   Pose
 };
 
-/// What is asked of a predictor. After `reserve`, only plan, path, applied input, wind and outer
-/// forces change.
+/// What is asked of a predictor. After `reserve`, only plan, path, applied input, wind, drift and
+/// outer forces change.
 template <RealScalar Scalar>
 struct WindowRequest {
   /// Number of frames K.
@@ -54,6 +54,9 @@ struct WindowRequest {
   bool has_applied = false;
   /// Velocity of the air in each frame, 3×K, m/s.
   Points<Scalar> wind;
+  /// Velocity of a translation of the sheet in each frame, 3×K, m/s, for `WindowResponse::air`; no
+  /// columns means zero.
+  Points<Scalar> drift;
   /// Other known forces on the vertices, constant over the window, 3×n, N; no columns means none.
   Points<Scalar> outer_force;
 
@@ -75,6 +78,10 @@ struct WindowResponse {
   MatrixX<Scalar> plan;
   /// The outputs at that plan, 3·outputs × K, m.
   MatrixX<Scalar> free_response;
+  /// The mean acceleration that the air would give the sheet in each frame if it moved at the
+  /// request's drift in the request's wind, as the air acts on it now, 3×K, m/s². No columns: the
+  /// predictor knows no air.
+  Points<Scalar> air;
 };
 
 /// Moves a prediction from the plan zero to the plan `u` (inputs × K): free_k += Σ_j T_{k-j} u_j

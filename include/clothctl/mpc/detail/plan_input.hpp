@@ -60,9 +60,11 @@ std::string check_samples(const WindowProblem<Scalar, Contact>& problem,
     const Vector3<Scalar> air = wind(start);
     if (!all_finite(air)) return "the wind at " + number_text(start) + " s" + value_text(air);
     for (Index i = 0; i < problem.feature_count; ++i) {
-      const Vector3<Scalar> wanted = target(i, end);
-      if (!within_reach(wanted)) {
-        return "the target of feature " + std::to_string(i) + " at " + number_text(end) + " s" +
+      for (const Scalar& time : {start, end}) {
+        if (time == t && !(Scalar(0) < settings.weights.anchor)) continue;
+        const Vector3<Scalar> wanted = target(i, time);
+        if (within_reach(wanted)) continue;
+        return "the target of feature " + std::to_string(i) + " at " + number_text(time) + " s" +
                far_text(wanted);
       }
     }

@@ -61,18 +61,32 @@ class WindowCost {
   const std::vector<HandAnchor<Scalar>>& anchors() const { return anchors_; }
 
   /// Samples the wanted positions of features and hands at the ends of the frames that follow `t`
-  /// (s); `target(feature, time)` in m. Returns false when one is not finite or beyond
-  /// `largest_target`; the samples are then of no use. Never allocates.
+  /// (s), and writes the mean velocity of the features to the request; `target(feature, time)` in
+  /// m. Returns false when a position is not finite or beyond `largest_target`; the samples are
+  /// then of no use. Never allocates.
   template <class Target>
-  [[nodiscard]] bool sample(const Problem& problem, Scalar t, const Target& target) {
+  [[nodiscard]] bool sample(Problem& problem, Scalar t, const Target& target) {
     const PlannerSettings<Scalar>& settings = problem.settings;
+    const Scalar share = Scalar(1) / Scalar(static_cast<double>(problem.feature_count));
+    const bool anchored = Scalar(0) < settings.weights.anchor;
+    Vector3<Scalar> mean = Vector3<Scalar>::Zero();
+    for (Index i = 0; i < problem.feature_count && anchored; ++i) {
+      const Vector3<Scalar> start = target(i, t);
+      if (!within_reach(start)) return false;
+      mean += share * start;
+    }
     for (Index k = 0; k < settings.horizon; ++k) {
       const Scalar end = frame_time(problem, t, k + 1);
       for (Index i = 0; i < problem.feature_count; ++i) {
         const Vector3<Scalar> wanted = target(i, end);
         targets_.template block<3, 1>(3 * i, k) = wanted;
       }
-      if (!(Scalar(0) < settings.weights.anchor)) continue;
+      if (!anchored) continue;
+      const Vector3<Scalar> before = mean;
+      mean.setZero();
+      for (Index i = 0; i < problem.feature_count; ++i)
+        mean += share * targets_.template block<3, 1>(3 * i, k);
+      problem.request.drift.col(k) = (mean - before) / settings.dt;
       for (std::size_t g = 0; g < anchors_.size(); ++g)
         anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k) =
             hand(settings, g, end, target);
@@ -80,7 +94,7 @@ class WindowCost {
     return within_reach(targets_) && within_reach(anchor_targets_);
   }
 
-  /// Returns where the hand of grip `g` belongs at time `t` (s), m. Never allocates.
+  /// Returns where the hand of grip `g` belongs at time `t` (s) in still air, m. Never allocates.
   template <class Target>
   Vector3<Scalar> hand(const PlannerSettings<Scalar>& settings, std::size_t g, Scalar t,
                        const Target& target) const {
@@ -134,12 +148,25 @@ class WindowCost {
     past_[0] = now;
     past_[1] = past_[0] - settings.dt * velocity;
     past_[2] = past_[1] - settings.dt * before;
-    stack_.add(problem.response, point_, past_, 0, sqrt(anchor_weight), [&](Index k) {
-      return Vector3<Scalar>(anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k));
-    });
+    stack_.add(problem.response, point_, past_, 0, sqrt(anchor_weight),
+               [&](Index k) { return anchor_target(problem, g, k); });
     stack_.add(problem.response, point_, past_, 2, sqrt(w.smooth) / settings.dt, none);
     stack_.add_change(problem.response, point_, 1, sqrt(step_weight) / settings.dt);
     stack_.add(problem.response, point_, past_, 3, sqrt(w.jerk) / settings.dt, none);
+  }
+
+  /// Returns where the hand of grip `g` belongs at the end of frame `k` in the air that the
+  /// predictor knows, m.
+  Vector3<Scalar> anchor_target(const Problem& problem, std::size_t g, Index k) const {
+    Vector3<Scalar> hand = anchor_targets_.template block<3, 1>(3 * static_cast<Index>(g), k);
+    if (problem.response.air.cols() == 0) return hand;
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const Vector3<Scalar> across =
+        targets_.template block<3, 1>(3 * (problem.feature_count - 1), k) -
+        targets_.template block<3, 1>(0, k);
+    const Vector3<Scalar> air = problem.response.air.col(k);
+    hand += air_lead(anchors_[g], settings.heavy_chain_axes, settings.gravity, across, air);
+    return hand;
   }
 
   /// Adds the cost of deforming a patch: the change of its affine shape (rotation, stretch, shear)

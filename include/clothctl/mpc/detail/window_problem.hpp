@@ -46,6 +46,7 @@ struct WindowProblem {
     request.path.setZero(request.inputs(), request.horizon);
     request.applied.setZero(request.inputs());
     request.wind.setZero(3, request.horizon);
+    request.drift.setZero(3, request.horizon);
     for (Points<Scalar>* p : {&motion.position, &motion.velocity, &motion.last_velocity})
       p->setZero(3, held_count);
     if (settings.input == GripInput::Force)
@@ -78,7 +79,7 @@ bool response_fits(const WindowProblem<Scalar, Contact>& problem) {
   return r.impulse_response.rows() == q.output_rows() &&
          r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
          r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
-         r.free_response.cols() == q.horizon;
+         r.free_response.cols() == q.horizon && (r.air.cols() == 0 || r.air.cols() == q.horizon);
 }
 
 /// Returns the time `k` frames after `t`, s.

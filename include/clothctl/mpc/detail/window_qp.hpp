@@ -74,6 +74,12 @@ class WindowQp {
       start_.segment(k * p, p).noalias() = map * last.segment(k * q, q);
   }
 
+  /// Returns true when the QPs of a frame have used up its iterations: it starts no further one.
+  static bool spent(const Problem& problem, const PlanResult<Scalar>& result) {
+    const int most = problem.settings.qp.max_iterations;
+    return most > 0 && most <= result.qp_iterations;
+  }
+
   /// The unknowns of frame `k` of the last solution.
   auto frame(Index k, Index unknowns) const { return solution_.segment(k * unknowns, unknowns); }
 
