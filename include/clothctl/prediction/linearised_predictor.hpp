@@ -115,7 +115,8 @@ class LinearisedPredictor {
 
   void gather_force(const WindowRequest<S>& request);
 
-  /// Writes the acceleration by the air, from the air drag of the linearisation.
+  /// Writes the acceleration by the air, from the air drag of the linearisation, and that by level
+  /// outer forces: like air, they hang the sheet askew. What bears it from below does not.
   void write_air(const WindowRequest<S>& request, WindowResponse<S>& response) const;
 
   /// Starts the lanes of the output rows first .. first + used - 1: a = Cᵀ, w = 0, and the free
@@ -291,11 +292,15 @@ void LinearisedPredictor<Response, S>::write_air(const WindowRequest<S>& request
     for (Index d = 0; d < 3; ++d) rate(d, c) = static_cast<S>(force[d] / total);
   }
   const S drag = static_cast<S>(Traits::drag(response_));
+  Vector3<S> level = Vector3<S>::Zero();
+  for (Index i = 0; i < request.outer_force.cols(); ++i) level += request.outer_force.col(i);
+  level /= static_cast<S>(total);
+  level[2] = S(0);
   for (Index k = 0; k < request.horizon; ++k) {
     Vector3<S> drift = Vector3<S>::Zero();
     if (request.drift.cols() > 0) drift = request.drift.col(k);
     const Vector3<S> relative = request.wind.col(k) - drift;
-    response.air.col(k) = rate * relative - drag * drift;
+    response.air.col(k) = rate * relative - drag * drift + level;
   }
 }
 
