@@ -2,6 +2,7 @@
 
 // The planner: condensed programs over a window, plans, one frame of control.
 
+#include "clothctl/mpc/command_window.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/mpc/plan_types.hpp"
