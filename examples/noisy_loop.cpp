@@ -10,6 +10,7 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -77,6 +78,7 @@ double follow(const Faults& faults) {
   EstimatorSettings<double> estimating;
   estimating.noise = 0.001 * std::max(1, faults.noise);
   estimating.latency = faults.latency;
+  estimating.history = faults.delay + faults.latency + 1;
   const PointFeatures<double> markers = program::spread_markers(grid, faults.markers);
   program::MarkerCamera camera(markers, 0.001 * faults.noise, faults.delay,
                                static_cast<std::uint64_t>(faults.seed));
@@ -116,15 +118,17 @@ int main(int argc, char** argv) {
       {"--cloth", &faults.cloth}};
   bool good = argc % 2 == 1;
   for (int i = 1; i + 1 < argc; i += 2) {
-    bool known = false;
-    for (const auto& [name, value] : options) {
-      if (std::strcmp(argv[i], name) != 0) continue;
-      known = true;
-      *value = std::atoi(argv[i + 1]);
+    int* value = nullptr;
+    for (const auto& [name, place] : options) {
+      if (std::strcmp(argv[i], name) == 0) value = place;
     }
-    good = good && known;
+    const std::string text = argv[i + 1];
+    good = good && value != nullptr && !text.empty() && text.size() < 4 &&
+           text.find_first_not_of("0123456789") == std::string::npos;
+    if (good) *value = std::atoi(text.c_str());
   }
-  good = good && faults.cloth >= 5 && faults.cloth <= 33 && faults.markers >= 2;
+  good = good && faults.cloth >= 5 && faults.cloth <= 33 && faults.markers >= 2 &&
+         faults.markers <= faults.cloth && faults.delay + faults.latency <= 20;
   if (!good) {
     std::fprintf(stderr,
                  "usage: noisy_loop [--noise MM] [--delay FRAMES] [--latency FRAMES] "

@@ -9,3 +9,4 @@
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
 #include "clothctl/mpc/run_frame.hpp"
+#include "clothctl/mpc/stepped_plant.hpp"

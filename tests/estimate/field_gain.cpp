@@ -91,7 +91,8 @@ TEST_CASE("field gain: a hidden marker takes no part, and nothing allocates", "[
   line.gain.correct(used, gap, x, v);
   gap.col(1).setConstant(1e6);
   line.gain.correct(used, gap, other_x, other_v);
-  CHECK(clothctl_test::allocations() == before);
+  const long made = clothctl_test::allocations() - before;
+  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
   CHECK(x == other_x);
   CHECK(v == other_v);
   CHECK(x(0, 1) > 0.001);

@@ -22,8 +22,10 @@ TEST_CASE("marker measurement: lost markers are hidden", "[estimate]") {
   seen.positions(1, 1) = std::numeric_limits<double>::quiet_NaN();
   seen.positions(2, 2) = std::numeric_limits<double>::infinity();
   const long before = clothctl_test::allocations();
-  CHECK(seen.see_finite() == 1);
-  CHECK(clothctl_test::allocations() == before);
+  const Index count = seen.see_finite();
+  const long made = clothctl_test::allocations() - before;
+  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+  CHECK(count == 1);
   CHECK(seen.is_seen(0));
   CHECK_FALSE(seen.is_seen(1));
   CHECK_FALSE(seen.is_seen(2));

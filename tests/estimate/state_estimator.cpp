@@ -281,7 +281,8 @@ TEST_CASE("estimator: a model that rolls out, without allocation, the same bits"
     }
     estimator.apply(input);
     good = good && estimator.advance(0.02).advanced;
-    CHECK(clothctl_test::allocations() == before);
+    const long made = clothctl_test::allocations() - before;
+    if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
     REQUIRE(good);
     if (frame >= 2)
       REQUIRE(twin.correct(seen[static_cast<std::size_t>(frame - 2)]).status ==

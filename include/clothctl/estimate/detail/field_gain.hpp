@@ -18,6 +18,7 @@
 
 #include <array>
 #include <cmath>
+#include <cstddef>
 #include <vector>
 
 #include "clothctl/core/types.hpp"
@@ -115,7 +116,7 @@ class FieldGain {
       factor_.rebuild(prior_, used_, static_cast<Index>(used_.size()), noise_ * noise_, Scalar(0));
     }
     for (Index c = 0; c < 3; ++c) {
-      VectorX<Scalar>& w = work_[c];
+      VectorX<Scalar>& w = work_[static_cast<std::size_t>(c)];
       for (Index k = 0; k < factor_.size(); ++k) w[k] = gap(c, factor_.order(k));
       factor_.solve_lower(w);
       factor_.solve_upper(w);
