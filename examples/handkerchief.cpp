@@ -43,8 +43,15 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
   CLI::Option* hands = app.add_flag("--hands", o.hands, "Simulated hands move the sheet");
   add_hand(app, files)->needs(hands);
   add_model(app, o.model)->excludes(hands);
+  app.add_option("--unknown", o.unknown,
+                 "A gust from 1 s on that the planner is not told of, share of the weight")
+      ->check(between(0, 2))
+      ->excludes(hands);
+  add_measurement(app, o);
   parse(app, o, argc, argv);
   hand = read_hand(files);
+  if (o.hands && o.measured) refuse("--hands: cannot be combined with an estimated state");
+  if (0 < o.unknown && o.measured) refuse("--unknown: cannot be combined with an estimated state");
   if (2 * o.patch_size > o.cloth)
     refuse("--patch-size: " + std::to_string(o.patch_size) + " is over half of --cloth " +
            std::to_string(o.cloth));

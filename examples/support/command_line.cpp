@@ -90,6 +90,30 @@ void add_planner(CLI::App& app, Options& o) {
       ->capture_default_str();
 }
 
+void add_measurement(CLI::App& app, Options& o) {
+  const std::string group = "With position grips: plan for a state estimated from measurements";
+  app.add_option("--noise", o.noise, "Standard deviation of each measured coordinate, m")
+      ->check(between(0, 1))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--delay", o.delay, "Age of measurements, s, rounded to frames of 0.02 s")
+      ->check(between(0, 0.5))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--markers", o.markers, "Measured vertices along a side; 0: all vertices")
+      ->check(between(0, 129))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--latency", o.latency, "Frames from a command to its effect")
+      ->check(between(0, 25))
+      ->capture_default_str()
+      ->group(group);
+  app.add_option("--noise-seed", o.noise_seed, "Seed of the noise")
+      ->check(seed_number())
+      ->capture_default_str()
+      ->group(group);
+}
+
 void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks,
                 const std::string& task_help) {
   const auto named = [](const std::string& text) {
@@ -155,6 +179,15 @@ void parse(CLI::App& app, Options& o, int argc, char** argv) {
   const CLI::Option* dt = app.get_option_no_throw("--dt");
   o.dt_given = dt != nullptr && dt->count() > 0;
   o.friction_given = app.count("--friction") > 0;
+  for (const char* option : {"--noise", "--delay", "--markers", "--latency"}) {
+    const CLI::Option* given = app.get_option_no_throw(option);
+    o.measured = o.measured || (given != nullptr && given->count() > 0);
+  }
+  if (o.measured && o.grip != "position")
+    refuse("--noise, --delay, --markers and --latency need --grip position");
+  if (o.markers == 1 || o.markers > o.cloth)
+    refuse("--markers: " + std::to_string(o.markers) + " is not 0 or 2 to " +
+           std::to_string(o.cloth));
 }
 
 }  // namespace program

@@ -25,6 +25,9 @@ void add_common(CLI::App& app, Options& o, const std::vector<std::string>& tasks
 /// Adds the options of planning, plant and fingers; add_common does, too.
 void add_planner(CLI::App& app, Options& o);
 
+/// Adds the options of what is wrong with measurements and commands.
+void add_measurement(CLI::App& app, Options& o);
+
 /// Adds --cloth, --size and --material of a square sheet.
 void add_sheet(CLI::App& app, int& cloth, double& size, std::string& material,
                const std::string& cloth_help = "Vertices along a side");

@@ -86,6 +86,12 @@ nlohmann::ordered_json settings_json(const Evaluation& e) {
   j["limit_N"] = o.limit;
   j["generators"] = o.generators;
   j["max_step_mm"] = o.max_step_mm;
+  if (o.measured)
+    j["measured"] = {{"noise_m", o.noise},
+                     {"delay_s", o.delay},
+                     {"markers", o.markers},
+                     {"latency", o.latency},
+                     {"noise_seed", o.noise_seed}};
   for (const std::string& option : options_set_by(e.study)) {
     j.erase(option.substr(2));  // without the dashes
   }

@@ -99,6 +99,7 @@ EvaluationRequest read_evaluation(int argc, char** argv) {
   add_sheet(app, o.cloth, o.size, o.material, "Vertices along a side; 65 is the paper's sheet");
   add_model(app, o.model);
   add_planner(app, o);
+  add_measurement(app, o);
   std::string shard;
   app.add_option("--shard", shard, "i/n: only the runs of part i of n");
   app.add_flag("--resume", e.resume, "Go on with the runs in --out");

@@ -1,31 +1,18 @@
 #include <algorithm>
 #include <cmath>
-#include <random>
 
+#include "support/random_number.hpp"
 #include "support/tasks.hpp"
 
 namespace program {
 
 namespace {
 
-/// Normally distributed numbers; a seed gives the same ones on every platform.
-class Normal {
- public:
-  explicit Normal(std::uint64_t seed) : engine_(seed) {}
-  double operator()() {
-    const double u = (static_cast<double>(engine_() >> 11) + 0.5) / 9007199254740992.0;
-    const double v = (static_cast<double>(engine_() >> 11) + 0.5) / 9007199254740992.0;
-    return std::sqrt(-2 * std::log(u)) * std::cos(2 * 3.14159265358979323846 * v);
-  }
-  /// Three of them. The order of arguments would be the compiler's choice.
-  Vec vector() {
-    const double z = (*this)(), y = (*this)(), x = (*this)();
-    return {x, y, z};
-  }
-
- private:
-  std::mt19937_64 engine_;
-};
+/// Three of them. The order of arguments would be the compiler's choice.
+Vec normal_vector(Normal& normal) {
+  const double z = normal(), y = normal(), x = normal();
+  return {x, y, z};
+}
 
 /// Limits the distance of two curves to `most`, smoothly from `from` on, because a sheet cannot
 /// stretch.
@@ -92,14 +79,14 @@ void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, doub
   Normal normal(seed * 2654435761u + 12345u);
   const double law = 1.5;
   const Vec end =
-      scale * size * (normal.vector().cwiseProduct(Vec(0.3, 0.3, 0.12)) + Vec(0, 0, 0.2));
+      scale * size * (normal_vector(normal).cwiseProduct(Vec(0.3, 0.3, 0.12)) + Vec(0, 0, 0.2));
   const Index controls = control_points(times[times.size() - 1]);
   Points ca(3, controls), cb(3, controls);
   for (Index i = 0; i < controls; ++i) {
     const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
     const double noise = i < 3 ? 0.0 : noise_sd;
-    ca.col(i) = left + end * std::pow(u, law) + noise * normal.vector();
-    cb.col(i) = right + end * std::pow(u, 1 / law) + noise * normal.vector();
+    ca.col(i) = left + end * std::pow(u, law) + noise * normal_vector(normal);
+    cb.col(i) = right + end * std::pow(u, 1 / law) + noise * normal_vector(normal);
   }
   draw_splines(times, size, ca, cb, a, b);
 }
@@ -156,14 +143,14 @@ Task make_hand_paths(std::uint64_t seed, double noise_sd, double duration, doubl
   const clothctl::VectorX<double> times = frame_times(duration);
   Points a(3, times.size()), b(3, times.size());
   Normal normal(seed * 2654435761u + 54321u);
-  const Vec drift = 0.3 * size * normal.vector();
+  const Vec drift = 0.3 * size * normal_vector(normal);
   const Index controls = control_points(duration);
   Points ca(3, controls), cb(3, controls);
   for (Index i = 0; i < controls; ++i) {
     const double u = i < 3 ? 0.0 : static_cast<double>(i - 2) / static_cast<double>(controls - 3);
     const double noise = i < 3 ? 0.0 : noise_sd;
-    ca.col(i) = left + u * drift + noise * normal.vector();
-    cb.col(i) = right + u * drift + noise * normal.vector();
+    ca.col(i) = left + u * drift + noise * normal_vector(normal);
+    cb.col(i) = right + u * drift + noise * normal_vector(normal);
   }
   draw_splines(times, size, ca, cb, a, b);
   return curves_task(times, a, b);

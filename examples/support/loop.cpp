@@ -2,12 +2,15 @@
 
 #include <chrono>
 #include <cstdio>
+#include <optional>
 
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/mpc/run_frame.hpp"
 #include "support/figures.hpp"
+#include "support/measured_plant.hpp"
 #include "support/recorder.hpp"
 #include "support/timing.hpp"
+#include "support/unknown_gust.hpp"
 
 namespace program {
 
@@ -68,14 +71,29 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
   const auto target = [&](Index i, double t) {
     return scene.task.curves[static_cast<std::size_t>(i)].position(t);
   };
+  std::optional<MeasuredPlant> measured;
+  if (o.measured) measured.emplace(scene, o, plant);
+  std::optional<GustyPlant> gusty;
+  if (0 < o.unknown) gusty.emplace(scene, o, plant);
+  const auto run_one = [&](Index frame) {
+    const double t = dt * static_cast<double>(frame);
+    if (gusty) {
+      const auto report = run_frame(planner, *gusty, t, target, scene.task.wind, result);
+      if (report.advanced() && !planner.set_outer_force(gusty->learn()))
+        refuse("--unknown: the planner refuses the estimated forces");
+      return report;
+    }
+    if (!measured) return run_frame(planner, plant, t, target, scene.task.wind, result);
+    measured->look();
+    return run_frame(planner, *measured, measured->time(), target, scene.task.wind, result);
+  };
   Figures figures;
   recorder.add_frame(0, plant.positions(),
                      Points::Zero(3, static_cast<Index>(scene.setup.grips.size())), figures);
   for (Index frame = 0; frame < frames; ++frame) {
     progress.show(frame, frames);
     const std::chrono::steady_clock::time_point before = std::chrono::steady_clock::now();
-    const clothctl::FrameReport<double> report =
-        run_frame(planner, plant, dt * static_cast<double>(frame), target, scene.task.wind, result);
+    const clothctl::FrameReport<double> report = run_one(frame);
     const double plant_ms =
         report.status == clothctl::FrameStatus::NotPlanned ? 0.0 : plant.last_step_ms();
     figures.add_times(milliseconds(before) - plant_ms, plant_ms);

@@ -47,7 +47,13 @@ struct Options {
   double max_step_mm = 50;
   double spread = 0.9;
   double gusts = 0;
+  double unknown = 0;
   std::uint64_t seed = 1;
+  double noise = 0, delay = 0;  // of measurements: standard deviation, m; age, s
+  int markers = 0;              // along a side of the sheet; 0: all vertices are seen
+  int latency = 0;              // frames from a command to its effect
+  std::uint64_t noise_seed = 1;
+  bool measured = false;  // one of these is given: plans are made for an estimate
   bool hands = false;
   bool second_thread = true;  // rollouts use one; plans have the same bits without it
   bool json = false;

@@ -9,6 +9,7 @@
 #include "clothctl/config.hpp"
 #include "clothctl/contact.hpp"
 #include "clothctl/core.hpp"
+#include "clothctl/estimate.hpp"
 #include "clothctl/grasp.hpp"
 #include "clothctl/linalg.hpp"
 #include "clothctl/math.hpp"

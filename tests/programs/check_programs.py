@@ -215,6 +215,15 @@ def check_runs(programs, folder):
     for arguments in (("4",), ("18",), ("x",), ("9", "4"), ("9", "12", "1")):
         code, _, errors = run(programs / "foreign_plant", *arguments)
         check(code == 2 and "usage" in errors, f"foreign_plant {arguments}: exit {code}: {errors}")
+    for arguments in ((), ("--latency", "1", "--late", "5")):
+        code, text, _ = run(programs / "noisy_loop", *arguments)
+        errors = re.findall(r"([0-9.]+) mm", text)
+        check(code == 0 and len(errors) == 2 and float(errors[1]) < 2 * float(errors[0]) < 8,
+              f"noisy_loop {arguments}: exit {code}: {text}")
+    for arguments in (("--noise",), ("--noise", "x"), ("--latency", "-1"), ("--markers", "10"),
+                      ("--other", "1")):
+        code, _, errors = run(programs / "noisy_loop", *arguments)
+        check(code == 2 and "usage" in errors, f"noisy_loop {arguments}: exit {code}: {errors}")
     code, text, _ = run(programs / "bring_your_own")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"bring_your_own: exit {code}: {text}")
@@ -1079,7 +1088,7 @@ def main():
     parser.add_argument("--programs", type=pathlib.Path, required=True)
     programs = parser.parse_args().programs
     names = ("handkerchief", "rope_ball", "quickstart", "drape", "foreign_plant", "bring_your_own",
-             "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch",
+             "noisy_loop", "qp_solve", "qp_in_your_loop", "simulate", "sew_tshirt", "tear", "pinch",
              "pinch_and_shake", "hand_holds_cloth", "lift_from_table", "evaluate")
     missing = [name for name in names if not (programs / name).exists()]
     if missing:
