@@ -6,7 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "baseline.hpp"
+#include "../versus/qp/solver.hpp"
+#include "step.hpp"
+#include "watch.hpp"
 
 namespace planner_bench {
 

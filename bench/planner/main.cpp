@@ -41,7 +41,6 @@ Options parse(int argc, char** argv) {
   number("--baseline-frames", o.run.baseline_frames, 1, 100000,
          "How many of these the baseline plans, evenly spread");
   number("--horizon", o.run.horizon, 1, 100, "Frames of the window");
-  number("--rollout-most", o.run.rollout_most, 4, 513, "Largest sheet that is rolled out whole");
   app.add_option("--solvers", o.solvers,
                  "QP solvers of the baseline, of which the fastest serves (default: all that were "
                  "built in)")

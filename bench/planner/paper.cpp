@@ -1,3 +1,4 @@
+#include "baseline.hpp"
 #include "contender.hpp"
 
 namespace planner_bench {

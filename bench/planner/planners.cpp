@@ -1,6 +1,7 @@
 #include "contender.hpp"
 
 #include "clothctl/cloth/mass_spring_rollout.hpp"
+#include "clothctl/mpc/planner.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/sheet.hpp"
 #include "clothctl/prediction/coarse_predictor.hpp"
@@ -13,7 +14,8 @@ namespace planner_bench {
 namespace {
 
 template <class Scalar>
-AnyPredictor linearised(const MassSpring<double>& model, ResponseSettings<Scalar> settings = {}) {
+AnyPredictor linearised(const MassSpring<double>& model,
+                        const ResponseSettings<Scalar>& settings = {}) {
   using Response = WatchedResponse<Scalar>;
   return AnyPredictor(LinearisedPredictor<Response, double>(Response(model, settings)),
                       seen().inner);

@@ -124,7 +124,9 @@ std::string problem_with(const std::vector<SizeReport>& reports) {
     for (const Row& row : report.rows) {
       const std::string name = std::to_string(report.n) + ": " + row.name;
       if (row.failures > 0) return name + " has frames without an optimal plan";
-      if (report.chosen >= 0 && row.exact && !(row.difference <= kSameInput))
+      if (report.chosen < 0 || !(row.baseline || row.exact)) continue;
+      if (!(row.kkt <= kSolved)) return name + ": the KKT residual is " + small(row.kkt);
+      if (!(row.difference <= kSameInput))
         return name + ": the first input differs from the baseline's by " + small(row.difference);
     }
   }

@@ -49,10 +49,8 @@ Contenders make_contenders(const RunSettings& settings, const Scene& scene,
     for (Factor f : {Factor::Eigen, Factor::Ours})
       all.push_back(make_baseline(scene, k, f, *solver));
   }
-  for (Prediction p : {Prediction::Linearised, Prediction::LinearisedFloat})
+  for (Prediction p : {Prediction::Linearised, Prediction::LinearisedFloat, Prediction::Rollout})
     all.push_back(make_planner(scene, k, p, GripInput::Force));
-  if (scene.n <= settings.rollout_most)
-    all.push_back(make_planner(scene, k, Prediction::Rollout, GripInput::Force));
   if (scene.n > kCoarse)
     all.push_back(make_planner(scene, k, Prediction::Coarse, GripInput::Force));
   all.push_back(make_planner(scene, k, Prediction::LinearisedFloat, GripInput::Pose));
