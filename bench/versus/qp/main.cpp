@@ -57,28 +57,7 @@ Options parse(int argc, char** argv) {
 }
 
 std::vector<Entry> entries(const Names& chosen) {
-  std::vector<Entry> all{versus::clothctl_entry()};
-#ifdef VERSUS_DAQP_VERSION
-  all.push_back(versus::daqp_entry());
-#endif
-#ifdef VERSUS_PIQP_VERSION
-  all.push_back(versus::piqp_entry());
-#endif
-#ifdef VERSUS_QPOASES_VERSION
-  all.push_back(versus::qpoases_entry());
-#endif
-#ifdef VERSUS_OSQP_VERSION
-  all.push_back(versus::osqp_entry());
-#endif
-#ifdef VERSUS_PROXQP_VERSION
-  all.push_back(versus::proxqp_entry());
-#endif
-#ifdef VERSUS_QPMAD_VERSION
-  all.push_back(versus::qpmad_entry());
-#endif
-#ifdef VERSUS_EIQUADPROG_VERSION
-  all.push_back(versus::eiquadprog_entry());
-#endif
+  const std::vector<Entry> all = versus::all_entries();
   if (chosen.empty()) return all;
   std::vector<Entry> some;
   for (const Entry& e : all) {

@@ -116,4 +116,7 @@ Entry proxqp_entry();
 Entry qpmad_entry();
 Entry eiquadprog_entry();
 
+/// Ours and all others that were built in.
+std::vector<Entry> all_entries();
+
 }  // namespace versus

@@ -41,7 +41,7 @@ class MassSpringResponse {
   /// may have another scalar. Allocates.
   template <RealScalar Other>
   explicit MassSpringResponse(const MassSpring<Other>& model,
-                              ResponseSettings<Scalar> settings = {});
+                              const ResponseSettings<Scalar>& settings = {});
 
   /// Returns the number of vertices.
   Index vertex_count() const { return network_.vertex_count(); }
@@ -101,10 +101,12 @@ class MassSpringResponse {
   bool translation_free_ = true;
 };
 
+// The settings come by reference: g++ 12 with AVX-512 passes the defaults of StiffnessScale<double>
+// (1, 1, 1, 0) by value as (1, 1, 1, 1) from -O2 on, and then A need not be positive definite.
 template <RealScalar S>
 template <RealScalar Other>
 MassSpringResponse<S>::MassSpringResponse(const MassSpring<Other>& model,
-                                          ResponseSettings<Scalar> settings)
+                                          const ResponseSettings<Scalar>& settings)
     : network_(model.network().template cast<Scalar>()),
       settings_(settings),
       air_settings_(model.settings().air.template cast<Scalar>()),
@@ -206,6 +208,6 @@ bool MassSpringResponse<S>::add_wind_force(const Vector3<Scalar>& dw, Points<Sca
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
 CLOTHCTL_INSTANTIATE(class MassSpringResponse<float>);
 CLOTHCTL_INSTANTIATE(MassSpringResponse<float>::MassSpringResponse(const MassSpring<double>&,
-                                                                   ResponseSettings<float>));
+                                                                   const ResponseSettings<float>&));
 
 }  // namespace clothctl::inline CLOTHCTL_ABI
