@@ -85,7 +85,7 @@ std::string to_json(const Summary& s, const Scene& scene, const Options& o, int 
                 {"vertices", scene.body.network.vertex_count()},
                 {"size_m", o.size},
                 {"patch_size", o.patch_size},
-                {"predictor", chosen_predictor(o, scene.body)},
+                {"predictor", chosen_predictor(o)},
                 {"profile", o.profile},
                 {"spread", o.spread},
                 {"friction", scene.setup.grips.front().fingers.front().contact.friction},

@@ -106,7 +106,7 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
 }
 
-std::string chosen_predictor(const Options& o, const Body& body) {
+std::string chosen_predictor(const Options& o) {
   if (o.predictor != "auto") return o.predictor;
   // With hard patch rows, rollouts can become unstable (docs/performance.md), so the linearised
   // predictor is used.
@@ -137,7 +137,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   const clothctl::MassSpring<double> model =
       make_mass_spring(body, body.coarse ? body.coarse->network : body.network,
                        clothctl::Integration::LinearlyImplicit);
-  const bool rolls = chosen_predictor(o, body) == "rollout", newton = o.plant == "newton";
+  const bool rolls = chosen_predictor(o) == "rollout", newton = o.plant == "newton";
   clothctl::RolloutModelSettings fast;
   if (body.coarse) fast.factors = clothctl::CoarseFactors::fitted();
   // One quasi-Newton step does not converge on a fine mesh without it.

@@ -136,7 +136,7 @@ inline bool is_implicit(const std::string& plant) {
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
 /// Returns "linearised" or "rollout": the meaning of --predictor auto.
-std::string chosen_predictor(const Options& o, const Body& body);
+std::string chosen_predictor(const Options& o);
 
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In
 /// position-based sheets, unconverged elongation and not tension carries the weight, so their

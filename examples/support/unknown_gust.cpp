@@ -4,7 +4,7 @@ namespace program {
 
 namespace {
 
-clothctl::MassSpring<double> model(const Body& body) {
+clothctl::MassSpring<double> newton_model(const Body& body) {
   clothctl::MassSpringSettings<double> settings;
   settings.integration = clothctl::Integration::Newton;
   settings.drag = body.drag;
@@ -20,7 +20,7 @@ GustyPlant::GustyPlant(const Scene& scene, const Options& o, AnyPlant& plant)
       share_(o.unknown),
       dt_(scene.settings.dt),
       observer_(must(clothctl::DisturbanceObserver<clothctl::MassSpring<double>>::create(
-          model(scene.body), mass_))) {}
+          newton_model(scene.body), mass_))) {}
 
 void GustyPlant::apply(const clothctl::ClothInput<double>& input) {
   input_ = input;
