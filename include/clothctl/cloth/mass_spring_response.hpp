@@ -49,6 +49,8 @@ class MassSpringResponse {
   const VectorX<Scalar>& mass() const { return network_.mass; }
   /// Returns the mass-proportional drag α, 1/s.
   Scalar drag() const { return drag_; }
+  /// Returns gravity, m/s².
+  const Vector3<Scalar>& gravity() const { return gravity_; }
   /// Returns the forces at the linearised state, 3×n, N: springs, bending, gravity and C w, without
   /// drag and inputs.
   const Points<Scalar>& force() const { return force_; }

@@ -63,6 +63,9 @@ struct step_response_traits : detail::scalar_of<Response> {
   /// Returns the mass-proportional damping rate α, 1/s.
   static auto drag(const Response& response) requires requires { response.drag(); }
   { return response.drag(); }
+  /// Returns gravity, m/s². Optional.
+  static decltype(auto) gravity(const Response& response) requires requires { response.gravity(); }
+  { return response.gravity(); }
   /// Returns the net force f at the linearisation, 3×n, N.
   static decltype(auto) force(const Response& response) requires requires { response.force(); }
   { return response.force(); }
@@ -101,7 +104,7 @@ struct step_response_traits : detail::scalar_of<Response> {
 /// definite; right-hand sides and solutions of `solve` are zero at held vertices.
 ///
 /// Optional hooks: `translation_free(response)`, false where it is missing; true makes single
-/// precision more accurate.
+/// precision more accurate. `gravity(response)`: with it, hands lead by known outer forces.
 template <class Response>
 concept StepResponse = requires {
   typename step_response_traits<Response>::scalar_type;

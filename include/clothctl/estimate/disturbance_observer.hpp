@@ -94,7 +94,7 @@ class DisturbanceObserver {
   /// Returns an empty string, or a line that says why `observe` would refuse its input. Allocates.
   std::string check_input(const ClothState<Scalar>& before, const ClothInput<Scalar>& input,
                           Scalar dt, const PointsView<Scalar>& velocities) const {
-    const std::string problem = check_step_input(before, input, dt, count());
+    std::string problem = check_step_input(before, input, dt, count());
     if (!problem.empty()) return problem;
     if (velocities.cols() != count())
       return "there are " + std::to_string(velocities.cols()) + " velocities after the step for " +

@@ -339,7 +339,7 @@ template <class Model, RealScalar S>
 requires ClothModel<Model, S> std::string StateEstimator<Model, S>::check_input(
     const MarkerMeasurement<Scalar>& measurement)
 const {
-  const std::string problem = measurement.validate(markers_.count());
+  std::string problem = measurement.validate(markers_.count());
   if (!problem.empty()) return problem;
   if (oldest() <= measurement.frame && measurement.frame <= last_) return {};
   return "the measurement is of frame " + std::to_string(measurement.frame) +

@@ -101,7 +101,7 @@ namespace detail {
 template <RealScalar Scalar>
 Vector3<Scalar> swing_part(const HandAnchor<Scalar>& anchor, HeavyChainAxes heavy_chain_axes,
                            const Vector3<Scalar>& across, const Vector3<Scalar>& v) {
-  const Vector3<Scalar> level(v[0], v[1], Scalar(0));
+  Vector3<Scalar> level(v[0], v[1], Scalar(0));
   if (heavy_chain_axes == HeavyChainAxes::Horizontal || anchor.feature_weights.size() < 2)
     return level;
   const Vector3<Scalar> normal(-across[1], across[0], Scalar(0));

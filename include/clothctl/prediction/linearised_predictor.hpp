@@ -115,8 +115,13 @@ class LinearisedPredictor {
 
   void gather_force(const WindowRequest<S>& request);
 
-  /// Writes the acceleration by the air, from the air drag of the linearisation, and that by level
-  /// outer forces: like air, they hang the sheet askew. What bears it from below does not.
+  /// Returns the mean acceleration by outer forces across gravity, which hang the sheet askew as
+  /// air does, times the share of the weight that they do not bear: what lies on a table does not
+  /// hang. Zero for a response that tells no gravity. `mass`: of the sheet, kg.
+  Vector3<S> level_outer_acceleration(const WindowRequest<S>& request, const S& mass) const;
+
+  /// Writes the acceleration by the air, from the air drag of the linearisation, and that by outer
+  /// forces.
   void write_air(const WindowRequest<S>& request, WindowResponse<S>& response) const;
 
   /// Starts the lanes of the output rows first .. first + used - 1: a = Cᵀ, w = 0, and the free
@@ -292,16 +297,31 @@ void LinearisedPredictor<Response, S>::write_air(const WindowRequest<S>& request
     for (Index d = 0; d < 3; ++d) rate(d, c) = static_cast<S>(force[d] / total);
   }
   const S drag = static_cast<S>(Traits::drag(response_));
-  Vector3<S> level = Vector3<S>::Zero();
-  for (Index i = 0; i < request.outer_force.cols(); ++i) level += request.outer_force.col(i);
-  level /= static_cast<S>(total);
-  level[2] = S(0);
+  const Vector3<S> level = level_outer_acceleration(request, static_cast<S>(total));
   for (Index k = 0; k < request.horizon; ++k) {
     Vector3<S> drift = Vector3<S>::Zero();
     if (request.drift.cols() > 0) drift = request.drift.col(k);
     const Vector3<S> relative = request.wind.col(k) - drift;
     response.air.col(k) = rate * relative - drag * drift + level;
   }
+}
+
+template <StepResponse Response, RealScalar S>
+Vector3<S> LinearisedPredictor<Response, S>::level_outer_acceleration(
+    const WindowRequest<S>& request, const S& mass) const {
+  Vector3<S> level = Vector3<S>::Zero();
+  if constexpr (requires { Traits::gravity(response_); }) {
+    const Vector3<Inner> pull = Traits::gravity(response_);
+    const Vector3<S> gravity = pull.template cast<S>();
+    const S squared = gravity.squaredNorm();
+    if (request.outer_force.cols() == 0 || !(S(0) < squared)) return level;
+    for (Index i = 0; i < request.outer_force.cols(); ++i) level += request.outer_force.col(i);
+    level /= mass;
+    const S borne = -level.dot(gravity) / squared;
+    level += borne * gravity;
+    if (S(0) < borne) level *= borne < S(1) ? S(1) - borne : S(0);
+  }
+  return level;
 }
 
 template <StepResponse Response, RealScalar S>

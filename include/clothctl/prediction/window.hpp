@@ -79,8 +79,8 @@ struct WindowResponse {
   /// The outputs at that plan, 3·outputs × K, m.
   MatrixX<Scalar> free_response;
   /// The mean acceleration that the air would give the sheet in each frame if it moved at the
-  /// request's drift in the request's wind, as the air acts on it now, and the horizontal part of
-  /// that by the outer forces, 3×K, m/s². No columns: the predictor knows no air.
+  /// request's drift in the request's wind, as the air acts on it now, and that of the outer forces
+  /// across gravity as far as the sheet hangs, 3×K, m/s². No columns: the predictor knows no air.
   Points<Scalar> air;
 };
 
