@@ -83,6 +83,14 @@ void PaperBaseline::add(double scale, const MatrixX<double>& of_d, const V& now)
   row_ += 3;
 }
 
+V PaperBaseline::lead(const HandAnchor<double>& anchor, double t) const {
+  const V left = scene_.target(0, t), right = scene_.target(1, t);
+  const V before = scene_.target(0, t - kDt) + scene_.target(1, t - kDt);
+  const V velocity = (left + right - before) / (2.0 * kDt);
+  return air_lead<double>(anchor, settings_.heavy_chain_axes, settings_.gravity, right - left,
+                          -scene_.model.settings().drag * velocity);
+}
+
 void PaperBaseline::stack(const Frame& frame) {
   const Index horizon = settings_.horizon, p = basis_.unknowns();
   const PlannerWeights<double>& w = settings_.weights;
@@ -97,9 +105,10 @@ void PaperBaseline::stack(const Frame& frame) {
       load_point(frame, k, scene_.feature(i), z0, c0);
       add(std::sqrt(w.feature), z0, c0 - target(i, t));
       load_point(frame, k, hand, z0, c0);
+      const HandAnchor<double>& anchor = anchors_[static_cast<std::size_t>(i)];
       add(std::sqrt(w.anchor), z0,
-          c0 - anchor_position(anchors_[static_cast<std::size_t>(i)], settings_.heavy_chain_axes,
-                               settings_.gravity, target, t));
+          c0 - lead(anchor, t) -
+              anchor_position(anchor, settings_.heavy_chain_axes, settings_.gravity, target, t));
       load_point(frame, k - 1, hand, z1, c1);
       load_point(frame, k - 2, hand, z2, c2);
       add(std::sqrt(w.smooth) / kDt, z0 - 2.0 * z1 + z2, c0 - 2.0 * c1 + c2);

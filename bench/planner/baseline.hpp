@@ -34,6 +34,8 @@ class PaperBaseline {
 
  private:
   void integrate_all(const Frame& frame);
+  /// How far drag makes a hand lead at time `t` (s), m.
+  V lead(const HandAnchor<double>& anchor, double t) const;
   void stack(const Frame& frame);
   void load_point(const Frame& frame, Index k, int vertex, MatrixX<double>& of_d, V& now) const;
   void add(double scale, const MatrixX<double>& of_d, const V& now);

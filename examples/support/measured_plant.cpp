@@ -4,7 +4,6 @@
 #include <cmath>
 #include <string>
 
-#include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/mesh/grid.hpp"
 
 namespace program {
@@ -21,12 +20,8 @@ clothctl::PointFeatures<double> markers(const Scene& scene, const Options& o) {
 }
 
 Rollout model(const Body& body) {
-  clothctl::MassSpringSettings<double> settings;
-  settings.drag = body.drag;
-  settings.air = body.air;
-  clothctl::RolloutModelSettings steps;
-  steps.bending_in_matrix = 33 * 33 < body.network.vertex_count();
-  return Rollout(must(clothctl::MassSpring<double>::create(body.network, settings)), steps);
+  return Rollout(make_mass_spring(body, body.network, clothctl::Integration::LinearlyImplicit),
+                 rollout_model_settings(body.network.vertex_count()));
 }
 
 /// The input that keeps the hands where they are.

@@ -1,9 +1,7 @@
 #include "support/plants.hpp"
 
 #include "bring_your_own/cloth_plant.hpp"
-#include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/prediction/coarse_predictor.hpp"
@@ -14,17 +12,6 @@
 namespace program {
 
 namespace {
-
-clothctl::MassSpring<double> make_mass_spring(const Body& body,
-                                              const clothctl::SpringNetwork<double>& network,
-                                              clothctl::Integration integration) {
-  clothctl::MassSpringSettings<double> settings;
-  settings.integration = integration;
-  settings.drag = body.drag;
-  settings.air = body.air;
-  settings.limit_energy = false;  // the published step, which the planner predicts
-  return must(clothctl::MassSpring<double>::create(network, settings));
-}
 
 /// The foreign cloth, which can be set to a state.
 class ForeignPlant {
@@ -62,8 +49,6 @@ class ForeignPlant {
   Points x_, v_;
 };
 
-constexpr clothctl::Index kMostWithoutBending = 33 * 33;
-
 using Response = clothctl::MassSpringResponse<float>;
 using Linearised = clothctl::LinearisedPredictor<Response, double>;
 
@@ -87,6 +72,23 @@ AnyPredictor sampled(const Body& body, Predictor predictor) {
 }
 
 }  // namespace
+
+clothctl::MassSpring<double> make_mass_spring(const Body& body,
+                                              const clothctl::SpringNetwork<double>& network,
+                                              clothctl::Integration integration) {
+  clothctl::MassSpringSettings<double> settings;
+  settings.integration = integration;
+  settings.drag = body.drag;
+  settings.air = body.air;
+  settings.limit_energy = false;  // the published step, which the planner predicts
+  return must(clothctl::MassSpring<double>::create(network, settings));
+}
+
+clothctl::RolloutModelSettings rollout_model_settings(Index vertices) {
+  clothctl::RolloutModelSettings settings;
+  settings.bending_in_matrix = 33 * 33 < vertices;
+  return settings;
+}
 
 AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   Body changed = body;
@@ -138,10 +140,8 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
       make_mass_spring(body, body.coarse ? body.coarse->network : body.network,
                        clothctl::Integration::LinearlyImplicit);
   const bool rolls = chosen_predictor(o) == "rollout", newton = o.plant == "newton";
-  clothctl::RolloutModelSettings fast;
+  clothctl::RolloutModelSettings fast = rollout_model_settings(model.vertex_count());
   if (body.coarse) fast.factors = clothctl::CoarseFactors::fitted();
-  // One quasi-Newton step does not converge on a fine mesh without it.
-  fast.bending_in_matrix = kMostWithoutBending < model.vertex_count();
   if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
   Linearised linearised(Response(model, response), exact);
   if (!rolls) return sampled(body, std::move(linearised));

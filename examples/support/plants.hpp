@@ -10,6 +10,8 @@
 #include <string>
 #include <utility>
 
+#include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
 #include "clothctl/network/spring_network.hpp"
@@ -130,6 +132,16 @@ struct Body {
 inline bool is_implicit(const std::string& plant) {
   return plant == "linear-implicit" || plant == "newton";
 }
+
+/// Makes a body's mass-spring sheet with the published step, which planners predict. `network`: the
+/// body's, or that of its coarse sheet.
+clothctl::MassSpring<double> make_mass_spring(const Body& body,
+                                              const clothctl::SpringNetwork<double>& network,
+                                              clothctl::Integration integration);
+
+/// Returns the settings of a rollout of a sheet: with bending in the matrix on a fine mesh, where
+/// one quasi-Newton step does not converge without it.
+clothctl::RolloutModelSettings rollout_model_settings(Index vertices);
 
 /// Makes the plant called `name`; `drag` replaces the body's drag (for settling). "explicit" is the
 /// foreign cloth of bring_your_own: at most 9×9 vertices, or its substeps are too long.

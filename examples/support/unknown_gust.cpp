@@ -2,25 +2,13 @@
 
 namespace program {
 
-namespace {
-
-clothctl::MassSpring<double> newton_model(const Body& body) {
-  clothctl::MassSpringSettings<double> settings;
-  settings.integration = clothctl::Integration::Newton;
-  settings.drag = body.drag;
-  settings.air = body.air;
-  return must(clothctl::MassSpring<double>::create(body.network, settings));
-}
-
-}  // namespace
-
 GustyPlant::GustyPlant(const Scene& scene, const Options& o, AnyPlant& plant)
     : plant_(&plant),
       mass_(scene.body.network.mass),
       share_(o.unknown),
-      dt_(scene.settings.dt),
       observer_(must(clothctl::DisturbanceObserver<clothctl::MassSpring<double>>::create(
-          newton_model(scene.body), mass_))) {}
+          make_mass_spring(scene.body, scene.body.network, clothctl::Integration::Newton),
+          mass_))) {}
 
 void GustyPlant::apply(const clothctl::ClothInput<double>& input) {
   input_ = input;
@@ -38,6 +26,7 @@ void GustyPlant::apply(const clothctl::ClothInput<double>& input) {
 }
 
 clothctl::StepReport<double> GustyPlant::advance(double dt) {
+  dt_ = dt;
   time_ += dt;
   return plant_->advance(dt);
 }

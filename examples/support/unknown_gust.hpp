@@ -28,7 +28,7 @@ class GustyPlant {
  private:
   AnyPlant* plant_;
   clothctl::VectorX<double> mass_;
-  double share_, dt_, time_ = 0;
+  double share_, dt_ = 0, time_ = 0;
   clothctl::DisturbanceObserver<clothctl::MassSpring<double>> observer_;
   clothctl::ClothState<double> before_;
   clothctl::ClothInput<double> input_;

@@ -9,6 +9,8 @@
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
 
+#include <Eigen/LU>
+
 using namespace clothctl;
 
 namespace {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <random>
+#include <utility>
 
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_rollout.hpp"
@@ -73,6 +74,19 @@ struct Swaying {
   void go_on() {
     plant.apply(input(frame++));
     REQUIRE(plant.advance(0.02).advanced);
+  }
+};
+
+// A model whose steps fail when asked to.
+struct Fragile : MassSpring<double> {
+  const bool* fails;
+
+  Fragile(MassSpring<double> model, const bool& asked)
+      : MassSpring<double>(std::move(model)), fails(&asked) {}
+  StepReport<double> step(ClothState<double>& state, const ClothInput<double>& input, double dt,
+                          Workspace& workspace) const {
+    if (*fails) return {StepStatus::InvalidInput, false, 0, 0};
+    return MassSpring<double>::step(state, input, dt, workspace);
   }
 };
 
@@ -231,6 +245,31 @@ TEST_CASE("estimator: refusals change nothing", "[estimate]") {
   REQUIRE(estimator.correct(seen[2]).status == EstimateStatus::Corrected);
   CHECK(estimator.correct(seen[1]).status == EstimateStatus::TooOld);  // behind the last one
   CHECK(to_string(EstimateStatus::NotAdvanced) == "not_advanced");
+}
+
+TEST_CASE("estimator: a correction that the model cannot step changes nothing", "[estimate]") {
+  Swaying sheet;
+  bool fails = false;
+  const auto make = [&] {
+    return StateEstimator<Fragile>::create(Fragile(sheet.model, fails), sheet.markers,
+                                           sheet.plant.state(), sheet.hold, Swaying::plain())
+        .value();
+  };
+  auto tried = make(), spared = make();
+  for (auto* each : {&tried, &spared}) {
+    each->apply(sheet.input(0));
+    REQUIRE(each->advance(0.02).advanced);
+  }
+  sheet.go_on();
+  Measurement seen = sheet.look();
+  seen.positions.col(3).setConstant(0.7);  // an outlier
+  fails = true;
+  for (int i = 0; i < 6; ++i) CHECK(tried.correct(seen).status == EstimateStatus::NotAdvanced);
+  CHECK(tried.positions() == spared.positions());
+  fails = false;
+  for (auto* each : {&tried, &spared})
+    CHECK(each->correct(seen).status == EstimateStatus::Corrected);
+  CHECK(tried.positions() == spared.positions());  // it is not believed for its failures
 }
 
 TEST_CASE("estimator: create says what is wrong", "[estimate]") {

@@ -167,7 +167,8 @@ class StateEstimator {
   Points<Scalar> shift_;  // of vertices, by the gain
   ClothState<Scalar> pushed_;
   std::vector<Index> used_;  // markers
-  std::vector<int> beyond_;  // of each marker, for how many measurements it has been an outlier
+  // Of each marker, for how many measurements it has been an outlier; the same after a correction.
+  std::vector<int> beyond_, next_beyond_;
 };
 
 template <class Model, RealScalar S>
@@ -213,6 +214,7 @@ requires ClothModel<Model, S> StateEstimator<Model, S>::StateEstimator(
   pushed_ = start;
   used_.reserve(static_cast<std::size_t>(markers_.count()));
   beyond_.assign(static_cast<std::size_t>(markers_.count()), 0);
+  next_beyond_ = beyond_;
 }
 
 template <class Model, RealScalar S>
@@ -264,7 +266,10 @@ auto StateEstimator<Model, S>::correct(const MarkerMeasurement<Scalar>& measurem
   if (from < oldest() || last_ < from) return report;
   choose(measurement, report);
   report.status = EstimateStatus::NothingSeen;
-  if (used_.empty()) return report;
+  if (used_.empty()) {
+    beyond_ = next_beyond_;
+    return report;
+  }
   report.status = EstimateStatus::NotAdvanced;
   shift_.setZero();
   ClothState<Scalar>& corrected = changed_[slot(from)];
@@ -279,6 +284,7 @@ auto StateEstimator<Model, S>::correct(const MarkerMeasurement<Scalar>& measurem
     if (!report.step.advanced) return report;
   }
   for (Index j = from; j <= last_; ++j) std::swap(at(j).state, changed_[slot(j)]);
+  beyond_.swap(next_beyond_);
   measured_ = from;
   report.status = EstimateStatus::Corrected;
   return report;
@@ -308,6 +314,7 @@ void StateEstimator<Model, S>::choose(const MarkerMeasurement<Scalar>& measureme
   const Points<Scalar>& x = at(measurement.frame).state.positions;
   evaluate_features<Scalar>(markers_, x, gap_);
   used_.clear();
+  next_beyond_ = beyond_;
   const auto excess = [&](Index i) {  // of the gap over the gate, as a quotient
     return sqrt(gap_.col(i).squaredNorm()) / (settings_.gate * gain_.expected(i));
   };
@@ -321,7 +328,7 @@ void StateEstimator<Model, S>::choose(const MarkerMeasurement<Scalar>& measureme
   const bool lost = report.seen < 2 * beyond;
   for (Index i = 0; i < markers_.count(); ++i) {
     if (!measurement.is_seen(i)) continue;
-    int& times = beyond_[static_cast<std::size_t>(i)];
+    int& times = next_beyond_[static_cast<std::size_t>(i)];
     const Scalar quotient = excess(i);
     times = lost || quotient <= Scalar(1) ? 0 : (std::min)(times + 1, settings_.patience + 1);
     if (times > 0) ++report.outliers;

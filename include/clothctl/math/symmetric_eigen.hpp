@@ -56,6 +56,42 @@ JacobiRotation<Scalar> jacobi_rotation(const Scalar& a_pp, const Scalar& a_qq, c
   return {cosine, cosine * t};
 }
 
+namespace detail {
+
+/// Rotates each pair of rows and columns of the symmetric matrix `a`, and the columns of `vectors`,
+/// so that the entry of the pair vanishes; both are n×n, and both triangles of `a` are kept.
+/// Entries up to `negligible` stay. Returns true when all are. Never allocates. Complexity: 6 n³.
+template <class Matrix>
+bool jacobi_sweep(Matrix& a, Matrix& vectors, const typename Matrix::Scalar& negligible) {
+  using Scalar = typename Matrix::Scalar;
+  using std::abs;
+  const Index n = a.rows();
+  bool done = true;
+  for (Index p = 0; p + 1 < n; ++p) {
+    for (Index q = p + 1; q < n; ++q) {
+      if (abs(a(p, q)) <= negligible) continue;  // NaN goes on and spreads
+      done = false;
+      const auto [c, s] = jacobi_rotation<Scalar>(a(p, p), a(q, q), a(p, q));
+      for (Index i = 0; i < n; ++i) {  // a = a J, vectors = vectors J
+        const Scalar left = a(i, p), axis = vectors(i, p);
+        a(i, p) = c * left - s * a(i, q);
+        a(i, q) = s * left + c * a(i, q);
+        vectors(i, p) = c * axis - s * vectors(i, q);
+        vectors(i, q) = s * axis + c * vectors(i, q);
+      }
+      for (Index i = 0; i < n; ++i) {  // a = Jᵀ a
+        const Scalar upper = a(p, i);
+        a(p, i) = c * upper - s * a(q, i);
+        a(q, i) = s * upper + c * a(q, i);
+      }
+      a(p, q) = a(q, p) = Scalar(0);
+    }
+  }
+  return done;
+}
+
+}  // namespace detail
+
 /// Eigenvalues and eigenvectors of a symmetric 3×3 matrix.
 template <RealScalar Scalar>
 struct SymmetricEigen {
@@ -72,35 +108,13 @@ template <RealScalar Scalar>
 SymmetricEigen<Scalar> symmetric_eigen(const Matrix3<Scalar>& A) {
   using std::abs;
   constexpr int kMaxSweeps = 12;
-  constexpr int kPairs[3][2] = {{0, 1}, {0, 2}, {1, 2}};
   Matrix3<Scalar> a = A;
   SymmetricEigen<Scalar> eigen;
-  Matrix3<Scalar>& axes = eigen.vectors;
-  axes.setIdentity();
+  eigen.vectors.setIdentity();
   const Scalar eps = scalar_traits<Scalar>::epsilon();
   const Scalar negligible = eps * eps * (abs(a(0, 0)) + abs(a(1, 1)) + abs(a(2, 2)));
   for (int sweep = 0; sweep < kMaxSweeps; ++sweep) {
-    bool done = true;
-    for (const auto& pair : kPairs) {
-      const int p = pair[0], q = pair[1];
-      if (abs(a(p, q)) <= negligible) continue;  // NaN goes on and spreads
-      done = false;
-      const auto [c, s] = jacobi_rotation<Scalar>(a(p, p), a(q, q), a(p, q));
-      for (int i = 0; i < 3; ++i) {  // a = a J, axes = axes J
-        const Scalar left = a(i, p), axis = axes(i, p);
-        a(i, p) = c * left - s * a(i, q);
-        a(i, q) = s * left + c * a(i, q);
-        axes(i, p) = c * axis - s * axes(i, q);
-        axes(i, q) = s * axis + c * axes(i, q);
-      }
-      for (int i = 0; i < 3; ++i) {  // a = Jᵀ a
-        const Scalar upper = a(p, i);
-        a(p, i) = c * upper - s * a(q, i);
-        a(q, i) = s * upper + c * a(q, i);
-      }
-      a(p, q) = a(q, p) = Scalar(0);
-    }
-    if (done) break;
+    if (detail::jacobi_sweep(a, eigen.vectors, negligible)) break;
   }
   eigen.values = Vector3<Scalar>(a(0, 0), a(1, 1), a(2, 2));
   return eigen;

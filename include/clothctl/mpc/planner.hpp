@@ -133,11 +133,14 @@ class Planner {
 
  private:
   static constexpr int kMostRounds = 6;  // with other frames at limits of the grips
+
   using Traits = predictor_traits<P>;
   using Basis = detail::GripBasis<Scalar, Contact>;
   using Problem = detail::WindowProblem<Scalar, Contact>;
+
   Planner(Setup setup, PlannerSettings<Scalar> settings, P predictor,
           const PointsView<Scalar>& start);
+
   /// Returns the features as weighted sums of vertices.
   template <class Features>
   static PointFeatures<Scalar> point_features(const Features& features);
@@ -146,9 +149,6 @@ class Planner {
   static constexpr const char* wrong_response() {
     return "the predictor's reserve sized its response for another window";
   }
-
-  /// Returns anchors that keep the offsets of the grips of `basis` from the features at `x`.
-  std::vector<HandAnchor<Scalar>> anchors_at(const Basis& basis, const PointsView<Scalar>& x) const;
 
   /// Makes room for the parts that work on the problem, but for the QP.
   void reserve(std::vector<HandAnchor<Scalar>> anchors);
@@ -306,7 +306,8 @@ Planner<P, Setup, BoxSolver, RowSolver>::Planner(Setup setup, PlannerSettings<Sc
       vertex_count_(start.cols()) {
   Traits::reserve(predictor_, problem_.request, problem_.response);
   Traits::reset(predictor_);
-  reserve(setup_.anchors.empty() ? anchors_at(problem_.basis, start) : setup_.anchors);
+  reserve(setup_.anchors.empty() ? detail::anchors_at(problem_.basis, setup_.features, start)
+                                 : setup_.anchors);
   qp_.reserve(problem_);
   agreement_.reserve(problem_.feature_count);
   schedule_.reserve(problem_.feature_count, settings.horizon);
@@ -329,7 +330,7 @@ template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSol
 void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const PointsView<Scalar>& x) {
   next.basis.update(x);
   const detail::GripChange<Scalar, Contact> change(problem_.basis, next.basis, x);
-  std::vector<HandAnchor<Scalar>> anchors = anchors_at(next.basis, x);
+  std::vector<HandAnchor<Scalar>> anchors = detail::anchors_at(next.basis, setup_.features, x);
   for (std::size_t g = 0; g < anchors.size(); ++g) {
     if (change.grip(g) < 0) continue;
     anchors[g] = cost_.anchors()[static_cast<std::size_t>(change.grip(g))];
@@ -354,19 +355,6 @@ auto Planner<P, Setup, BoxSolver, RowSolver>::point_features(const Features& fea
   PointFeatures<Scalar> points;
   points.add_map(features);
   return points;
-}
-
-template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,
-          QpSolver<PredictorScalar<P>> RowSolver>
-auto Planner<P, Setup, BoxSolver, RowSolver>::anchors_at(const Basis& basis,
-                                                         const PointsView<Scalar>& x) const
-    -> std::vector<HandAnchor<Scalar>> {
-  const std::size_t count = basis.grips().size();
-  Points<Scalar> features(3, problem_.feature_count), hands(3, static_cast<Index>(count));
-  evaluate_features<Scalar>(setup_.features, x, features);
-  for (std::size_t g = 0; g < count; ++g)
-    hands.col(static_cast<Index>(g)) = basis.held().centroid(x, g);
-  return make_anchors(features, hands);
 }
 
 template <WindowPredictor P, class Setup, BoxQpSolver<PredictorScalar<P>> BoxSolver,

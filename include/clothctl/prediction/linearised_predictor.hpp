@@ -117,8 +117,8 @@ class LinearisedPredictor {
 
   /// Returns the mean acceleration by outer forces across gravity, which hang the sheet askew as
   /// air does, times the share of the weight that they do not bear: what lies on a table does not
-  /// hang. Zero for a response that tells no gravity. `mass`: of the sheet, kg.
-  Vector3<S> level_outer_acceleration(const WindowRequest<S>& request, const S& mass) const;
+  /// hang. Zero for a response that tells no gravity.
+  Vector3<S> level_outer_acceleration(const WindowRequest<S>& request) const;
 
   /// Writes the acceleration by the air, from the air drag of the linearisation, and that by outer
   /// forces.
@@ -159,7 +159,7 @@ class LinearisedPredictor {
   std::array<Points<Inner>, 3> gust_;
   MatrixX<Inner> gust_response_;
   std::vector<int> none_, last_held_;
-  Inner share_ = Inner(0);
+  Inner share_ = Inner(0), mass_ = Inner(0);  // of a vertex in a mean; of the sheet, kg
   bool airy_ = false;
   bool has_last_ = false;
   bool gusty_ = false;
@@ -177,7 +177,10 @@ LinearisedPredictor<Response, S>::LinearisedPredictor(Response response,
   for (Points<Inner>& gust : gust_) gust.setZero(3, n);
   last_velocity_.setZero(3, n);
   Inner count = Inner(0);
-  for (Index i = 0; i < n; ++i) count += Inner(1);
+  for (Index i = 0; i < n; ++i) {
+    count += Inner(1);
+    mass_ += Traits::mass(response_)[i];
+  }
   share_ = Inner(1) / count;
 }
 
@@ -289,15 +292,13 @@ void LinearisedPredictor<Response, S>::gather_force(const WindowRequest<S>& requ
 template <StepResponse Response, RealScalar S>
 void LinearisedPredictor<Response, S>::write_air(const WindowRequest<S>& request,
                                                  WindowResponse<S>& response) const {
-  Inner total = Inner(0);
-  for (Index i = 0; i < v_.cols(); ++i) total += Traits::mass(response_)[i];
   Matrix3<S> rate;
   for (Index c = 0; c < 3; ++c) {
     const Vector3<Inner> force = gust_[static_cast<std::size_t>(c)].rowwise().sum();
-    for (Index d = 0; d < 3; ++d) rate(d, c) = static_cast<S>(force[d] / total);
+    for (Index d = 0; d < 3; ++d) rate(d, c) = static_cast<S>(force[d] / mass_);
   }
   const S drag = static_cast<S>(Traits::drag(response_));
-  const Vector3<S> level = level_outer_acceleration(request, static_cast<S>(total));
+  const Vector3<S> level = level_outer_acceleration(request);
   for (Index k = 0; k < request.horizon; ++k) {
     Vector3<S> drift = Vector3<S>::Zero();
     if (request.drift.cols() > 0) drift = request.drift.col(k);
@@ -308,7 +309,7 @@ void LinearisedPredictor<Response, S>::write_air(const WindowRequest<S>& request
 
 template <StepResponse Response, RealScalar S>
 Vector3<S> LinearisedPredictor<Response, S>::level_outer_acceleration(
-    const WindowRequest<S>& request, const S& mass) const {
+    const WindowRequest<S>& request) const {
   Vector3<S> level = Vector3<S>::Zero();
   if constexpr (requires { Traits::gravity(response_); }) {
     const Vector3<Inner> pull = Traits::gravity(response_);
@@ -316,7 +317,7 @@ Vector3<S> LinearisedPredictor<Response, S>::level_outer_acceleration(
     const S squared = gravity.squaredNorm();
     if (request.outer_force.cols() == 0 || !(S(0) < squared)) return level;
     for (Index i = 0; i < request.outer_force.cols(); ++i) level += request.outer_force.col(i);
-    level /= mass;
+    level /= static_cast<S>(mass_);
     const S borne = -level.dot(gravity) / squared;
     level += borne * gravity;
     if (S(0) < borne) level *= borne < S(1) ? S(1) - borne : S(0);

@@ -43,27 +43,7 @@ void diagonalise(MatrixX<Scalar>& a, MatrixX<Scalar>& vectors) {
   for (Index i = 0; i < n; ++i) trace += abs(a(i, i));
   const Scalar negligible = scalar_traits<Scalar>::epsilon() * trace * Scalar(1e-3);
   for (int sweep = 0; sweep < 30; ++sweep) {
-    bool done = true;
-    for (Index p = 0; p + 1 < n; ++p) {
-      for (Index q = p + 1; q < n; ++q) {
-        if (!(negligible < Scalar(abs(a(p, q))))) continue;
-        done = false;
-        const auto [c, s] = jacobi_rotation<Scalar>(a(p, p), a(q, q), a(p, q));
-        for (MatrixX<Scalar>* m : {&a, &vectors}) {
-          for (Index i = 0; i < n; ++i) {
-            const Scalar left = (*m)(i, p);
-            (*m)(i, p) = c * left - s * (*m)(i, q);
-            (*m)(i, q) = s * left + c * (*m)(i, q);
-          }
-        }
-        for (Index i = 0; i < n; ++i) {
-          const Scalar upper = a(p, i);
-          a(p, i) = c * upper - s * a(q, i);
-          a(q, i) = s * upper + c * a(q, i);
-        }
-      }
-    }
-    if (done) return;
+    if (jacobi_sweep(a, vectors, negligible)) return;
   }
 }
 

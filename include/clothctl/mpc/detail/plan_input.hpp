@@ -56,17 +56,19 @@ std::string check_samples(const WindowProblem<Scalar, Contact>& problem,
                           const Wind& wind) {
   const PlannerSettings<Scalar>& settings = problem.settings;
   for (Index k = 0; k < settings.horizon; ++k) {
-    const Scalar start = frame_time(problem, t, k), end = frame_time(problem, t, k + 1);
+    const Scalar start = frame_time(problem, t, k);
     const Vector3<Scalar> air = wind(start);
     if (!all_finite(air)) return "the wind at " + number_text(start) + " s" + value_text(air);
+  }
+  // The anchors need the targets at the start of the window, too.
+  const Index first = Scalar(0) < settings.weights.anchor ? 0 : 1;
+  for (Index k = first; k <= settings.horizon; ++k) {
+    const Scalar time = frame_time(problem, t, k);
     for (Index i = 0; i < problem.feature_count; ++i) {
-      for (const Scalar& time : {start, end}) {
-        if (time == t && !(Scalar(0) < settings.weights.anchor)) continue;
-        const Vector3<Scalar> wanted = target(i, time);
-        if (within_reach(wanted)) continue;
-        return "the target of feature " + std::to_string(i) + " at " + number_text(time) + " s" +
-               far_text(wanted);
-      }
+      const Vector3<Scalar> wanted = target(i, time);
+      if (within_reach(wanted)) continue;
+      return "the target of feature " + std::to_string(i) + " at " + number_text(time) + " s" +
+             far_text(wanted);
     }
   }
   if (!(Scalar(0) < settings.weights.anchor)) return {};

@@ -38,6 +38,20 @@ bool within_reach(const Eigen::DenseBase<Derived>& points) {
   return true;
 }
 
+/// Returns anchors that keep the offsets of the grips of `basis` from the features at `x` (3×n, m).
+/// Allocates.
+template <RealScalar Scalar, class Contact, FeatureMap<Scalar> Features>
+std::vector<HandAnchor<Scalar>> anchors_at(const GripBasis<Scalar, Contact>& basis,
+                                           const Features& features, const PointsView<Scalar>& x) {
+  const std::size_t count = basis.grips().size();
+  Points<Scalar> points(3, feature_traits<Features>::count(features)),
+      hands(3, static_cast<Index>(count));
+  evaluate_features<Scalar>(features, x, points);
+  for (std::size_t g = 0; g < count; ++g)
+    hands.col(static_cast<Index>(g)) = basis.held().centroid(x, g);
+  return make_anchors(points, hands);
+}
+
 /// Samples the target of a window and stacks the window's cost.
 template <RealScalar Scalar, ContactModel<Scalar> Contact = HardFinger<Scalar>>
 class WindowCost {
