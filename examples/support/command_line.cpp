@@ -88,6 +88,19 @@ void add_planner(CLI::App& app, Options& o) {
                  "Largest motion of a commanded grip along each axis in a frame, mm")
       ->check(between(1e-3, 1e4))
       ->capture_default_str();
+  app.add_option("--max-acceleration", o.max_acceleration,
+                 "Largest acceleration of a commanded grip along each axis, m/s²; 0: any")
+      ->check(between(0, 1e6))
+      ->capture_default_str();
+  app.add_option(
+         "--input-intervals", o.input_intervals,
+         "Frames between the knots of splines for the inputs, such as 1,1,2,4,12; their sum "
+         "is the horizon (default: free inputs in every frame)")
+      ->delimiter(',');
+  app.add_option("--input-degree", o.input_degree,
+                 "Degree of those splines; 0: inputs are constant between knots")
+      ->check(CLI::Range(0, 3))
+      ->capture_default_str();
 }
 
 void add_measurement(CLI::App& app, Options& o) {

@@ -86,6 +86,11 @@ nlohmann::ordered_json settings_json(const Evaluation& e) {
   j["limit_N"] = o.limit;
   j["generators"] = o.generators;
   j["max_step_mm"] = o.max_step_mm;
+  if (o.max_acceleration > 0) j["max_acceleration"] = o.max_acceleration;
+  if (!o.input_intervals.empty()) {
+    j["input_intervals"] = o.input_intervals;
+    j["input_degree"] = o.input_degree;
+  }
   if (o.measured)
     j["measured"] = {{"noise_m", o.noise},
                      {"delay_s", o.delay},

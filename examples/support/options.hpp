@@ -45,6 +45,9 @@ struct Options {
   double limit = 20;
   int generators = 4;
   double max_step_mm = 50;
+  double max_acceleration = 0;
+  std::vector<long> input_intervals;
+  int input_degree = 0;
   double spread = 0.9;
   double gusts = 0;
   double unknown = 0;

@@ -40,6 +40,9 @@ clothctl::PlannerSettings<double> planner_settings(const Options& o, double weig
                                            : clothctl::PlantCommand::Force;
   s.patch = o.patch == "hard" ? clothctl::PatchMode::Hard : clothctl::PatchMode::Soft;
   s.max_step = o.max_step_mm / 1000;
+  s.max_acceleration = o.max_acceleration;
+  s.input_intervals.assign(o.input_intervals.begin(), o.input_intervals.end());
+  s.input_degree = o.input_degree;
   if (o.profile != "paper") s.gravity_load = Vec(0, 0, weight);
   return s;
 }

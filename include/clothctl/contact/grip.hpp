@@ -89,6 +89,17 @@ Grip<Scalar> make_pinch(const std::vector<int>& vertices, Scalar friction, Scala
   return make_pinch<Scalar>(vertices, HardFinger<Scalar>{friction, pyramid}, max_normal_force);
 }
 
+/// Returns an empty string, or what is wrong with the half-space n · x <= most, to be put after its
+/// name. Allocates.
+template <RealScalar Scalar>
+std::string validate_half_space(const Vector3<Scalar>& normal, const Scalar& most) {
+  const Scalar square = normal.squaredNorm();
+  if (!(Scalar(0.98) < square) || !(square < Scalar(1.02)))
+    return " has a normal that is not a unit vector";
+  if (!is_finite(most)) return " is " + number_text(most) + " m, must be finite";
+  return {};
+}
+
 /// A half-space for the centroid of a grip, or for the way to it from that of another: what a hand
 /// can reach, how far the fingers of a hand can part, a wall. `Planner::set_limits`.
 template <RealScalar Scalar>
@@ -108,11 +119,7 @@ struct GripLimit {
     if (grip < 0 || grips <= grip) return " is for grip " + std::to_string(grip);
     if (other < -1 || grips <= other || other == grip)
       return " is measured from grip " + std::to_string(other);
-    const Scalar square = normal.squaredNorm();
-    if (!(Scalar(0.98) < square) || !(square < Scalar(1.02)))
-      return " has a normal that is not a unit vector";
-    if (!is_finite(most)) return " is " + number_text(most) + " m, must be finite";
-    return {};
+    return validate_half_space(normal, most);
   }
 };
 

@@ -14,6 +14,25 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
+/// A half-space for a feature: n · y <= most, such as the space above a table.
+/// `Planner::set_limits`.
+template <RealScalar Scalar>
+struct FeatureLimit {
+  /// The feature.
+  int feature = 0;
+  /// Direction of the limit, unit, world.
+  Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
+  /// The largest coordinate of the feature along it, m.
+  Scalar most = Scalar(0);
+
+  /// Returns an empty string, or what is wrong with a limit for `features` features, to be put
+  /// after its name. Allocates.
+  std::string validate(Index features) const {
+    if (feature < 0 || features <= feature) return " is for feature " + std::to_string(feature);
+    return validate_half_space(normal, most);
+  }
+};
+
 /// What a planning frame answers. Made by `Planner::make_result`; reused from frame to frame.
 template <RealScalar Scalar>
 struct PlanResult {
@@ -48,7 +67,7 @@ struct PlanResult {
   /// Largest coordinate of a predicted non-affine mode of a patch (affine_patch.hpp) over the
   /// window, m.
   Scalar patch_residual = Scalar(0);
-  /// How far the planned centroids are beyond a limit of the grips at most, m.
+  /// How far planned centroids and features are beyond a limit of `set_limits` at most, m.
   Scalar limit_excess = Scalar(0);
   /// QP iterations of the frame, over all attempts.
   int qp_iterations = 0;

@@ -16,12 +16,12 @@
 #include "clothctl/mpc/detail/anchor_schedule.hpp"
 #include "clothctl/mpc/detail/finger_plan.hpp"
 #include "clothctl/mpc/detail/grip_change.hpp"
-#include "clothctl/mpc/detail/grip_limits.hpp"
 #include "clothctl/mpc/detail/plan_change.hpp"
 #include "clothctl/mpc/detail/plan_input.hpp"
 #include "clothctl/mpc/detail/plan_output.hpp"
 #include "clothctl/mpc/detail/step_damping.hpp"
 #include "clothctl/mpc/detail/window_cost.hpp"
+#include "clothctl/mpc/detail/window_limits.hpp"
 #include "clothctl/mpc/detail/window_qp.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/qp/active_set.hpp"
@@ -98,17 +98,13 @@ class Planner {
     return check_input(x, v, t, target, still_air, result);
   }
 
-  /// Limits the grips from the next frame on, by a cost on what is planned beyond. Limits are for
-  /// grips by index: set them again after `set_grips`, which drops those of grips that are gone.
-  /// Returns an empty string, or what is wrong, and then changes nothing. Allocates when there are
-  /// more than before.
-  [[nodiscard]] std::string set_limits(std::span<const GripLimit<Scalar>> limits) {
-    for (std::size_t i = 0; i < limits.size(); ++i) {
-      const std::string bad = limits[i].validate(static_cast<int>(grips().size()));
-      if (!bad.empty()) return "limit " + std::to_string(i) + bad;
-    }
-    limits_.set(limits, problem_.settings.horizon);
-    return {};
+  /// Limits grips and features from the next frame on, by a cost on what is planned beyond. Limits
+  /// are for grips by index: set them again after `set_grips`, which drops those of grips that are
+  /// gone. Returns an empty string, or what is wrong, and then changes nothing. Allocates when
+  /// there are more than before.
+  [[nodiscard]] std::string set_limits(std::span<const GripLimit<Scalar>> limits,
+                                       std::span<const FeatureLimit<Scalar>> of_features = {}) {
+    return limits_.set(problem_, limits, of_features);
   }
 
   /// Sets known constant forces on the vertices for the next windows (a table that supports the
@@ -182,7 +178,7 @@ class Planner {
   Index vertex_count_;
   detail::WindowCost<Scalar, Contact> cost_;
   detail::WindowQp<Scalar, Contact, BoxSolver, RowSolver> qp_;
-  detail::GripLimits<Scalar> limits_;
+  detail::WindowLimits<Scalar> limits_;
   std::vector<detail::OutputTerm<Scalar>> point_;
   detail::PlanChange<Scalar> change_;
   detail::FingerPlan<Scalar> finger_plan_;
@@ -343,7 +339,6 @@ void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const Poin
   problem_ = std::move(next);
   reserve(std::move(anchors));
   qp_.carry(problem_, change.unknowns());
-  limits_.drop(static_cast<int>(grips().size()), problem_.settings.horizon);
   if (!has_plan_) start_plan();
 }
 

@@ -7,7 +7,7 @@
 //         +  w_s |ċ_k - ċ_{k-1}|² + w_l |L_k - L_{k-1}|²   smooth hands                 (eq. 9)
 //         +  w_h |p_k - p̄_k|²                 hands stay where they belong (hand_anchor.hpp)
 //         +  w_p |non-affine patch motion|²    soft form of eq. 3 (affine_patch.hpp)
-//         +  w_g max(0, n · c_k - most)²       limits of the grips (GripLimit)
+//         +  w_g max(0, n · z_k - most)²       limits of grips and features (window_limits.hpp)
 //         +  w_j |ċ_k - 2 ċ_{k-1} + ċ_{k-2}|² + w_r |ċ_k - ċ̄_k|²      damping for rollouts
 //
 // The sums are over the frames k = 1..K. y: features, ȳ: their targets, u: raw inputs, c and p:
@@ -17,6 +17,7 @@
 #include <array>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
@@ -100,11 +101,26 @@ struct PlannerSettings {
   /// Longest step of a commanded grip in a frame along each axis, m; also of positions that planned
   /// forces reach (PlantCommand::Position).
   Scalar max_step = Scalar(0.05);
+  /// Largest acceleration of a commanded grip along each axis, m/s², from its measured velocity; 0
+  /// means any. What is sent keeps to it. The rest of the plan has it as bounds (poses) and as a
+  /// cost (weight `limit`); forces that are sent have no more than the cost.
+  Scalar max_acceleration = Scalar(0);
+  /// Largest angular velocity of a commanded pose about each axis, rad/s; 0 means what max_step
+  /// leaves.
+  Scalar max_turn_rate = Scalar(0);
+  /// Largest angular acceleration of a commanded pose about each axis, rad/s²; 0 means any.
+  Scalar max_turn_acceleration = Scalar(0);
   /// Largest change of the planned velocity of a held vertex from one plan to the next, m/s; 0
   /// means any. Plans of poses are scaled back to it. Plans of forces are made again, up to four
   /// times in a frame, each time with four times the `step` weight (at least 1e-4 s²/m², at most 64
   /// times the given one).
   Scalar max_change = Scalar(0);
+  /// The unknowns as splines in time: numbers of frames between their knots, which sum to the
+  /// horizon; empty means free unknowns in every frame. Fewer unknowns make the QP faster and the
+  /// motion smoother. Not with hard patches.
+  std::vector<Index> input_intervals = {};
+  /// Degree of those splines, 0 to 3: 0 is move blocking, one input for each interval.
+  int input_degree = 0;
   /// Tolerances and budget of the QPs of a frame, for solvers that are made from QpSettings. The
   /// default of 300 iterations is more than a successful plan needs. If a QP reaches the limit, the
   /// plan is Suboptimal. A frame plans again, for `max_change` or limits of the grips, only as long
@@ -150,7 +166,7 @@ struct PlannerSettings {
   std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
-    const std::array<std::pair<const char*, const Scalar*>, 13> weighed{
+    const std::array<std::pair<const char*, const Scalar*>, 16> weighed{
         {{"feature", &weights.feature},
          {"force", &weights.force},
          {"cone", &weights.cone},
@@ -163,7 +179,10 @@ struct PlannerSettings {
          {"jerk", &weights.jerk},
          {"step", &weights.step},
          {"most_anchor", &most_anchor},
-         {"max_change", &max_change}}};
+         {"max_change", &max_change},
+         {"max_acceleration", &max_acceleration},
+         {"max_turn_rate", &max_turn_rate},
+         {"max_turn_acceleration", &max_turn_acceleration}}};
     for (const auto& [name, value] : weighed) {
       if (bad(*value))
         return std::string(name) + " is " + number_text(*value) +
@@ -181,6 +200,29 @@ struct PlannerSettings {
     if (input == GripInput::Pose && command != PlantCommand::Force)
       return "command is Position with pose input; poses are always sent as positions";
     if (const std::string problem(qp.validate()); !problem.empty()) return "qp: " + problem;
+    return validate_splines();
+  }
+
+ private:
+  std::string validate_splines() const {
+    if (input_degree < 0 || 3 < input_degree)
+      return "input_degree is " + std::to_string(input_degree) + ", must be 0 to 3";
+    if (input_intervals.empty()) return {};
+    Index sum = 0;
+    for (const Index& length : input_intervals) {
+      if (length < 1 || horizon < length)
+        return "input_intervals holds " + std::to_string(length) + ", must be 1 to " +
+               std::to_string(horizon);
+      sum += length;
+    }
+    const std::string frames = " frames, the horizon is " + std::to_string(horizon);
+    if (sum != horizon) return "input_intervals sums to " + std::to_string(sum) + frames;
+    const Index count = static_cast<Index>(input_intervals.size()) + input_degree;
+    if (horizon < count)
+      return "splines of degree " + std::to_string(input_degree) + " have " +
+             std::to_string(count) + " control points for " + std::to_string(horizon) + " frames";
+    if (input == GripInput::Force && patch == PatchMode::Hard)
+      return "patch is Hard with input_intervals; such patches need free unknowns";
     return {};
   }
 };

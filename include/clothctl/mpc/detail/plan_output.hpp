@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "clothctl/mpc/detail/rigid_motion.hpp"
+#include "clothctl/mpc/detail/hand_motion.hpp"
 #include "clothctl/mpc/detail/window_problem.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 
@@ -104,34 +104,55 @@ void send_forces(const WindowProblem<Scalar, Contact>& problem,
 }
 
 /// Sends the positions of the held vertices after the first frame of the path, at most max_step
-/// from the measured ones along each axis. Never allocates.
+/// from the measured ones along each axis, and with the centroids of the grips within
+/// max_acceleration. Never allocates.
 template <RealScalar Scalar, class Contact>
 void send_path(const WindowProblem<Scalar, Contact>& problem, PlanResult<Scalar>& result) {
-  const Scalar most = problem.settings.max_step;
-  for (Index j = 0; j < result.input.driven_positions.cols(); ++j) {
-    Vector3<Scalar> step = Vector3<Scalar>::Zero();
-    if (problem.request.has_path)
-      step = problem.settings.dt * problem.request.path.template block<3, 1>(3 * j, 0);
-    for (Index c = 0; c < 3; ++c) {
-      if (most < step[c]) step[c] = most;
-      if (step[c] < -most) step[c] = -most;
+  const PlannerSettings<Scalar>& settings = problem.settings;
+  Points<Scalar>& sent = result.input.driven_positions;
+  if (sent.cols() == 0) return;
+  const HeldVertices<Scalar>& held = problem.basis.held();
+  for (std::size_t g = 0; g < problem.basis.grips().size(); ++g) {
+    const Index begin = static_cast<Index>(held.grip_begin(g)),
+                end = static_cast<Index>(held.grip_begin(g + 1));
+    Vector3<Scalar> mean = Vector3<Scalar>::Zero();
+    for (Index j = begin; j < end; ++j) {
+      Vector3<Scalar> step = Vector3<Scalar>::Zero();
+      if (problem.request.has_path)
+        step = settings.dt * problem.request.path.template block<3, 1>(3 * j, 0);
+      for (Index c = 0; c < 3; ++c)
+        step[c] = clamped<Scalar>(step[c], -settings.max_step, settings.max_step);
+      sent.col(j) = problem.motion.position.col(j) + step;
+      mean += held.vertex_share(j) * step;
     }
-    result.input.driven_positions.col(j) = problem.motion.position.col(j) + step;
+    Vector3<Scalar> limited = mean;
+    const Vector3<Scalar> now = settings.dt * measured_motion(problem, g).linear;
+    limit_change<Scalar>(now, settings.max_acceleration * settings.dt * settings.dt, limited);
+    sent.middleCols(begin, end - begin).colwise() += limited - mean;
   }
 }
 
-/// Sends the first frame of result.plan (velocities, m/s) as a rigid motion of each grip. Never
-/// allocates.
+/// Sends the first frame of result.plan (velocities, m/s) as a rigid motion of each grip within the
+/// limits of its changes. Never allocates.
 template <RealScalar Scalar, class Contact>
 void send_poses(const WindowProblem<Scalar, Contact>& problem, PlanResult<Scalar>& result) {
+  const PlannerSettings<Scalar>& settings = problem.settings;
   const HeldVertices<Scalar>& held = problem.basis.held();
   const Eigen::Map<const Points<Scalar>> velocity(result.plan.data(), 3,
                                                   problem.motion.position.cols());
   for (std::size_t g = 0; g < problem.basis.grips().size(); ++g) {
     const Index begin = static_cast<Index>(held.grip_begin(g)),
                 count = static_cast<Index>(held.grip_begin(g + 1)) - begin;
-    move_rigidly<Scalar>(problem.motion.position.middleCols(begin, count),
-                         velocity.middleCols(begin, count), problem.settings.dt,
+    const auto points = problem.motion.position.middleCols(begin, count);
+    RigidVelocity<Scalar> motion =
+        fit_rigid_velocity<Scalar>(points, velocity.middleCols(begin, count));
+    if (limits_pose_changes(settings)) {
+      const RigidVelocity<Scalar> now = measured_motion(problem, g);
+      limit_change<Scalar>(now.linear, settings.max_acceleration * settings.dt, motion.linear);
+      limit_change<Scalar>(now.angular, settings.max_turn_acceleration * settings.dt,
+                           motion.angular);
+    }
+    move_rigidly<Scalar>(points, motion, settings.dt,
                          result.input.driven_positions.middleCols(begin, count));
   }
 }

@@ -64,13 +64,12 @@ RigidVelocity<Scalar> fit_rigid_velocity(const PointsView<Scalar>& points,
   return {c, v, omega};
 }
 
-/// Moves `points` (3×m, m) for `dt` seconds by the rigid motion that fits their `velocities` (3×m,
-/// m/s) best, and writes the new positions to `moved`. Never allocates.
+/// Moves `points` (3×m, m) for `dt` seconds by a rigid motion about their centroid, and writes the
+/// new positions to `moved`. Never allocates.
 template <RealScalar Scalar>
-void move_rigidly(const PointsView<Scalar>& points, const PointsView<Scalar>& velocities,
+void move_rigidly(const PointsView<Scalar>& points, const RigidVelocity<Scalar>& motion,
                   std::type_identity_t<Scalar> dt,
                   std::type_identity_t<Eigen::Ref<Points<Scalar>>> moved) {
-  const RigidVelocity<Scalar> motion = fit_rigid_velocity<Scalar>(points, velocities);
   const Vector3<Scalar> angle = dt * motion.angular;
   const Matrix3<Scalar> turn = rotation_exp<Scalar>(angle);
   for (Index j = 0; j < points.cols(); ++j) {

@@ -18,9 +18,11 @@
 #include <vector>
 
 #include "clothctl/mpc/detail/condense.hpp"
-#include "clothctl/mpc/detail/grip_limits.hpp"
+#include "clothctl/mpc/detail/hand_motion.hpp"
+#include "clothctl/mpc/detail/input_splines.hpp"
 #include "clothctl/mpc/detail/relaxed_qp.hpp"
 #include "clothctl/mpc/detail/term_stack.hpp"
+#include "clothctl/mpc/detail/window_limits.hpp"
 #include "clothctl/mpc/detail/window_problem.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 
@@ -40,8 +42,10 @@ class WindowQp {
   /// Makes room for a problem. Allocates.
   void reserve(const Problem& problem) {
     const QpSettings<Scalar>& settings = problem.settings.qp;
-    const Index horizon = problem.settings.horizon, raw = problem.basis.inputs() * horizon;
-    unknowns_ = problem.basis.unknowns() * horizon;
+    const Index p = problem.basis.unknowns(), horizon = problem.settings.horizon,
+                raw = problem.basis.inputs() * horizon;
+    splines_.reserve(problem.settings, p);
+    unknowns_ = p * splines_.count();
     if constexpr (std::constructible_from<BoxSolver, QpSettings<Scalar>>)
       box_ = BoxSolver(settings);
     if constexpr (std::constructible_from<RowSolver, QpSettings<Scalar>>) {
@@ -51,7 +55,8 @@ class WindowQp {
     raw_hessian_.setZero(raw, raw);
     raw_gradient_.setZero(raw);
     hessian_.setZero(unknowns_, unknowns_);
-    for (VectorX<Scalar>* p : {&gradient_, &lower_, &upper_, &solution_}) p->setZero(unknowns_);
+    for (VectorX<Scalar>* v : {&gradient_, &lower_, &upper_}) v->setZero(unknowns_);
+    solution_.setZero(p * horizon);
     column_.setZero(problem.basis.inputs());
     input_ = column_;
     qp_solver_traits<BoxSolver>::reserve(box_, unknowns_);
@@ -68,7 +73,7 @@ class WindowQp {
     const Index p = map.rows(), q = map.cols();
     reset();
     reserve(problem);
-    if (!known) return;
+    if (!known || splines_.used()) return;
     start_.setZero(unknowns_);
     for (Index k = 0; k < problem.settings.horizon; ++k)
       start_.segment(k * p, p).noalias() = map * last.segment(k * q, q);
@@ -83,8 +88,10 @@ class WindowQp {
   /// The unknowns of frame `k` of the last solution.
   auto frame(Index k, Index unknowns) const { return solution_.segment(k * unknowns, unknowns); }
 
-  /// Moves the warm start one frame on.
+  /// Moves the warm start one frame on. Control points of splines stay where they are in the
+  /// window.
   void shift(Index unknowns) {
+    if (splines_.used()) return;
     for (Index i = 0; i + unknowns < start_.size(); ++i) start_[i] = start_[i + unknowns];
     if constexpr (requires { qp_solver_traits<BoxSolver>::shift(box_, unknowns); }) {
       qp_solver_traits<BoxSolver>::shift(box_, unknowns);
@@ -105,24 +112,15 @@ class WindowQp {
 
   /// Builds H, g and bounds at positions `x` (3×n) from the stacked cost and that of the limits
   /// about the plan of the predicted window. Never allocates.
-  void assemble(const Problem& problem, const TermStack<Scalar>& stack, GripLimits<Scalar>& limits,
-                const PointsView<Scalar>& x) {
+  void assemble(const Problem& problem, const TermStack<Scalar>& stack,
+                WindowLimits<Scalar>& limits, const PointsView<Scalar>& x) {
     condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
     limits.add(problem, raw_hessian_, raw_gradient_);
     add_effort(problem);
     map_gradient(problem);
-    map_hessian(problem.basis);
-    const PlannerSettings<Scalar>& settings = problem.settings;
-    const Index p = problem.basis.unknowns();
-    const bool force = settings.input == GripInput::Force;
-    // A rotation about a line of vertices moves nothing, so poses need a ridge too.
-    const Scalar ridge = force ? settings.weights.cone : Scalar(1e-3) * settings.weights.velocity;
-    for (Index i = 0; i < unknowns_; ++i) hessian_(i, i) += ridge;
-    problem.basis.bounds(x, settings.max_step, settings.dt, lower_.head(p), upper_.head(p));
-    for (Index k = 1; k < settings.horizon; ++k) {
-      lower_.segment(k * p, p) = lower_.head(p);
-      upper_.segment(k * p, p) = upper_.head(p);
-    }
+    map_hessian(problem);
+    set_bounds(problem, x);
+    splines_.contract(hessian_, gradient_, lower_, upper_);
   }
 
   /// Solves and returns Planned, Suboptimal, Relaxed or Failed. Sets qp_status and used_rows of
@@ -167,7 +165,7 @@ class WindowQp {
     }
     limits_a_frame_ = static_cast<Index>(problem.basis.fingers().size());
     patch_rows_a_frame_ = hard;
-    const Index horizon = problem.settings.horizon, rows = (limits_a_frame_ + hard) * horizon;
+    const Index horizon = splines_.count(), rows = (limits_a_frame_ + hard) * horizon;
     point_.reserve(longest);
     row_matrix_.setZero(rows, unknowns_);
     row_lower_.setZero(rows);
@@ -192,8 +190,24 @@ class WindowQp {
     }
   }
 
+  /// Bounds of the unknowns of all frames.
+  void set_bounds(const Problem& problem, const PointsView<Scalar>& x) {
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const Index p = problem.basis.unknowns();
+    VectorX<Scalar>&lower = splines_.lower(lower_), &upper = splines_.upper(upper_);
+    problem.basis.bounds(x, settings.max_step, settings.dt, lower.head(p), upper.head(p));
+    for (Index k = 1; k < settings.horizon; ++k) {
+      lower.segment(k * p, p) = lower.head(p);
+      upper.segment(k * p, p) = upper.head(p);
+    }
+    if (!limits_pose_changes(settings)) return;
+    for (Index k = 0; k < settings.horizon; ++k)
+      narrow_pose_bounds<Scalar>(problem, k, lower.segment(k * p, p), upper.segment(k * p, p));
+  }
+
   /// Bᵀ (g - H (ū - r0)).
   void map_gradient(const Problem& problem) {
+    VectorX<Scalar>& gradient = splines_.gradient(gradient_);
     const Basis& basis = problem.basis;
     const Index m = basis.inputs(), p = basis.unknowns(), horizon = problem.settings.horizon;
     for (Index k = 0; k < horizon; ++k) {
@@ -202,13 +216,16 @@ class WindowQp {
         input_ = problem.response.plan.col(j) - basis.offset();
         column_.noalias() -= raw_hessian_.block(k * m, j * m, m, m) * input_;
       }
-      for (Index c = 0; c < p; ++c) gradient_[k * p + c] = dot(basis, c, column_);
+      for (Index c = 0; c < p; ++c) gradient[k * p + c] = dot(basis, c, column_);
     }
   }
 
-  /// Bᵀ H B.
-  void map_hessian(const Basis& basis) {
-    const Index m = basis.inputs(), p = basis.unknowns(), horizon = raw_hessian_.rows() / m;
+  /// Bᵀ H B, and a ridge.
+  void map_hessian(const Problem& problem) {
+    const Basis& basis = problem.basis;
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const Index m = basis.inputs(), p = basis.unknowns(), horizon = settings.horizon;
+    MatrixX<Scalar>& hessian = splines_.hessian(hessian_);
     for (Index l = 0; l < horizon; ++l) {
       for (Index d = 0; d < p; ++d) {
         const RowRange wide = basis.rows(d);
@@ -217,12 +234,16 @@ class WindowQp {
                               basis.matrix().col(d).segment(wide.first, wide.second);
           for (Index c = 0; c < p; ++c) {
             const Scalar value = dot(basis, c, column_);
-            hessian_(j * p + c, l * p + d) = value;
-            hessian_(l * p + d, j * p + c) = value;
+            hessian(j * p + c, l * p + d) = value;
+            hessian(l * p + d, j * p + c) = value;
           }
         }
       }
     }
+    const bool force = settings.input == GripInput::Force;
+    // A rotation about a line of vertices moves nothing, so poses need a ridge too.
+    const Scalar ridge = force ? settings.weights.cone : Scalar(1e-3) * settings.weights.velocity;
+    hessian.diagonal().array() += ridge;
   }
 
   /// Solves the QP with only bounds.
@@ -280,7 +301,11 @@ class WindowQp {
     if (status == PlanStatus::Failed) return status;
     const View x(qp_solver_traits<Solver>::solution(result));
     if (x.size() < unknowns_ || !all_finite(x)) return PlanStatus::Failed;
-    solution_ = x.head(unknowns_);
+    if (splines_.used()) {
+      splines_.expand(x.head(unknowns_), solution_);
+    } else {
+      solution_ = x.head(unknowns_);
+    }
     return status;
   }
 
@@ -299,7 +324,7 @@ class WindowQp {
   /// Sets coefficients of generators that a solver leaves below zero to zero: a finger only
   /// presses.
   void remove_negatives() {
-    for (Index i = 0; i < unknowns_; ++i) {
+    for (Index i = 0; i < solution_.size(); ++i) {
       if (solution_[i] < Scalar(0)) solution_[i] = Scalar(0);
     }
   }
@@ -324,14 +349,15 @@ class WindowQp {
   /// Fills the rows of all frames, frame by frame: a limit of the normal force for each finger,
   /// then the non-affine modes of the patches. Each patch has rows for the largest possible number
   /// of modes. Where its vertices span a plane rather than a line, more of its motion is affine,
-  /// fewer modes remain, and the unused rows stay empty and unbounded.
+  /// fewer modes remain, and the unused rows stay empty and unbounded. Control points of splines
+  /// keep the limits instead of frames; there are no hard patches then.
   void fill_rows(const Problem& problem) {
     const Basis& basis = problem.basis;
     const Index a_frame = limits_a_frame_ + patch_rows_a_frame_;
     row_matrix_.setZero();
     row_lower_.setConstant(-scalar_traits<Scalar>::infinity());
     row_upper_.setConstant(scalar_traits<Scalar>::infinity());
-    for (Index k = 0; k < problem.settings.horizon; ++k) {
+    for (Index k = 0; k < splines_.count(); ++k) {
       Index row = k * a_frame;
       for (const FingerColumns& columns : basis.fingers()) {
         const Index first = k * basis.unknowns() + columns.column;
@@ -372,6 +398,7 @@ class WindowQp {
     row_upper_[row] = offset;
   }
 
+  InputSplines<Scalar> splines_;
   BoxSolver box_;
   RowSolver rows_;
   BoxResult box_result_;

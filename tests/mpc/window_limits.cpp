@@ -1,6 +1,6 @@
-// Limits of the grips: their cost, and planners that keep to them.
+// Limits of grips and features: their cost, and planners that keep to them.
 
-#include "clothctl/mpc/detail/grip_limits.hpp"
+#include "clothctl/mpc/detail/window_limits.hpp"
 
 #include <cmath>
 #include <limits>
@@ -69,13 +69,16 @@ Run run(GripInput input, const std::vector<Limit>& limits) {
 
 TEST_CASE("the cost of a limit is the square of what is beyond it", "[mpc]") {
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    SmallWindow window(input);
+    PlannerSettings<double> settings = clothctl_test::small_settings(input);
+    settings.max_acceleration = 1000;  // of random responses of about 1 m in frames of 0.02 s
+    const SmallWindow window(settings);
     const auto& problem = window.problem;
     const Index size = problem.request.inputs() * kWindow;
     const std::vector<Limit> limits{{0, -1, Vec(0.6, 0, 0.8), 0.1}, {1, 0, Vec(0, 1, 0), -0.2}};
-    detail::GripLimits<double> cost;
-    cost.set(limits, kWindow);
+    const std::vector<FeatureLimit<double>> features{{1, Vec(0, 0, -1), 0.05}};
+    detail::WindowLimits<double> cost;
     cost.reserve(problem);
+    REQUIRE(cost.set(problem, limits, features).empty());
     const MatrixX<double> still = MatrixX<double>::Zero(problem.request.output_rows(), kWindow);
     MatrixX<double> H = MatrixX<double>::Zero(size, size);
     VectorX<double> g = VectorX<double>::Zero(size);
@@ -87,36 +90,63 @@ TEST_CASE("the cost of a limit is the square of what is beyond it", "[mpc]") {
     // The same by hand, at some change of the inputs.
     std::srand(3);
     const VectorX<double> delta = VectorX<double>::Random(size);
+    const auto output = [&](Index o, Index k, bool moved) {
+      const Index m = problem.request.inputs();
+      Vec y = problem.response.free_response.block<3, 1>(3 * o, k);
+      for (Index l = 0; moved && l <= k; ++l)
+        y += problem.response.impulse_response.block(3 * o, (k - l) * m, 3, m) *
+             delta.segment(l * m, m);
+      return y;
+    };
     const auto centroid = [&](int grip, Index k, bool moved) {
       const auto& held = problem.basis.held();
       Vec sum = Vec::Zero();
       const std::size_t first = held.grip_begin(static_cast<std::size_t>(grip)),
                         end = held.grip_begin(static_cast<std::size_t>(grip) + 1);
       for (std::size_t j = first; j < end; ++j) {
-        const Index row = 3 * (problem.feature_count + static_cast<Index>(j));
-        const Index m = problem.request.inputs();
-        Vec y = problem.response.free_response.block<3, 1>(row, k);
-        for (Index l = 0; moved && l <= k; ++l)
-          y += problem.response.impulse_response.block(row, (k - l) * m, 3, m) *
-               delta.segment(l * m, m);
-        sum += y / static_cast<double>(end - first);
+        const Index slot = static_cast<Index>(j);
+        if (k >= 0) {
+          sum += output(problem.feature_count + slot, k, moved);
+        } else {
+          sum += problem.motion.position.col(slot) +
+                 (k + 1.0) * settings.dt * problem.motion.velocity.col(slot);
+        }
       }
-      return sum;
+      return Vec(sum / static_cast<double>(end - first));
     };
     double expected = 0, largest = 0;
-    for (const Limit& limit : limits) {
-      for (Index k = 0; k < kWindow; ++k) {
+    int counted = 0, rates = 0;
+    const auto count = [&](const auto& beyond, bool is_place) {
+      if (!(beyond(false) > 0)) return;
+      ++counted;
+      if (is_place) largest = std::max(largest, beyond(false));
+      expected += 0.5 * problem.settings.weights.limit *
+                  (beyond(true) * beyond(true) - beyond(false) * beyond(false));
+    };
+    for (Index k = 0; k < kWindow; ++k) {
+      for (const Limit& limit : limits) {
         const auto beyond = [&](bool moved) {
           Vec way = centroid(limit.grip, k, moved);
           if (limit.other >= 0) way -= centroid(limit.other, k, moved);
           return limit.normal.dot(way) - limit.most;
         };
-        if (!(beyond(false) > 0)) continue;
-        largest = std::max(largest, beyond(false));
-        expected += 0.5 * problem.settings.weights.limit *
-                    (beyond(true) * beyond(true) - beyond(false) * beyond(false));
+        count(beyond, true);
       }
+      count([&](bool moved) { return -output(1, k, moved)[2] - 0.05; }, true);
+      const int places = counted;
+      for (int axis = 0; axis < 12; ++axis) {
+        const auto beyond = [&](bool moved) {
+          const int grip = axis / 6;
+          const Vec change = centroid(grip, k, moved) - 2 * centroid(grip, k - 1, moved) +
+                             centroid(grip, k - 2, moved);
+          const double along = (axis % 2 == 0 ? 1 : -1) * change[axis % 6 / 2];
+          return kWindow * (along - 1000 * 0.02 * 0.02);
+        };
+        count(beyond, false);
+      }
+      rates += counted - places;
     }
+    CHECK(rates > 3);
     CHECK(cost.largest() == Approx(largest).margin(1e-12));
     REQUIRE(largest > 0);
     const long before = clothctl_test::allocations();
@@ -183,6 +213,37 @@ TEST_CASE("two grips part no more than they can", "[mpc]") {
   }
 }
 
+TEST_CASE("features stay out of a half-space that their targets enter", "[mpc]") {
+  for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
+    const auto lowest = [&](bool limited) {
+      FrozenPlanner planner =
+          clothctl_test::frozen_planner(sheet(), clothctl_test::corner_setup(sheet()),
+                                        clothctl_test::corner_settings(sheet(), input, 12));
+      auto plant = clothctl_test::sheet_plant(sheet(), Integration::LinearlyImplicit);
+      const OutAndBack start;
+      const double table = start.start(2, 0) - 0.03;
+      if (limited) {
+        const std::vector<FeatureLimit<double>> above{{0, Vec(0, 0, -1), -table},
+                                                      {1, Vec(0, 0, -1), -table}};
+        REQUIRE(planner.set_limits({}, above).empty());
+      }
+      auto result = planner.make_result();
+      double least = 1;
+      for (int k = 0; k < 100; ++k) {  // 10 cm down in a second
+        const auto target = [&](Index i, double t) -> Vec {
+          return Vec(start.start.col(i)) - Vec(0, 0, 0.1 * std::clamp(t, 0.0, 1.0));
+        };
+        REQUIRE(run_frame(planner, plant, kFrame * k, target, result).advanced());
+        for (const int v : clothctl_test::corners(sheet()))
+          least = std::min(least, plant.positions()(2, v) - table);
+      }
+      return least;
+    };
+    CHECK(lowest(false) < -0.05);
+    CHECK(lowest(true) > -0.003);
+  }
+}
+
 TEST_CASE("planning at a limit does not allocate", "[mpc]") {
   FrozenPlanner planner =
       clothctl_test::frozen_planner(sheet(), clothctl_test::corner_setup(sheet()),
@@ -219,6 +280,13 @@ TEST_CASE("bad limits are refused, and limits of grips that are gone are dropped
   CHECK(refusal({0, -1, Vec(1, 1, 0), 0}) == "limit 1 has a normal that is not a unit vector");
   CHECK(refusal({0, -1, Vec(nan, 0, 0), 0}) == "limit 1 has a normal that is not a unit vector");
   CHECK(refusal({0, -1, Vec(1, 0, 0), nan}) == "limit 1 is nan m, must be finite");
+
+  const auto feature_refusal = [&](const FeatureLimit<double>& limit) {
+    return planner.set_limits({}, std::vector<FeatureLimit<double>>{limit});
+  };
+  CHECK(feature_refusal({2, Vec(1, 0, 0), 0}) == "feature limit 0 is for feature 2");
+  CHECK(feature_refusal({-1, Vec(1, 0, 0), 0}) == "feature limit 0 is for feature -1");
+  CHECK(feature_refusal({0, Vec(1, 0, 0), nan}) == "feature limit 0 is nan m, must be finite");
 
   REQUIRE(planner.set_limits(std::vector<Limit>{{1, -1, Vec(0, 0, 1), -5}}).empty());
   auto result = planner.make_result();
