@@ -94,11 +94,11 @@ void add_planner(CLI::App& app, Options& o) {
       ->capture_default_str();
   app.add_option(
          "--input-intervals", o.input_intervals,
-         "Frames between the knots of splines for the inputs, such as 1,1,2,4,12; their sum "
-         "is the horizon (default: free inputs in every frame)")
+         "With position grips: frames between the knots of splines for the velocities, such as "
+         "1,1,2,4,12; their sum is the horizon (default: free velocities in every frame)")
       ->delimiter(',');
   app.add_option("--input-degree", o.input_degree,
-                 "Degree of those splines; 0: inputs are constant between knots")
+                 "Degree of those splines; 0: velocities are constant between knots")
       ->check(CLI::Range(0, 3))
       ->capture_default_str();
 }

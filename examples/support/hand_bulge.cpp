@@ -54,7 +54,6 @@ std::string BulgePlan::start(const std::array<Vec, 2>& tips, const Vec& middle) 
   planner_ = std::make_unique<Planner<Predictor>>(std::move(*planner));
   plan_ = planner_->make_result();
   start_ = features();
-  outer_ = Points::Zero(3, x().cols());
   return {};
 }
 
@@ -64,9 +63,8 @@ std::string BulgePlan::make(double t) {
     plan_ = planner_->make_result();
   }
   // The table carries the sheet, and what the fingers press.
-  outer_.setZero();
-  clothctl::add_contact_forces<double>(world_, 0, options_.dt, options_.fingertips, outer_);
-  (void)planner_->set_outer_force(outer_);
+  clothctl::contact_supports<double>(world_, 0, options_.dt, options_.fingertips, 1e-3, supports_);
+  if (std::string bad = planner_->set_supports(supports_); !bad.empty()) return bad;
   const auto status = planner_->plan(
       x(), world_.state(0).velocities, t, [this](Index i, double at) { return target(i, at); },
       plan_);

@@ -77,7 +77,8 @@ class BulgePlan {
   std::unique_ptr<clothctl::Planner<Predictor>> planner_;
   clothctl::PlanResult<double> plan_;
   std::vector<clothctl::Grip<double>> grips_;
-  Points start_, outer_;
+  Points start_;
+  std::vector<clothctl::VertexSupport<double>> supports_;
 };
 
 }  // namespace program

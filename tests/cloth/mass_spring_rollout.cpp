@@ -57,6 +57,50 @@ TEST_CASE("many quasi-Newton steps end where the converged step ends", "[cloth]"
   }
 }
 
+TEST_CASE("a support is a spring along its normal until its vertex leaves", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(9, 1, 60);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  MassSpringRollout<double, double> rollout(model);
+  auto workspace = rollout.make_workspace();
+  auto exact_workspace = model.make_workspace();
+  const int vertex = sheet.lower_left();
+  const VertexSupport<double> support{vertex, Vector3<double>(0, 0, 1),
+                                      Vector3<double>(0.001, 0, 0.01), 0.002};
+  ClothState<double> exact = sheet.state, state = exact;
+  rollout.set_supports(std::span(&support, 1), state.positions);
+  const Vector3<double> place = state.positions.col(vertex);
+  double highest = 0;
+  for (int k = 0; k < 12; ++k) {  // the corner is lifted and leaves
+    ClothInput<double> input = driven_corners(sheet, (k + 1) * Vector3<double>(0, 0, 0.0004));
+    input.wind.setZero();
+    input.force_vertices = {vertex};
+    input.forces = support.force;
+    const Points<double> guess = state.velocities;
+    REQUIRE(rollout.step_from(guess, 300, state, input, 0.02, workspace, 1e-10).advanced);
+    // The same with the force that the support had at the end of the step.
+    const double lift = state.positions(2, vertex) - place.z();
+    if (lift < support.release) {
+      input.forces.col(0) -= 0.01 / support.release * lift * Vector3<double>(0, 0, 1);
+    } else {
+      input.forces.setZero();
+    }
+    REQUIRE(model.step(exact, input, 0.02, exact_workspace).advanced);
+    CHECK((state.positions - exact.positions).cwiseAbs().maxCoeff() < 1e-5);
+    highest = std::max(highest, lift);
+    exact = state;
+  }
+  CHECK(highest > 1.5 * support.release);
+  // Without supports, as if there had been none.
+  MassSpringRollout<double, double> plain(model);
+  auto plain_workspace = plain.make_workspace();
+  rollout.set_supports({}, state.positions);
+  ClothState<double> a = sheet.state, b = sheet.state;
+  const ClothInput<double> input = driven_corners(sheet, {0.001, 0, 0});
+  REQUIRE(rollout.step(a, input, 0.02, workspace).advanced);
+  REQUIRE(plain.step(b, input, 0.02, plain_workspace).advanced);
+  CHECK(a == b);
+}
+
 TEST_CASE("single precision costs micrometres", "[cloth]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(17, 1, 60);
   const MassSpring<double> model = sheet.model(Integration::Newton);

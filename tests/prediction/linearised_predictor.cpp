@@ -252,6 +252,29 @@ TEST_CASE("known external forces enter the prediction", "[mpc]") {
   CHECK(relative_error(request, state, response.free_response, rolled) < 1e-10);
 }
 
+TEST_CASE("supports are known forces", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
+  const ClothState<double> state = clothctl_test::shaken(sheet.state, 5);
+  WindowRequest<double> carried = request_for(sheet, GripInput::Pose, 10), pushed = carried;
+  carried.supports = {{7, Vector3<double>(0, 0.6, 0.8), Vector3<double>(0.001, 0, 0.02), 0.004},
+                      {12, Vector3<double>(0, 0, 1), Vector3<double>(0, 0, 0.03), 0.001}};
+  pushed.outer_force.setZero(3, 25);
+  for (const auto& support : carried.supports)
+    pushed.outer_force.col(support.vertex) = support.force;
+  LinearisedPredictor<MassSpringResponse<double>, double> predictor{
+      MassSpringResponse<double>(model)};
+  WindowResponse<double> a, b;
+  predictor.reserve(carried, a);
+  predictor.reserve(pushed, b);
+  REQUIRE(predictor.predict(state.positions, state.velocities, carried, a));
+  REQUIRE(predictor.predict(state.positions, state.velocities, pushed, b));
+  CHECK(a.free_response == b.free_response);
+  CHECK(a.air == b.air);
+  carried.supports[1].vertex = 25;
+  CHECK_FALSE(predictor.predict(state.positions, state.velocities, carried, a));
+}
+
 TEST_CASE("a measured force replaces the model's force", "[mpc]") {
   // Every vertex of the plant is pushed by the same force. The model does not know it; with the
   // measured force the prediction includes it.

@@ -55,6 +55,42 @@ TEST_CASE("what bears a sheet at rest is its weight, however steps are divided",
   }
 }
 
+TEST_CASE("supports are the forces of contacts, with their normals", "[sim]") {
+  World<double> world;
+  const SpringNetwork<double> network = level_sheet<double>(9);
+  MassSpring<double> model = MassSpring<double>::create(network).value();
+  ClothState<double> state = model.rest_state();
+  using Vec = Vector3<double>;
+  const Vec normal(0, 0.28, 0.96);
+  const Matrix3<double> turn =
+      Eigen::Quaterniond::FromTwoVectors(Vec::UnitZ(), normal).toRotationMatrix();
+  for (Index i = 0; i < 81; ++i) {
+    const Vec flat = state.positions.col(i);
+    state.positions.col(i) = turn * flat + 1e-3 * normal;
+  }
+  (void)world.add_sheet(std::move(model), std::move(state)).value();
+  const int table =
+      world.add_obstacle(PlaneCollider<double>::create(Vec::Zero(), normal).value(), {}, {1.0, 0})
+          .value();
+  for (int i = 0; i < 100; ++i) REQUIRE(world.step(0.02).advanced);
+  Points<double> f = Points<double>::Zero(3, 81);
+  add_contact_forces<double>(world, 0, 0.02, {}, f);
+  std::vector<VertexSupport<double>> supports;
+  contact_supports<double>(world, 0, 0.02, {}, 0.003, supports);
+  REQUIRE(supports.size() > 20);
+  for (std::size_t i = 0; i < supports.size(); ++i) {
+    const VertexSupport<double>& support = supports[i];
+    if (i > 0) CHECK(supports[i - 1].vertex < support.vertex);
+    CHECK((support.force - f.col(support.vertex)).norm() < 1e-15);
+    CHECK((support.normal - normal).norm() < 1e-12);
+    CHECK(support.release == 0.003);
+    f.col(support.vertex).setZero();
+  }
+  CHECK(f.norm() < 1e-12);  // no other vertex is carried
+  contact_supports<double>(world, 0, 0.02, std::vector<int>{table}, 0.003, supports);
+  CHECK(supports.empty());
+}
+
 TEST_CASE("static contacts are the vertices at a finger, each once", "[sim]") {
   GrippedSheet held(9, 3);
   for (int i = 0; i < 50; ++i) REQUIRE(held.world.step(0.02).advanced);

@@ -107,6 +107,7 @@ struct RolloutWorkspace {
   Scalar dt = Scalar(0);
   bool advanced = false;
   std::uint64_t structure = 0;
+  Points<Scalar> lift;  // of supported vertices from where they were, at the start of the step
 
   bool is_held(Index i) const { return held[static_cast<std::size_t>(i)] != 0; }
 };
@@ -134,6 +135,12 @@ class MassSpringRollout {
 
   /// Returns the state of the undeformed body at rest. Allocates.
   ClothState<Scalar> rest_state() const;
+
+  /// Takes what carries vertices of a sheet at `x` (3×n, m) in the steps to come, each vertex once.
+  /// Their forces must come with the inputs; this makes them fall as the vertices lift, and end.
+  /// Does nothing when `x` has another size; supports of vertices off the mesh do nothing.
+  /// Allocates when there are more supports than vertices.
+  void set_supports(std::span<const VertexSupport<Scalar>> supports, const PointsView<Scalar>& x);
 
   /// Makes the memory of a step of this model. Allocates.
   Workspace make_workspace() const;
@@ -188,12 +195,27 @@ class MassSpringRollout {
   /// Sets ws.position to y, and ws.gradient to g without the springs' part.
   void load_gradient(Workspace& ws) const;
 
+  /// What carries a vertex.
+  struct Ground {
+    int vertex;
+    Vector3<Scalar> place;
+    Vector3<Inner> normal, force;
+    Inner release, stiffness;
+  };
+
+  /// How far the vertex of a ground lifts off at the velocities of the workspace, m.
+  static Inner lift_of(const Ground& g, const Workspace& ws) {
+    const Vector3<Inner> way = ws.lift.col(g.vertex) + ws.dt * ws.velocity.col(g.vertex);
+    return way.dot(g.normal);
+  }
+
   SpringNetwork<Inner> network_;
   RolloutModelSettings settings_;
   AirSettings<Inner> air_;
   Vector3<Inner> gravity_;
   Inner drag_, longest_move_;  // m
   std::vector<int> pinned_;
+  std::vector<Ground> grounds_;
   detail::SpringPattern<Inner> pattern_;
   EliminationTree tree_;
   detail::SpringBatches<Inner> springs_;
@@ -230,6 +252,7 @@ MassSpringRollout<S, Inner>::MassSpringRollout(const MassSpring<Other>& model,
                                              : factors.compressed_stretch);
   });
   structure_ = detail::hash_structure(pattern_.matrix(), tree_, network_);
+  grounds_.reserve(static_cast<std::size_t>(vertex_count()));
 }
 
 template <RealScalar S, RealScalar Inner>
@@ -238,13 +261,27 @@ auto MassSpringRollout<S, Inner>::rest_state() const -> ClothState<Scalar> {
 }
 
 template <RealScalar S, RealScalar Inner>
+void MassSpringRollout<S, Inner>::set_supports(std::span<const VertexSupport<Scalar>> supports,
+                                               const PointsView<Scalar>& x) {
+  grounds_.clear();
+  if (x.cols() != vertex_count()) return;
+  for (const VertexSupport<Scalar>& support : supports) {
+    if (support.vertex < 0 || vertex_count() <= support.vertex) continue;
+    grounds_.push_back({support.vertex, x.col(support.vertex),
+                        support.normal.template cast<Inner>(), support.force.template cast<Inner>(),
+                        static_cast<Inner>(support.release),
+                        static_cast<Inner>(support.stiffness())});
+  }
+}
+
+template <RealScalar S, RealScalar Inner>
 auto MassSpringRollout<S, Inner>::make_workspace() const -> Workspace {
   Workspace ws;
   ws.factor = BlockCholesky<Inner>(pattern_.matrix(), tree_);
   ws.matrix = pattern_.matrix();
   ws.change.setZero(1, 3 * vertex_count());
-  for (Points<Inner>* p :
-       {&ws.start, &ws.start_velocity, &ws.position, &ws.velocity, &ws.outer, &ws.gradient})
+  for (Points<Inner>* p : {&ws.start, &ws.start_velocity, &ws.position, &ws.velocity, &ws.outer,
+                           &ws.gradient, &ws.lift})
     p->setZero(3, vertex_count());
   ws.direction.setZero(3, springs_.direction_columns());
   ws.air.assign(air_.enabled() ? network_.triangles.size() : 0, Matrix3<Inner>::Zero());
@@ -290,6 +327,10 @@ StepStatus MassSpringRollout<S, Inner>::prepare(const ClothState<Scalar>& state,
   for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
     ws.outer.col(input.force_vertices[i]) +=
         input.forces.col(static_cast<Index>(i)).template cast<Inner>();
+  for (const Ground& g : grounds_) {
+    const Vector3<Scalar> lift = state.positions.col(g.vertex) - g.place;
+    ws.lift.col(g.vertex) = lift.template cast<Inner>();
+  }
   const Vector3<Inner> wind = input.wind.template cast<Inner>();
   detail::freeze_air<Inner>(network_, ws.start, ws.start_velocity, wind, air_, ws.air, ws.outer);
   springs_.set_directions(ws.start, ws.direction);
@@ -313,6 +354,11 @@ void MassSpringRollout<S, Inner>::load_gradient(Workspace& ws) const {
   detail::move_along(ws.start, h, ws.velocity, ws.position);
   ws.gradient = ws.outer;
   (void)detail::add_bending_forces<Inner>(network_, ws.position, Inner(0), ws.gradient);
+  for (const Ground& g : grounds_) {
+    const Inner lift = lift_of(g, ws);
+    ws.gradient.col(g.vertex) -=
+        lift < g.release ? Vector3<Inner>((g.stiffness * lift) * g.normal) : g.force;
+  }
   for (Index k = 0; k < ws.gradient.size(); ++k) {
     const Inner v = ws.velocity.data()[k], v0 = ws.start_velocity.data()[k];
     Inner& g = ws.gradient.data()[k];
@@ -329,6 +375,10 @@ Inner MassSpringRollout<S, Inner>::improve(Workspace& ws) const {
   for (Index i = 0; i < vertex_count(); ++i)
     detail::add_to_diagonal(ws.matrix.diagonal(i),
                             Inner((Inner(1) + h * drag_) * network_.mass[i]));
+  for (const Ground& g : grounds_) {
+    if (lift_of(g, ws) < g.release)
+      ws.matrix.diagonal(g.vertex) += (h * h * g.stiffness) * g.normal * g.normal.transpose();
+  }
   pattern_.add_bending(network_, ws.position, h * h, ws.matrix);
   pattern_.add_air(network_, ws.air, h, ws.matrix);
   springs_.add_step(ws.position, ws.velocity, ws.direction, h, ws.gradient, ws.matrix);

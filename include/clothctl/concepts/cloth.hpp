@@ -125,6 +125,15 @@ struct cloth_rollout_traits {
                         const Input& input, Scalar dt, Workspace& workspace, Scalar tolerance) {
     return model.step_from(guess, newton_steps, state, input, dt, workspace, tolerance);
   }
+  /// Takes what carries vertices of a sheet at `x` (3×n, m) in the steps to come: VertexSupport,
+  /// each vertex once, without the forces, which come with the inputs. Optional.
+  template <class Supports, class Positions>
+  requires requires(Model& m, const Supports& supports, const Positions& x) {
+    m.set_supports(supports, x);
+  }
+  static void set_supports(Model& model, const Supports& supports, const Positions& x) {
+    model.set_supports(supports, x);
+  }
   /// Writes the forces (3×vertices, N) that the driven `vertices` needed in the last step of this
   /// workspace. Never allocates.
   template <class Workspace, class Out>
@@ -143,7 +152,7 @@ struct cloth_rollout_traits {
 /// Axioms: with enough Newton steps `step_from` ends where `step` ends, from any guess nearby; a
 /// step with the holding forces applied instead of the driven positions ends at the same state.
 ///
-/// Optional hooks: none.
+/// Optional hooks: `set_supports(model, supports, x)`; without it, supports are constant forces.
 template <class Model, class Scalar = double>
 concept ClothRollout = ClothModel<Model, Scalar> &&
     requires(const Model& model, const Points<Scalar>& guess, ClothState<Scalar>& state,

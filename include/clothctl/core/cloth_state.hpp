@@ -25,6 +25,28 @@ struct ClothState {
   }
 };
 
+/// What carries a vertex, such as a table, for models that know no obstacles: its force now, f, and
+/// where it ends. For a displacement d from where the vertex is now, models that are nonlinear take
+/// f - k (n·d) n with k = f·n/release where n·d < release, and nothing beyond. The part across n is
+/// friction, which stays.
+template <RealScalar Scalar>
+struct VertexSupport {
+  /// The vertex.
+  int vertex = 0;
+  /// Direction in which the vertex can leave, unit.
+  Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
+  /// What is exerted on the vertex now, N.
+  Vector3<Scalar> force = Vector3<Scalar>::Zero();
+  /// The way along the normal on which the force ends, m.
+  Scalar release = Scalar(0.001);
+
+  /// Returns k, N/m; 0 for a force that does not push.
+  Scalar stiffness() const {
+    const Scalar pressed = force.dot(normal);
+    return Scalar(0) < pressed ? Scalar(pressed / release) : Scalar(0);
+  }
+};
+
 /// What acts on a sheet during one step. World frame. Forces on a driven vertex have no effect.
 template <RealScalar Scalar>
 struct ClothInput {

@@ -112,6 +112,14 @@ class Planner {
   /// is wrong or a force is not finite. Allocates when the size changes.
   [[nodiscard]] bool set_outer_force(const PointsView<Scalar>& force);
 
+  /// Sets what carries vertices at the start of the next windows, such as a table, each vertex once
+  /// (`contact_supports` reads it from a World). Their forces are part of the prediction, fall
+  /// as the vertices move and end where they lift off. Returns an empty string, or what is wrong,
+  /// and then changes nothing. Allocates.
+  [[nodiscard]] std::string set_supports(std::span<const VertexSupport<Scalar>> supports) {
+    return detail::take_supports(supports, vertex_count_, problem_.request);
+  }
+
   /// Goes on with other grips (vertices, fingers, limits, number of grips) from the next frame on,
   /// on a sheet that stands at `x` (3×n, m). Returns an empty string, or what is wrong, and then
   /// changes nothing. A grip goes on from the one that shares most vertices with it, else from that

@@ -115,9 +115,8 @@ struct PlannerSettings {
   /// times in a frame, each time with four times the `step` weight (at least 1e-4 s²/m², at most 64
   /// times the given one).
   Scalar max_change = Scalar(0);
-  /// The unknowns as splines in time: numbers of frames between their knots, which sum to the
-  /// horizon; empty means free unknowns in every frame. Fewer unknowns make the QP faster and the
-  /// motion smoother. Not with hard patches.
+  /// Planned poses as splines in time: numbers of frames between the knots of the velocities, which
+  /// sum to the horizon; empty means free velocities in every frame.
   std::vector<Index> input_intervals = {};
   /// Degree of those splines, 0 to 3: 0 is move blocking, one input for each interval.
   int input_degree = 0;
@@ -221,8 +220,8 @@ struct PlannerSettings {
     if (horizon < count)
       return "splines of degree " + std::to_string(input_degree) + " have " +
              std::to_string(count) + " control points for " + std::to_string(horizon) + " frames";
-    if (input == GripInput::Force && patch == PatchMode::Hard)
-      return "patch is Hard with input_intervals; such patches need free unknowns";
+    if (input == GripInput::Force)
+      return "input_intervals is for poses; forces must balance in every frame";
     return {};
   }
 };

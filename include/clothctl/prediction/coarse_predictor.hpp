@@ -14,6 +14,7 @@
 // coarse cell. Common vertices are measured as they are (injection): averages over neighbours would
 // be shorter than the folded sheet.
 
+#include <cmath>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -66,6 +67,8 @@ class CoarsePredictor {
   /// Fills the coarse request.
   void load_request(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                     const WindowRequest<Scalar>& request);
+  /// Shares supports among coarse vertices as forces, and their stiffness likewise.
+  void load_supports(const WindowRequest<Scalar>& request);
 
   /// Writes the plan of the free response: forces that the coarse sheet needs beyond the request's
   /// are shared by the held vertices of a coarse vertex.
@@ -91,6 +94,8 @@ class CoarsePredictor {
   std::vector<Scalar> count_;   // of each coarse held vertex, the number of its held vertices
   std::vector<Index> feature_;  // outputs of the request other than the held vertices
   Points<Scalar> x_, v_;
+  std::vector<VertexSupport<Scalar>> all_;  // of each coarse vertex
+  VectorX<Scalar> stiffness_;
 };
 
 template <WindowPredictor Inner>
@@ -123,9 +128,12 @@ void CoarsePredictor<Inner>::reserve(const WindowRequest<Scalar>& request,
                                      WindowResponse<Scalar>& response) {
   const Index coarse = sampling_.coarse_from_fine.count();
   for (Points<Scalar>* p : {&x_, &v_}) p->setZero(3, coarse);
+  all_.reserve(static_cast<std::size_t>(coarse));
+  stiffness_.setZero(coarse);
   request_ = request;
   request_.outputs = {};
   request_.outer_force.setZero(3, coarse);
+  request_.supports.reserve(static_cast<std::size_t>(coarse));
   take_held(request.held);
   feature_.clear();
   for (Index i = 0; i < request.outputs.count(); ++i) {
@@ -197,6 +205,35 @@ void CoarsePredictor<Inner>::load_request(const PointsView<Scalar>& x, const Poi
       for (Index d = 0; d < 3; ++d)
         request_.outer_force(d, c) += weight * request.outer_force(d, i);
     });
+  }
+  load_supports(request);
+}
+
+template <WindowPredictor Inner>
+void CoarsePredictor<Inner>::load_supports(const WindowRequest<Scalar>& request) {
+  using std::sqrt;
+  request_.supports.clear();
+  if (request.supports.empty()) return;
+  all_.assign(static_cast<std::size_t>(x_.cols()), VertexSupport<Scalar>());
+  stiffness_.setZero(x_.cols());
+  for (VertexSupport<Scalar>& support : all_) support.normal.setZero();
+  for (const VertexSupport<Scalar>& support : request.supports) {
+    if (support.vertex < 0 || vertex_count() <= support.vertex) continue;
+    sampling_.fine_from_coarse.for_each_term(support.vertex, [&](int c, const Scalar& weight) {
+      VertexSupport<Scalar>& sum = all_[static_cast<std::size_t>(c)];
+      sum.force += weight * support.force;
+      sum.normal += (weight * support.force.dot(support.normal)) * support.normal;
+      stiffness_[c] += weight * support.stiffness();
+    });
+  }
+  for (Index c = 0; c < x_.cols(); ++c) {
+    VertexSupport<Scalar>& sum = all_[static_cast<std::size_t>(c)];
+    const Scalar size = sqrt(sum.normal.squaredNorm());
+    if (!(Scalar(0) < size) || !(Scalar(0) < stiffness_[c])) continue;
+    sum.vertex = static_cast<int>(c);
+    sum.normal /= size;
+    sum.release = sum.force.dot(sum.normal) / stiffness_[c];
+    if (Scalar(0) < sum.release) request_.supports.push_back(sum);
   }
 }
 

@@ -115,9 +115,9 @@ class LinearisedPredictor {
 
   void gather_force(const WindowRequest<S>& request);
 
-  /// Returns the mean acceleration by outer forces across gravity, which hang the sheet askew as
-  /// air does, times the share of the weight that they do not bear: what lies on a table does not
-  /// hang. Zero for a response that tells no gravity.
+  /// Returns the mean acceleration by outer forces and supports across gravity, which hang the
+  /// sheet askew as air does, times the share of the weight that they do not bear: what lies on a
+  /// table does not hang. Zero for a response that tells no gravity.
   Vector3<S> level_outer_acceleration(const WindowRequest<S>& request) const;
 
   /// Writes the acceleration by the air, from the air drag of the linearisation, and that by outer
@@ -202,6 +202,9 @@ bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const Poi
                                                WindowResponse<S>& response) {
   const Index n = Traits::vertex_count(response_);
   if (x.cols() != n || v.cols() != n) return false;
+  for (const VertexSupport<S>& support : request.supports) {
+    if (support.vertex < 0 || n <= support.vertex) return false;
+  }
   // If translations have no effect, only the shape is stored in single precision.
   Vector3<S> place = Vector3<S>::Zero();
   if (translation_free()) {
@@ -275,6 +278,8 @@ template <StepResponse Response, RealScalar S>
 void LinearisedPredictor<Response, S>::gather_force(const WindowRequest<S>& request) {
   force_ = Traits::force(response_);
   if (request.outer_force.cols() > 0) force_ += request.outer_force.template cast<Inner>();
+  for (const VertexSupport<S>& support : request.supports)
+    force_.col(support.vertex) += support.force.template cast<Inner>();
   gusty_ = false;
   for (Index k = 1; k < request.horizon; ++k)
     gusty_ = gusty_ || !(request.wind.col(k) == request.wind.col(0));
@@ -315,8 +320,10 @@ Vector3<S> LinearisedPredictor<Response, S>::level_outer_acceleration(
     const Vector3<Inner> pull = Traits::gravity(response_);
     const Vector3<S> gravity = pull.template cast<S>();
     const S squared = gravity.squaredNorm();
-    if (request.outer_force.cols() == 0 || !(S(0) < squared)) return level;
+    const bool none = request.outer_force.cols() == 0 && request.supports.empty();
+    if (none || !(S(0) < squared)) return level;
     for (Index i = 0; i < request.outer_force.cols(); ++i) level += request.outer_force.col(i);
+    for (const VertexSupport<S>& support : request.supports) level += support.force;
     level /= static_cast<S>(mass_);
     const S borne = -level.dot(gravity) / squared;
     level += borne * gravity;

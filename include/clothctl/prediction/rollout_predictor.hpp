@@ -14,6 +14,7 @@
 // each other, so an executor can run them at the same time.
 
 #include <cassert>
+#include <span>
 #include <string>
 #include <utility>
 #include <vector>
@@ -91,6 +92,8 @@ class RolloutPredictor {
   }
 
  private:
+  using Traits = cloth_rollout_traits<Model>;
+
   /// Rolls out the window. Returns false when a step fails.
   bool roll_out(const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& inner);
 
@@ -158,6 +161,12 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   } else {
     input_.forces.setZero();
   }
+  for (const VertexSupport<Scalar>& support : request.supports) {
+    if (support.vertex < 0 || vertex_count() <= support.vertex) return false;
+    input_.forces.col(support.vertex) += support.force;
+  }
+  if constexpr (requires { Traits::set_supports(model_, std::span(request.supports), x); })
+    Traits::set_supports(model_, std::span(request.supports), x);
   if (!fresh_) {
     for (std::size_t k = 0; k + 1 < velocities_.size(); ++k)
       velocities_[k].swap(velocities_[k + 1]);

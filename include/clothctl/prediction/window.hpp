@@ -11,6 +11,7 @@
 
 #include <vector>
 
+#include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/types.hpp"
 #include "clothctl/prediction/features.hpp"
 
@@ -25,8 +26,8 @@ enum class GripInput {
   Pose
 };
 
-/// What is asked of a predictor. After `reserve`, only plan, path, applied input, wind, drift and
-/// outer forces change.
+/// What is asked of a predictor. After `reserve`, only plan, path, applied input, wind, drift,
+/// outer forces and supports change.
 template <RealScalar Scalar>
 struct WindowRequest {
   /// Number of frames K.
@@ -59,6 +60,8 @@ struct WindowRequest {
   Points<Scalar> drift;
   /// Other known forces on the vertices, constant over the window, 3×n, N; no columns means none.
   Points<Scalar> outer_force;
+  /// What carries vertices at the start of the window, each vertex once.
+  std::vector<VertexSupport<Scalar>> supports;
 
   /// Returns the number of raw inputs of a frame.
   Index inputs() const { return 3 * static_cast<Index>(held.size()); }

@@ -15,6 +15,15 @@ namespace clothctl::inline CLOTHCTL_ABI {
 
 namespace detail {
 
+template <RealScalar Scalar>
+Vector3<Scalar> contact_normal(const ObstacleContact<Scalar>& c) {
+  return c.point.surface.normal;
+}
+template <RealScalar Scalar>
+Vector3<Scalar> contact_normal(const PadContact<Scalar>& c) {
+  return c.normal;
+}
+
 /// Calls visit(vertex, weight, contact, time) for each vertex of each contact of a sheet with a
 /// carrier for which `wanted(carrier)`; the contact's impulse (N s) acted for `time` in the last
 /// step, of `dt` s.
@@ -52,6 +61,41 @@ void add_contact_forces(const World<Scalar>& world, int sheet, const Scalar& dt,
       [&](int v, const Scalar& weight, const auto& contact, const Scalar& time) {
         forces.col(v) += (weight / time) * contact.impulse;
       });
+}
+
+/// Writes what carries the vertices of a sheet after the last step, of `dt` s, to `supports`, for
+/// `Planner::set_supports`: the forces of all contacts but those with `except` (obstacles, and
+/// bodies as -1 - b), which are planned, and the mean of their normals. `release`: the way on which
+/// a contact is taken to open, m. Allocates.
+template <RealScalar Scalar>
+void contact_supports(const World<Scalar>& world, int sheet, const Scalar& dt,
+                      std::span<const int> except, const Scalar& release,
+                      std::vector<VertexSupport<Scalar>>& supports) {
+  using std::sqrt;
+  const std::size_t count = static_cast<std::size_t>(world.state(sheet).positions.cols());
+  supports.assign(count, VertexSupport<Scalar>());
+  for (VertexSupport<Scalar>& support : supports) support.normal.setZero();
+  detail::for_each_touched(
+      world, sheet, dt,
+      [&](int carrier) { return std::find(except.begin(), except.end(), carrier) == except.end(); },
+      [&](int v, const Scalar& weight, const auto& contact, const Scalar& time) {
+        VertexSupport<Scalar>& support = supports[static_cast<std::size_t>(v)];
+        const Vector3<Scalar> force = (weight / time) * contact.impulse;
+        const Vector3<Scalar> normal = detail::contact_normal(contact);
+        support.force += force;
+        support.normal += force.dot(normal) * normal;
+      });
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < count; ++i) {
+    VertexSupport<Scalar> support = supports[i];
+    const Scalar size = sqrt(support.normal.squaredNorm());
+    if (!(Scalar(0) < size)) continue;
+    support.vertex = static_cast<int>(i);
+    support.normal /= size;
+    support.release = release;
+    supports[kept++] = support;
+  }
+  supports.resize(kept);
 }
 
 /// Adds the vertices of a sheet that stuck to obstacle `carrier`, or to body b with -1 - b, in the

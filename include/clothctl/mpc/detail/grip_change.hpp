@@ -93,12 +93,13 @@ class GripChange {
 
   /// Carries what the next frame needs of the last one from problem to problem, but for planned
   /// forces: path and planned velocities, the applied input, measured velocities (`measured`, 3×n,
-  /// m/s) and outer forces. A vertex that was not held had no input.
+  /// m/s), outer forces and supports. A vertex that was not held had no input.
   void carry_request(const Problem& before, const PointsView<Scalar>& measured,
                      Problem& after) const {
     const WindowRequest<Scalar>& last = before.request;
     WindowRequest<Scalar>& request = after.request;
     request.outer_force = last.outer_force;
+    request.supports = last.supports;
     request.has_path = last.has_path;
     request.has_applied = last.has_applied;
     carry_velocities(last.path, measured, request.path);

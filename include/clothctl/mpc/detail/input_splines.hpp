@@ -1,6 +1,7 @@
 #pragma once
 
-// Inputs of a window as B-splines: u_k = Σ_n S_kn z_n with fewer control points z than frames. The
+// Planned poses of a window as B-splines: u_k = Σ_n S_kn z_n with fewer control points z than
+// frames. The
 // knots divide the window into intervals of whole frames. Degree 0 is move blocking: the inputs of
 // an interval are equal. All S_kn >= 0 and Σ_n S_kn = 1, so convex limits that hold for the control
 // points hold for the inputs. The first input is the first control point.

@@ -4,8 +4,11 @@
 // the air. `take_plan_input` refuses bad arguments without a message, because it may not allocate;
 // `check_plan_input` finds the same faults and names the first.
 
+#include <algorithm>
+#include <span>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/mpc/detail/window_cost.hpp"
@@ -33,6 +36,30 @@ template <RealScalar Scalar, class Contact, class Target, class Wind>
     problem.motion.velocity.col(static_cast<Index>(j)) = v.col(problem.request.held[j]);
   }
   return true;
+}
+
+/// Stores supports in a request, sorted by vertex. Returns an empty string, or what is wrong, and
+/// then changes nothing. Allocates.
+template <RealScalar Scalar>
+std::string take_supports(std::span<const VertexSupport<Scalar>> supports, Index vertices,
+                          WindowRequest<Scalar>& request) {
+  std::vector<VertexSupport<Scalar>> sorted(supports.begin(), supports.end());
+  std::sort(sorted.begin(), sorted.end(),
+            [](const auto& a, const auto& b) { return a.vertex < b.vertex; });
+  for (std::size_t i = 0; i < sorted.size(); ++i) {
+    const VertexSupport<Scalar>& support = sorted[i];
+    const std::string name = "the support of vertex " + std::to_string(support.vertex);
+    if (support.vertex < 0 || vertices <= support.vertex) return name + " is off the mesh";
+    if (i > 0 && sorted[i - 1].vertex == support.vertex) return name + " occurs twice";
+    const Scalar square = support.normal.squaredNorm();
+    if (!(Scalar(0.98) < square) || !(square < Scalar(1.02)))
+      return name + " has a normal that is not a unit vector";
+    if (!all_finite(support.force)) return name + " has a force that is not finite";
+    if (!is_finite(support.release) || !(Scalar(0) < support.release))
+      return name + " has the release " + number_text(support.release) + " m, must be positive";
+  }
+  request.supports = std::move(sorted);
+  return {};
 }
 
 /// Returns " is (x, y, z)". Allocates.

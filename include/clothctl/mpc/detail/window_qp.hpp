@@ -165,7 +165,7 @@ class WindowQp {
     }
     limits_a_frame_ = static_cast<Index>(problem.basis.fingers().size());
     patch_rows_a_frame_ = hard;
-    const Index horizon = splines_.count(), rows = (limits_a_frame_ + hard) * horizon;
+    const Index horizon = problem.settings.horizon, rows = (limits_a_frame_ + hard) * horizon;
     point_.reserve(longest);
     row_matrix_.setZero(rows, unknowns_);
     row_lower_.setZero(rows);
@@ -324,7 +324,7 @@ class WindowQp {
   /// Sets coefficients of generators that a solver leaves below zero to zero: a finger only
   /// presses.
   void remove_negatives() {
-    for (Index i = 0; i < solution_.size(); ++i) {
+    for (Index i = 0; i < unknowns_; ++i) {
       if (solution_[i] < Scalar(0)) solution_[i] = Scalar(0);
     }
   }
@@ -349,15 +349,14 @@ class WindowQp {
   /// Fills the rows of all frames, frame by frame: a limit of the normal force for each finger,
   /// then the non-affine modes of the patches. Each patch has rows for the largest possible number
   /// of modes. Where its vertices span a plane rather than a line, more of its motion is affine,
-  /// fewer modes remain, and the unused rows stay empty and unbounded. Control points of splines
-  /// keep the limits instead of frames; there are no hard patches then.
+  /// fewer modes remain, and the unused rows stay empty and unbounded.
   void fill_rows(const Problem& problem) {
     const Basis& basis = problem.basis;
     const Index a_frame = limits_a_frame_ + patch_rows_a_frame_;
     row_matrix_.setZero();
     row_lower_.setConstant(-scalar_traits<Scalar>::infinity());
     row_upper_.setConstant(scalar_traits<Scalar>::infinity());
-    for (Index k = 0; k < splines_.count(); ++k) {
+    for (Index k = 0; k < problem.settings.horizon; ++k) {
       Index row = k * a_frame;
       for (const FingerColumns& columns : basis.fingers()) {
         const Index first = k * basis.unknowns() + columns.column;
