@@ -2,7 +2,8 @@
 //
 //   reachability --seeds 200 --out out          then open out/curves.csv
 
-#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -15,7 +16,6 @@
 namespace {
 
 using namespace program;
-using clothctl::ReachVerdict;
 
 struct Request {
   Options run;
@@ -55,14 +55,10 @@ Request read_request(int argc, char** argv) {
   return r;
 }
 
-/// How many curves got a verdict, and of how many it was right.
+/// How many curves got each verdict, and how many of them were followed.
 struct Tally {
   int called[3] = {0, 0, 0}, succeeded[3] = {0, 0, 0};
-
-  void add(ReachVerdict verdict, bool success) {
-    ++called[static_cast<std::size_t>(verdict)];
-    succeeded[static_cast<std::size_t>(verdict)] += success ? 1 : 0;
-  }
+  double log_error = 0;  // sum over curves
 };
 
 /// Judges and tries the curve of a seed, and adds it to table and tally.
@@ -80,14 +76,16 @@ void try_curve(const Request& r, const ReachBench& bench,
   const TrialOutcome run = bench.run(task);
   const bool success =
       run.finished && run.mean_error_m <= tolerance && run.max_error_m <= 5 * tolerance;
-  tally.add(report.verdict, success);
+  const auto verdict = static_cast<std::size_t>(report.verdict);
+  ++tally.called[verdict];
+  tally.succeeded[verdict] += success ? 1 : 0;
+  tally.log_error += std::log(run.finished ? std::max(run.mean_error_m, 1e-6) : 1.0);
   table.add_row({static_cast<double>(seed), static_cast<double>((seed - 1) % reach_kinds().size()),
                  static_cast<double>(report.verdict), success ? 1.0 : 0.0, report.score,
-                 report.predicted_error,
-                 report.predicted_largest_error, report.least_error, run.finished ? run.mean_error_m : 1e9,
-                 run.finished ? run.max_error_m : 1e9, report.distance_excess.value,
-                 report.hand_speed.value, report.hand_acceleration.value,
-                 report.fall_excess.value});
+                 report.predicted_error, report.predicted_largest_error, report.least_error,
+                 run.finished ? run.mean_error_m : 1e9, run.finished ? run.max_error_m : 1e9,
+                 report.distance_excess.value, report.hand_speed.value,
+                 report.hand_acceleration.value, report.fall_excess.value});
 }
 
 double share(int part, int all) { return all > 0 ? static_cast<double>(part) / all : 0.0; }
@@ -98,6 +96,7 @@ void print_tally(const Request& r, const Tally& t) {
   j["status"] = "finished";
   j["curves"] = r.seeds;
   j["succeeded"] = t.succeeded[0] + t.succeeded[1] + t.succeeded[2];
+  j["typical_error_m"] = std::exp(t.log_error / r.seeds);  // a geometric mean over curves
   j["called_reachable"] = t.called[0];
   j["reachable_succeeded_share"] = share(t.succeeded[0], t.called[0]);
   j["called_doubtful"] = t.called[1];
@@ -130,8 +129,9 @@ int main(int argc, char** argv) {
       must(clothctl::make_reach_limits(bench.scene().setup, bench.scene().settings,
                                        bench.scene().body.network, View(bench.positions())));
   clothctl::CsvWriter table({"seed", "kind", "verdict", "success", "score", "predicted_error_m",
-                             "predicted_largest_error_m", "least_error_m", "mean_error_m", "max_error_m", "distance_excess_m",
-                             "hand_speed_m_s", "hand_acceleration_m_s2", "fall_excess_m_s2"});
+                             "predicted_largest_error_m", "least_error_m", "mean_error_m",
+                             "max_error_m", "distance_excess_m", "hand_speed_m_s",
+                             "hand_acceleration_m_s2", "fall_excess_m_s2"});
   Tally tally;
   Progress progress;
   for (int i = 0; i < r.seeds; ++i) {

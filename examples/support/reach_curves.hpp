@@ -23,11 +23,10 @@ struct ReachStart {
 /// The kinds of curves, in the order in which seeds go through them.
 const std::vector<std::string>& reach_kinds();
 
-/// Returns the curve of a seed, which has kind number (seed - 1) mod 8, and its name in `kind`.
-/// known: of hands on random splines; random: two noisy lines; fast: those in less time; apart: with
-/// corners that part by up to 1.3 times the width of the sheet; jump: by up to 0.8 sizes in 0.06 to
-/// 0.4 s; sway: up to 12 rad/s; drop: down and up again; calm: noisy lines on a small scale.
-/// `duration`: s.
+/// Returns the curve of a seed, of kind number (seed - 1) mod 8, and its name in `kind`. known: of
+/// hands on random splines; random: two noisy lines; fast: those in less time; apart: corners that
+/// part by up to 1.3 times the width of the sheet; jump: by up to 0.8 sizes in 0.06 to 0.4 s; sway:
+/// up to 12 rad/s; drop: down and up again; calm: noisy lines on a small scale. `duration`: s.
 Task make_reach_curve(std::uint64_t seed, double duration, const ReachStart& start,
                       std::string& kind);
 

@@ -32,7 +32,8 @@ TEST_CASE("three frames give speed and acceleration of a parabola", "[mpc]") {
 
 TEST_CASE("frames of a curve are counted with both ends", "[mpc]") {
   Index frames = 0;
-  CHECK(detail::count_reach_frames(0.0, 0.3, 0.1, frames).empty());  // 0.3 is 3.0000000000000004 · 0.1
+  CHECK(detail::count_reach_frames(0.0, 0.3, 0.1, frames)
+            .empty());  // 0.3 is 3.0000000000000004 · 0.1
   CHECK(frames == 4);
   CHECK(detail::count_reach_frames(1.0, 1.05, 0.1, frames).empty());
   CHECK(frames == 1);

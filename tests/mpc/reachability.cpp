@@ -57,7 +57,10 @@ TEST_CASE("corners farther apart than the sheet allows are unreachable by what i
   // From 1 s on, each corner is 60 mm further out: 0.62 m apart, on 0.5 m of cloth with 1 % of
   // stretch.
   const auto report = judged(
-      limits, [](Index i, double t) { return V(t < 0.99 ? 0.0 : i == 0 ? -0.06 : 0.06, 0, 0); },
+      limits,
+      [](Index i, double t) {
+        return V(t < 0.99 ? 0.0 : i == 0 ? -0.06 : 0.06, 0, 0);
+      },
       2.0);
   CHECK(report.distance_excess.value == Approx(0.62 - 0.505));
   CHECK(report.distance_excess.time == Approx(1.0));
@@ -68,9 +71,8 @@ TEST_CASE("corners farther apart than the sheet allows are unreachable by what i
   CHECK(report.score == 0);
   CHECK(report.describe().find("too far from another one by 0.115 m") != std::string::npos);
   // As far as stretch allows, there is no error that cannot be avoided.
-  const auto within = judged(limits, [](Index i, double) {
-    return V(i == 0 ? -0.0025 : 0.0025, 0, 0);
-  });
+  const auto within =
+      judged(limits, [](Index i, double) { return V(i == 0 ? -0.0025 : 0.0025, 0, 0); });
   CHECK(within.least_error < 1e-12);
 }
 
@@ -78,8 +80,8 @@ TEST_CASE("speeds and accelerations are those of the curve", "[mpc]") {
   const ReachLimits<double> limits = flat_reach();
   SECTION("constant acceleration across the sheet") {
     // The hands lead, but are accelerated as the features are.
-    const auto report =
-        judged(limits, [](Index, double t) { return V(0.3 * t, 0.5 * 1.7 * t * t, 0); }, 2.0);
+    const auto report = judged(
+        limits, [](Index, double t) { return V(0.3 * t, 0.5 * 1.7 * t * t, 0); }, 2.0);
     CHECK(report.acceleration.value == Approx(1.7).epsilon(1e-6));
     CHECK(report.hand_acceleration.value == Approx(1.7).epsilon(1e-6));
     CHECK(report.speed.value == Approx(std::hypot(0.3, 3.4)));
@@ -89,7 +91,8 @@ TEST_CASE("speeds and accelerations are those of the curve", "[mpc]") {
     CHECK(report.fall_excess.value == 0);
   }
   SECTION("a fall that is faster than free") {
-    const auto report = judged(limits, [](Index, double t) { return V(0, 0, -7.5 * t * t); }, 1.0);
+    const auto report = judged(
+        limits, [](Index, double t) { return V(0, 0, -7.5 * t * t); }, 1.0);
     CHECK(report.fall_excess.value == Approx(15 - 9.81).epsilon(1e-6));
     CHECK(report.hand_acceleration.value < 1e-9);
   }
@@ -166,10 +169,11 @@ TEST_CASE("bad limits, times and targets are named", "[mpc]") {
     return report.error();
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  CHECK(refused(good, moved_features(good,
-                                     [&](Index i, double t) {
-                                       return V(0, i == 1 && t > 0.39 && t < 0.41 ? nan : 0.0, 0);
-                                     }),
+  CHECK(refused(good,
+                moved_features(good,
+                               [&](Index i, double t) {
+                                 return V(0, i == 1 && t > 0.39 && t < 0.41 ? nan : 0.0, 0);
+                               }),
                 1.0)
             .find("target of feature 1 at 0.4") != std::string::npos);
   CHECK(refused(good, still, 0.0).find("from 0 s to 0 s") != std::string::npos);

@@ -98,9 +98,8 @@ TEST_CASE("speed, distance and floor are met together", "[mpc]") {
 TEST_CASE("evaluating nearest targets does not allocate", "[mpc]") {
   if (!clothctl_test::allocation_counting_works()) return;
   const ReachLimits<double> limits = flat_reach();
-  const auto moved = nearest(limits, moved_features(limits, [](Index i, double) {
-                               return V(i == 0 ? -0.1 : 0.0, 0, 0);
-                             }));
+  const auto moved = nearest(
+      limits, moved_features(limits, [](Index i, double) { return V(i == 0 ? -0.1 : 0.0, 0, 0); }));
   const long before = clothctl_test::allocations();
   double sum = 0;
   for (int k = -10; k < 200; ++k) sum += moved(k & 1, 0.011 * k)[0];

@@ -71,15 +71,6 @@ struct ReachLimits {
   Scalar size() const;
 };
 
-/// Returns the limits of a planner's sheet, which stands at `start` (3×n, m). Returns an error when
-/// they do not fit each other. Allocates. Complexity: a search of shortest ways (Dijkstra) for each
-/// vertex of a feature.
-template <RealScalar Scalar, ContactModel<Scalar> Contact, FeatureMap<Scalar> Features>
-Result<ReachLimits<Scalar>> make_reach_limits(const PlannerSetup<Scalar, Contact, Features>& setup,
-                                              const PlannerSettings<Scalar>& settings,
-                                              const SpringNetwork<Scalar>& network,
-                                              const PointsView<Scalar>& start);
-
 /// What counts as following a curve.
 template <RealScalar Scalar>
 struct ReachTolerance {
@@ -168,20 +159,6 @@ struct ReachabilityReport {
   std::string describe() const;
 };
 
-/// Judges whether features can follow `target(feature, time)` (m) from `start` to `end` (s) within
-/// `tolerance`. `target` must return positions half a second (2 √(L/g)) and a frame
-/// before `start` and after `end` too, as for a planner. Returns an error that names what is wrong:
-/// a bad limit, times, or a target that is not finite. Allocates a few vectors. Complexity: 35
-/// evaluations of a target for each feature, hand and frame.
-///
-/// The prediction is fitted to a rolled-out planner of poses with default settings on a plant that
-/// is like its model. A worse predictor has larger errors: lower the tolerance.
-template <RealScalar Scalar, class Target>
-Result<ReachabilityReport<Scalar>> assess_reachability(const ReachLimits<Scalar>& limits,
-                                                       const Target& target, Scalar start,
-                                                       Scalar end,
-                                                       ReachTolerance<Scalar> tolerance = {});
-
 template <RealScalar Scalar>
 std::string ReachLimits<Scalar>::validate() const {
   const Index n = count();
@@ -231,6 +208,9 @@ Scalar ReachLimits<Scalar>::size() const {
   return Scalar(0) < ways ? Scalar(held / ways) : Scalar(0);
 }
 
+/// Returns the limits of a planner's sheet, which stands at `start` (3×n, m). Returns an error when
+/// they do not fit each other. Allocates. Complexity: a search of shortest ways (Dijkstra) for each
+/// vertex of a feature.
 template <RealScalar Scalar, ContactModel<Scalar> Contact, FeatureMap<Scalar> Features>
 Result<ReachLimits<Scalar>> make_reach_limits(const PlannerSetup<Scalar, Contact, Features>& setup,
                                               const PlannerSettings<Scalar>& settings,
@@ -294,11 +274,19 @@ std::string ReachabilityReport<Scalar>::describe() const {
   return text + at(hand_acceleration, "hand", "needs to be accelerated by", "m/s²");
 }
 
+/// Judges whether features can follow `target(feature, time)` (m) from `start` to `end` (s) within
+/// `tolerance`. `target` must return positions half a second (2 √(L/g)) and a frame
+/// before `start` and after `end` too, as for a planner. Returns an error that names what is wrong:
+/// a bad limit, times, or a target that is not finite. Allocates a few vectors. Complexity: 35
+/// evaluations of a target for each feature, hand and frame.
+///
+/// The prediction is fitted to a rolled-out planner of poses with default settings on a plant that
+/// is like its model. A worse predictor has larger errors: lower the tolerance.
 template <RealScalar Scalar, class Target>
 Result<ReachabilityReport<Scalar>> assess_reachability(const ReachLimits<Scalar>& limits,
                                                        const Target& target, Scalar start,
                                                        Scalar end,
-                                                       ReachTolerance<Scalar> tolerance) {
+                                                       ReachTolerance<Scalar> tolerance = {}) {
   if (const std::string problem = limits.validate(); !problem.empty()) return Error{problem};
   Index frames = 0;
   std::string problem = detail::count_reach_frames(start, end, limits.dt, frames);

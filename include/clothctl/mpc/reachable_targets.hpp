@@ -77,8 +77,7 @@ class ReachableTargets {
     const Index last = values.size() - 1;
     for (Index k = 1; k <= last; ++k)
       values[k] = (std::max)(values[k], Scalar(values[k - 1] - step));
-    for (Index k = last; k-- > 0;)
-      values[k] = (std::max)(values[k], Scalar(values[k + 1] - step));
+    for (Index k = last; k-- > 0;) values[k] = (std::max)(values[k], Scalar(values[k + 1] - step));
   }
   /// Limits the steps of all coordinates over the frames. Returns the largest motion, m.
   static Scalar slow_down(const Scalar& step, MatrixX<Scalar>& y);

@@ -146,8 +146,7 @@ class ReachStatistics {
 
   /// Prepares for a curve within `limits`, which are good and stay alive. Allocates.
   explicit ReachStatistics(const Limits& limits)
-      : limits_(limits),
-        features_(static_cast<double>(limits.count())) {
+      : limits_(limits), features_(Scalar(static_cast<double>(limits.count()))) {
     targets_.reserve(limits.count());
     hands_.reserve(static_cast<Index>(limits.anchors.size()));
   }
@@ -187,8 +186,8 @@ class ReachStatistics {
   std::string sample(const Target& target, const Scalar& t) {
     for (Index i = 0; i < limits_.count(); ++i) targets_.after.col(i) = target(i, t);
     for (std::size_t g = 0; g < limits_.anchors.size(); ++g) {
-      const Vector3<Scalar> hand = anchor_position(limits_.anchors[g], limits_.heavy_chain_axes,
-                                                   limits_.gravity, target, t);
+      const Vector3<Scalar> hand =
+          anchor_position(limits_.anchors[g], limits_.heavy_chain_axes, limits_.gravity, target, t);
       hands_.after.col(static_cast<Index>(g)) = hand;
       if (!all_finite(hand))
         return "a target is not finite less than a swing of the sheet from " + number_text(t) +
@@ -228,9 +227,8 @@ class ReachStatistics {
         report_.hand_speed.raise(speed, t, static_cast<int>(g));
         report_.hand_speed_excess.raise(speed - limits_.max_hand_speed, t, static_cast<int>(g));
       }
-      const Scalar acceleration =
-          length(swing_part(limits_.anchors[g], limits_.heavy_chain_axes, across,
-                            hands_.acceleration(i, limits_.dt)));
+      const Scalar acceleration = length(swing_part(limits_.anchors[g], limits_.heavy_chain_axes,
+                                                    across, hands_.acceleration(i, limits_.dt)));
       hand_.add(acceleration);
       report_.hand_acceleration.raise(acceleration, t, static_cast<int>(g));
     }
