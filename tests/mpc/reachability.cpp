@@ -123,7 +123,7 @@ TEST_CASE("errors scale with the sheet, times with the root of its length", "[mp
 TEST_CASE("larger motions are less reachable", "[mpc]") {
   const ReachLimits<double> limits = flat_reach();
   double last = 2;
-  for (const double size : {0.01, 0.05, 0.1, 0.3}) {
+  for (const double size : {0.01, 0.05, 0.1, 0.3, 1.0}) {
     const auto report = judged(limits, [&](Index, double t) {
       return V(0.3 * size * std::sin(3 * t), size * (1 - std::cos(3 * t)), 0);
     });
