@@ -8,5 +8,8 @@
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/mpc/reachability.hpp"
+#include "clothctl/mpc/reachable_targets.hpp"
 #include "clothctl/mpc/run_frame.hpp"
 #include "clothctl/mpc/stepped_plant.hpp"
+#include "clothctl/mpc/suggest_horizon.hpp"

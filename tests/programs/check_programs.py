@@ -298,6 +298,24 @@ def check_evaluate(programs, folder):
     check_evaluate_refusals(evaluate, folder, job, given)
 
 
+def check_reachability(programs, folder):
+    """Verdicts on one curve of each kind, and the runs that they are compared with."""
+    program, out = programs / "reachability", folder / "reach"
+    code, text, errors = run(program, "--cloth", 5, "--seconds", 3.5, "--seeds", 8, "--json",
+                             "--out", out)
+    check(code == 0 and not errors, f"reachability: exit {code}: {errors}")
+    if code == 0:
+        summary = json.loads(text.strip().split("\n")[-1])
+        called = [summary[f"called_{name}"] for name in ("reachable", "doubtful", "unreachable")]
+        check(summary["status"] == "finished" and sum(called) == summary["curves"] == 8
+              and 0 < summary["typical_error_m"] < 0.1, f"reachability: {summary}")
+        lines = (out / "curves.csv").read_text().strip().split("\n")
+        check(len(lines) == 9 and lines[0].startswith("seed,kind,verdict,success,score"),
+              f"reachability: curves.csv {lines[:2]}")
+    code, _, errors = run(program, "--tolerance", 0)
+    check(code == 2 and "--tolerance" in errors, f"reachability --tolerance 0: {code}: {errors!r}")
+
+
 def check_evaluate_refusals(evaluate, folder, job, given):
     def refused(name, arguments, *words):
         code, _, errors = run(evaluate, *arguments)
@@ -1098,6 +1116,7 @@ def main():
         check_bad_input(programs, pathlib.Path(folder))
         check_qp_runs(programs, pathlib.Path(folder))
         check_evaluate(programs, pathlib.Path(folder))
+        check_reachability(programs, pathlib.Path(folder))
         check_simulate_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
         check_sewing(programs, pathlib.Path(folder))
