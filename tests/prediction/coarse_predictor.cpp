@@ -166,7 +166,7 @@ TEST_CASE("a sheet of another size is refused", "[mpc]") {
 TEST_CASE("a coarse rollout tracks a finer sheet better than its linearised prediction", "[mpc]") {
   const HangingSheet fine = clothctl_test::hanging_sheet(25), coarse = sheet_of(13);
   const int frames = clothctl_test::trials(60, 200);
-  const AsyncTarget target(fine, 1.5);
+  const AsyncTarget target(fine, 0.75);
   const MassSpring<double> model = coarse.model(Integration::Newton);
   const auto run = [&](auto predictor, PlannerSettings<double> base, GripInput input) {
     using P = CoarsePredictor<decltype(predictor)>;
