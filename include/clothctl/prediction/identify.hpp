@@ -371,4 +371,65 @@ Result<PredictorFit<Scalar>> fit_predictor(const Make& make,
   return fit.fit();
 }
 
+/// What `identify_response` found: settings of a LinearisedPredictor and of its MassSpringResponse.
+template <RealScalar Scalar>
+struct IdentifiedResponse {
+  /// For the MassSpringResponse: factors on axial stiffness and on the effective tension.
+  ResponseSettings<float> response = {};
+  /// For the LinearisedPredictor: how much of the force is measured.
+  LinearisedPredictorSettings<Scalar> predictor = {};
+  /// Relative error E of the windows with the nominal settings and with these.
+  Scalar nominal_error = Scalar(0), error = Scalar(0);
+  /// How often the whole record was predicted.
+  int evaluations = 0;
+};
+
+/// Identifies what a plant's cloth adds to the springs of `model`: the effective axial stiffness
+/// (0.05 to 2 times that of the model), the effective tension (0.01 to 2 times what elongations
+/// say) and how much of the net force must be measured. On plants that carry their weight by
+/// unfinished sweeps this finds what WeightBearing::Elongation sets by hand. `nominal` is the
+/// start, with factors within these bounds. Allocates. Complexity: 40 to 60 predictions of every
+/// frame.
+///
+/// Fails when: as `fit_predictor`, or the record is of another mesh.
+template <RealScalar Scalar>
+Result<IdentifiedResponse<Scalar>> identify_response(
+    const MassSpring<Scalar>& model, const MotionRecord<Scalar>& record,
+    const PointFeatures<Scalar>& features, const FitSettings<Scalar>& settings = {},
+    const ResponseSettings<float>& nominal = {}) {
+  using std::exp;
+  using std::log;
+  if (!record.positions.empty() && record.positions.front().cols() != model.vertex_count()) {
+    return Error{"the record has " + std::to_string(record.positions.front().cols()) +
+                 " vertices, the model " + std::to_string(model.vertex_count())};
+  }
+  IdentifiedResponse<Scalar> found;
+  const auto apply = [&](const VectorX<Scalar>& theta) {
+    found.response = nominal;
+    found.response.scale.axial = static_cast<float>(exp(theta[0]));
+    found.response.scale.geometric = static_cast<float>(exp(theta[1]));
+    found.predictor.measured_force = theta[2];
+  };
+  const auto make = [&](const VectorX<Scalar>& theta) {
+    apply(theta);
+    return LinearisedPredictor<MassSpringResponse<float>, Scalar>(
+        MassSpringResponse<float>(model, found.response), found.predictor);
+  };
+  const auto factor = [](float start, double least) {
+    return FitParameter<Scalar>{Scalar(log(Scalar(static_cast<double>(start)))),
+                                Scalar(log(Scalar(least))), Scalar(log(Scalar(2.0)))};
+  };
+  const std::vector<FitParameter<Scalar>> parameters{factor(nominal.scale.axial, 0.05),
+                                                     factor(nominal.scale.geometric, 0.01),
+                                                     {Scalar(0), Scalar(0), Scalar(1)}};
+  const Result<PredictorFit<Scalar>> fit =
+      fit_predictor<Scalar>(make, parameters, record, features, settings);
+  if (!fit) return Error{fit.error()};
+  apply(fit->parameters);
+  found.nominal_error = fit->first_error;
+  found.error = fit->error;
+  found.evaluations = fit->evaluations;
+  return found;
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI
