@@ -29,8 +29,7 @@ TEST_CASE("a record holds every frame of a motion within its amplitude", "[predi
   Plant plant = plant_of(sheet);
   ExcitationSettings<double> settings;
   settings.frames = 30;
-  const MotionRecord<double> record =
-      record_motion<Plant, double>(plant, grips, settings).value();
+  const MotionRecord<double> record = record_motion<Plant, double>(plant, grips, settings).value();
   REQUIRE(record.positions.size() == 31);
   REQUIRE(record.held.size() == 8);
   CHECK(record.positions.front() == sheet.state.positions);

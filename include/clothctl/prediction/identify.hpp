@@ -132,8 +132,8 @@ class RecordedWindows {
         return false;
       if (frame < settings_.skipped) continue;
       for (Index k = 0; k < settings_.horizon; ++k) {
-        evaluate_features<Scalar>(features_, record_.positions[at + static_cast<std::size_t>(k + 1)],
-                                  measured_);
+        evaluate_features<Scalar>(
+            features_, record_.positions[at + static_cast<std::size_t>(k + 1)], measured_);
         for (Index i = 0; i < features_.count(); ++i) {
           out.template segment<3>(row) =
               (response.free_response.template block<3, 1>(3 * i, k) - measured_.col(i)) * scale_;
@@ -155,8 +155,8 @@ class RecordedWindows {
       evaluate_features<Scalar>(features_, record_.positions[static_cast<std::size_t>(frame)],
                                 start_);
       for (Index k = 1; k <= settings_.horizon; ++k) {
-        evaluate_features<Scalar>(
-            features_, record_.positions[static_cast<std::size_t>(frame + k)], measured_);
+        evaluate_features<Scalar>(features_, record_.positions[static_cast<std::size_t>(frame + k)],
+                                  measured_);
         motion_ += (measured_ - start_).squaredNorm();
       }
     }
@@ -264,8 +264,8 @@ class BoundedFit {
       const Scalar own = slope_.col(p).squaredNorm() + settings_.prior;
       for (Index q = p; q < count(); ++q) normal_(q, p) = slope_.col(p).dot(slope_.col(q));
       normal_(p, p) = own + damping_ * own + Scalar(1e-12);
-      change[p] = -slope_.col(p).dot(value_) -
-                  settings_.prior * (fit_.parameters[p] - parameter(p).start);
+      change[p] =
+          -slope_.col(p).dot(value_) - settings_.prior * (fit_.parameters[p] - parameter(p).start);
     }
     if (normal_.solve(change) != -1) return false;
     theta = fit_.parameters + change;
@@ -313,8 +313,7 @@ std::string validate_fit(const MotionRecord<Scalar>& record, const PointFeatures
   if (problem.empty()) problem = record.validate();
   if (problem.empty())
     problem = validate_features<Scalar>(features, record.positions.front().cols());
-  if (problem.empty())
-    problem = RecordedWindows<Scalar>(record, features, settings).validate();
+  if (problem.empty()) problem = RecordedWindows<Scalar>(record, features, settings).validate();
   return problem;
 }
 
@@ -372,10 +371,10 @@ Result<PredictorFit<Scalar>> fit_predictor(const Make& make,
 }
 
 /// What `identify_response` found: settings of a LinearisedPredictor and of its MassSpringResponse.
-template <RealScalar Scalar>
+template <RealScalar Scalar, RealScalar Inner = float>
 struct IdentifiedResponse {
   /// For the MassSpringResponse: factors on axial stiffness and on the effective tension.
-  ResponseSettings<float> response = {};
+  ResponseSettings<Inner> response = {};
   /// For the LinearisedPredictor: how much of the force is measured.
   LinearisedPredictorSettings<Scalar> predictor = {};
   /// Relative error E of the windows with the nominal settings and with these.
@@ -392,32 +391,32 @@ struct IdentifiedResponse {
 /// frame.
 ///
 /// Fails when: as `fit_predictor`, or the record is of another mesh.
-template <RealScalar Scalar>
-Result<IdentifiedResponse<Scalar>> identify_response(
+template <RealScalar Scalar, RealScalar Inner = float>
+Result<IdentifiedResponse<Scalar, Inner>> identify_response(
     const MassSpring<Scalar>& model, const MotionRecord<Scalar>& record,
     const PointFeatures<Scalar>& features, const FitSettings<Scalar>& settings = {},
-    const ResponseSettings<float>& nominal = {}) {
+    const ResponseSettings<Inner>& nominal = {}) {
   using std::exp;
   using std::log;
   if (!record.positions.empty() && record.positions.front().cols() != model.vertex_count()) {
     return Error{"the record has " + std::to_string(record.positions.front().cols()) +
                  " vertices, the model " + std::to_string(model.vertex_count())};
   }
-  IdentifiedResponse<Scalar> found;
+  IdentifiedResponse<Scalar, Inner> found;
   const auto apply = [&](const VectorX<Scalar>& theta) {
     found.response = nominal;
-    found.response.scale.axial = static_cast<float>(exp(theta[0]));
-    found.response.scale.geometric = static_cast<float>(exp(theta[1]));
+    found.response.scale.axial = static_cast<Inner>(exp(theta[0]));
+    found.response.scale.geometric = static_cast<Inner>(exp(theta[1]));
     found.predictor.measured_force = theta[2];
   };
   const auto make = [&](const VectorX<Scalar>& theta) {
     apply(theta);
-    return LinearisedPredictor<MassSpringResponse<float>, Scalar>(
-        MassSpringResponse<float>(model, found.response), found.predictor);
+    return LinearisedPredictor<MassSpringResponse<Inner>, Scalar>(
+        MassSpringResponse<Inner>(model, found.response), found.predictor);
   };
-  const auto factor = [](float start, double least) {
-    return FitParameter<Scalar>{Scalar(log(Scalar(static_cast<double>(start)))),
-                                Scalar(log(Scalar(least))), Scalar(log(Scalar(2.0)))};
+  const auto factor = [](const Inner& start, double least) {
+    return FitParameter<Scalar>{Scalar(log(static_cast<Scalar>(start))), Scalar(log(Scalar(least))),
+                                Scalar(log(Scalar(2.0)))};
   };
   const std::vector<FitParameter<Scalar>> parameters{factor(nominal.scale.axial, 0.05),
                                                      factor(nominal.scale.geometric, 0.01),

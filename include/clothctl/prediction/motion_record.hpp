@@ -88,8 +88,7 @@ Vector3<Scalar> excitation(std::size_t grip, const Scalar& t, const Scalar& ampl
   Vector3<Scalar> sway;
   for (Index c = 0; c < 3; ++c) {
     const double axis = static_cast<double>(c);
-    sway[c] = sin(Scalar(1.7 + 0.7 * axis) * t) +
-              Scalar(0.5) * sin(Scalar(4.1 + 0.9 * axis) * t) +
+    sway[c] = sin(Scalar(1.7 + 0.7 * axis) * t) + Scalar(0.5) * sin(Scalar(4.1 + 0.9 * axis) * t) +
               Scalar(0.25) * sin(Scalar(1.3 + 0.37 * (axis + 3 * own)) * t);
   }
   return amplitude * (Scalar(1) - Scalar(exp(-t * t))) * sway;
@@ -103,10 +102,9 @@ Vector3<Scalar> excitation(std::size_t grip, const Scalar& t, const Scalar& ampl
 /// Fails when: a setting is bad, there is no grip, a vertex is off the mesh, or a step of the plant
 /// fails.
 template <class Plant, RealScalar Scalar>
-requires ClothPlant<Plant, Scalar>
-Result<MotionRecord<Scalar>> record_motion(Plant& plant,
-                                           const std::vector<std::vector<int>>& grips,
-                                           const ExcitationSettings<Scalar>& settings = {}) {
+requires ClothPlant<Plant, Scalar> Result<MotionRecord<Scalar>> record_motion(
+    Plant& plant, const std::vector<std::vector<int>>& grips,
+    const ExcitationSettings<Scalar>& settings = {}) {
   using Traits = plant_traits<Plant>;
   const std::string bad = settings.validate();
   if (!bad.empty()) return Error{bad};
