@@ -2,12 +2,14 @@
 
 // Identifies a predictor from recorded motion of the plant, by least squares over whole windows:
 //
-//   E(θ)² = Σ |ŷ(θ) - y|² / Σ |y - y_0|²,   minimise E(θ)² + w |θ - θ_0|²,   least ≤ θ ≤ most
+//   E(θ)² = 1/K Σ_k ( Σ |ŷ_k(θ) - y_k|² / Σ |y_k - y_0|² ),   least ≤ θ ≤ most,
+//   minimise E(θ)² + w |θ - θ_0|²
 //
-// y are the features that were recorded in the frames of a window, ŷ those that a predictor with
-// the parameters θ predicts for the recorded motion of the hands, y_0 the features at the start of
-// the window. E is the relative error of the window: 0 for a perfect predictor, 1 for one that says
-// that nothing moves. The sums are over all windows of the record. The minimum is found by
+// y_k are the features that were recorded in frame k = 1..K of a window, ŷ_k those that a predictor
+// with the parameters θ predicts for the recorded motion of the hands, y_0 the features at the
+// start of the window. The inner sums are over all windows of the record, so that each frame counts
+// by its relative error; otherwise the last frames, where most is wrong, would decide alone. E is 0
+// for a perfect predictor, 1 for one that says that nothing moves. The minimum is found by
 // Levenberg and Marquardt's method with differences for derivatives, so any predictor will do. The
 // weak pull w towards the start θ_0 keeps parameters where the record does not tell them.
 
@@ -107,7 +109,7 @@ class RecordedWindows {
       return "the record has " + std::to_string(frames()) + " frames, must have more than " +
              std::to_string(settings_.skipped + settings_.horizon);
     }
-    if (!(Scalar(0) < motion_)) return "the features do not move in the record";
+    if (!(Scalar(0) < scale_.minCoeff())) return "the features do not move in the record";
     return {};
   }
 
@@ -136,7 +138,8 @@ class RecordedWindows {
             features_, record_.positions[at + static_cast<std::size_t>(k + 1)], measured_);
         for (Index i = 0; i < features_.count(); ++i) {
           out.template segment<3>(row) =
-              (response.free_response.template block<3, 1>(3 * i, k) - measured_.col(i)) * scale_;
+              (response.free_response.template block<3, 1>(3 * i, k) - measured_.col(i)) *
+              scale_[k];
           row += 3;
         }
       }
@@ -148,19 +151,23 @@ class RecordedWindows {
   Index frames() const { return static_cast<Index>(record_.positions.size()) - 1; }
   Index windows() const { return frames() - settings_.horizon + 1 - settings_.skipped; }
 
-  /// Sums the squares of the features' motion over the windows.
+  /// Scales frame k by the size of the features' motion up to it, or by 0 where there is none.
   void measure_motion() {
     using std::sqrt;
+    scale_.setZero(settings_.horizon);
     for (Index frame = settings_.skipped; frame + settings_.horizon <= frames(); ++frame) {
       evaluate_features<Scalar>(features_, record_.positions[static_cast<std::size_t>(frame)],
                                 start_);
-      for (Index k = 1; k <= settings_.horizon; ++k) {
-        evaluate_features<Scalar>(features_, record_.positions[static_cast<std::size_t>(frame + k)],
-                                  measured_);
-        motion_ += (measured_ - start_).squaredNorm();
+      for (Index k = 0; k < settings_.horizon; ++k) {
+        evaluate_features<Scalar>(
+            features_, record_.positions[static_cast<std::size_t>(frame + k + 1)], measured_);
+        scale_[k] += (measured_ - start_).squaredNorm();
       }
     }
-    if (Scalar(0) < motion_) scale_ = Scalar(1) / Scalar(sqrt(motion_));
+    const Scalar number = Scalar(static_cast<double>(settings_.horizon));
+    for (Index k = 0; k < settings_.horizon; ++k) {
+      if (Scalar(0) < scale_[k]) scale_[k] = Scalar(1) / Scalar(sqrt(number * scale_[k]));
+    }
   }
 
   /// Returns the velocity of the j-th held vertex in the frame after `frame`.
@@ -188,7 +195,7 @@ class RecordedWindows {
   FitSettings<Scalar> settings_;
   WindowRequest<Scalar> request_;
   Points<Scalar> measured_, start_;
-  Scalar motion_ = Scalar(0), scale_ = Scalar(0);
+  VectorX<Scalar> scale_;
 };
 
 /// Levenberg and Marquardt's method within bounds. `residuals(θ, out)` returns false where it has
