@@ -4,11 +4,14 @@
 //
 //   foreign_plant              9 vertices a side, 12 s
 //   foreign_plant 17 600       17 vertices a side, ten minutes
+//   foreign_plant 17 600 identified   the model's tension identified from four seconds of motion
 
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <string_view>
+#include <vector>
 
 #include "bring_your_own/cloth_plant.hpp"
 #include "clothctl/clothctl.hpp"
@@ -33,11 +36,29 @@ game::Cloth hanging_cloth(const GridMesh<double>& grid, const SpringNetwork<doub
   return cloth;
 }
 
+// What a copy of the cloth tells about its effective tension, while its corners sway.
+LoosePlantProfile<double> identified(game::Cloth cloth, const MassSpring<double>& model,
+                                     const PlannerSetup<double>& setup) {
+  const std::vector<std::vector<int>> hands{setup.grips[0].vertices(), setup.grips[1].vertices()};
+  const auto record = record_motion<game::Cloth, double>(cloth, hands).value();
+  const auto found = identify_response<double>(model, record, setup.features).value();
+  std::printf(
+      "identified tension %.2f, axial stiffness %.2f, measured force %.2f of nominal; "
+      "windows wrong by %.0f %%, before %.0f %%\n",
+      static_cast<double>(found.response.scale.geometric),
+      static_cast<double>(found.response.scale.axial), found.predictor.measured_force,
+      100 * found.error, 100 * found.nominal_error);
+  return loose_plant(found);
+}
+
 int main(int argc, char** argv) {
   const int side = argc > 1 ? std::atoi(argv[1]) : 9;
   const int frames = 50 * (argc > 2 ? std::atoi(argv[2]) : 12);
-  if (argc > 3 || side < 5 || side > 17 || frames < 250 || frames > 180000) {
-    std::fprintf(stderr, "usage: foreign_plant [vertices a side, 5 to 17 [seconds, 5 to 3600]]\n");
+  const bool identify = argc == 4 && std::string_view(argv[3]) == "identified";
+  if (argc > (identify ? 4 : 3) || side < 5 || side > 17 || frames < 250 || frames > 180000) {
+    std::fprintf(stderr,
+                 "usage: foreign_plant [vertices a side, 5 to 17 [seconds, 5 to 3600 "
+                 "[identified]]]\n");
     return 2;
   }
   const int last = side - 1;
@@ -54,14 +75,16 @@ int main(int argc, char** argv) {
   }
   // The plant differs from the predictor and is hardly damped, so the hands must move calmly and
   // stay near their anchors.
-  PlannerSettings<double> settings = loose_plant<double>().planner;
-  settings.input = GripInput::Pose;
   MassSpringSettings<double> same;
   same.drag = 0.2;
   const auto model = MassSpring<double>::create(network, same).value();
-  auto planner = Planner<Predicting>::create(setup, settings,
-                                             Predicting(MassSpringResponse<float>(model)), start)
-                     .value();
+  const LoosePlantProfile<double> profile =
+      identify ? identified(cloth, model, setup) : loose_plant<double>();
+  auto planner =
+      Planner<Predicting>::create(
+          setup, profile.planner,
+          Predicting(MassSpringResponse<float>(model, profile.response), profile.predictor), start)
+          .value();
   PlanResult<double> plan = planner.make_result();
 
   // The lower corners swing and rise. The planner reaches the engine's cloth through the trait

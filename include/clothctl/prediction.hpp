@@ -4,7 +4,9 @@
 
 #include "clothctl/prediction/coarse_predictor.hpp"
 #include "clothctl/prediction/features.hpp"
+#include "clothctl/prediction/identify.hpp"
 #include "clothctl/prediction/linearised_predictor.hpp"
+#include "clothctl/prediction/motion_record.hpp"
 #include "clothctl/prediction/rollout_predictor.hpp"
 #include "clothctl/prediction/sheet_sampling.hpp"
 #include "clothctl/prediction/window.hpp"

@@ -33,3 +33,15 @@ TEST_CASE("a sheet stretched by its own weight is predicted with less tension", 
   CHECK(elongation.response.scale.axial < 1.0f);
   CHECK(elongation.predictor.measured_force == 1.0);
 }
+
+TEST_CASE("an identified response replaces what is set by hand", "[mpc]") {
+  IdentifiedResponse<double> found;
+  found.response.scale.axial = 0.3f;
+  found.response.scale.geometric = 0.1f;
+  found.predictor.measured_force = 0.9;
+  const LoosePlantProfile<double> profile = loose_plant(found);
+  CHECK(profile.response.scale.axial == 0.3f);
+  CHECK(profile.response.scale.geometric == 0.1f);
+  CHECK(profile.predictor.measured_force == 0.9);
+  CHECK(profile.planner.weights.anchor == loose_plant<double>().planner.weights.anchor);
+}

@@ -9,6 +9,7 @@
 
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/prediction/identify.hpp"
 #include "clothctl/prediction/linearised_predictor.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
@@ -47,6 +48,15 @@ LoosePlantProfile<Scalar> loose_plant(WeightBearing weight = WeightBearing::Tens
     profile.response.scale.axial = 0.2f;
     profile.response.scale.geometric = 0.04f;
   }
+  return profile;
+}
+
+/// Returns the profile for a plant whose response was identified (prediction/identify.hpp).
+template <RealScalar Scalar>
+LoosePlantProfile<Scalar> loose_plant(const IdentifiedResponse<Scalar>& identified) {
+  LoosePlantProfile<Scalar> profile = loose_plant<Scalar>();
+  profile.predictor = identified.predictor;
+  profile.response = identified.response;
   return profile;
 }
 
