@@ -125,9 +125,8 @@ void print_tally(const Request& r, const Tally& t) {
 int main(int argc, char** argv) {
   const Request r = read_request(argc, argv);
   const ReachBench bench(r.run);
-  const auto limits =
-      must(clothctl::make_reach_limits(bench.scene().setup, bench.scene().settings,
-                                       bench.scene().body.network, View(bench.positions())));
+  const auto limits = must(clothctl::make_reach_limits(
+      bench.scene().setup, bench.scene().settings, bench.scene().body.network, bench.positions()));
   clothctl::CsvWriter table({"seed", "kind", "verdict", "success", "score", "predicted_error_m",
                              "predicted_largest_error_m", "least_error_m", "mean_error_m",
                              "max_error_m", "distance_excess_m", "hand_speed_m_s",

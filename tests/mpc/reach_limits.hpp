@@ -22,9 +22,7 @@ inline clothctl::ReachLimits<double> flat_reach(double size = 0.5, double dt = 0
   }
   clothctl::PlannerSettings<double> settings;
   settings.dt = dt;
-  return clothctl::make_reach_limits(setup, settings, network,
-                                     clothctl::PointsView<double>(grid.positions))
-      .value();
+  return clothctl::make_reach_limits(setup, settings, network, grid.positions).value();
 }
 
 /// The features of limits, moved by `motion(feature, t)`.

@@ -133,6 +133,34 @@ TEST_CASE("larger motions are less reachable", "[mpc]") {
   CHECK(last < 0.3);
 }
 
+TEST_CASE("hands that are too slow lag, and are found out", "[mpc]") {
+  ReachLimits<double> limits = flat_reach();
+  const auto line = [](Index, double t) { return V(0.05 * t, 0, 0); };
+  CHECK(judged(limits, line, 5.0).verdict == ReachVerdict::Reachable);
+  limits.max_hand_speed = 0.001;
+  const auto report = judged(limits, line, 5.0);
+  CHECK(report.verdict == ReachVerdict::Unreachable);
+  CHECK(report.hand_lag.value == Approx(5 * 0.049).epsilon(0.02));
+  CHECK(report.predicted_error > 0.1);
+  CHECK(report.predicted_largest_error >= report.hand_lag.value);
+  limits.max_hand_speed = 0.05;
+  CHECK(judged(limits, line, 5.0).hand_lag.value == Approx(0).margin(1e-9));
+}
+
+TEST_CASE("an error that cannot be avoided counts, however short it is", "[mpc]") {
+  ReachLimits<double> limits = flat_reach();
+  limits.floor = limits.features(2, 0) - 0.03;
+  const auto dip = [](Index, double t) {
+    const double s = std::abs(t - 2.0) < 0.1 ? 0.1 : 0.0;
+    return V(0, 0, -s);
+  };
+  const auto report = judged(limits, dip, 5.0);
+  CHECK(report.place_excess.value == Approx(0.07));
+  CHECK(report.predicted_largest_error >= 0.07);
+  CHECK(report.score == 0);
+  CHECK(report.verdict == ReachVerdict::Unreachable);
+}
+
 TEST_CASE("features stay above the floor and within reach of limited grips", "[mpc]") {
   ReachLimits<double> limits = flat_reach();
   const double bottom = limits.features(2, 0);

@@ -107,15 +107,15 @@ class Planner {
     return limits_.set(problem_, limits, of_features);
   }
 
-  /// Sets known constant forces on the vertices for the next windows (a table that supports the
-  /// sheet), 3×n, N; no columns: none. Returns false and changes nothing when the number of columns
-  /// is wrong or a force is not finite. Allocates when the size changes.
+  /// Sets known constant forces on the vertices for the next windows (a gust; what carries the
+  /// sheet goes to `set_supports`), 3×n, N; no columns: none. Returns false and changes nothing
+  /// when the number of columns is wrong or a force is not finite. Allocates when the size changes.
   [[nodiscard]] bool set_outer_force(const PointsView<Scalar>& force);
 
   /// Sets what carries vertices at the start of the next windows, such as a table, each vertex once
-  /// (`contact_supports` reads it from a World). Their forces are part of the prediction, fall
-  /// as the vertices move and end where they lift off. Returns an empty string, or what is wrong,
-  /// and then changes nothing. Allocates.
+  /// (`contact_supports` reads it from a World). Their forces are part of the prediction;
+  /// rollouts of models that have the hook end them where vertices lift off. Returns an empty
+  /// string, or what is wrong, and then changes nothing. Allocates.
   [[nodiscard]] std::string set_supports(std::span<const VertexSupport<Scalar>> supports) {
     return detail::take_supports(supports, vertex_count_, problem_.request);
   }

@@ -9,18 +9,20 @@
 // Other curves are too violent. The hands' path that belongs to a curve is the moving average of a
 // hanging chain (hand_anchor.hpp). Mean and largest error of a closed loop are predicted as
 //
-//   e = w_x x + √( (w_a a L/g)² + (w_b b L/g)² + (w_c c)² + (w_d d)² )
+//   e = w_x x/F + √( (w_a a L/g)² + (w_b b L/g)² + (w_c c)² + (w_d d)² )
 //
-// x: that least error at no stretch, mean over time or largest. Root mean squares over time are a,
-// the acceleration of the hands in the directions in which the sheet swings; b, the acceleration of
-// the features; c, by how much features are closer together than at the start; d,
-// by how much more they differ in height. L: hanging length. The two sets of weights are fitted to
+// x at no stretch, mean over time or largest; F: number of features. Root mean squares over time
+// are a, the acceleration of the hands in the directions in which the sheet swings; b, the
+// acceleration of the features; c, by how much features are closer together than at the start; d,
+// by how much their difference in height changes. L: hanging length. Where hands would be too fast,
+// the way by which they lag is added. The two sets of weights are fitted to
 // closed loops; `examples/reachability` tests them on curves that the fit has not seen. That errors
 // scale with L and L/g follows from the dimensions of an inextensible sheet.
 
 #include <cmath>
 #include <string>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -53,7 +55,8 @@ struct ReachLimits {
   Scalar dt = Scalar(0.02);
   /// Size of gravity, m/s².
   Scalar gravity = Scalar(9.81);
-  /// Highest speed of a hand along each axis, m/s.
+  /// Highest speed of a hand along each axis, m/s. Limits of acceleration are not judged: compare
+  /// `ReachabilityReport::hand_acceleration` with yours.
   Scalar max_hand_speed = Scalar(2.5);
   /// Stretch that is allowed: 0.01 means 1 %.
   Scalar stretch = Scalar(0.01);
@@ -85,7 +88,7 @@ struct ReachTolerance {
 enum class ReachVerdict {
   /// Nearly all such curves are followed within the tolerance.
   Reachable,
-  /// Neither is likely enough.
+  /// Success and failure are both likely.
   Doubtful,
   /// Most such curves are not followed within the tolerance.
   Unreachable
@@ -126,8 +129,8 @@ struct ReachabilityReport {
   /// The judgement.
   ReachVerdict verdict = ReachVerdict::Unreachable;
   /// Estimated probability that the curve is followed: 1/(1 + r⁴) with the ratio r of a predicted
-  /// error to its tolerance, the larger of the two; 0 where even the least error exceeds the
-  /// tolerance. Reachable from 0.85 on, unreachable below 0.3.
+  /// error to its tolerance, the larger of the two; 0 where even the least error exceeds its
+  /// tolerance, mean or largest. Reachable from 0.85 on, unreachable below 0.3.
   Scalar score = Scalar(0);
   /// Mean error over features and time that a closed loop is predicted to have, m.
   Scalar predicted_error = Scalar(0);
@@ -146,6 +149,8 @@ struct ReachabilityReport {
   ReachPeak<Scalar> hand_speed;
   /// By how much that exceeds the highest speed, m/s.
   ReachPeak<Scalar> hand_speed_excess;
+  /// Way by which a hand of the highest speed lags behind, m.
+  ReachPeak<Scalar> hand_lag;
   /// Acceleration that a hand needs in the directions in which the sheet swings, m/s².
   ReachPeak<Scalar> hand_acceleration;
   /// Downward acceleration of a feature beyond that of free fall, m/s².
@@ -212,10 +217,9 @@ Scalar ReachLimits<Scalar>::size() const {
 /// they do not fit each other. Allocates. Complexity: a search of shortest ways (Dijkstra) for each
 /// vertex of a feature.
 template <RealScalar Scalar, ContactModel<Scalar> Contact, FeatureMap<Scalar> Features>
-Result<ReachLimits<Scalar>> make_reach_limits(const PlannerSetup<Scalar, Contact, Features>& setup,
-                                              const PlannerSettings<Scalar>& settings,
-                                              const SpringNetwork<Scalar>& network,
-                                              const PointsView<Scalar>& start) {
+Result<ReachLimits<Scalar>> make_reach_limits(
+    const PlannerSetup<Scalar, Contact, Features>& setup, const PlannerSettings<Scalar>& settings,
+    const SpringNetwork<Scalar>& network, const std::type_identity_t<PointsView<Scalar>>& start) {
   std::string problem = settings.validate();
   if (problem.empty()) problem = network.validate();
   if (problem.empty() && network.vertex_count() != start.cols())
@@ -269,6 +273,7 @@ std::string ReachabilityReport<Scalar>::describe() const {
     text += at(place_excess, "feature", "is out of reach by", "m");
   if (Scalar(0) < hand_speed_excess.value)
     text += at(hand_speed_excess, "hand", "would be too fast by", "m/s");
+  if (Scalar(0) < hand_lag.value) text += at(hand_lag, "hand", "lags by", "m");
   if (Scalar(0) < fall_excess.value)
     text += at(fall_excess, "feature", "falls faster than freely by", "m/s²");
   return text + at(hand_acceleration, "hand", "needs to be accelerated by", "m/s²");

@@ -27,7 +27,7 @@ namespace clothctl::inline CLOTHCTL_ABI {
 ///
 ///   const auto nearest =
 ///       ReachableTargets<double, decltype(target)>::create(limits, target, 0.0, 5.0).value();
-///   run_frame(planner, plant, t, nearest, plan);
+///   if (!run_frame(planner, plant, t, nearest, plan).advanced()) return 1;
 ///
 /// Changes are found once, at all frames, and interpolated linearly between them: where nothing has
 /// to change, targets keep every bit.

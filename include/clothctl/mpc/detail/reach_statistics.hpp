@@ -149,6 +149,7 @@ class ReachStatistics {
       : limits_(limits), features_(Scalar(static_cast<double>(limits.count()))) {
     targets_.reserve(limits.count());
     hands_.reserve(static_cast<Index>(limits.anchors.size()));
+    lag_.setZero(3, static_cast<Index>(limits.anchors.size()));
   }
 
   /// Adds the frame at time `t` (s); frames come one after the other. Targets at frames are
@@ -222,11 +223,17 @@ class ReachStatistics {
     for (std::size_t g = 0; g < limits_.anchors.size(); ++g) {
       const Index i = static_cast<Index>(g);
       const Vector3<Scalar> velocity = hands_.velocity(i, limits_.dt);
+      Scalar lag = Scalar(0);
       for (int axis = 0; axis < 3; ++axis) {
         const Scalar speed = velocity[axis] < Scalar(0) ? Scalar(-velocity[axis]) : velocity[axis];
         report_.hand_speed.raise(speed, t, static_cast<int>(g));
-        report_.hand_speed_excess.raise(speed - limits_.max_hand_speed, t, static_cast<int>(g));
+        const Scalar excess = speed - limits_.max_hand_speed;
+        report_.hand_speed_excess.raise(excess, t, static_cast<int>(g));
+        lag_(axis, i) = positive(lag_(axis, i) + limits_.dt * excess);
+        lag = (std::max)(lag, lag_(axis, i));
       }
+      report_.hand_lag.raise(lag, t, static_cast<int>(g));
+      total_lag_ += lag / Scalar(static_cast<double>(limits_.anchors.size()));
       const Scalar acceleration = length(swing_part(limits_.anchors[g], limits_.heavy_chain_axes,
                                                     across, hands_.acceleration(i, limits_.dt)));
       hand_.add(acceleration);
@@ -238,7 +245,9 @@ class ReachStatistics {
   const Scalar features_;  // their number
   ThreeFrames<Scalar> targets_, hands_;
   MeanSquare<Scalar> hand_, feature_, close_, tilt_;
-  Scalar total_excess_ = Scalar(0), most_excess_ = Scalar(0), total_least_ = Scalar(0);
+  Points<Scalar> lag_;  // of the hands along each axis, 3×grips, m
+  Scalar total_excess_ = Scalar(0), most_excess_ = Scalar(0), total_least_ = Scalar(0),
+         total_lag_ = Scalar(0);
   Index frames_ = 0;
   Report report_;
 };
@@ -298,13 +307,17 @@ auto ReachStatistics<Limits, Report>::judge(const Tolerance& tolerance) const ->
   report.least_error = total_least_ / frames;
   report.predicted_error =
       (std::max)(report.least_error,
-                 Scalar(gap * (settles < Scalar(1) ? settles : Scalar(1)) +
+                 Scalar(total_lag_ / frames + gap * (settles < Scalar(1) ? settles : Scalar(1)) +
                         ReachWeights<Scalar>::mean().error(total_excess_ / frames, causes)));
-  report.predicted_largest_error =
-      (std::max)(gap, ReachWeights<Scalar>::largest().error(most_excess_, causes));
+  // Of two features that are too far apart, one errs by half of that at least.
+  const Scalar known =
+      (std::max)(report.place_excess.value, Scalar(report.distance_excess.value / Scalar(2)));
+  report.predicted_largest_error = (std::max)(
+      (std::max)(gap, known),
+      Scalar(report.hand_lag.value + ReachWeights<Scalar>::largest().error(most_excess_, causes)));
   const Scalar ratio = (std::max)(Scalar(report.predicted_error / tolerance.mean),
                                   Scalar(report.predicted_largest_error / tolerance.largest));
-  report.score = report.least_error > tolerance.mean
+  report.score = report.least_error > tolerance.mean || known > tolerance.largest
                      ? Scalar(0)
                      : Scalar(1) / (Scalar(1) + ratio * ratio * ratio * ratio);
   return report;
