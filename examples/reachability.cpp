@@ -58,7 +58,8 @@ Request read_request(int argc, char** argv) {
 /// How many curves got each verdict, and how many of them were followed.
 struct Tally {
   int called[3] = {0, 0, 0}, succeeded[3] = {0, 0, 0};
-  double log_error = 0;  // sum over curves
+  int unfinished = 0;
+  double log_error = 0;  // sum over curves; 1 m for those that do not finish
 };
 
 /// Judges and tries the curve of a seed, and adds it to table and tally.
@@ -79,6 +80,7 @@ void try_curve(const Request& r, const ReachBench& bench,
   const auto verdict = static_cast<std::size_t>(report.verdict);
   ++tally.called[verdict];
   tally.succeeded[verdict] += success ? 1 : 0;
+  tally.unfinished += run.finished ? 0 : 1;
   tally.log_error += std::log(run.finished ? std::max(run.mean_error_m, 1e-6) : 1.0);
   table.add_row({static_cast<double>(seed), static_cast<double>((seed - 1) % reach_kinds().size()),
                  static_cast<double>(report.verdict), success ? 1.0 : 0.0, report.score,
@@ -91,10 +93,10 @@ void try_curve(const Request& r, const ReachBench& bench,
 double share(int part, int all) { return all > 0 ? static_cast<double>(part) / all : 0.0; }
 
 void print_tally(const Request& r, const Tally& t) {
-  const int failed = t.called[2] - t.succeeded[2];
   nlohmann::ordered_json j;
   j["status"] = "finished";
   j["curves"] = r.seeds;
+  j["unfinished"] = t.unfinished;
   j["succeeded"] = t.succeeded[0] + t.succeeded[1] + t.succeeded[2];
   j["typical_error_m"] = std::exp(t.log_error / r.seeds);  // a geometric mean over curves
   j["called_reachable"] = t.called[0];
@@ -102,22 +104,20 @@ void print_tally(const Request& r, const Tally& t) {
   j["called_doubtful"] = t.called[1];
   j["doubtful_succeeded_share"] = share(t.succeeded[1], t.called[1]);
   j["called_unreachable"] = t.called[2];
-  j["unreachable_failed_share"] = share(failed, t.called[2]);
-  j["setup"] = {{"first", r.first},         {"seconds", r.seconds},
-                {"cloth", r.run.cloth},     {"size_m", r.run.size},
-                {"plant", r.run.plant},     {"grip", r.run.grip},
-                {"horizon", r.run.horizon}, {"tolerance_m", r.tolerance_mm / 1000}};
+  j["unreachable_failed_share"] = share(t.called[2] - t.succeeded[2], t.called[2]);
+  j["setup"] = setup_json(r.run);
+  j["setup"]["first"] = r.first;
+  j["setup"]["seconds"] = r.seconds;
+  j["setup"]["tolerance_m"] = r.tolerance_mm / 1000;
   if (r.run.json) {
     std::printf("%s\n", j.dump().c_str());
     return;
   }
+  const char* names[3] = {"reachable", "doubtful", "unreachable"};
   std::printf("%d of %d curves were followed\n", j["succeeded"].get<int>(), r.seeds);
-  std::printf("called reachable:   %3d, of which %5.1f %% succeeded\n", t.called[0],
-              100 * share(t.succeeded[0], t.called[0]));
-  std::printf("called doubtful:    %3d, of which %5.1f %% succeeded\n", t.called[1],
-              100 * share(t.succeeded[1], t.called[1]));
-  std::printf("called unreachable: %3d, of which %5.1f %% failed\n", t.called[2],
-              100 * share(failed, t.called[2]));
+  for (std::size_t v = 0; v < 3; ++v)
+    std::printf("called %-12s %3d, of which %5.1f %% succeeded\n", names[v], t.called[v],
+                100 * share(t.succeeded[v], t.called[v]));
 }
 
 }  // namespace

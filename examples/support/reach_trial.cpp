@@ -10,6 +10,18 @@
 
 namespace program {
 
+nlohmann::ordered_json setup_json(const Options& o) {
+  return {{"cloth", o.cloth},
+          {"size_m", o.size},
+          {"material", o.material},
+          {"plant", o.plant},
+          {"grip", o.grip},
+          {"predictor", chosen_predictor(o)},
+          {"horizon", o.horizon},
+          {"max_step_mm", o.max_step_mm},
+          {"max_acceleration", o.max_acceleration}};
+}
+
 namespace {
 
 Scene make_scene(const Options& o, const Grid& grid) {
@@ -71,7 +83,6 @@ TrialOutcome ReachBench::run(const Task& task) const {
   };
   const long frames = std::lround(task.duration / settings.dt) - settings.horizon;
   TrialOutcome out;
-  Points hands = result.input.driven_positions;
   for (long frame = 0; frame < frames; ++frame) {
     const double t = settings.dt * static_cast<double>(frame);
     const auto report = run_frame(planner, plant, t, target, task.wind, result);

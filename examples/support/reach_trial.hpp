@@ -2,6 +2,7 @@
 
 // Trials of the study of reachability: a sheet at rest, and closed loops on it.
 
+#include <nlohmann/json.hpp>
 #include <string>
 
 #include "support/handkerchief_scene.hpp"
@@ -9,10 +10,13 @@
 
 namespace program {
 
+/// What decides the outcome of a trial, for --json.
+nlohmann::ordered_json setup_json(const Options& o);
+
 /// How a closed loop ended. Errors in m: means and largest over corners and frames.
 struct TrialOutcome {
   bool finished = false;
-  double mean_error_m = 0, max_error_m = 0, hand_speed_max = 0;
+  double mean_error_m = 0, max_error_m = 0;
 };
 
 /// A handkerchief at rest between two hands, on which trials start.

@@ -6,6 +6,7 @@
 
 #include "laws/cloth_laws.hpp"
 #include "laws/cloth_rollout_laws.hpp"
+#include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/sheets.hpp"
 
@@ -90,6 +91,13 @@ TEST_CASE("a support is a spring along its normal until its vertex leaves", "[cl
     exact = state;
   }
   CHECK(highest > 1.5 * support.release);
+  // A copy has room for as many supports.
+  MassSpringRollout<double, double> copy(rollout);
+  const std::vector<VertexSupport<double>> many(81, support);
+  const long before = clothctl_test::allocations();
+  copy.set_supports(std::span(many), state.positions);
+  const long taken = clothctl_test::allocations() - before;
+  if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
   // Without supports, as if there had been none.
   MassSpringRollout<double, double> plain(model);
   auto plain_workspace = plain.make_workspace();

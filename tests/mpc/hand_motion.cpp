@@ -4,10 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "clothctl/mpc/run_frame.hpp"
 #include "mpc/planner_loops.hpp"
 #include "mpc/small_window.hpp"
+#include "support/allocations.hpp"
 #include "support/catch.hpp"
 #include "support/tier.hpp"
 
@@ -122,9 +124,11 @@ TEST_CASE("bounds of later frames are what can be reached", "[mpc]") {
   auto& problem = window.problem;
   for (Index j = 0; j < window.held_count(); ++j) problem.motion.velocity.col(j) << 0.3, 0, -0.01;
   const Index p = problem.basis.unknowns();
+  VectorX<double> all_lower = VectorX<double>::Constant(p * settings.horizon, -0.1),
+                  all_upper = -all_lower;
+  detail::narrow_pose_bounds(problem, all_lower, all_upper);
   for (Index k = 0; k < settings.horizon; ++k) {
-    VectorX<double> lower = VectorX<double>::Constant(p, -0.1), upper = -lower;
-    detail::narrow_pose_bounds<double>(problem, k, lower, upper);
+    const VectorX<double> lower = all_lower.segment(k * p, p), upper = all_upper.segment(k * p, p);
     const double reach = 0.04 * static_cast<double>(k + 1);
     // 0.3 m/s is beyond the bound: slow down as fast as can be.
     CHECK(lower[0] == Approx(std::max(-0.1, 0.3 - reach)));
@@ -133,8 +137,42 @@ TEST_CASE("bounds of later frames are what can be reached", "[mpc]") {
     CHECK(upper[2] == Approx(std::min(0.1, -0.01 + reach)));
     CHECK(lower[4] == -0.1);
   }
-  VectorX<double> lower = VectorX<double>::Constant(p, -1), upper = -lower;
-  detail::narrow_pose_bounds<double>(problem, 0, lower, upper);
+  VectorX<double> lower = VectorX<double>::Constant(p * settings.horizon, -1), upper = -lower;
+  detail::narrow_pose_bounds(problem, lower, upper);
   CHECK(lower[3] == -0.5);
-  CHECK(upper[5] == 0.5);
+  CHECK(upper[p + 5] == 0.5);
+}
+
+TEST_CASE("a hand that is too fast slows down, without allocation", "[mpc]") {
+  for (const auto& intervals : {std::vector<Index>{}, std::vector<Index>{1, 1, 2, 8}}) {
+    for (const int degree : {0, 3}) {
+      CAPTURE(intervals.size(), degree);
+      PlannerSettings<double> settings =
+          clothctl_test::corner_settings(sheet(), GripInput::Pose, 12);
+      settings.max_acceleration = 3;
+      settings.max_turn_rate = 1;
+      settings.max_turn_acceleration = 10;
+      settings.input_intervals = intervals;
+      settings.input_degree = degree;
+      FrozenPlanner planner =
+          clothctl_test::frozen_planner(sheet(), clothctl_test::corner_setup(sheet(), 2), settings);
+      auto result = planner.make_result();
+      Points<double> v = sheet().state.velocities;
+      v.row(0).setConstant(3);  // beyond max_step/dt
+      for (const int vertex : planner.held())
+        v(2, vertex) += 0.5 * sheet().state.positions(0, vertex);
+      const Points<double> x = sheet().state.positions;
+      const std::vector<int> corners = clothctl_test::corners(sheet());
+      const auto target = [&](Index i, double) -> Vec {
+        return x.col(corners[static_cast<std::size_t>(i)]);
+      };
+      const long before = clothctl_test::allocations();
+      const PlanStatus status = planner.plan(x, v, 0.0, target, result);
+      const long taken = clothctl_test::allocations() - before;
+      CHECK(status == PlanStatus::Planned);
+      if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+      const Vec step = result.input.driven_positions.col(0) - x.col(planner.held()[0]);
+      CHECK(step[0] / kFrame >= 3 - 3 * kFrame - 0.1);  // turning moves single vertices
+    }
+  }
 }

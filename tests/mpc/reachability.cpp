@@ -224,6 +224,10 @@ TEST_CASE("bad limits, times and targets are named", "[mpc]") {
   bad.floor = nan;
   CHECK(refused(bad, still, 1.0).find("floor is nan") != std::string::npos);
   bad = good;
+  bad.anchors.clear();
+  bad.grip_lengths.resize(2, 0);
+  CHECK(bad.validate() == "there are no anchors");
+  bad = good;
   bad.anchors[1].hanging_length = nan;
   CHECK(refused(bad, still, 1.0).find("anchor 1") != std::string::npos);
   bad = good;

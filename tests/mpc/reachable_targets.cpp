@@ -32,7 +32,7 @@ TEST_CASE("reachable targets keep their bits", "[mpc]") {
   const auto moved = nearest(limits, target);
   CHECK(!moved.moved());
   CHECK(moved.mean_change() == 0);
-  CHECK(moved.remaining_excess() == 0);
+  CHECK(moved.last_motion() == 0);
   for (const double t : {-1.0, 0.0, 0.313, 1.999, 5.0}) {
     for (Index i : {0, 1}) CHECK((moved(i, t) - target(i, t)).norm() == 0);
   }
@@ -52,7 +52,7 @@ TEST_CASE("features that are too far apart meet on their line", "[mpc]") {
   }
   CHECK(moved.largest_change().value == Approx(excess / 2));
   CHECK(moved.mean_change() == Approx(excess / 2));
-  CHECK(moved.remaining_excess() < 1e-6);
+  CHECK(moved.last_motion() < 1e-6);
 }
 
 TEST_CASE("a jump becomes a run of the hands' speed, half before it and half after", "[mpc]") {
@@ -82,7 +82,7 @@ TEST_CASE("speed, distance and floor are met together", "[mpc]") {
   });
   const auto moved = nearest(limits, target);
   CHECK(moved.moved());
-  CHECK(moved.remaining_excess() < 1e-5);
+  CHECK(moved.last_motion() < 1e-5);
   for (int k = 0; k < 100; ++k) {
     const double t = 0.02 * k;
     CHECK((moved(1, t) - moved(0, t)).norm() < 0.505 + 1e-5);

@@ -64,8 +64,5 @@ TEST_CASE("the suggested window is nearly as accurate as a much longer one", "[m
     CAPTURE(size, suggested, there, short_window, error(2 * suggested));
     CHECK(there < 1.3 * error(2 * suggested));
     CHECK(1.4 * there < short_window);
-    const auto found = search_horizon(suggested / 3, 2 * suggested, 1, 1.05 * there, error);
-    CHECK(found.accurate);
-    CHECK(found.horizon <= suggested);
   }
 }

@@ -82,6 +82,33 @@ TEST_CASE("on its own mesh, a coarse prediction is the inner one", "[mpc]") {
   }
 }
 
+TEST_CASE("a coarse sheet carries its share of every support", "[mpc]") {
+  const HangingSheet fine = sheet_of(9), coarse = sheet_of(4);
+  WindowRequest<double> carried = request_for(fine, GripInput::Pose, 1, 6), pushed = carried;
+  using V = Vector3<double>;
+  carried.supports = {{3, V(0, 0, 1), V(0.001, 0, 0.02), 1e-3},
+                      {12, V(0, 0.6, 0.8), V(0, 0, 0.03), 2e-3},
+                      {40, V(0, 0, 1), V(0.01, 0, -0.01), 1e-3},  // pulls
+                      {41, V(0, 0, 1), V(0.01, 0, 0), 1e-3}};     // friction alone
+  pushed.outer_force.setZero(3, 81);
+  for (const auto& support : carried.supports)
+    pushed.outer_force.col(support.vertex) = support.force;
+  CoarsePredictor<Exact> predictor = exact_coarse(fine, coarse);
+  WindowResponse<double> a, b;
+  predictor.reserve(carried, a);
+  predictor.reserve(pushed, b);
+  const ClothState<double>& state = fine.state;
+  const long before = clothctl_test::allocations();
+  const bool predicted = predictor.predict(state.positions, state.velocities, carried, a);
+  const long taken = clothctl_test::allocations() - before;
+  REQUIRE(predicted);
+  if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
+  REQUIRE(predictor.predict(state.positions, state.velocities, pushed, b));
+  CHECK(largest(a.free_response - b.free_response) < 1e-13);
+  carried.supports[0].vertex = 81;
+  CHECK_FALSE(predictor.predict(state.positions, state.velocities, carried, a));
+}
+
 TEST_CASE("a coarse prediction comes nearer to that of the fine sheet with its mesh", "[mpc]") {
   const HangingSheet fine = sheet_of(25);
   WindowRequest<double> request = request_for(fine, GripInput::Pose, 2, 6);

@@ -138,8 +138,8 @@ class MassSpringRollout {
 
   /// Takes what carries vertices of a sheet at `x` (3×n, m) in the steps to come, each vertex once.
   /// Their forces must come with the inputs; this makes them fall as the vertices lift, and end.
-  /// Does nothing when `x` has another size; supports of vertices off the mesh do nothing.
-  /// Allocates when there are more supports than vertices.
+  /// Supports of vertices off the mesh, or all of them when `x` has another size, do nothing. Never
+  /// allocates.
   void set_supports(std::span<const VertexSupport<Scalar>> supports, const PointsView<Scalar>& x);
 
   /// Makes the memory of a step of this model. Allocates.
@@ -197,11 +197,12 @@ class MassSpringRollout {
 
   /// What carries a vertex.
   struct Ground {
-    int vertex;
-    Vector3<Scalar> place;
-    Vector3<Inner> normal, force;
-    Inner release, stiffness;
+    int vertex = 0;
+    Vector3<Scalar> place = Vector3<Scalar>::Zero();
+    Vector3<Inner> normal = Vector3<Inner>::Zero(), force = Vector3<Inner>::Zero();
+    Inner release = Inner(0), stiffness = Inner(0);
   };
+  std::span<const Ground> grounds() const { return {grounds_.data(), ground_count_}; }
 
   /// How far the vertex of a ground lifts off at the velocities of the workspace, m.
   static Inner lift_of(const Ground& g, const Workspace& ws) {
@@ -215,7 +216,8 @@ class MassSpringRollout {
   Vector3<Inner> gravity_;
   Inner drag_, longest_move_;  // m
   std::vector<int> pinned_;
-  std::vector<Ground> grounds_;
+  std::vector<Ground> grounds_;  // the first ground_count_ are there; copies keep the room
+  std::size_t ground_count_ = 0;
   detail::SpringPattern<Inner> pattern_;
   EliminationTree tree_;
   detail::SpringBatches<Inner> springs_;
@@ -252,7 +254,7 @@ MassSpringRollout<S, Inner>::MassSpringRollout(const MassSpring<Other>& model,
                                              : factors.compressed_stretch);
   });
   structure_ = detail::hash_structure(pattern_.matrix(), tree_, network_);
-  grounds_.reserve(static_cast<std::size_t>(vertex_count()));
+  grounds_.resize(static_cast<std::size_t>(vertex_count()));
 }
 
 template <RealScalar S, RealScalar Inner>
@@ -263,14 +265,18 @@ auto MassSpringRollout<S, Inner>::rest_state() const -> ClothState<Scalar> {
 template <RealScalar S, RealScalar Inner>
 void MassSpringRollout<S, Inner>::set_supports(std::span<const VertexSupport<Scalar>> supports,
                                                const PointsView<Scalar>& x) {
-  grounds_.clear();
+  ground_count_ = 0;
   if (x.cols() != vertex_count()) return;
   for (const VertexSupport<Scalar>& support : supports) {
-    if (support.vertex < 0 || vertex_count() <= support.vertex) continue;
-    grounds_.push_back({support.vertex, x.col(support.vertex),
-                        support.normal.template cast<Inner>(), support.force.template cast<Inner>(),
-                        static_cast<Inner>(support.release),
-                        static_cast<Inner>(support.stiffness())});
+    if (support.vertex < 0 || vertex_count() <= support.vertex || ground_count_ == grounds_.size())
+      continue;
+    Ground& g = grounds_[ground_count_++];
+    g.vertex = support.vertex;
+    g.place = x.col(support.vertex);
+    g.normal = support.normal.template cast<Inner>();
+    g.force = support.force.template cast<Inner>();
+    g.release = static_cast<Inner>(support.release);
+    g.stiffness = static_cast<Inner>(support.stiffness());
   }
 }
 
@@ -327,7 +333,7 @@ StepStatus MassSpringRollout<S, Inner>::prepare(const ClothState<Scalar>& state,
   for (std::size_t i = 0; i < input.force_vertices.size(); ++i)
     ws.outer.col(input.force_vertices[i]) +=
         input.forces.col(static_cast<Index>(i)).template cast<Inner>();
-  for (const Ground& g : grounds_) {
+  for (const Ground& g : grounds()) {
     const Vector3<Scalar> lift = state.positions.col(g.vertex) - g.place;
     ws.lift.col(g.vertex) = lift.template cast<Inner>();
   }
@@ -354,7 +360,7 @@ void MassSpringRollout<S, Inner>::load_gradient(Workspace& ws) const {
   detail::move_along(ws.start, h, ws.velocity, ws.position);
   ws.gradient = ws.outer;
   (void)detail::add_bending_forces<Inner>(network_, ws.position, Inner(0), ws.gradient);
-  for (const Ground& g : grounds_) {
+  for (const Ground& g : grounds()) {
     const Inner lift = lift_of(g, ws);
     ws.gradient.col(g.vertex) -=
         lift < g.release ? Vector3<Inner>((g.stiffness * lift) * g.normal) : g.force;
@@ -375,7 +381,7 @@ Inner MassSpringRollout<S, Inner>::improve(Workspace& ws) const {
   for (Index i = 0; i < vertex_count(); ++i)
     detail::add_to_diagonal(ws.matrix.diagonal(i),
                             Inner((Inner(1) + h * drag_) * network_.mass[i]));
-  for (const Ground& g : grounds_) {
+  for (const Ground& g : grounds()) {
     if (lift_of(g, ws) < g.release)
       ws.matrix.diagonal(g.vertex) += (h * h * g.stiffness) * g.normal * g.normal.transpose();
   }

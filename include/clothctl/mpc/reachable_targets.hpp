@@ -1,7 +1,8 @@
 #pragma once
 
-// The nearest targets that a sheet can reach: as far apart as it is long, above the floor, where
-// limits of the grips let features be, and no faster than hands. Violence within these limits stays
+// Targets nearby that a sheet can reach: as far apart as it is long, above the floor, where limits
+// of the grips let features be, and no faster than hands. They are the nearest where one limit is
+// exceeded. Violence within these limits stays
 // (reachability.hpp judges it).
 //
 // Of two features that are too far apart, both move by half of what is too much, along the line
@@ -60,9 +61,9 @@ class ReachableTargets {
   const ReachPeak<Scalar>& largest_change() const { return largest_; }
   /// Returns the mean of that distance over features and frames, m.
   const Scalar& mean_change() const { return mean_; }
-  /// Returns by how much the nearest targets still miss a limit at most, m; 0 but where limits
-  /// contradict each other.
-  const Scalar& remaining_excess() const { return remaining_; }
+  /// Returns the largest motion of a target in the last round, m: below 1e-6 of the sheet's size
+  /// but where limits contradict each other.
+  const Scalar& last_motion() const { return remaining_; }
 
  private:
   static constexpr int kRounds = 100;

@@ -54,18 +54,19 @@ struct HorizonSearch {
 
 /// Runs `error(horizon)` (m) for horizons from `first` to `last` in steps of `step` until the error
 /// is at most `accuracy` (m): the procedure of [Bai 2016]. An error that is not finite counts as a
-/// failed run. Allocates what `error` does. Fails when: first or step is below 1 (nothing is run).
+/// failed run. Allocates what `error` does. Fails when: first or step is below 1, or
+/// the accuracy is not finite (nothing is run).
 template <RealScalar Scalar, class MeanError>
 HorizonSearch<Scalar> search_horizon(Index first, Index last, Index step, Scalar accuracy,
                                      MeanError&& error) {
   HorizonSearch<Scalar> found;
-  if (first < 1 || step < 1) return found;
+  if (first < 1 || step < 1 || !is_finite(accuracy)) return found;
   for (Index horizon = first; horizon <= last && !found.accurate; horizon += step) {
     const Scalar now = error(horizon);
     if (!is_finite(now) || (found.horizon != 0 && !(now < found.error))) continue;
     found.horizon = horizon;
     found.error = now;
-    found.accurate = !(accuracy < now);
+    found.accurate = now <= accuracy;
   }
   return found;
 }

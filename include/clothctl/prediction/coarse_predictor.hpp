@@ -164,6 +164,9 @@ bool CoarsePredictor<Inner>::predict(const PointsView<Scalar>& x, const PointsVi
                                      const WindowRequest<Scalar>& request,
                                      WindowResponse<Scalar>& response) {
   if (x.cols() != vertex_count() || v.cols() != vertex_count()) return false;
+  for (const VertexSupport<Scalar>& support : request.supports) {
+    if (support.vertex < 0 || vertex_count() <= support.vertex) return false;
+  }
   load_request(x, v, request);
   response_.plan = request_.plan;
   if (!predictor_traits<Inner>::predict(inner_, x_, v_, request_, response_)) return false;
@@ -218,7 +221,6 @@ void CoarsePredictor<Inner>::load_supports(const WindowRequest<Scalar>& request)
   stiffness_.setZero(x_.cols());
   for (VertexSupport<Scalar>& support : all_) support.normal.setZero();
   for (const VertexSupport<Scalar>& support : request.supports) {
-    if (support.vertex < 0 || vertex_count() <= support.vertex) continue;
     sampling_.fine_from_coarse.for_each_term(support.vertex, [&](int c, const Scalar& weight) {
       VertexSupport<Scalar>& sum = all_[static_cast<std::size_t>(c)];
       sum.force += weight * support.force;
@@ -229,11 +231,15 @@ void CoarsePredictor<Inner>::load_supports(const WindowRequest<Scalar>& request)
   for (Index c = 0; c < x_.cols(); ++c) {
     VertexSupport<Scalar>& sum = all_[static_cast<std::size_t>(c)];
     const Scalar size = sqrt(sum.normal.squaredNorm());
-    if (!(Scalar(0) < size) || !(Scalar(0) < stiffness_[c])) continue;
+    if (!(Scalar(0) < size) || !(Scalar(0) < stiffness_[c]) ||
+        !(Scalar(0) < sum.force.dot(sum.normal))) {
+      request_.outer_force.col(c) += sum.force;  // nothing pushes: a constant force
+      continue;
+    }
     sum.vertex = static_cast<int>(c);
     sum.normal /= size;
     sum.release = sum.force.dot(sum.normal) / stiffness_[c];
-    if (Scalar(0) < sum.release) request_.supports.push_back(sum);
+    request_.supports.push_back(sum);
   }
 }
 

@@ -89,7 +89,8 @@ void contact_supports(const World<Scalar>& world, int sheet, const Scalar& dt,
   for (std::size_t i = 0; i < count; ++i) {
     VertexSupport<Scalar> support = supports[i];
     const Scalar size = sqrt(support.normal.squaredNorm());
-    if (!(Scalar(0) < size)) continue;
+    // Where contacts cancel, no normal is left.
+    if (!(Scalar(1e-6) * sqrt(support.force.squaredNorm()) < size)) continue;
     support.vertex = static_cast<int>(i);
     support.normal /= size;
     support.release = release;

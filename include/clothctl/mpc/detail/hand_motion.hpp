@@ -53,20 +53,23 @@ void narrow(const Vector3<Scalar>& now, const Scalar& most, const Scalar& larges
   }
 }
 
-/// Narrows the bounds of the unknowns of planned poses in frame `k` of the window. Never allocates.
+/// Narrows the bounds of the unknowns of planned poses in all frames of the window. Never
+/// allocates.
 template <RealScalar Scalar, class Contact>
-void narrow_pose_bounds(const WindowProblem<Scalar, Contact>& problem, Index k,
-                        Eigen::Ref<VectorX<Scalar>> lower, Eigen::Ref<VectorX<Scalar>> upper) {
+void narrow_pose_bounds(const WindowProblem<Scalar, Contact>& problem, VectorX<Scalar>& lower,
+                        VectorX<Scalar>& upper) {
   const PlannerSettings<Scalar>& settings = problem.settings;
-  const Scalar time = Scalar(static_cast<double>(k + 1)) * settings.dt;
   for (std::size_t g = 0; g < problem.basis.grips().size(); ++g) {
     const auto [first, count] = PoseBasis<Scalar>::columns(problem.basis.held(), g);
     const RigidVelocity<Scalar> now = measured_motion(problem, g);
-    narrow(now.linear, settings.max_acceleration * time, Scalar(0),
-           lower.template segment<3>(first), upper.template segment<3>(first));
-    if (count > 3) {
+    for (Index k = 0; k < settings.horizon; ++k) {
+      const Scalar time = Scalar(static_cast<double>(k + 1)) * settings.dt;
+      const Index row = k * problem.basis.unknowns() + first;
+      narrow(now.linear, settings.max_acceleration * time, Scalar(0),
+             lower.template segment<3>(row), upper.template segment<3>(row));
+      if (count == 3) continue;
       narrow(now.angular, settings.max_turn_acceleration * time, settings.max_turn_rate,
-             lower.template segment<3>(first + 3), upper.template segment<3>(first + 3));
+             lower.template segment<3>(row + 3), upper.template segment<3>(row + 3));
     }
   }
 }

@@ -1,10 +1,10 @@
 #pragma once
 
 // Planned poses of a window as B-splines: u_k = Σ_n S_kn z_n with fewer control points z than
-// frames. The
-// knots divide the window into intervals of whole frames. Degree 0 is move blocking: the inputs of
-// an interval are equal. All S_kn >= 0 and Σ_n S_kn = 1, so convex limits that hold for the control
-// points hold for the inputs. The first input is the first control point.
+// frames. Degree 0 is move blocking: the inputs of an interval are equal. For higher degrees the
+// first frame is at the first knot, the last at the last one. All S_kn >= 0 and Σ_n S_kn = 1, so
+// bounds that hold for the control points hold for the inputs. The first input is the first control
+// point.
 
 #include <vector>
 
@@ -83,7 +83,7 @@ class InputSplines {
   VectorX<Scalar>& upper(VectorX<Scalar>& direct) { return used_ ? upper_ : direct; }
 
   /// Turns the QP that was built here into that of the control points: Sᵀ H S, Sᵀ g, and bounds
-  /// that keep those of each frame. Never allocates.
+  /// that keep those of each frame, if they do not exclude each other. Never allocates.
   void contract(MatrixX<Scalar>& hessian, VectorX<Scalar>& gradient, VectorX<Scalar>& lower,
                 VectorX<Scalar>& upper) {
     if (!used_) return;
@@ -96,9 +96,11 @@ class InputSplines {
       half_.middleCols(n * p_, p_) += weight * hessian_.middleCols(k * p_, p_);
       gradient.segment(n * p_, p_) += weight * gradient_.segment(k * p_, p_);
       for (Index i = 0; i < p_; ++i) {
+        // Where bounds of frames exclude each other, the earlier frame counts: it is sent first.
         Scalar &least = lower[n * p_ + i], &most = upper[n * p_ + i];
-        if (least < lower_[k * p_ + i]) least = lower_[k * p_ + i];
-        if (upper_[k * p_ + i] < most) most = upper_[k * p_ + i];
+        const Scalar &from = lower_[k * p_ + i], &to = upper_[k * p_ + i];
+        if (least < from) least = most < from ? most : from;
+        if (to < most) most = to < least ? least : to;
       }
     });
     for_each_weight([&](Index k, Index n, const Scalar& weight) {

@@ -104,8 +104,8 @@ void send_forces(const WindowProblem<Scalar, Contact>& problem,
 }
 
 /// Sends the positions of the held vertices after the first frame of the path, at most max_step
-/// from the measured ones along each axis, and with the centroids of the grips within
-/// max_acceleration. Never allocates.
+/// from the measured ones along each axis, then moved with their grip so that its centroid is
+/// within max_acceleration, which comes first. Never allocates.
 template <RealScalar Scalar, class Contact>
 void send_path(const WindowProblem<Scalar, Contact>& problem, PlanResult<Scalar>& result) {
   const PlannerSettings<Scalar>& settings = problem.settings;
@@ -147,6 +147,9 @@ void send_poses(const WindowProblem<Scalar, Contact>& problem, PlanResult<Scalar
     RigidVelocity<Scalar> motion =
         fit_rigid_velocity<Scalar>(points, velocity.middleCols(begin, count));
     if (limits_pose_changes(settings)) {
+      for (Index i = 0; i < 3 && Scalar(0) < settings.max_turn_rate; ++i)
+        motion.angular[i] =
+            clamped<Scalar>(motion.angular[i], -settings.max_turn_rate, settings.max_turn_rate);
       const RigidVelocity<Scalar> now = measured_motion(problem, g);
       limit_change<Scalar>(now.linear, settings.max_acceleration * settings.dt, motion.linear);
       limit_change<Scalar>(now.angular, settings.max_turn_acceleration * settings.dt,

@@ -30,7 +30,7 @@ std::string count_reach_frames(const Scalar& start, const Scalar& end, const Sca
   if (!is_finite(start) || !is_finite(end) || !(start < end))
     return "the curve goes from " + number_text(start) + " s to " + number_text(end) + " s";
   if (!(end - start < Scalar(1e6) * dt)) return "the curve has over a million frames";
-  const Scalar last = end + Scalar(1e-6) * dt;  // times are rounded
+  const Scalar last = end + Scalar(1e-3) * dt;  // times are rounded
   for (frames = 0; !(last < start + dt * Scalar(static_cast<double>(frames))); ++frames) {
   }
   return {};

@@ -200,9 +200,7 @@ class WindowQp {
       lower.segment(k * p, p) = lower.head(p);
       upper.segment(k * p, p) = upper.head(p);
     }
-    if (!limits_pose_changes(settings)) return;
-    for (Index k = 0; k < settings.horizon; ++k)
-      narrow_pose_bounds<Scalar>(problem, k, lower.segment(k * p, p), upper.segment(k * p, p));
+    if (limits_pose_changes(settings)) narrow_pose_bounds(problem, lower, upper);
   }
 
   /// Bᵀ (g - H (ū - r0)).
