@@ -109,7 +109,7 @@ TEST_CASE("the cost of a limit is the square of what is beyond it", "[mpc]") {
           sum += output(problem.feature_count + slot, k, moved);
         } else {
           sum += problem.motion.position.col(slot) +
-                 (k + 1.0) * settings.dt * problem.motion.velocity.col(slot);
+                 static_cast<double>(k + 1) * settings.dt * problem.motion.velocity.col(slot);
         }
       }
       return Vec(sum / static_cast<double>(end - first));
