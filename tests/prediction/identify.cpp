@@ -44,7 +44,7 @@ MotionRecord<double> recorded(Model model, const HangingSheet& sheet, Index fram
       .value();
 }
 
-PointFeatures<double> corners(const HangingSheet& sheet) {
+PointFeatures<double> lower_corners(const HangingSheet& sheet) {
   PointFeatures<double> features;
   features.add_point(sheet.lower_left());
   features.add_point(sheet.lower_right());
@@ -71,13 +71,13 @@ TEST_CASE("planted stiffness and drag come back from the motion of the corners",
   settings.difference = 1e-4;
   settings.rounds = 20;
   const PredictorFit<double> fit =
-      fit_predictor<double>(make, {{0, -2, 1}, {0.1, 0, 3}}, record, corners(sheet), settings)
+      fit_predictor<double>(make, {{0, -2, 1}, {0.1, 0, 3}}, record, lower_corners(sheet), settings)
           .value();
   CHECK(std::exp(fit.parameters[0]) == Approx(0.6).epsilon(1e-3));
   CHECK(fit.parameters[1] == Approx(0.8).epsilon(1e-2));
   CHECK(fit.error < 1e-3 * fit.first_error);
   Precise exact = make(VectorX<double>::Map(std::array{std::log(0.6), 0.8}.data(), 2));
-  CHECK(window_error(exact, record, corners(sheet), settings).value() < 1e-9);
+  CHECK(window_error(exact, record, lower_corners(sheet), settings).value() < 1e-9);
 }
 
 TEST_CASE("what the record does not tell stays at its start", "[prediction]") {
@@ -87,7 +87,8 @@ TEST_CASE("what the record does not tell stays at its start", "[prediction]") {
     return Precise(MassSpringResponse<double>(planted(sheet, 0.7, 0.2)));
   };
   const PredictorFit<double> fit =
-      fit_predictor<double>(make, {{0.3, -1, 1}}, record, corners(sheet), short_fit(3)).value();
+      fit_predictor<double>(make, {{0.3, -1, 1}}, record, lower_corners(sheet), short_fit(3))
+          .value();
   CHECK(fit.parameters[0] == 0.3);
   CHECK(fit.error == fit.first_error);
 }
@@ -106,7 +107,7 @@ TEST_CASE("position-based cloth has less tension than its elongation tells", "[p
   const MotionRecord<double> record = recorded(model(0.2), sheet, 60);
   const MassSpring<double> springs = planted(sheet, 1, 0.2);
   const auto find = [&] {
-    return identify_response<double>(springs, record, corners(sheet), short_fit(15)).value();
+    return identify_response<double>(springs, record, lower_corners(sheet), short_fit(15)).value();
   };
   const IdentifiedResponse<double> found = find();
   CHECK(found.response.scale.geometric < 0.5f);
@@ -129,7 +130,7 @@ TEST_CASE("bad records, features and settings are refused", "[prediction]") {
     return result ? std::string() : result.error();
   };
   const auto of = [&](const MotionRecord<double>& r) {
-    return message(r, corners(sheet), short_fit(3));
+    return message(r, lower_corners(sheet), short_fit(3));
   };
   const double nan = std::numeric_limits<double>::quiet_NaN();
   CHECK(of(good) == "");
@@ -152,16 +153,16 @@ TEST_CASE("bad records, features and settings are refused", "[prediction]") {
   for (Points<double>& x : bad.positions) x = Points<double>::Zero(3, 4);
   CHECK(of(bad) == "the record has 4 vertices, the model 25");
   CHECK(message(good, {}, short_fit(3)) == "there are no features");
-  CHECK(message(good, corners(sheet), short_fit(20)) ==
+  CHECK(message(good, lower_corners(sheet), short_fit(20)) ==
         "the record has 20 frames, must have more than 22");
   FitSettings<double> settings = short_fit(3);
   settings.prior = nan;
-  CHECK(message(good, corners(sheet), settings).find("prior is") == 0);
+  CHECK(message(good, lower_corners(sheet), settings).find("prior is") == 0);
   const auto make = [&](const VectorX<double>&) {
     return Precise(MassSpringResponse<double>(model));
   };
   const auto start = [&](const FitParameter<double>& p) {
-    return fit_predictor<double>(make, {p}, good, corners(sheet), short_fit(3)).has_value();
+    return fit_predictor<double>(make, {p}, good, lower_corners(sheet), short_fit(3)).has_value();
   };
   CHECK(start({0, -1, 1}));
   CHECK(!start({2, -1, 1}));
