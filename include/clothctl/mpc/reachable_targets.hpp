@@ -47,7 +47,7 @@ class ReachableTargets {
   /// Returns the nearest target of a feature at time `t` (s), m. Before the first and after the
   /// last frame, targets keep the change of that frame. Never allocates.
   Vector3<Scalar> operator()(Index feature, const Scalar& t) const {
-    const Vector3<Scalar> wanted = target_(feature, t);
+    Vector3<Scalar> wanted = target_(feature, t);
     if (!moved_) return wanted;
     return wanted + change(feature, t);
   }
@@ -135,7 +135,7 @@ auto ReachableTargets<S, Target>::change(Index feature, const Scalar& t) const -
     (t < start_ + dt_ * Scalar(static_cast<double>(middle)) ? beyond : k) = middle;
   }
   const Scalar share = (t - start_) / dt_ - Scalar(static_cast<double>(k));
-  const Vector3<Scalar> before = change_.template block<3, 1>(3 * feature, k);
+  Vector3<Scalar> before = change_.template block<3, 1>(3 * feature, k);
   if (last == 0 || !(Scalar(0) < share)) return before;
   const Vector3<Scalar> after = change_.template block<3, 1>(3 * feature, k + 1);
   return share < Scalar(1) ? Vector3<Scalar>(before + share * (after - before)) : after;

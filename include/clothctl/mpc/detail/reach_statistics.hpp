@@ -159,7 +159,7 @@ class ReachStatistics {
     for (int k = frames_ == 0 ? -1 : 1; k <= 1; ++k) {
       targets_.shift();
       hands_.shift();
-      const std::string problem = sample(target, t + Scalar(static_cast<double>(k)) * limits_.dt);
+      std::string problem = sample(target, t + Scalar(static_cast<double>(k)) * limits_.dt);
       if (!problem.empty()) return problem;
     }
     if (frames_ == 0) add_start(t);
