@@ -65,7 +65,7 @@ struct Tally {
 /// Judges and tries the curve of a seed, and adds it to table and tally.
 void try_curve(const Request& r, const ReachBench& bench,
                const clothctl::ReachLimits<double>& limits, std::uint64_t seed,
-               clothctl::CsvWriter& table, Tally& tally) {
+               clothctl::CsvWriter& table, Tally& tally, Progress& progress) {
   std::string kind;
   const Task task = bench.curve(seed, r.seconds, kind);
   const double tolerance = r.tolerance_mm / 1000;
@@ -74,25 +74,26 @@ void try_curve(const Request& r, const ReachBench& bench,
   };
   const auto report = must(clothctl::assess_reachability(
       limits, target, 0.0, r.seconds - 0.02 * r.run.horizon, {tolerance, 5 * tolerance}));
-  const TrialOutcome run = bench.run(task);
+  const Summary run = bench.run(task, progress);
+  const bool finished = run.status == "finished" || run.status == "lost the track";
   const bool success =
-      run.finished && run.mean_error_m <= tolerance && run.max_error_m <= 5 * tolerance;
+      run.status == "finished" && run.mean_error_m <= tolerance && run.max_error_m <= 5 * tolerance;
   const auto verdict = static_cast<std::size_t>(report.verdict);
   ++tally.called[verdict];
   tally.succeeded[verdict] += success ? 1 : 0;
-  tally.unfinished += run.finished ? 0 : 1;
-  tally.log_error += std::log(run.finished ? std::max(run.mean_error_m, 1e-6) : 1.0);
+  tally.unfinished += finished ? 0 : 1;
+  tally.log_error += std::log(finished ? std::max(run.mean_error_m, 1e-6) : 1.0);
   table.add_row({static_cast<double>(seed), static_cast<double>((seed - 1) % reach_kinds().size()),
                  static_cast<double>(report.verdict), success ? 1.0 : 0.0, report.score,
                  report.predicted_error, report.predicted_largest_error, report.least_error,
-                 run.finished ? run.mean_error_m : 1e9, run.finished ? run.max_error_m : 1e9,
+                 finished ? run.mean_error_m : 1e9, finished ? run.max_error_m : 1e9,
                  report.distance_excess.value, report.hand_speed.value,
                  report.hand_acceleration.value, report.fall_excess.value});
 }
 
 double share(int part, int all) { return all > 0 ? static_cast<double>(part) / all : 0.0; }
 
-void print_tally(const Request& r, const Tally& t) {
+void print_tally(const Request& r, const Scene& scene, const Tally& t) {
   nlohmann::ordered_json j;
   j["status"] = "finished";
   j["curves"] = r.seeds;
@@ -105,7 +106,7 @@ void print_tally(const Request& r, const Tally& t) {
   j["doubtful_succeeded_share"] = share(t.succeeded[1], t.called[1]);
   j["called_unreachable"] = t.called[2];
   j["unreachable_failed_share"] = share(t.called[2] - t.succeeded[2], t.called[2]);
-  j["setup"] = setup_json(r.run);
+  j["setup"] = setup_json(scene, r.run);
   j["setup"]["first"] = r.first;
   j["setup"]["seconds"] = r.seconds;
   j["setup"]["tolerance_m"] = r.tolerance_mm / 1000;
@@ -134,14 +135,13 @@ int main(int argc, char** argv) {
   Tally tally;
   Progress progress;
   for (int i = 0; i < r.seeds; ++i) {
-    progress.show(i, r.seeds);
-    try_curve(r, bench, limits, r.first + static_cast<std::uint64_t>(i), table, tally);
+    progress.set_prefix("curve " + std::to_string(i + 1) + " of " + std::to_string(r.seeds) + ": ");
+    try_curve(r, bench, limits, r.first + static_cast<std::uint64_t>(i), table, tally, progress);
   }
-  progress.clear();
   if (!r.run.out.empty()) {
     if (const auto written = table.write(r.run.out + "/curves.csv"); !written)
       refuse(written.error());
   }
-  print_tally(r, tally);
+  print_tally(r, bench.scene(), tally);
   return 0;
 }

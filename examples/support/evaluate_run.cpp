@@ -12,10 +12,6 @@ namespace program {
 
 namespace {
 
-std::vector<int> lower_corners(const Grid& grid) {
-  return {grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
-}
-
 /// Scales a quantity of a material.
 clothctl::Material<double> changed(clothctl::Material<double> m, const Mismatch& mismatch) {
   const double f = mismatch.factor;
@@ -31,32 +27,6 @@ clothctl::Material<double> changed(clothctl::Material<double> m, const Mismatch&
     m.bending_weft *= f;
   }
   return m;
-}
-
-/// Moves the hands of a sheet along their paths and returns the curves of its lower corners: the
-/// paths of the hands are a known solution.
-Task follow(const Grid& grid, const Scene& scene, const clothctl::ClothState<double>& rest,
-            const Task& hands) {
-  AnyPlant plant = make_plant("newton", scene.body, scene.body.drag);
-  plant.set_state(rest);
-  const std::vector<int> corners = lower_corners(grid);
-  const clothctl::VectorX<double> times = frame_times(hands.duration);
-  Points paths[2] = {Points(3, times.size()), Points(3, times.size())};
-  clothctl::ClothInput<double> input;
-  for (const clothctl::Grip<double>& grip : scene.setup.grips)
-    input.driven_vertices.push_back(grip.vertices().front());
-  input.driven_positions.resize(3, 2);
-  for (Index i = 0; i < times.size(); ++i) {
-    for (Index side = 0; side < 2; ++side)
-      input.driven_positions.col(side) =
-          hands.curves[static_cast<std::size_t>(side)].position(times[i]);
-    plant.apply(input);
-    if (i > 0 && !plant.advance(0.02).advanced)
-      refuse("the sheet cannot follow the hands in frame " + std::to_string(i));
-    for (std::size_t side = 0; side < 2; ++side)
-      paths[side].col(i) = plant.positions().col(corners[side]);
-  }
-  return curves_task(times, paths[0], paths[1]);
 }
 
 /// Measures the curves: mean over both of length and speed, m and m/s.
@@ -116,8 +86,8 @@ Task Runner::make_task(const Evaluation& e, const Case& c, int seed, const Grid&
   Vec hands[2];
   for (std::size_t side = 0; side < 2; ++side)
     hands[side] = rest.positions.col(scene.setup.grips[side].vertices().front());
-  return follow(grid, scene, rest,
-                make_hand_paths(number, c.noise_sd, e.seconds, o.size, hands[0], hands[1]));
+  return follow_hands(grid, scene, rest,
+                      make_hand_paths(number, c.noise_sd, e.seconds, o.size, hands[0], hands[1]));
 }
 
 Row Runner::run(const Evaluation& e, const Case& c, int seed, const std::string& files,

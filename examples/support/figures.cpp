@@ -57,6 +57,24 @@ Summary Figures::sum_up(Index features, Index frames, double size) {
   return summary;
 }
 
+nlohmann::ordered_json setup_json(const Scene& scene, const Options& o) {
+  return {{"material", scene.material},
+          {"plant", o.plant},
+          {"grip", o.grip},
+          {"patch", o.patch},
+          {"horizon", o.horizon},
+          {"vertices", scene.body.network.vertex_count()},
+          {"size_m", o.size},
+          {"patch_size", o.patch_size},
+          {"predictor", chosen_predictor(o)},
+          {"profile", o.profile},
+          {"spread", o.spread},
+          {"friction", scene.setup.grips.front().fingers.front().contact.friction},
+          {"limit_N", o.limit},
+          {"max_step_mm", o.max_step_mm},
+          {"max_acceleration", o.max_acceleration}};
+}
+
 std::string to_json(const Summary& s, const Scene& scene, const Options& o, int indent) {
   nlohmann::ordered_json j;
   j["status"] = s.status;
@@ -76,21 +94,9 @@ std::string to_json(const Summary& s, const Scene& scene, const Options& o, int 
   j["suboptimal_frames"] = s.suboptimal_frames;
   j["relaxed_frames"] = s.relaxed_frames;
   j["scored_frames"] = s.scored_frames;
-  j["setup"] = {{o.targets.empty() ? "task" : "targets", o.targets.empty() ? o.task : o.targets},
-                {"material", scene.material},
-                {"plant", o.plant},
-                {"grip", o.grip},
-                {"patch", o.patch},
-                {"horizon", o.horizon},
-                {"vertices", scene.body.network.vertex_count()},
-                {"size_m", o.size},
-                {"patch_size", o.patch_size},
-                {"predictor", chosen_predictor(o)},
-                {"profile", o.profile},
-                {"spread", o.spread},
-                {"friction", scene.setup.grips.front().fingers.front().contact.friction},
-                {"limit_N", o.limit},
-                {"seed", o.seed}};
+  j["setup"] = {{o.targets.empty() ? "task" : "targets", o.targets.empty() ? o.task : o.targets}};
+  j["setup"].update(setup_json(scene, o));
+  j["setup"]["seed"] = o.seed;
   return j.dump(indent, ' ', false, nlohmann::json::error_handler_t::replace);
 }
 

@@ -2,6 +2,7 @@
 
 // The figures of a run: collected frame by frame, summarised at its end, printed and written.
 
+#include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
@@ -42,6 +43,9 @@ class Figures {
  private:
   std::vector<double> frame_ms_, plant_ms_, agreement_, prediction_, iterations_;
 };
+
+/// Returns what decides the outcome of a run besides its task and seed.
+nlohmann::ordered_json setup_json(const Scene& scene, const Options& o);
 
 /// Returns the summary as JSON text of one object, on one line if `indent` is -1.
 std::string to_json(const Summary& summary, const Scene& scene, const Options& o, int indent);

@@ -40,6 +40,10 @@ clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Tas
 
 }  // namespace
 
+std::vector<int> lower_corners(const Grid& grid) {
+  return {grid.vertex(0, 0), grid.vertex(0, grid.cols - 1)};
+}
+
 Scene handkerchief_scene(const Options& o, const Grid& grid, const std::vector<int>& features,
                          const clothctl::Material<double>& material) {
   const double friction = o.friction_given ? o.friction : material.friction;
@@ -71,6 +75,30 @@ clothctl::ClothState<double> hang_handkerchief(const Options& o, const Grid& gri
   std::vector<int> held = scene.setup.grips[0].vertices();
   for (int v : scene.setup.grips[1].vertices()) held.push_back(v);
   return settle(o, body, place(o, grid, task), held, is_implicit(o.plant) ? 2.4 : 4.8);
+}
+
+Task follow_hands(const Grid& grid, const Scene& scene, const clothctl::ClothState<double>& rest,
+                  const Task& hands) {
+  AnyPlant plant = make_plant("newton", scene.body, scene.body.drag);
+  plant.set_state(rest);
+  const std::vector<int> corners = lower_corners(grid);
+  const clothctl::VectorX<double> times = frame_times(hands.duration);
+  Points paths[2] = {Points(3, times.size()), Points(3, times.size())};
+  clothctl::ClothInput<double> input;
+  for (const clothctl::Grip<double>& grip : scene.setup.grips)
+    input.driven_vertices.push_back(grip.vertices().front());
+  input.driven_positions.resize(3, 2);
+  for (Index i = 0; i < times.size(); ++i) {
+    for (Index side = 0; side < 2; ++side)
+      input.driven_positions.col(side) =
+          hands.curves[static_cast<std::size_t>(side)].position(times[i]);
+    plant.apply(input);
+    if (i > 0 && !plant.advance(0.02).advanced)
+      refuse("the sheet cannot follow the hands in frame " + std::to_string(i));
+    for (std::size_t side = 0; side < 2; ++side)
+      paths[side].col(i) = plant.positions().col(corners[side]);
+  }
+  return curves_task(times, paths[0], paths[1]);
 }
 
 void fit_targets(const Options& o, const Grid& grid, const std::vector<int>& features,

@@ -12,6 +12,9 @@ namespace program {
 
 using Grid = clothctl::GridMesh<double>;
 
+/// The vertices at the lower corners of a sheet.
+std::vector<int> lower_corners(const Grid& grid);
+
 /// Makes body, grips, features and settings; the features are the vertices `features`.
 Scene handkerchief_scene(const Options& o, const Grid& grid, const std::vector<int>& features,
                          const clothctl::Material<double>& material);
@@ -21,6 +24,11 @@ Scene handkerchief_scene(const Options& o, const Grid& grid, const std::vector<i
 /// `body`: that of the scene, or one of another material.
 clothctl::ClothState<double> hang_handkerchief(const Options& o, const Grid& grid, const Task& task,
                                                const Scene& scene, const Body& body);
+
+/// Moves the hands of a sheet that rests along their paths, with converged steps, and returns the
+/// curves of its lower corners: the paths of the hands are a known solution.
+Task follow_hands(const Grid& grid, const Scene& scene, const clothctl::ClothState<double>& rest,
+                  const Task& hands);
 
 /// Moves curves from a file so that they start at the features of the sheet at rest. x: its
 /// positions, 3×n, m. Refuses or warns of curves that are further apart than the cloth is wide.

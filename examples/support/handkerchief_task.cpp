@@ -28,11 +28,6 @@ void keep_close(Points& a, Points& b, double from, double most) {
   }
 }
 
-/// Rises smoothly from 0 at t = 0 to 1 at t = 1.
-double ramp(double t) {
-  return t <= 0 ? 0.0 : t >= 1 ? 1.0 : t * t * t * (10 - 15 * t + 6 * t * t);
-}
-
 /// Both corners move around the vertical axis through the hands, on a circle that grows during the
 /// first second.
 void draw_circles(const clothctl::VectorX<double>& times, double size, const Vec& left,
@@ -92,6 +87,10 @@ void draw_lines(const clothctl::VectorX<double>& times, std::uint64_t seed, doub
 }
 
 }  // namespace
+
+double ramp(double t) {
+  return t <= 0 ? 0.0 : t >= 1 ? 1.0 : t * t * t * (10 - 15 * t + 6 * t * t);
+}
 
 clothctl::VectorX<double> frame_times(double duration) {
   const Index rows = static_cast<Index>(std::lround(duration / 0.02)) + 1;

@@ -10,12 +10,6 @@ namespace program {
 
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
-double ramp(double t) {
-  return t <= 0 ? 0.0 : t >= 1 ? 1.0 : t * t * t * (10 - 15 * t + 6 * t * t);
-}
-
 /// What a seed draws.
 class Dice {
  public:

@@ -21,6 +21,9 @@ struct Task {
   std::function<Vec(double)> wind = [](double) { return Vec(Vec::Zero()); };
 };
 
+/// Rises smoothly from 0 at t = 0 to 1 at t = 1.
+double ramp(double t);
+
 /// Reads `--targets`: one file with a header, or LEFT,RIGHT without headers.
 Task read_task(const Options& o);
 

@@ -11,5 +11,6 @@
 #include "clothctl/network/sheet.hpp"
 #include "clothctl/network/solid.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/network/surface_distance.hpp"
 #include "clothctl/network/tearing.hpp"
 #include "clothctl/network/triangle_elements.hpp"

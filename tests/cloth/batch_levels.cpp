@@ -332,7 +332,7 @@ TEST_CASE("batch levels: pieces without connection do not pull on each other", "
     two.mass.push_back(two.mass[static_cast<std::size_t>(v)]);
     two.order.push_back(one.input.order[static_cast<std::size_t>(v)] + n);
   }
-  for (const SurfaceEdge& e : one.input.edges) two.edges.push_back({e.a + n, e.b + n, e.length});
+  for (const SurfaceEdge<>& e : one.input.edges) two.edges.push_back({e.a + n, e.b + n, e.length});
   for (const auto& t : one.input.triangles) two.triangles.push_back({t[0] + n, t[1] + n, t[2] + n});
   two.tethered = {one.corner(0)};
   const BatchLevels<double> levels(two);

@@ -24,8 +24,8 @@ namespace {
 using Row = Lanes<double, 1>;
 
 // The couplings of a graph with their lengths, as sides of triangles.
-std::vector<SurfaceEdge> sides_of(const Graph& graph) {
-  std::vector<SurfaceEdge> sides;
+std::vector<SurfaceEdge<>> sides_of(const Graph& graph) {
+  std::vector<SurfaceEdge<>> sides;
   for (const auto& [i, j] : graph.pairs)
     sides.push_back({i, j, (graph.positions.col(i) - graph.positions.col(j)).norm()});
   return sides;
@@ -209,7 +209,7 @@ TEST_CASE("linked layers of cloth keep corrections of their own", "[cloth]") {
     graph.pairs.push_back({i, j});
     graph.pairs.push_back({layer + i, layer + j});
   }
-  const std::vector<SurfaceEdge> sides = sides_of(graph);
+  const std::vector<SurfaceEdge<>> sides = sides_of(graph);
   for (int i = 0; i < layer; ++i) graph.pairs.push_back({i, layer + i});
   const BlockSymmetric<double> matrix = spring_matrix(graph, 1e5);
   const Counts count = iterations(matrix, {matrix, sides, graph.positions});
@@ -231,7 +231,7 @@ TEST_CASE("a knot of many threads costs no more than its vertices", "[cloth]") {
       knot.pairs.push_back({k == 0 ? 0 : v - 1, v});
     }
   }
-  std::vector<SurfaceEdge> sides;
+  std::vector<SurfaceEdge<>> sides;
   for (const auto& [i, j] : knot.pairs) sides.push_back({i, j, 0.1});
   const BlockSymmetric<double> matrix = random_spd<double>(knot, random);
   CoarseCorrection<double> coarse(matrix, sides, knot.positions);
@@ -254,7 +254,7 @@ TEST_CASE("sides of triangles have the rest lengths of the springs along them", 
   SpringNetwork<double> network;
   network.triangles = {{0, 1, 2}};
   network.springs = {{1, 0, 0.5, 10.0, 0.0}, {2, 1, 0.25, 10.0, 0.0}, {2, 3, 1.0, 10.0, 0.0}};
-  const std::vector<SurfaceEdge> sides = surface_sides(network);
+  const std::vector<SurfaceEdge<>> sides = surface_sides(network);
   REQUIRE(sides.size() == 2);
   CHECK((sides[0].a == 1 && sides[0].b == 0 && sides[0].length == 0.5));
   CHECK((sides[1].a == 2 && sides[1].b == 1 && sides[1].length == 0.25));

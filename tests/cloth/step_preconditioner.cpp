@@ -78,7 +78,7 @@ TEST_CASE("the incomplete preconditioner applies its factor and the coarse corre
     const Graph graph = sheet_graph(n, n, true);
     const BlockSymmetric<double> matrix = random_spd<double>(graph, random);
     const std::vector<unsigned char> held(static_cast<std::size_t>(n * n), 0);
-    std::vector<SurfaceEdge> sides;
+    std::vector<SurfaceEdge<>> sides;
     for (const auto& [i, j] : graph.pairs) sides.push_back({i, j, 0.1});
     StepPreconditioner<double> incomplete(matrix, sides, graph.positions);
     IncompleteCholesky<double> factor(matrix);

@@ -89,3 +89,43 @@ TEST_CASE("assigning a state of equal size does not allocate", "[cloth_state]") 
   CHECK(during == 0);
   CHECK(same);
 }
+
+TEST_CASE("supports of one direction add up to one of that direction", "[cloth_state]") {
+  using V = Vector3<double>;
+  const V up(0, 0.6, 0.8);
+  SupportSum<double> sum;
+  CHECK(sum.empty());
+  sum.add({1, up, 2 * up + V(0.3, 0, 0), 0.004}, 0.5);
+  sum.add({2, up, 3 * up, 0.001}, 1.0);
+  CHECK_FALSE(sum.empty());
+  const VertexSupport<double> support = sum.of(7);
+  CHECK(support.vertex == 7);
+  CHECK((support.force - (4 * up + V(0.15, 0, 0))).norm() < 1e-15);
+  CHECK((support.normal - up).norm() < 1e-15);
+  CHECK(support.stiffness() == Approx(0.5 * 2 / 0.004 + 3 / 0.001));
+  CHECK(4 / support.stiffness() == Approx(support.release));
+}
+
+TEST_CASE("what is held from both sides cannot leave, and keeps its force", "[cloth_state]") {
+  using V = Vector3<double>;
+  for (const double other : {1.0, 1.0001, 2.5}) {
+    SupportSum<double> sum;
+    sum.add({0, V(0, 1, 0), V(0, 1, 0.1), 0.001}, 1.0);
+    sum.add({0, V(0, -1, 0), V(0, -other, 0.1), 0.001}, 1.0);
+    const VertexSupport<double> support = sum.of(0);
+    CHECK((support.force - V(0, 1 - other, 0.2)).norm() < 1e-15);
+    CHECK(is_unbounded(support.release));
+    CHECK(support.stiffness() == 0);
+    CHECK(is_unit(support.normal));
+  }
+  // What hardly presses from the other side does not hold it.
+  SupportSum<double> sum;
+  sum.add({0, V(0, 1, 0), V(0, 1, 0), 0.001}, 1.0);
+  sum.add({0, V(0, -1, 0), V(0, -0.1, 0), 0.001}, 1.0);
+  CHECK_FALSE(is_unbounded(sum.of(0).release));
+  // Nor does what pulls, or rubs.
+  SupportSum<double> pulled;
+  pulled.add({0, V(0, 0, 1), V(0.1, 0, -1), 0.001}, 1.0);
+  CHECK(is_unbounded(pulled.of(0).release));
+  CHECK((pulled.of(0).force - V(0.1, 0, -1)).norm() == 0);
+}

@@ -60,3 +60,13 @@ TEST_CASE("the matrix types do not depend on Eigen's default storage order", "[t
   static_assert(std::is_same_v<Vector3<float>, Eigen::Vector3f>);
   SUCCEED();
 }
+
+TEST_CASE("a unit vector has length 1 to within a hundredth", "[types]") {
+  const Vector3<double> axis(0.6, 0, -0.8);
+  CHECK(is_unit(axis));
+  CHECK(is_unit(1.005 * axis));
+  CHECK_FALSE(is_unit(1.02 * axis));
+  CHECK_FALSE(is_unit(0.98 * axis));
+  CHECK_FALSE(is_unit(Vector3<double>(std::numeric_limits<double>::quiet_NaN(), 1, 0)));
+  CHECK_FALSE(is_unit(Vector3<double>(std::numeric_limits<double>::infinity(), 0, 0)));
+}

@@ -13,8 +13,10 @@ using namespace clothctl;
 TEST_CASE("ways along a grid follow its threads and diagonals", "[mpc]") {
   const auto grid = make_grid<double>(4, 6, 0.5, 0.3).value();
   const auto network = sheet_network(grid, Material<double>{}).value();
-  const detail::SpringDistance<double> distance(network);
-  const std::vector<double> length = distance.from(grid.vertex(0, 0));
+  detail::SpringDistance<double> distance(network);
+  PointFeatures<double> corner;
+  corner.add_point(grid.vertex(0, 0));
+  const std::vector<double> length = distance.from(corner, 0);
   const double dx = grid.positions(0, grid.vertex(0, 1)) - grid.positions(0, grid.vertex(0, 0));
   const double dz = grid.positions(2, grid.vertex(1, 0)) - grid.positions(2, grid.vertex(0, 0));
   for (int row = 0; row < grid.rows; ++row) {
@@ -33,16 +35,21 @@ TEST_CASE("springs of bending hold nothing, and means have mean ways", "[mpc]") 
   network.springs = {{0, 1, 0.2, 1.0, 0.0, SpringKind::Structural},
                      {1, 2, 0.3, 1.0, 0.0, SpringKind::Seam},
                      {0, 3, 0.1, 1.0, 0.0, SpringKind::Bend}};
-  const detail::SpringDistance<double> distance(network);
-  CHECK(distance.from(0)[2] == Approx(0.5));
-  CHECK(is_unbounded(distance.from(0)[3]));
+  detail::SpringDistance<double> distance(network);
   PointFeatures<double> points;
   points.add_point(0);
   points.add_centroid({1, 2});
   points.add_sum({{1, 2.0}, {2, -1.0}});
   points.add_centroid({1, 3});
-  CHECK(distance.between(points, 0, 1) == Approx(0.35));
-  CHECK(distance.between(points, 1, 0) == Approx(0.35));
-  CHECK(is_unbounded(distance.between(points, 0, 2)));  // not a mean: nothing is known
-  CHECK(is_unbounded(distance.between(points, 0, 3)));  // vertex 3 is loose
+  CHECK(distance.from(points, 0)[2] == Approx(0.5));
+  CHECK(is_unbounded(distance.from(points, 0)[3]));
+  const auto between = [&](Index i, Index j) {
+    return distance.to(distance.from(points, i), points, j);
+  };
+  CHECK(between(0, 1) == Approx(0.35));
+  CHECK(between(1, 0) == Approx(0.35));
+  CHECK(is_unbounded(between(0, 2)));  // not a mean: nothing is known
+  CHECK(is_unbounded(between(2, 0)));
+  CHECK(is_unbounded(between(0, 3)));  // vertex 3 is loose
+  CHECK(is_unbounded(between(3, 0)));
 }

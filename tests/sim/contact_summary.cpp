@@ -91,6 +91,24 @@ TEST_CASE("supports are the forces of contacts, with their normals", "[sim]") {
   CHECK(supports.empty());
 }
 
+TEST_CASE("supports of a pinched sheet keep all forces, which do not end", "[sim]") {
+  GrippedSheet held(9, 3);
+  for (int i = 0; i < 200; ++i) REQUIRE(held.world.step(0.02).advanced);
+  Points<double> f = Points<double>::Zero(3, 81);
+  add_contact_forces<double>(held.world, 0, 0.02, {}, f);
+  std::vector<VertexSupport<double>> supports;
+  contact_supports<double>(held.world, 0, 0.02, {}, 0.001, supports);
+  REQUIRE(!supports.empty());
+  int pinched = 0;
+  for (const VertexSupport<double>& support : supports) {
+    CHECK((support.force - f.col(support.vertex)).norm() < 1e-12);
+    f.col(support.vertex).setZero();
+    if (is_unbounded(support.release)) ++pinched;
+  }
+  CHECK(f.norm() < 1e-12);
+  CHECK(pinched > 0);
+}
+
 TEST_CASE("static contacts are the vertices at a finger, each once", "[sim]") {
   GrippedSheet held(9, 3);
   for (int i = 0; i < 50; ++i) REQUIRE(held.world.step(0.02).advanced);

@@ -93,9 +93,7 @@ Grip<Scalar> make_pinch(const std::vector<int>& vertices, Scalar friction, Scala
 /// name. Allocates.
 template <RealScalar Scalar>
 std::string validate_half_space(const Vector3<Scalar>& normal, const Scalar& most) {
-  const Scalar square = normal.squaredNorm();
-  if (!(Scalar(0.98) < square) || !(square < Scalar(1.02)))
-    return " has a normal that is not a unit vector";
+  if (!is_unit(normal)) return " has a normal that is not a unit vector";
   if (!is_finite(most)) return " is " + number_text(most) + " m, must be finite";
   return {};
 }

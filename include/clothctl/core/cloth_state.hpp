@@ -3,6 +3,7 @@
 // The state of a sheet and the input of a step: plain values that can be copied, compared and
 // stored.
 
+#include <cmath>
 #include <vector>
 
 #include "clothctl/core/types.hpp"
@@ -37,7 +38,7 @@ struct VertexSupport {
   Vector3<Scalar> normal = Vector3<Scalar>(Scalar(0), Scalar(0), Scalar(1));
   /// What is exerted on the vertex now, N.
   Vector3<Scalar> force = Vector3<Scalar>::Zero();
-  /// The way along the normal on which the force ends, m.
+  /// The way along the normal on which the force ends, m; unbounded for a force that does not.
   Scalar release = Scalar(0.001);
 
   /// Returns k, N/m; 0 for a force that does not push.
@@ -45,6 +46,45 @@ struct VertexSupport {
     const Scalar pressed = force.dot(normal);
     return Scalar(0) < pressed ? Scalar(pressed / release) : Scalar(0);
   }
+};
+
+/// Sums what carries a vertex in several places, or several vertices of a finer sheet.
+template <RealScalar Scalar>
+class SupportSum {
+ public:
+  /// Adds a share of a support.
+  void add(const VertexSupport<Scalar>& support, const Scalar& share) {
+    const Scalar pressed = share * support.force.dot(support.normal);
+    force_ += share * support.force;
+    stiffness_ += share * support.stiffness();
+    if (!(Scalar(0) < pressed)) return;
+    normal_ += pressed * support.normal;
+    pressed_ += pressed;
+  }
+  /// Returns true when nothing was added that pushes or pulls.
+  bool empty() const { return !(Scalar(0) < force_.squaredNorm()); }
+  /// Returns the sum for a vertex: all forces, their mean normal and stiffness. Where they press
+  /// against each other (the mean normal is shorter than a half), or none of them presses, the
+  /// vertex cannot leave, and the force does not end.
+  VertexSupport<Scalar> of(int vertex) const {
+    using std::sqrt;
+    VertexSupport<Scalar> sum;
+    sum.vertex = vertex;
+    sum.force = force_;
+    sum.release = scalar_traits<Scalar>::infinity();
+    const Scalar size = sqrt(normal_.squaredNorm());
+    if (!(Scalar(0) < pressed_) || !(pressed_ < Scalar(2) * size)) return sum;
+    const Vector3<Scalar> normal = normal_ / size;
+    const Scalar along = force_.dot(normal);
+    if (!(Scalar(0) < along)) return sum;
+    sum.normal = normal;
+    sum.release = along / stiffness_;
+    return sum;
+  }
+
+ private:
+  Vector3<Scalar> force_ = Vector3<Scalar>::Zero(), normal_ = Vector3<Scalar>::Zero();
+  Scalar pressed_ = Scalar(0), stiffness_ = Scalar(0);
 };
 
 /// What acts on a sheet during one step. World frame. Forces on a driven vertex have no effect.

@@ -60,4 +60,12 @@ bool all_finite(const Eigen::DenseBase<Derived>& matrix) {
   return true;
 }
 
+/// Returns true when the length of a direction is 1 to within a hundredth. Works under -ffast-math.
+template <class Derived>
+bool is_unit(const Eigen::MatrixBase<Derived>& direction) {
+  using Scalar = typename Derived::Scalar;
+  const Scalar square = direction.squaredNorm();
+  return is_finite(square) && Scalar(0.98) < square && square < Scalar(1.02);
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI

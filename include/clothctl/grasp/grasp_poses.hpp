@@ -142,10 +142,6 @@ template <class Model, RealScalar Scalar>
 std::string find_bad_grasp(const Model& model, std::span<const FingerPad<Scalar>> fingers,
                            std::span<const GraspContact<Scalar>> contacts,
                            const VectorX<Scalar>& pre_shape, const VectorX<Scalar>& grip) {
-  const auto unit = [](const Vector3<Scalar>& v) {
-    const Scalar square = v.squaredNorm();
-    return is_finite(square) && Scalar(0.98) < square && square < Scalar(1.02);
-  };
   if (fingers.empty()) return "the hand has no finger pads";
   if (fingers.size() != contacts.size())
     return std::to_string(contacts.size()) + " places for " + std::to_string(fingers.size()) +
@@ -158,11 +154,11 @@ std::string find_bad_grasp(const Model& model, std::span<const FingerPad<Scalar>
     if (!is_finite(fingers[i].radius) || fingers[i].radius < Scalar(0))
       return name + " has the radius " + number_text(fingers[i].radius) +
              " m, must be finite and not negative";
-    if (!unit(fingers[i].normal)) return name + " has a normal that is not a unit vector";
+    if (!is_unit(fingers[i].normal)) return name + " has a normal that is not a unit vector";
     if (!all_finite(contacts[i].place)) return name + " has a place that is not finite";
-    if (!unit(contacts[i].press))
+    if (!is_unit(contacts[i].press))
       return name + " has a direction to press that is not a unit vector";
-    if (!unit(contacts[i].away) && !(contacts[i].away.squaredNorm() == Scalar(0)))
+    if (!is_unit(contacts[i].away) && !(contacts[i].away.squaredNorm() == Scalar(0)))
       return name + " has a direction away that is neither zero nor a unit vector";
   }
   const Index nq = articulated_traits<Model>::nq(model);

@@ -127,9 +127,7 @@ struct Grasp {
           return name + "is finger " + std::to_string(f.finger) + " of the hand, as finger " +
                  std::to_string(j) + " is";
       }
-      const Scalar square = f.press.squaredNorm();
-      if (!is_finite(square) || square < Scalar(0.98) || Scalar(1.02) < square)
-        return name + "has a direction to press that is not a unit vector";
+      if (!is_unit(f.press)) return name + "has a direction to press that is not a unit vector";
     }
     return {};
   }

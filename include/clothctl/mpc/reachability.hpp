@@ -217,8 +217,8 @@ Scalar ReachLimits<Scalar>::size() const {
 }
 
 /// Returns the limits of a planner's sheet, which stands at `start` (3×n, m). Returns an error when
-/// they do not fit each other. Allocates. Complexity: features + grips searches of shortest ways
-/// (Dijkstra) for each vertex of a feature.
+/// they do not fit each other. Allocates. Complexity: a search of shortest ways (Dijkstra) for each
+/// vertex of a feature.
 template <RealScalar Scalar, ContactModel<Scalar> Contact, FeatureMap<Scalar> Features>
 Result<ReachLimits<Scalar>> make_reach_limits(
     const PlannerSetup<Scalar, Contact, Features>& setup, const PlannerSettings<Scalar>& settings,
@@ -237,7 +237,7 @@ Result<ReachLimits<Scalar>> make_reach_limits(
   for (const auto& grip : setup.grips) points.add_centroid(grip.vertices());
   Points<Scalar> places(3, count + grips);
   evaluate_features<Scalar>(points, start, places);
-  const detail::SpringDistance<Scalar> distance(network);
+  detail::SpringDistance<Scalar> distance(network);
   ReachLimits<Scalar> limits;
   limits.features = places.leftCols(count);
   limits.anchors = setup.anchors.empty()
@@ -246,11 +246,12 @@ Result<ReachLimits<Scalar>> make_reach_limits(
   limits.feature_lengths.setZero(count, count);
   limits.grip_lengths.setZero(count, grips);
   for (Index i = 0; i < count; ++i) {
+    const std::vector<Scalar> ways = distance.from(points, i);
     for (Index j = 0; j < count; ++j) {
-      if (i != j) limits.feature_lengths(i, j) = distance.between(points, i, j);
+      if (i != j) limits.feature_lengths(i, j) = distance.to(ways, points, j);
     }
     for (Index g = 0; g < grips; ++g)
-      limits.grip_lengths(i, g) = distance.between(points, i, count + g);
+      limits.grip_lengths(i, g) = distance.to(ways, points, count + g);
   }
   limits.heavy_chain_axes = settings.heavy_chain_axes;
   limits.dt = settings.dt;
@@ -299,11 +300,8 @@ Result<ReachabilityReport<Scalar>> assess_reachability(const ReachLimits<Scalar>
                                                        const Target& target, Scalar start,
                                                        Scalar end,
                                                        ReachTolerance<Scalar> tolerance = {}) {
-  if (const std::string problem = limits.validate(); !problem.empty()) return Error{problem};
   Index frames = 0;
-  std::string problem = detail::count_reach_frames(start, end, limits.dt, frames);
-  if (problem.empty())
-    problem = detail::check_reach_target(target, limits.count(), start, limits.dt, frames);
+  std::string problem = detail::open_reach_curve(limits, target, start, end, frames);
   if (!problem.empty()) return Error{problem};
   for (const Scalar* value : {&tolerance.mean, &tolerance.largest}) {
     if (!is_finite(*value) || !(Scalar(0) < *value))

@@ -97,11 +97,8 @@ class ReachableTargets {
 template <RealScalar S, class Target>
 auto ReachableTargets<S, Target>::create(const ReachLimits<Scalar>& limits, Target target,
                                          Scalar start, Scalar end) -> Result<ReachableTargets> {
-  if (const std::string problem = limits.validate(); !problem.empty()) return Error{problem};
   Index frames = 0;
-  std::string problem = detail::count_reach_frames(start, end, limits.dt, frames);
-  if (problem.empty())
-    problem = detail::check_reach_target(target, limits.count(), start, limits.dt, frames);
+  const std::string problem = detail::open_reach_curve(limits, target, start, end, frames);
   if (!problem.empty()) return Error{problem};
   MatrixX<Scalar> wanted(3 * limits.count(), frames);
   for (Index k = 0; k < frames; ++k) {

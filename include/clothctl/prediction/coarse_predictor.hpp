@@ -14,7 +14,6 @@
 // coarse cell. Common vertices are measured as they are (injection): averages over neighbours would
 // be shorter than the folded sheet.
 
-#include <cmath>
 #include <cstddef>
 #include <utility>
 #include <vector>
@@ -67,7 +66,7 @@ class CoarsePredictor {
   /// Fills the coarse request.
   void load_request(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                     const WindowRequest<Scalar>& request);
-  /// Shares supports among coarse vertices as forces, and their stiffness likewise.
+  /// Shares supports among coarse vertices.
   void load_supports(const WindowRequest<Scalar>& request);
 
   /// Writes the plan of the free response: forces that the coarse sheet needs beyond the request's
@@ -94,8 +93,7 @@ class CoarsePredictor {
   std::vector<Scalar> count_;   // of each coarse held vertex, the number of its held vertices
   std::vector<Index> feature_;  // outputs of the request other than the held vertices
   Points<Scalar> x_, v_;
-  std::vector<VertexSupport<Scalar>> all_;  // of each coarse vertex
-  VectorX<Scalar> stiffness_;
+  std::vector<SupportSum<Scalar>> carried_;  // of each coarse vertex
 };
 
 template <WindowPredictor Inner>
@@ -128,8 +126,7 @@ void CoarsePredictor<Inner>::reserve(const WindowRequest<Scalar>& request,
                                      WindowResponse<Scalar>& response) {
   const Index coarse = sampling_.coarse_from_fine.count();
   for (Points<Scalar>* p : {&x_, &v_}) p->setZero(3, coarse);
-  all_.reserve(static_cast<std::size_t>(coarse));
-  stiffness_.setZero(coarse);
+  carried_.resize(static_cast<std::size_t>(coarse));
   request_ = request;
   request_.outputs = {};
   request_.outer_force.setZero(3, coarse);
@@ -163,10 +160,9 @@ template <WindowPredictor Inner>
 bool CoarsePredictor<Inner>::predict(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                                      const WindowRequest<Scalar>& request,
                                      WindowResponse<Scalar>& response) {
-  if (x.cols() != vertex_count() || v.cols() != vertex_count()) return false;
-  for (const VertexSupport<Scalar>& support : request.supports) {
-    if (support.vertex < 0 || vertex_count() <= support.vertex) return false;
-  }
+  if (x.cols() != vertex_count() || v.cols() != vertex_count() ||
+      !request.supports_fit(vertex_count()))
+    return false;
   load_request(x, v, request);
   response_.plan = request_.plan;
   if (!predictor_traits<Inner>::predict(inner_, x_, v_, request_, response_)) return false;
@@ -214,32 +210,16 @@ void CoarsePredictor<Inner>::load_request(const PointsView<Scalar>& x, const Poi
 
 template <WindowPredictor Inner>
 void CoarsePredictor<Inner>::load_supports(const WindowRequest<Scalar>& request) {
-  using std::sqrt;
   request_.supports.clear();
   if (request.supports.empty()) return;
-  all_.assign(static_cast<std::size_t>(x_.cols()), VertexSupport<Scalar>());
-  stiffness_.setZero(x_.cols());
-  for (VertexSupport<Scalar>& support : all_) support.normal.setZero();
+  carried_.assign(carried_.size(), SupportSum<Scalar>());
   for (const VertexSupport<Scalar>& support : request.supports) {
     sampling_.fine_from_coarse.for_each_term(support.vertex, [&](int c, const Scalar& weight) {
-      VertexSupport<Scalar>& sum = all_[static_cast<std::size_t>(c)];
-      sum.force += weight * support.force;
-      sum.normal += (weight * support.force.dot(support.normal)) * support.normal;
-      stiffness_[c] += weight * support.stiffness();
+      carried_[static_cast<std::size_t>(c)].add(support, weight);
     });
   }
-  for (Index c = 0; c < x_.cols(); ++c) {
-    VertexSupport<Scalar>& sum = all_[static_cast<std::size_t>(c)];
-    const Scalar size = sqrt(sum.normal.squaredNorm());
-    if (!(Scalar(0) < size) || !(Scalar(0) < stiffness_[c]) ||
-        !(Scalar(0) < sum.force.dot(sum.normal))) {
-      request_.outer_force.col(c) += sum.force;  // nothing pushes: a constant force
-      continue;
-    }
-    sum.vertex = static_cast<int>(c);
-    sum.normal /= size;
-    sum.release = sum.force.dot(sum.normal) / stiffness_[c];
-    request_.supports.push_back(sum);
+  for (std::size_t c = 0; c < carried_.size(); ++c) {
+    if (!carried_[c].empty()) request_.supports.push_back(carried_[c].of(static_cast<int>(c)));
   }
 }
 

@@ -312,16 +312,20 @@ class BoundedFit {
   PredictorFit<Scalar> fit_;
 };
 
-/// Returns what is wrong with the arguments of a fit, or an empty string.
+/// Returns the windows of a record, or what is wrong with the arguments of a fit. Both must outlive
+/// the windows.
 template <RealScalar Scalar>
-std::string validate_fit(const MotionRecord<Scalar>& record, const PointFeatures<Scalar>& features,
-                         const FitSettings<Scalar>& settings) {
+Result<RecordedWindows<Scalar>> recorded_windows(const MotionRecord<Scalar>& record,
+                                                 const PointFeatures<Scalar>& features,
+                                                 const FitSettings<Scalar>& settings) {
   std::string problem = settings.validate();
   if (problem.empty()) problem = record.validate();
   if (problem.empty())
     problem = validate_features<Scalar>(features, record.positions.front().cols());
-  if (problem.empty()) problem = RecordedWindows<Scalar>(record, features, settings).validate();
-  return problem;
+  if (!problem.empty()) return Error{problem};
+  RecordedWindows<Scalar> windows(record, features, settings);
+  if (problem = windows.validate(); !problem.empty()) return Error{problem};
+  return windows;
 }
 
 }  // namespace detail
@@ -334,11 +338,10 @@ Result<Scalar> window_error(P& predictor, const MotionRecord<Scalar>& record,
                             const PointFeatures<Scalar>& features,
                             const FitSettings<Scalar>& settings = {}) {
   using std::sqrt;
-  const std::string problem = detail::validate_fit(record, features, settings);
-  if (!problem.empty()) return Error{problem};
-  detail::RecordedWindows<Scalar> windows(record, features, settings);
-  VectorX<Scalar> residual = VectorX<Scalar>::Zero(windows.size());
-  if (!windows.evaluate(predictor, residual))
+  auto windows = detail::recorded_windows(record, features, settings);
+  if (!windows) return Error{windows.error()};
+  VectorX<Scalar> residual = VectorX<Scalar>::Zero(windows->size());
+  if (!windows->evaluate(predictor, residual))
     return Error{"the predictor does not predict the record"};
   return Scalar(sqrt(residual.squaredNorm()));
 }
@@ -355,9 +358,9 @@ Result<PredictorFit<Scalar>> fit_predictor(const Make& make,
                                            const MotionRecord<Scalar>& record,
                                            const PointFeatures<Scalar>& features,
                                            const FitSettings<Scalar>& settings = {}) {
-  std::string problem = detail::validate_fit(record, features, settings);
-  if (problem.empty() && parameters.empty()) problem = "there are no parameters";
-  if (!problem.empty()) return Error{problem};
+  auto windows = detail::recorded_windows(record, features, settings);
+  if (!windows) return Error{windows.error()};
+  if (parameters.empty()) return Error{"there are no parameters"};
   for (std::size_t p = 0; p < parameters.size(); ++p) {
     const FitParameter<Scalar>& at = parameters[p];
     const bool wide = at.least + settings.difference + settings.difference <= at.most;
@@ -366,13 +369,12 @@ Result<PredictorFit<Scalar>> fit_predictor(const Make& make,
                    " within " + number_text(at.least) + " to " + number_text(at.most)};
     }
   }
-  detail::RecordedWindows<Scalar> windows(record, features, settings);
   const auto residuals = [&](const VectorX<Scalar>& theta, VectorX<Scalar>& out) {
     auto predictor = make(theta);
-    return windows.evaluate(predictor, out);
+    return windows->evaluate(predictor, out);
   };
   detail::BoundedFit<Scalar, decltype(residuals)> fit(residuals, parameters, settings,
-                                                      windows.size());
+                                                      windows->size());
   if (!fit.run()) return Error{"the predictor does not predict the record"};
   return fit.fit();
 }

@@ -201,10 +201,7 @@ bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const Poi
                                                const WindowRequest<S>& request,
                                                WindowResponse<S>& response) {
   const Index n = Traits::vertex_count(response_);
-  if (x.cols() != n || v.cols() != n) return false;
-  for (const VertexSupport<S>& support : request.supports) {
-    if (support.vertex < 0 || n <= support.vertex) return false;
-  }
+  if (x.cols() != n || v.cols() != n || !request.supports_fit(n)) return false;
   // If translations have no effect, only the shape is stored in single precision.
   Vector3<S> place = Vector3<S>::Zero();
   if (translation_free()) {

@@ -153,7 +153,9 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
                                              const PointsView<Scalar>& v,
                                              const WindowRequest<Scalar>& request,
                                              WindowResponse<Scalar>& response) {
-  if (x.cols() != vertex_count() || v.cols() != vertex_count()) return false;
+  if (x.cols() != vertex_count() || v.cols() != vertex_count() ||
+      !request.supports_fit(vertex_count()))
+    return false;
   state_.positions = x;
   state_.velocities = v;
   if (request.outer_force.cols() > 0) {
@@ -161,10 +163,8 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   } else {
     input_.forces.setZero();
   }
-  for (const VertexSupport<Scalar>& support : request.supports) {
-    if (support.vertex < 0 || vertex_count() <= support.vertex) return false;
+  for (const VertexSupport<Scalar>& support : request.supports)
     input_.forces.col(support.vertex) += support.force;
-  }
   if constexpr (requires { Traits::set_supports(model_, std::span(request.supports), x); })
     Traits::set_supports(model_, std::span(request.supports), x);
   if (!fresh_) {

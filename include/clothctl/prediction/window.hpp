@@ -63,6 +63,13 @@ struct WindowRequest {
   /// What carries vertices at the start of the window, each vertex once.
   std::vector<VertexSupport<Scalar>> supports;
 
+  /// Returns true when every support is of a vertex of a sheet of `vertices` vertices.
+  bool supports_fit(Index vertices) const {
+    for (const VertexSupport<Scalar>& support : supports) {
+      if (support.vertex < 0 || vertices <= support.vertex) return false;
+    }
+    return true;
+  }
   /// Returns the number of raw inputs of a frame.
   Index inputs() const { return 3 * static_cast<Index>(held.size()); }
   /// Returns the number of scalar outputs.

@@ -64,39 +64,29 @@ void add_contact_forces(const World<Scalar>& world, int sheet, const Scalar& dt,
 }
 
 /// Writes what carries the vertices of a sheet after the last step, of `dt` s, to `supports`, for
-/// `Planner::set_supports`: the forces of all contacts but those with `except` (obstacles, and
-/// bodies as -1 - b), which are planned, and the mean of their normals. `release`: the way on which
-/// a contact is taken to open, m. Allocates.
+/// `Planner::set_supports`: the sums of all contacts but those with `except` (obstacles, and bodies
+/// as -1 - b), which are planned. `release`: the way on which a contact is taken to open, m.
+/// Allocates.
 template <RealScalar Scalar>
 void contact_supports(const World<Scalar>& world, int sheet, const Scalar& dt,
                       std::span<const int> except, const Scalar& release,
                       std::vector<VertexSupport<Scalar>>& supports) {
-  using std::sqrt;
   const std::size_t count = static_cast<std::size_t>(world.state(sheet).positions.cols());
-  supports.assign(count, VertexSupport<Scalar>());
-  for (VertexSupport<Scalar>& support : supports) support.normal.setZero();
+  std::vector<SupportSum<Scalar>> sums(count);
   detail::for_each_touched(
       world, sheet, dt,
       [&](int carrier) { return std::find(except.begin(), except.end(), carrier) == except.end(); },
       [&](int v, const Scalar& weight, const auto& contact, const Scalar& time) {
-        VertexSupport<Scalar>& support = supports[static_cast<std::size_t>(v)];
-        const Vector3<Scalar> force = (weight / time) * contact.impulse;
-        const Vector3<Scalar> normal = detail::contact_normal(contact);
-        support.force += force;
-        support.normal += force.dot(normal) * normal;
+        const Vector3<Scalar> force = contact.impulse / time;
+        const VertexSupport<Scalar> one{v, detail::contact_normal(contact), force, release};
+        sums[static_cast<std::size_t>(v)].add(one, weight);
       });
-  std::size_t kept = 0;
+  supports.clear();
   for (std::size_t i = 0; i < count; ++i) {
-    VertexSupport<Scalar> support = supports[i];
-    const Scalar size = sqrt(support.normal.squaredNorm());
-    // Where contacts cancel, no normal is left.
-    if (!(Scalar(1e-6) * sqrt(support.force.squaredNorm()) < size)) continue;
-    support.vertex = static_cast<int>(i);
-    support.normal /= size;
-    support.release = release;
-    supports[kept++] = support;
+    if (sums[i].empty()) continue;
+    supports.push_back(sums[i].of(static_cast<int>(i)));
+    if (!is_unbounded(supports.back().release)) supports.back().release = release;
   }
-  supports.resize(kept);
 }
 
 /// Adds the vertices of a sheet that stuck to obstacle `carrier`, or to body b with -1 - b, in the

@@ -24,7 +24,7 @@
 #include "clothctl/cloth/detail/level_input.hpp"
 #include "clothctl/cloth/detail/passive_share.hpp"
 #include "clothctl/cloth/detail/rigid_motion.hpp"
-#include "clothctl/cloth/detail/surface_distance.hpp"
+#include "clothctl/network/surface_distance.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -93,7 +93,7 @@ class BatchLevels {
   using Weights = std::array<Scalar, BatchLevel<Scalar>::kParents>;
 
   void add_level(const LevelInput& input, const MeshParts& parts, double radius,
-                 SurfaceDistance& surface, std::vector<int>& finer,
+                 SurfaceDistance<>& surface, std::vector<int>& finer,
                  std::vector<double>& finer_mass);
   /// Fills parents and weights of the finer level's vertices; returns the masses that these give.
   static std::vector<double> set_parents(const NearVertices& nearby, double radius,
@@ -153,7 +153,7 @@ BatchLevels<Scalar>::BatchLevels(const LevelInput& input, const MeshParts& parts
     : tethered_(input.tethered), vertex_count_(input.mass.size()) {
   SurfaceDistance surface(static_cast<int>(vertex_count_), input.edges, input.triangles);
   double mean = 0.0;
-  for (const SurfaceEdge& edge : input.edges) mean += edge.length;
+  for (const SurfaceEdge<>& edge : input.edges) mean += edge.length;
   mean /= static_cast<double>(std::max<std::size_t>(1, input.edges.size()));
   std::vector<int> finer(vertex_count_);
   for (std::size_t v = 0; v < vertex_count_; ++v) finer[v] = static_cast<int>(v);
@@ -170,7 +170,7 @@ BatchLevels<Scalar>::BatchLevels(const LevelInput& input, const MeshParts& parts
 
 template <RealScalar Scalar>
 void BatchLevels<Scalar>::add_level(const LevelInput& input, const MeshParts& parts, double radius,
-                                    SurfaceDistance& surface, std::vector<int>& finer,
+                                    SurfaceDistance<>& surface, std::vector<int>& finer,
                                     std::vector<double>& finer_mass) {
   const std::size_t n = vertex_count_;
   BatchLevel<Scalar>& level = levels_.emplace_back();

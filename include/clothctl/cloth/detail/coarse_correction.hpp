@@ -23,18 +23,18 @@
 #include <vector>
 
 #include "clothctl/cloth/detail/level_input.hpp"
-#include "clothctl/cloth/detail/surface_distance.hpp"
 #include "clothctl/cloth/detail/triple.hpp"
 #include "clothctl/linalg/block_cholesky.hpp"
 #include "clothctl/linalg/nested_dissection.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/network/surface_distance.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
 /// Returns the springs of a network along sides of its triangles with their rest lengths, m.
 /// Allocates.
 template <RealScalar Scalar>
-std::vector<SurfaceEdge> surface_sides(const SpringNetwork<Scalar>& network) {
+std::vector<SurfaceEdge<>> surface_sides(const SpringNetwork<Scalar>& network) {
   std::vector<std::pair<int, int>> sides;
   for (const std::array<int, 3>& t : network.triangles) {
     for (std::size_t c = 0; c < 3; ++c) {
@@ -43,7 +43,7 @@ std::vector<SurfaceEdge> surface_sides(const SpringNetwork<Scalar>& network) {
     }
   }
   std::sort(sides.begin(), sides.end());
-  std::vector<SurfaceEdge> out;
+  std::vector<SurfaceEdge<>> out;
   for (const Spring<Scalar>& s : network.springs) {
     const std::pair<int, int> ends{(std::min)(s.a, s.b), (std::max)(s.a, s.b)};
     if (std::binary_search(sides.begin(), sides.end(), ends))
@@ -63,7 +63,7 @@ class CoarseCorrection {
   /// triangles (surface_sides); `places`: of the vertices, 3×n, m, for the order of elimination
   /// alone. Bodies of less than 200 vertices have no coarse vertices, nor have bodies of many small
   /// pieces, nor those whose A_c would be hardly smaller than A. Allocates. Complexity: O(n log n).
-  CoarseCorrection(const BlockSymmetric<Scalar>& pattern, const std::vector<SurfaceEdge>& sides,
+  CoarseCorrection(const BlockSymmetric<Scalar>& pattern, const std::vector<SurfaceEdge<>>& sides,
                    const Points<double>& places);
 
   /// Number of coarse vertices.
@@ -96,7 +96,7 @@ class CoarseCorrection {
     return {weight_.data() + begin, begin_[static_cast<std::size_t>(i) + 1] - begin};
   }
   /// Chooses coarse vertices, which it returns, and fills begin_, weight_ and place_.
-  std::vector<int> set_weights(Index rows, const std::vector<SurfaceEdge>& sides);
+  std::vector<int> set_weights(Index rows, const std::vector<SurfaceEdge<>>& sides);
   /// Sets the first `column_count_` of columns_ to the coarse vertices of row i of T (factorize),
   /// and place_ to their places.
   void find_columns(const BlockSymmetric<Scalar>& matrix, Index i);
@@ -119,7 +119,7 @@ class CoarseCorrection {
 
 template <RealScalar Scalar>
 CoarseCorrection<Scalar>::CoarseCorrection(const BlockSymmetric<Scalar>& pattern,
-                                           const std::vector<SurfaceEdge>& sides,
+                                           const std::vector<SurfaceEdge<>>& sides,
                                            const Points<double>& places) {
   if (pattern.rows() < 200) return;
   const std::vector<int> chosen = set_weights(pattern.rows(), sides);
@@ -177,11 +177,11 @@ void CoarseCorrection<Scalar>::forget_columns() {
 
 template <RealScalar Scalar>
 std::vector<int> CoarseCorrection<Scalar>::set_weights(Index rows,
-                                                       const std::vector<SurfaceEdge>& sides) {
+                                                       const std::vector<SurfaceEdge<>>& sides) {
   const std::size_t n = static_cast<std::size_t>(rows);
   std::vector<unsigned char> on_surface(n, 0);
   double mean = 0.0, positive = 0.0;
-  for (const SurfaceEdge& side : sides) {
+  for (const SurfaceEdge<>& side : sides) {
     for (int v : {side.a, side.b}) on_surface[static_cast<std::size_t>(v)] = 1;
     mean += side.length;
     if (0.0 < side.length) positive += 1.0;

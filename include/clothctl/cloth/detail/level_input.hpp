@@ -9,9 +9,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "clothctl/cloth/detail/surface_distance.hpp"
 #include "clothctl/mesh/topology.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/network/surface_distance.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
@@ -25,7 +25,7 @@ struct LevelInput {
   /// Masses, kg.
   std::vector<double> mass;
   /// Springs with a stiffness that do not bend.
-  std::vector<SurfaceEdge> edges;
+  std::vector<SurfaceEdge<>> edges;
   std::vector<std::array<int, 3>> triangles;
   /// When each vertex is offered a place on the levels (level_ranks).
   std::vector<int> ranks;

@@ -136,7 +136,7 @@ std::uint64_t hash_structure(const BlockSymmetric<Scalar>& pattern, const Elimin
   if constexpr (HasLevels<Scalar>) {
     if (!tree.permutation.empty()) return hash.value;
     const auto add_number = [&](double number) { hash.add(std::bit_cast<std::int64_t>(number)); };
-    for (const SurfaceEdge& side : surface_sides(network)) {
+    for (const SurfaceEdge<>& side : surface_sides(network)) {
       hash.add(side.a);
       hash.add(side.b);
       add_number(side.length);

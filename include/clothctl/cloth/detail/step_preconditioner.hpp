@@ -34,7 +34,7 @@ class StepPreconditioner {
 
   /// Makes the memory of incomplete factors and of the coarse correction of a body (arguments:
   /// CoarseCorrection). Allocates.
-  StepPreconditioner(const BlockSymmetric<Scalar>& pattern, const std::vector<SurfaceEdge>& sides,
+  StepPreconditioner(const BlockSymmetric<Scalar>& pattern, const std::vector<SurfaceEdge<>>& sides,
                      const Points<double>& places)
       : incomplete_(pattern), coarse_(pattern, sides, places), is_incomplete_(true) {}
 

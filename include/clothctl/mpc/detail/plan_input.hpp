@@ -51,11 +51,10 @@ std::string take_supports(std::span<const VertexSupport<Scalar>> supports, Index
     const std::string name = "the support of vertex " + std::to_string(support.vertex);
     if (support.vertex < 0 || vertices <= support.vertex) return name + " is off the mesh";
     if (i > 0 && sorted[i - 1].vertex == support.vertex) return name + " occurs twice";
-    const Scalar square = support.normal.squaredNorm();
-    if (!(Scalar(0.98) < square) || !(square < Scalar(1.02)))
-      return name + " has a normal that is not a unit vector";
+    if (!is_unit(support.normal)) return name + " has a normal that is not a unit vector";
     if (!all_finite(support.force)) return name + " has a force that is not finite";
-    if (!is_finite(support.release) || !(Scalar(0) < support.release))
+    const bool ends = is_finite(support.release) || is_unbounded(support.release);
+    if (!ends || !(Scalar(0) < support.release))
       return name + " has the release " + number_text(support.release) + " m, must be positive";
   }
   request.supports = std::move(sorted);

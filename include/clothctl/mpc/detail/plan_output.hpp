@@ -120,14 +120,14 @@ void send_path(const WindowProblem<Scalar, Contact>& problem, PlanResult<Scalar>
       Vector3<Scalar> step = Vector3<Scalar>::Zero();
       if (problem.request.has_path)
         step = settings.dt * problem.request.path.template block<3, 1>(3 * j, 0);
-      for (Index c = 0; c < 3; ++c)
-        step[c] = clamped<Scalar>(step[c], -settings.max_step, settings.max_step);
+      limit_velocity<Scalar>(step, Scalar(0), settings.max_step, step);
       sent.col(j) = problem.motion.position.col(j) + step;
       mean += held.vertex_share(j) * step;
     }
     Vector3<Scalar> limited = mean;
     const Vector3<Scalar> now = settings.dt * measured_motion(problem, g).linear;
-    limit_change<Scalar>(now, settings.max_acceleration * settings.dt * settings.dt, limited);
+    limit_velocity<Scalar>(now, settings.max_acceleration * settings.dt * settings.dt, Scalar(0),
+                           limited);
     sent.middleCols(begin, end - begin).colwise() += limited - mean;
   }
 }
@@ -147,13 +147,11 @@ void send_poses(const WindowProblem<Scalar, Contact>& problem, PlanResult<Scalar
     RigidVelocity<Scalar> motion =
         fit_rigid_velocity<Scalar>(points, velocity.middleCols(begin, count));
     if (limits_pose_changes(settings)) {
-      for (Index i = 0; i < 3 && Scalar(0) < settings.max_turn_rate; ++i)
-        motion.angular[i] =
-            clamped<Scalar>(motion.angular[i], -settings.max_turn_rate, settings.max_turn_rate);
       const RigidVelocity<Scalar> now = measured_motion(problem, g);
-      limit_change<Scalar>(now.linear, settings.max_acceleration * settings.dt, motion.linear);
-      limit_change<Scalar>(now.angular, settings.max_turn_acceleration * settings.dt,
-                           motion.angular);
+      limit_velocity<Scalar>(now.linear, settings.max_acceleration * settings.dt, Scalar(0),
+                             motion.linear);
+      limit_velocity<Scalar>(now.angular, settings.max_turn_acceleration * settings.dt,
+                             settings.max_turn_rate, motion.angular);
     }
     move_rigidly<Scalar>(points, motion, settings.dt,
                          result.input.driven_positions.middleCols(begin, count));

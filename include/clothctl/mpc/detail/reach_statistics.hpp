@@ -36,14 +36,18 @@ std::string count_reach_frames(const Scalar& start, const Scalar& end, const Sca
   return {};
 }
 
-/// Returns an empty string, or which target is not finite: at `frames` frames of `dt` (s) from
-/// `start` (s) on, and a frame before and after them. Allocates only for that.
-template <RealScalar Scalar, class Target>
-std::string check_reach_target(const Target& target, Index features, const Scalar& start,
-                               const Scalar& dt, Index frames) {
+/// Counts the `frames` of a curve. Returns an empty string, or what is wrong with the limits, the
+/// times or a target, at one of these frames or a frame before or after them. Allocates only for
+/// that. `Limits`: ReachLimits.
+template <class Limits, class Target, RealScalar Scalar>
+std::string open_reach_curve(const Limits& limits, const Target& target, const Scalar& start,
+                             const Scalar& end, Index& frames) {
+  std::string problem = limits.validate();
+  if (problem.empty()) problem = count_reach_frames(start, end, limits.dt, frames);
+  if (!problem.empty()) return problem;
   for (Index k = -1; k <= frames; ++k) {
-    const Scalar t = start + dt * Scalar(static_cast<double>(k));
-    for (Index i = 0; i < features; ++i) {
+    const Scalar t = start + limits.dt * Scalar(static_cast<double>(k));
+    for (Index i = 0; i < limits.count(); ++i) {
       const Vector3<Scalar> place = target(i, t);
       if (!all_finite(place)) return bad_target_line(i, t);
     }

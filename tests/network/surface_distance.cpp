@@ -1,4 +1,4 @@
-#include "clothctl/cloth/detail/surface_distance.hpp"
+#include "clothctl/network/surface_distance.hpp"
 
 #include <algorithm>
 #include <array>
@@ -19,20 +19,20 @@ using clothctl_test::TriangleSheet;
 namespace {
 
 /// The sides of all triangles, as long as they are at these positions.
-std::vector<SurfaceEdge> edges_of(const Points<double>& positions,
-                                  const std::vector<std::array<int, 3>>& triangles) {
+std::vector<SurfaceEdge<>> edges_of(const Points<double>& positions,
+                                    const std::vector<std::array<int, 3>>& triangles) {
   std::set<std::pair<int, int>> pairs;
   for (const std::array<int, 3>& t : triangles) {
     for (std::size_t i = 0; i < 3; ++i) pairs.insert(std::minmax(t[i], t[(i + 1) % 3]));
   }
-  std::vector<SurfaceEdge> edges;
+  std::vector<SurfaceEdge<>> edges;
   for (const auto& [a, b] : pairs)
     edges.push_back({a, b, (positions.col(a) - positions.col(b)).norm()});
   return edges;
 }
 
 /// Distances from a source; infinite where `spread` does not come.
-std::vector<double> distances(SurfaceDistance& surface, int count, int source, double radius) {
+std::vector<double> distances(SurfaceDistance<>& surface, int count, int source, double radius) {
   std::vector<double> out(static_cast<std::size_t>(count), std::numeric_limits<double>::infinity());
   double before = 0;
   surface.spread(source, radius, [&](int v, double distance) {
@@ -103,7 +103,7 @@ TEST_CASE("surface distance: a bent sheet has the distances of the plane", "[sur
     rolled(0, v) = radius * std::sin(angle);
     rolled(2, v) = radius * (1.0 - std::cos(angle));
   }
-  std::vector<SurfaceEdge> edges = edges_of(rolled, sheet.triangles);
+  std::vector<SurfaceEdge<>> edges = edges_of(rolled, sheet.triangles);
   SurfaceDistance surface(n, edges, sheet.triangles);
   // The chords of the cells are shorter than the arcs: by (cell/radius)²/24.
   for (int source : {0, 100, 333}) {
