@@ -337,9 +337,11 @@ void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const Poin
   std::vector<HandAnchor<Scalar>> anchors = detail::anchors_at(next.basis, setup_.features, x);
   for (std::size_t g = 0; g < anchors.size(); ++g) {
     if (change.grip(g) < 0) continue;
+    const Vector3<Scalar> across = anchors[g].across;
     anchors[g] = cost_.anchors()[static_cast<std::size_t>(change.grip(g))];
-    anchors[g].offset += change.jump(g);
+    detail::move_hand(anchors[g], across, change.jump(g));
   }
+  detail::measure_hand_gap<Scalar>(anchors);
   if (!setup_.anchors.empty()) setup_.anchors = anchors;
   change.carry_request(problem_, last_velocity_, next);
   finger_plan_.carry(next.basis, change.weights());
