@@ -4,6 +4,7 @@
 
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
+#include "support/sheets.hpp"
 
 #include <Eigen/Geometry>
 
@@ -162,6 +163,133 @@ TEST_CASE("anchors made from a start leave the hands there", "[mpc]") {
   CHECK(make_anchors(features, hands)[1].feature_weights == std::vector<double>{0.0, 1.0});
   CHECK(make_anchors(features, Points<double>(hands.leftCols(1)))[0].feature_weights ==
         std::vector<double>{0.5, 0.5});
+}
+
+TEST_CASE("anchors turn with the features as a rigid body", "[mpc]") {
+  Points<double> features(3, 2), hands(3, 2);
+  features << -0.24, 0.25, 0.01, -0.02, 0.1, 0.13;
+  hands << -0.22, 0.23, 0.05, 0.04, 0.6, 0.62;
+  const std::vector<HandAnchor<double>> anchors = make_anchors(features, hands);
+  for (const V& angles : {V(0, 0, 0.9), V(0, 0.4, 0), V(0, -0.5, 2.7), V(0, 0.3, -1.2)}) {
+    // A turn about the vertical of the start, and a tilt in the plane of the features and z.
+    const V way = features.col(1) - features.col(0), up(0, 0, 1);
+    const V level = V(way[0], way[1], 0).normalized();
+    const Matrix3<double> turn =
+        (Eigen::AngleAxisd(angles[2], up) * Eigen::AngleAxisd(angles[1], up.cross(level)))
+            .toRotationMatrix();
+    const V middle = features.rowwise().mean(), shift(0.3, -0.2, 0.1);
+    const auto turned = [&](Index i, double) {
+      return V(middle + shift + turn * (features.col(i) - middle));
+    };
+    for (Index g = 0; g < 2; ++g) {
+      const V p = anchor_position(anchors[static_cast<std::size_t>(g)], HeavyChainAxes::Off, 9.81,
+                                  turned, 0.0);
+      CHECK((p - middle - shift - turn * (hands.col(g) - middle)).norm() < 1e-14);
+    }
+  }
+}
+
+TEST_CASE("a sheet whose hand is raised hangs where its anchors say", "[mpc]") {
+  const clothctl_test::HangingSheet sheet = clothctl_test::hanging_sheet(9);
+  const Points<double>& x = sheet.state.positions;
+  const int corners[4] = {sheet.lower_left(), sheet.lower_right(), sheet.upper_left(),
+                          sheet.upper_right()};
+  Points<double> features(3, 2), hands(3, 2);
+  for (Index i = 0; i < 2; ++i) {
+    features.col(i) = x.col(corners[i]);
+    hands.col(i) = x.col(corners[2 + i]);
+  }
+  std::vector<HandAnchor<double>> anchors = make_anchors(features, hands);
+  for (HandAnchor<double>& anchor : anchors) anchor.hand_gap = 0.0;
+  MassSpring<double> model = sheet.model(Integration::Newton);
+  auto workspace = model.make_workspace();
+  ClothState<double> state = sheet.state;
+  const double width = (hands.col(1) - hands.col(0)).norm(), angle = 0.3;
+  const V middle = hands.rowwise().mean();
+  ClothInput<double> input;
+  input.driven_vertices = {corners[2], corners[3]};
+  input.driven_positions.setZero(3, 2);
+  for (int frame = 1; frame <= 400; ++frame) {
+    const double now = angle * std::min(1.0, 0.01 * frame);
+    const V half = 0.5 * width * V(std::cos(now), 0, std::sin(now));
+    input.driven_positions.col(0) = middle - half;
+    input.driven_positions.col(1) = middle + half;
+    REQUIRE(model.step(state, input, 0.02, workspace).advanced);
+  }
+  const auto still = [&](Index i, double) { return V(state.positions.col(corners[i])); };
+  // Folds decide how wide the features are; the middle of the hands does not depend on them.
+  const auto middle_of_anchors = [&] {
+    V sum = V::Zero();
+    for (const HandAnchor<double>& anchor : anchors)
+      sum += anchor_position(anchor, HeavyChainAxes::SheetNormal, 9.81, still, 0.0);
+    return V(sum / 2);
+  };
+  CHECK((middle_of_anchors() - middle).norm() < 0.03);
+  for (HandAnchor<double>& anchor : anchors) anchor.across.setZero();  // offsets that do not turn
+  CHECK((middle_of_anchors() - middle).norm() > 0.12);
+}
+
+TEST_CASE("hands come together more than the features, and no wider than the sheet", "[mpc]") {
+  Points<double> features(3, 2), hands(3, 2);
+  features << -0.24, 0.24, 0, 0, 0, 0;
+  hands << -0.2, 0.2, 0, 0, 0.5, 0.5;
+  std::vector<HandAnchor<double>> anchors = make_anchors(features, hands);
+  const auto gap_of_hands = [&](double gap) {
+    const auto target = [&](Index i, double) { return V(i == 0 ? -gap / 2 : gap / 2, 0, 0); };
+    const V left = anchor_position(anchors[0], HeavyChainAxes::Off, 9.81, target, 0.0);
+    const V right = anchor_position(anchors[1], HeavyChainAxes::Off, 9.81, target, 0.0);
+    CHECK((left + right - V(0, 0, 1)).norm() < 1e-14);
+    return right[0] - left[0];
+  };
+  CHECK(gap_of_hands(0.48) == Approx(0.4));
+  CHECK(gap_of_hands(0.44) == Approx(0.4 * std::exp(-0.3)));
+  CHECK(gap_of_hands(0.5) == Approx(0.4 * std::exp(0.15)));
+  CHECK(gap_of_hands(0.6) == Approx(0.48));
+  CHECK(gap_of_hands(1e4) == Approx(0.48));
+  CHECK(gap_of_hands(1e-6) == Approx(0.4 * std::exp(-3.6)).epsilon(1e-3));
+  for (HandAnchor<double>& anchor : anchors) anchor.gather = 0.0;
+  CHECK(gap_of_hands(0.3) == Approx(0.4));
+  for (HandAnchor<double>& anchor : anchors) anchor.hand_gap = 0.0;  // follow their own feature
+  CHECK(gap_of_hands(0.3) == Approx(0.22));
+}
+
+TEST_CASE("anchors move continuously where the features stand on top of each other", "[mpc]") {
+  Points<double> features(3, 2), hands(3, 2);
+  features << -0.25, 0.25, 0, 0, 0, 0;
+  hands << -0.25, 0.25, 0.02, 0.02, 0.5, 0.5;
+  const HandAnchor<double> anchor = make_anchors(features, hands)[0];
+  V last = hands.col(0);
+  const int steps = 4000;
+  for (int k = 0; k <= steps; ++k) {
+    const double angle = 3.14 * k / steps;
+    const auto target = [&](Index i, double) {
+      return V((i == 0 ? -0.25 : 0.25) * V(std::cos(angle), 1e-3, std::sin(angle)));
+    };
+    const V p = anchor_position(anchor, HeavyChainAxes::Off, 9.81, target, 0.0);
+    CHECK((p - last).norm() < 0.01);
+    last = p;
+  }
+  // Vertical, or in one point: the hand keeps its offset.
+  for (const V& way : {V(0, 0, 0.25), V(0, 0, 0)}) {
+    const auto target = [&](Index i, double) { return V(i == 0 ? -way : way); };
+    const V p = anchor_position(anchor, HeavyChainAxes::Off, 9.81, target, 0.0);
+    CHECK((p + way - anchor.offset).norm() < 1e-14);
+  }
+}
+
+TEST_CASE("a jump of the hand moves its anchor by as much, however the features lie", "[mpc]") {
+  Points<double> features(3, 2), hands(3, 2);
+  features << -0.24, 0.25, 0.01, -0.02, 0.1, 0.13;
+  hands << -0.22, 0.23, 0.05, 0.04, 0.6, 0.62;
+  HandAnchor<double> anchor = make_anchors(features, hands)[1];
+  anchor.hand_gap = 0.0;
+  const V way(0.3, 0.35, 0.12), jump(0.01, -0.02, 0.03);
+  const auto target = [&](Index i, double) { return V(i == 0 ? V(0, 0, 0) : way); };
+  const V before = anchor_position(anchor, HeavyChainAxes::Off, 9.81, target, 0.0);
+  detail::move_hand(anchor, way, jump);
+  const V after = anchor_position(anchor, HeavyChainAxes::Off, 9.81, target, 0.0);
+  CHECK((after - before - jump).norm() < 1e-14);
+  CHECK(anchor.along != make_anchors(features, hands)[1].along);
 }
 
 TEST_CASE("in moving air the sheet hangs along gravity and air together", "[mpc]") {

@@ -117,12 +117,23 @@ TEMPLATE_TEST_CASE("the first wrong anchor is named with its error", "[mpc][plan
             anchor + " has the weight " + number_text(bad));
       CHECK(refusal([&](HandAnchor<S>& a) { a.offset[2] = bad; }) ==
             anchor + " has an offset that is not finite");
+      CHECK(refusal([&](HandAnchor<S>& a) { a.across[0] = bad; }) ==
+            anchor + " has a way across that is not finite");
+      CHECK(refusal([&](HandAnchor<S>& a) { a.along = bad; }) ==
+            anchor + " has the place " + number_text(bad) + " along the features");
+      CHECK(refusal([&](HandAnchor<S>& a) { a.gather = bad; }) ==
+            anchor + " has the factor of gathering " + number_text(bad) +
+                ", must be finite and not negative");
       CHECK(refusal([&](HandAnchor<S>& a) { a.hanging_length = bad; }) ==
             anchor + " has the hanging length " + number_text(bad) +
                 ", must be finite and not negative");
     }
     CHECK(refusal([](HandAnchor<S>& a) { a.hanging_length = S(-0.5); }) ==
           anchor + " has the hanging length -0.5, must be finite and not negative");
+    CHECK(refusal([](HandAnchor<S>& a) { a.hand_gap = S(-0.5); }) ==
+          anchor + " has the distance of the hands -0.5, must be finite and not negative");
+    CHECK(refusal([](HandAnchor<S>& a) { a.gather = S(-2); }) ==
+          anchor + " has the factor of gathering -2, must be finite and not negative");
   }
   PlannerSetup<S> low = anchored<S>();
   low.anchors[0].hanging_length = S(0);

@@ -84,9 +84,9 @@ struct HandAnchor {
     if (!all_finite(across)) return " has a way across that is not finite";
     if (!is_finite(along)) return " has the place " + number_text(along) + " along the features";
     for (const auto& [name, value] :
-         {std::pair<const char*, const Scalar*>{"hanging length", &hanging_length},
-          {"distance of the hands", &hand_gap},
-          {"factor of gathering", &gather}}) {
+         {std::pair<const char*, const Scalar*>{"distance of the hands", &hand_gap},
+          {"factor of gathering", &gather},
+          {"hanging length", &hanging_length}}) {
       if (!is_finite(*value) || *value < Scalar(0))
         return " has the " + std::string(name) + " " + number_text(*value) +
                ", must be finite and not negative";
