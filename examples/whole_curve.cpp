@@ -137,6 +137,7 @@ int main(int argc, char** argv) {
                            {"optimum_max_error_m", optimum_max},
                            {"converged", converged},
                            {"optimise_s_mean", seconds}};
+  j["setup"] = {{"cloth", r.run.cloth}, {"horizon", r.run.horizon}, {"start", r.trial.start}};
   if (r.run.json) {
     std::printf("%s\n", j.dump().c_str());
   } else {

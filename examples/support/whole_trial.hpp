@@ -13,11 +13,11 @@ namespace program {
 
 /// What is compared on every curve.
 struct WholeTrialOptions {
-  std::string kind = "known";  // of curves from seeds: known or random
-  double seconds = 5;          // their duration
-  double hand_weight = 1;      // factor on the weights of the hands' motion
-  std::string start = "both";  // planner, anchor or both
-  int iterations = 60;
+  std::string kind = "known";    // of curves from seeds: known or random
+  double seconds = 5;            // their duration
+  double hand_weight = 1;        // factor on the weights of the hands' motion
+  std::string start = "anchor";  // planner, anchor or both
+  int iterations = 30;
 };
 
 /// How well hands follow the targets; the last window does not count.

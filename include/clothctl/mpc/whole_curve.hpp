@@ -19,6 +19,7 @@
 // Reference: Nocedal and Wright, Numerical Optimization (2006), chapters 3, 7 and 10.
 
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <string>
 #include <string_view>
@@ -141,8 +142,8 @@ struct WholeCurveResult {
   int weakened_frames = 0;
 };
 
-/// The problem of one curve. Its memory is a factor of the step matrix for each frame: 30 MB for
-/// 250 frames of 9×9 vertices, 170 MB of 17×17. Each thread needs an object of its own.
+/// The problem of one curve. Its memory is a factor of the step matrix for each frame: 40 MB for
+/// 250 frames of 9×9 vertices, 200 MB of 17×17. Each thread needs an object of its own.
 template <RealScalar S>
 class WholeCurve {
  public:
@@ -152,10 +153,11 @@ class WholeCurve {
   using Answer = WholeCurveResult<Scalar>;
 
   /// Makes the problem of `frames` frames from time `t` (s) on, for a sheet that starts at `start`;
-  /// `target(feature, time)` is the wanted position of a feature (m). `model` is the plant itself:
-  /// integrated by Newton's method, without air. Grips translate: their vertices keep their offsets
-  /// from the centroid, which is all there is to grips of one vertex. Allocates. Returns an error
-  /// that names what is wrong with model, set-up, settings, start or targets.
+  /// `target(feature, time)` is the wanted position of a feature (m), also up to 2 √(L/g) before
+  /// and after the curve, where the anchor of a hanging length L looks. `model` is the plant
+  /// itself: integrated by Newton's method, without air. Grips translate: their vertices keep their
+  /// offsets from the centroid, which is all there is to grips of one vertex. Allocates. Returns an
+  /// error that names what is wrong with model, set-up, settings, start or targets.
   template <class Contact, class Features, class Target>
   static Result<WholeCurve> create(const MassSpring<Scalar>& model,
                                    const PlannerSetup<Scalar, Contact, Features>& setup,
@@ -179,7 +181,8 @@ class WholeCurve {
   Result<Answer> optimise(const MatrixX<Scalar>& path);
 
   /// Returns J v at the paths that were evaluated last: the change of the features (3·features ×
-  /// frames) by a change `v` of the paths (3·grips × frames). Allocates. Call `evaluate` before.
+  /// frames) by a change `v` of the paths (3·grips × frames). Allocates. Fails when: nothing was
+  /// evaluated, or `v` has another size (assert).
   MatrixX<Scalar> product(const MatrixX<Scalar>& v);
 
  private:
@@ -219,6 +222,7 @@ class WholeCurve {
   WholeCurveSettings<Scalar> settings_;
   MatrixX<Scalar> targets_, anchors_, features_, half_gradient_, step_;
   Scalar damping_ = Scalar(0), length_ = Scalar(0);
+  bool evaluated_ = false;
   int choice_ = 0, failures_ = 0;  // of compression; of searches, one after another
 };
 
@@ -323,11 +327,13 @@ auto WholeCurve<S>::evaluate(const MatrixX<Scalar>& path, MatrixX<Scalar>& gradi
     return Error{"the sheet cannot follow the path: a step fails, or has no derivative"};
   answer.costs.push_back(answer.cost);
   gradient = Scalar(2) * half_gradient_;
+  evaluated_ = true;
   return answer;
 }
 
 template <RealScalar S>
 MatrixX<S> WholeCurve<S>::product(const MatrixX<Scalar>& v) {
+  assert(evaluated_ && v.rows() == anchors_.rows() && v.cols() == frames());
   MatrixX<Scalar> out(targets_.rows(), targets_.cols());
   sweeps_.push(v, out);
   return out;
