@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
-#include <system_error>
 
 #include "support/command_line.hpp"
 #include "support/inputs.hpp"
@@ -12,27 +10,6 @@
 namespace program {
 
 namespace {
-
-/// Replaces folders by their CSV files, in order of their names.
-std::vector<std::string> curve_files(const std::vector<std::string>& given) {
-  std::vector<std::string> files;
-  for (const std::string& path : given) {
-    if (!std::filesystem::is_directory(path)) {
-      files.push_back(path);
-      continue;
-    }
-    std::vector<std::string> inside;
-    std::error_code failure;
-    for (const auto& entry : std::filesystem::directory_iterator(path, failure)) {
-      if (entry.path().extension() == ".csv") inside.push_back(entry.path().string());
-    }
-    if (failure) refuse("--curves: " + path + ": " + failure.message());
-    if (inside.empty()) refuse("--curves: " + path + " has no .csv file");
-    std::sort(inside.begin(), inside.end());
-    files.insert(files.end(), inside.begin(), inside.end());
-  }
-  return files;
-}
 
 /// Checks the curves of all runs; returns the frames of the shortest.
 long check_curves(const Evaluation& e) {

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <system_error>
 
 #include "clothctl/io/file.hpp"
 #include "support/options.hpp"
@@ -62,6 +64,26 @@ std::vector<int> read_vertices(const std::string& list, const std::string& optio
     out.push_back(static_cast<int>(value));
   }
   return out;
+}
+
+std::vector<std::string> curve_files(const std::vector<std::string>& given) {
+  std::vector<std::string> files;
+  for (const std::string& path : given) {
+    if (!std::filesystem::is_directory(path)) {
+      files.push_back(path);
+      continue;
+    }
+    std::vector<std::string> inside;
+    std::error_code failure;
+    for (const auto& entry : std::filesystem::directory_iterator(path, failure)) {
+      if (entry.path().extension() == ".csv") inside.push_back(entry.path().string());
+    }
+    if (failure) refuse("--curves: " + path + ": " + failure.message());
+    if (inside.empty()) refuse("--curves: " + path + " has no .csv file");
+    std::sort(inside.begin(), inside.end());
+    files.insert(files.end(), inside.begin(), inside.end());
+  }
+  return files;
 }
 
 }  // namespace program

@@ -15,4 +15,8 @@ clothctl::Material<double> read_material(const std::string& name);
 /// Reads a list of vertex indices separated by commas; `option` is the name for messages.
 std::vector<int> read_vertices(const std::string& list, const std::string& option);
 
+/// Returns the files of --curves, with folders replaced by their CSV files, in order of their
+/// names.
+std::vector<std::string> curve_files(const std::vector<std::string>& given);
+
 }  // namespace program

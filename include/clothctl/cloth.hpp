@@ -4,6 +4,7 @@
 
 #include "clothctl/cloth/carried_vertices.hpp"
 #include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/mass_spring_derivative.hpp"
 #include "clothctl/cloth/mass_spring_impulses.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/cloth/mass_spring_rollout.hpp"

@@ -13,3 +13,4 @@
 #include "clothctl/mpc/run_frame.hpp"
 #include "clothctl/mpc/stepped_plant.hpp"
 #include "clothctl/mpc/suggest_horizon.hpp"
+#include "clothctl/mpc/whole_curve.hpp"

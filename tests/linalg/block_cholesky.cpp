@@ -205,6 +205,23 @@ TEST_CASE("Factorising and solving do not allocate and repeat bit for bit") {
   CHECK(x == y);
 }
 
+TEST_CASE("One object serves many factors of its pattern") {
+  std::mt19937 random(61);
+  const Graph graph = graphs(random).back();
+  const BlockSymmetric<double> first = random_spd<double>(graph, random, 1.0);
+  const BlockSymmetric<double> second = random_spd<double>(graph, random, 1.0);
+  BlockCholesky<double> factor(first, tree_of(graph, 5));
+  VectorX<double> kept;
+  REQUIRE(factor.factorize(first));
+  factor.exchange(kept);
+  REQUIRE(factor.factorize(second));
+  CHECK(solve_error<1>(factor, dense(second)) < 1e-12);
+  factor.exchange(kept);
+  CHECK(solve_error<1>(factor, dense(first)) < 1e-12);
+  factor.exchange(kept);
+  CHECK(solve_error<1>(factor, dense(second)) < 1e-12);
+}
+
 TEST_CASE("The entries of a factor are counted") {
   const Graph graph = rope_graph(4);
   const BlockSymmetric<double> pattern(4, graph.pairs);

@@ -316,6 +316,26 @@ def check_reachability(programs, folder):
     check(code == 2 and "--tolerance" in errors, f"reachability --tolerance 0: {code}: {errors!r}")
 
 
+def check_whole_curve(programs, folder):
+    """The best hands for a short curve, from a seed and from a file, beat the planner."""
+    program, out = programs / "whole_curve", folder / "whole"
+    curve = folder / "whole.csv"
+    curve.write_text(targets(0.6))
+    small = ["--cloth", 5, "--horizon", 6, "--iterations", 4, "--json"]
+    for given in (["--seeds", 1, "--seconds", 0.6, "--out", out], ["--curves", curve]):
+        code, text, errors = run(program, *small, *given)
+        check(code == 0 and not errors, f"whole_curve: exit {code}: {errors}")
+        if code == 0:
+            summary = json.loads(text.strip().split("\n")[-1])
+            check(summary["status"] == "finished" and summary["curves"] == 1
+                  and 0 < summary["optimum_mean_error_m"] < summary["planner_mean_error_m"],
+                  f"whole_curve: {summary}")
+    for name, lines in (("curves.csv", 2), ("hands_1.csv", 31)):
+        check(len((out / name).read_text().strip().split("\n")) == lines, f"whole_curve: {name}")
+    code, _, errors = run(program, "--start", "here")
+    check(code == 2 and "--start" in errors, f"whole_curve --start here: {code}: {errors!r}")
+
+
 def check_evaluate_refusals(evaluate, folder, job, given):
     def refused(name, arguments, *words):
         code, _, errors = run(evaluate, *arguments)
@@ -1117,6 +1137,7 @@ def main():
         check_qp_runs(programs, pathlib.Path(folder))
         check_evaluate(programs, pathlib.Path(folder))
         check_reachability(programs, pathlib.Path(folder))
+        check_whole_curve(programs, pathlib.Path(folder))
         check_simulate_runs(programs, pathlib.Path(folder))
         check_runs(programs, pathlib.Path(folder))
         check_sewing(programs, pathlib.Path(folder))

@@ -88,6 +88,16 @@ class BlockCholesky {
     }
   }
 
+  /// Exchanges the factor for `values`, one that an earlier call of this or an object of the same
+  /// pattern and tree has given, or a vector without entries. So one object serves many factors,
+  /// which need no more memory than their entries; before `solve`, put one in. Allocates only for
+  /// a vector without entries.
+  void exchange(VectorX<Scalar>& values) {
+    if (values.size() == 0) values.setZero(layout_.factor_size);
+    assert(values.size() == layout_.factor_size);
+    factor_.swap(values);
+  }
+
   /// Makes room for `inverse_block` of up to `count` vertices, each time. Allocates.
   InverseBlockMemory make_inverse_block_memory(Index count) const {
     return InverseBlockMemory(layout_.rows, static_cast<Index>(layout_.fronts.size()), count);
