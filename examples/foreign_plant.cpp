@@ -5,43 +5,64 @@
 //   foreign_plant              9 vertices a side, 12 s
 //   foreign_plant 17 600       17 vertices a side, ten minutes
 //   foreign_plant 17 600 identified   the model's tension identified from four seconds of motion
+//   foreign_plant 13 60 --variant 3   another stiffness, damping, drag and substeps of the cloth
 
-#include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <string_view>
+#include <string>
 #include <vector>
 
 #include "bring_your_own/cloth_plant.hpp"
 #include "clothctl/clothctl.hpp"
+#include "support/command_line.hpp"
+#include "support/foreign_cloth.hpp"
+#include "support/options.hpp"
+
+namespace {
 
 using namespace clothctl;
+using program::ForeignVariant;
 using Traits = plant_traits<game::Cloth>;
 using Predicting = LinearisedPredictor<MassSpringResponse<float>>;
 
-// The engine's sheet, hanging at rest from its upper corners. The hands are closer together than in
-// the flat sheet, and the sheet starts bent, so that it folds to one side.
-game::Cloth hanging_cloth(const GridMesh<double>& grid, const SpringNetwork<double>& network) {
-  Points<double> x = grid.positions;
-  for (Index i = 0; i < x.cols(); ++i) x(1, i) = -0.03 * std::cos(6.28 * x(0, i));
-  x.row(0) *= 0.95;
-  game::Cloth cloth = game::make_cloth(network, x);
-  const int side = grid.cols, last = side - 1;
-  cloth.substeps = side <= 9 ? 400 : side <= 13 ? 600 : 1000;
-  cloth.drag = 4;
-  if (!settle(cloth, {grid.vertex(last, 0), grid.vertex(last, last)}, 0.02, 6.0, 1e-3).advanced)
-    std::exit(1);
-  cloth.drag = 0.2f;
-  return cloth;
+/// What the user asks for.
+struct Request {
+  int side = 9, seconds = 12;
+  std::string profile = "nominal";
+  ForeignVariant variant;
+};
+
+Request read_request(int argc, char** argv) {
+  Request r;
+  std::uint64_t seed = 0;
+  CLI::App app{"Two hands move a game engine's cloth so that its lower corners swing."};
+  app.add_option("side", r.side, "Vertices along a side")
+      ->check(CLI::Range(5, 17))
+      ->capture_default_str();
+  app.add_option("seconds", r.seconds, "Length of the run, s")
+      ->check(CLI::Range(5, 3600))
+      ->capture_default_str();
+  app.add_option("profile", r.profile,
+                 "nominal: predict with the springs that the cloth was made from; identified: from "
+                 "what a copy of the cloth does, too")
+      ->check(CLI::IsMember({"nominal", "identified"}))
+      ->capture_default_str();
+  CLI::Option* variant =
+      app.add_option("--variant", seed,
+                     "Seed of another stiffness, damping, drag and number of substeps of the "
+                     "cloth, which the planner does not know")
+          ->check(program::seed_number());
+  program::parse(app, argc, argv);
+  if (variant->count() > 0) r.variant = program::draw_variant(seed);
+  return r;
 }
 
-// What a copy of the cloth tells about its effective tension, while its corners sway.
+/// What a copy of the cloth tells about its effective tension, while its corners sway.
 LoosePlantProfile<double> identified(game::Cloth cloth, const MassSpring<double>& model,
                                      const PlannerSetup<double>& setup) {
   const std::vector<std::vector<int>> hands{setup.grips[0].vertices(), setup.grips[1].vertices()};
-  const auto record = record_motion<game::Cloth, double>(cloth, hands).value();
-  const auto found = identify_response<double>(model, record, setup.features).value();
+  const auto record = program::must(record_motion<game::Cloth, double>(cloth, hands));
+  const auto found = program::must(identify_response<double>(model, record, setup.features));
   std::printf(
       "identified tension %.2f, axial stiffness %.2f, measured force %.2f of nominal; "
       "windows wrong by %.0f %%, before %.0f %%\n",
@@ -51,20 +72,14 @@ LoosePlantProfile<double> identified(game::Cloth cloth, const MassSpring<double>
   return loose_plant(found);
 }
 
+}  // namespace
+
 int main(int argc, char** argv) {
-  const int side = argc > 1 ? std::atoi(argv[1]) : 9;
-  const int frames = 50 * (argc > 2 ? std::atoi(argv[2]) : 12);
-  const bool identify = argc == 4 && std::string_view(argv[3]) == "identified";
-  if (argc > (identify ? 4 : 3) || side < 5 || side > 17 || frames < 250 || frames > 180000) {
-    std::fprintf(stderr,
-                 "usage: foreign_plant [vertices a side, 5 to 17 [seconds, 5 to 3600 "
-                 "[identified]]]\n");
-    return 2;
-  }
-  const int last = side - 1;
-  const GridMesh<double> grid = make_grid<double>(side, side, 0.5, 0.5).value();
+  const Request r = read_request(argc, argv);
+  const int last = r.side - 1;
+  const GridMesh<double> grid = make_grid<double>(r.side, r.side, 0.5, 0.5).value();
   const SpringNetwork<double> network = sheet_network(grid, Material<double>{}).value();
-  game::Cloth cloth = hanging_cloth(grid, network);
+  game::Cloth cloth = program::hanging_foreign_cloth(grid, network, r.variant);
   const Points<double> start = Traits::positions(cloth);
 
   PlannerSetup<double> setup;
@@ -79,7 +94,7 @@ int main(int argc, char** argv) {
   same.drag = 0.2;
   const auto model = MassSpring<double>::create(network, same).value();
   const LoosePlantProfile<double> profile =
-      identify ? identified(cloth, model, setup) : loose_plant<double>();
+      r.profile == "identified" ? identified(cloth, model, setup) : loose_plant<double>();
   auto planner =
       Planner<Predicting>::create(
           setup, profile.planner,
@@ -95,20 +110,11 @@ int main(int argc, char** argv) {
            ramp * Vector3<double>(0.02 * std::sin(2 * t), 0.06 * std::sin(3 * t),
                                   0.04 * (1 - std::cos(2 * t)));
   };
-  double sum = 0, worst = 0, first = 0, part = 0, worst_part = 0;  // parts of 5 s
-  for (int frame = 0; frame < frames; ++frame) {
+  program::LongRun run;
+  for (int frame = 0; frame < 50 * r.seconds; ++frame) {
     const FrameReport<double> report = run_frame(planner, cloth, 0.02 * frame, target, plan);
     if (!report.advanced()) return 1;
-    sum += report.mean_error;
-    worst = std::max(worst, report.max_error);
-    part += report.mean_error / 250;
-    if (frame % 250 != 249) continue;
-    if (frame == 249) first = part;
-    worst_part = std::max(worst_part, part);
-    part = 0;
+    run.add(0.02 * (frame + 1), report.mean_error, report.max_error, plan.losing);
   }
-  std::printf("the corners follow for %d frames with a mean error of %.1f mm, worst %.1f mm\n",
-              frames, 1000 * sum / frames, 1000 * worst);
-  std::printf("mean error of the first 5 s %.1f mm, of the worst 5 s %.1f mm\n", 1000 * first,
-              1000 * worst_part);
+  run.print();
 }

@@ -10,6 +10,7 @@
 #include "support/hand_files.hpp"
 #include "support/hand_loop.hpp"
 #include "support/handkerchief_scene.hpp"
+#include "support/identified_plant.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 
@@ -50,6 +51,8 @@ Options read_options(int argc, char** argv, std::string& features, HandMaker& ha
   add_measurement(app, o);
   parse(app, o, argc, argv);
   hand = read_hand(files);
+  if (o.hands && o.predictor == "identified")
+    refuse("--hands: cannot be combined with --predictor identified");
   if (o.hands && o.measured) refuse("--hands: cannot be combined with an estimated state");
   if (0 < o.unknown && o.measured) refuse("--unknown: cannot be combined with an estimated state");
   if (2 * o.patch_size > o.cloth)
@@ -97,7 +100,11 @@ int main(int argc, char** argv) {
   };
   if (o.hands) return run_hands(std::move(scene), o, grid, state, fit, hand);
   fit(state.positions, scene);
-  AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
-  plant.set_state(state);
-  return run(scene, o, std::move(plant), make_predictor(o, scene.body, scene.settings));
+  const auto hanging = [&] {
+    AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
+    plant.set_state(state);
+    return plant;
+  };
+  const auto identified = identify_plant(scene, o, hanging());
+  return run(scene, o, hanging(), make_predictor(o, scene.body, scene.settings, identified));
 }

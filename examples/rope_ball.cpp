@@ -6,6 +6,7 @@
 #include "clothctl/network/rope.hpp"
 #include "clothctl/network/solid.hpp"
 #include "support/command_line.hpp"
+#include "support/identified_plant.hpp"
 #include "support/loop.hpp"
 
 namespace {
@@ -115,8 +116,11 @@ int main(int argc, char** argv) {
              " curves for 1 feature");
     scene.task.curves[0].translate(centre.col(0) - scene.task.curves[0].position(0));
   }
-  AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
-  plant.set_state(state);
-  AnyPredictor predictor = make_predictor(o, scene.body, scene.settings);
-  return run(scene, o, std::move(plant), std::move(predictor));
+  const auto hanging = [&] {
+    AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
+    plant.set_state(state);
+    return plant;
+  };
+  const auto identified = identify_plant(scene, o, hanging());
+  return run(scene, o, hanging(), make_predictor(o, scene.body, scene.settings, identified));
 }

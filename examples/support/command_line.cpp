@@ -66,10 +66,12 @@ void add_planner(CLI::App& app, Options& o) {
       ->capture_default_str();
   app.add_option(
          "--predictor", o.predictor,
-         "linearised: once a frame; rollout: nonlinear free response; auto: rollout for sheets on "
+         "linearised: once a frame; rollout: nonlinear free response; identified: linearised, with "
+         "a "
+         "tension found from motion of the plant before the run; auto: rollout for sheets on "
          "implicit plants in still air with soft patches, else linearised")
       ->transform(old_name("frozen", "linearised"))
-      ->check(CLI::IsMember({"auto", "linearised", "rollout"}))
+      ->check(CLI::IsMember({"auto", "linearised", "rollout", "identified"}))
       ->capture_default_str();
   app.add_option("--profile", o.profile,
                  "Weights: standard, or paper (40 / 0.01 / 10, no hand anchor)")

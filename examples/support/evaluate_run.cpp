@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <utility>
 
+#include "support/identified_plant.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 
@@ -72,6 +73,16 @@ const clothctl::ClothState<double>& Runner::at_rest(const Options& o, const std:
   return rest_.emplace(key, hang_handkerchief(o, grid, task, scene, body)).first->second;
 }
 
+const std::optional<clothctl::IdentifiedResponse<double>>& Runner::identified(
+    const Options& o, const std::string& material, const Scene& scene,
+    const std::function<AnyPlant()>& hanging) {
+  const std::string key = o.plant + "/" + std::to_string(o.cloth) + "/" + material + "/" +
+                          o.targets + "/" + std::to_string(o.horizon);
+  const auto known = identified_.find(key);
+  if (known != identified_.end()) return known->second;
+  return identified_.emplace(key, identify_plant(scene, o, hanging())).first->second;
+}
+
 Task Runner::make_task(const Evaluation& e, const Case& c, int seed, const Grid& grid,
                        const Scene& scene) {
   const auto number = static_cast<std::uint64_t>(seed);
@@ -117,10 +128,15 @@ Row Runner::run(const Evaluation& e, const Case& c, int seed, const std::string&
   fit_targets(o, grid, corners, rest.positions, scene.task);
   measure(scene.task, row);
   row.vertices = static_cast<double>(grid.positions.cols());
-  AnyPlant plant = make_plant(o.plant, body, body.drag);
-  plant.set_state(rest);
+  const auto hanging = [&] {
+    AnyPlant plant = make_plant(o.plant, body, body.drag);
+    plant.set_state(rest);
+    return plant;
+  };
+  AnyPlant plant = hanging();
   RunRecorder recorder(scene, o, scored_frames(scene, o));
-  AnyPredictor predictor = make_predictor(o, scene.body, scene.settings);
+  AnyPredictor predictor =
+      make_predictor(o, scene.body, scene.settings, identified(o, changes, scene, hanging));
   const Summary summary = run_loop(scene, o, plant, std::move(predictor), recorder, progress);
   take(summary, row);
   if (!files.empty()) recorder.write(summary);

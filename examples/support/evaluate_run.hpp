@@ -3,7 +3,9 @@
 // One run of the evaluation: its curve, its sheets, its loop. A run depends on its case and seed
 // alone, so that it has the same bits whoever makes it, in whatever order.
 
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "support/evaluate_row.hpp"
@@ -13,7 +15,7 @@
 
 namespace program {
 
-/// Makes runs; remembers sheets at rest, which take long to settle.
+/// Makes runs; remembers sheets at rest and what was identified, which take long.
 class Runner {
  public:
   /// Makes the run of a case and a seed. With `files`, a folder, it writes the files of the run
@@ -30,7 +32,14 @@ class Runner {
                                               const Grid& grid, const Task& task,
                                               const Scene& scene, const Body& body);
 
+  /// What --predictor identified tells of the plant that `hanging` makes. `material`: what differs
+  /// from the scene's.
+  const std::optional<clothctl::IdentifiedResponse<double>>& identified(
+      const Options& o, const std::string& material, const Scene& scene,
+      const std::function<AnyPlant()>& hanging);
+
   std::map<std::string, clothctl::ClothState<double>> rest_;
+  std::map<std::string, std::optional<clothctl::IdentifiedResponse<double>>> identified_;
 };
 
 }  // namespace program

@@ -117,7 +117,8 @@ std::string chosen_predictor(const Options& o) {
 }
 
 AnyPredictor make_predictor(const Options& o, const Body& body,
-                            clothctl::PlannerSettings<double>& settings) {
+                            clothctl::PlannerSettings<double>& settings,
+                            const std::optional<clothctl::IdentifiedResponse<double>>& identified) {
   const bool implicit = is_implicit(o.plant);
   clothctl::ResponseSettings<float> response;
   clothctl::LinearisedPredictorSettings<double> exact;
@@ -135,6 +136,10 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
       response.scale.geometric = 0.003f;
       if (o.profile != "paper") settings.weights.anchor = 100;
     }
+  }
+  if (identified) {
+    response = identified->response;
+    exact = identified->predictor;
   }
   const clothctl::MassSpring<double> model =
       make_mass_spring(body, body.coarse ? body.coarse->network : body.network,

@@ -15,6 +15,7 @@
 #include "clothctl/cloth/model_plant.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
 #include "clothctl/network/spring_network.hpp"
+#include "clothctl/prediction/identify.hpp"
 #include "clothctl/prediction/sheet_sampling.hpp"
 #include "support/options.hpp"
 #include "support/timing.hpp"
@@ -147,13 +148,15 @@ clothctl::RolloutModelSettings rollout_model_settings(Index vertices);
 /// foreign cloth of bring_your_own: at most 9×9 vertices, or its substeps are too long.
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
-/// Returns "linearised" or "rollout": the meaning of --predictor auto.
+/// Returns the predictor that --predictor names; auto means "linearised" or "rollout".
 std::string chosen_predictor(const Options& o);
 
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In
 /// position-based sheets, unconverged elongation and not tension carries the weight, so their
-/// predictor scales the tension term and uses the measured net force.
-AnyPredictor make_predictor(const Options& o, const Body& body,
-                            clothctl::PlannerSettings<double>& settings);
+/// predictor scales the tension term and uses the measured net force, by factors set by hand, or
+/// by those that --predictor identified found (support/identified_plant.hpp).
+AnyPredictor make_predictor(
+    const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings,
+    const std::optional<clothctl::IdentifiedResponse<double>>& identified = {});
 
 }  // namespace program

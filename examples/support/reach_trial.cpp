@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "support/identified_plant.hpp"
 #include "support/inputs.hpp"
 #include "support/loop.hpp"
 
@@ -11,7 +12,15 @@ ReachBench::ReachBench(const Options& o)
     : options_(o),
       grid_(must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size))),
       scene_(handkerchief_scene(o, grid_, lower_corners(grid_), read_material(o.material))),
-      rest_(hang_handkerchief(o, grid_, {}, scene_, scene_.body)) {}
+      rest_(hang_handkerchief(o, grid_, {}, scene_, scene_.body)) {
+  identified_ = identify_plant(scene_, o, hanging());
+}
+
+AnyPlant ReachBench::hanging() const {
+  AnyPlant plant = make_plant(options_.plant, scene_.body, scene_.body.drag);
+  plant.set_state(rest_);
+  return plant;
+}
 
 Task ReachBench::curve(std::uint64_t seed, double duration, std::string& kind) const {
   const std::vector<int> corners = lower_corners(grid_);
@@ -28,10 +37,9 @@ Task ReachBench::curve(std::uint64_t seed, double duration, std::string& kind) c
 Summary ReachBench::run(const Task& task, Progress& progress) const {
   Scene scene = scene_;
   scene.task = task;
-  AnyPlant plant = make_plant(options_.plant, scene.body, scene.body.drag);
-  plant.set_state(rest_);
+  AnyPlant plant = hanging();
   RunRecorder recorder(scene, options_, scored_frames(scene, options_));
-  AnyPredictor predictor = make_predictor(options_, scene.body, scene.settings);
+  AnyPredictor predictor = make_predictor(options_, scene.body, scene.settings, identified_);
   return run_loop(scene, options_, plant, std::move(predictor), recorder, progress);
 }
 

@@ -2,6 +2,7 @@
 
 // Trials of the study of reachability: a sheet at rest, and closed loops on it.
 
+#include <optional>
 #include <string>
 
 #include "support/figures.hpp"
@@ -25,10 +26,14 @@ class ReachBench {
   const Points& positions() const { return rest_.positions; }
 
  private:
+  /// The sheet at rest.
+  AnyPlant hanging() const;
+
   Options options_;
   Grid grid_;
   Scene scene_;
   clothctl::ClothState<double> rest_;
+  std::optional<clothctl::IdentifiedResponse<double>> identified_;
 };
 
 }  // namespace program

@@ -18,6 +18,8 @@ TEMPLATE_TEST_CASE("the profile loose_plant is valid and holds the hands firmly"
     CHECK(profile.planner.weights.smooth == S(10));
     CHECK(profile.planner.least_agreement == S(0.9));
     CHECK(PlannerSettings<S>().least_agreement == S(0));
+    CHECK(profile.planner.offset_time == S(5));
+    CHECK(PlannerSettings<S>().offset_time == S(0));
     CHECK(profile.planner.weights.anchor < profile.planner.most_anchor);
     CHECK(profile.planner.weights.feature == PlannerSettings<S>().weights.feature);
   }

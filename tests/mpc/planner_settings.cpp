@@ -37,6 +37,7 @@ TEST_CASE("every bad setting is refused", "[mpc]") {
     CHECK(refused([&](Settings& s) { s.max_step = bad; }));
     CHECK(refused([&](Settings& s) { s.max_change = bad; }));
     CHECK(refused([&](Settings& s) { s.most_anchor = bad; }));
+    CHECK(refused([&](Settings& s) { s.offset_time = bad; }));
     CHECK(refused([&](Settings& s) { s.least_agreement = bad; }));
     for (double PlannerWeights<double>::*weight :
          {&PlannerWeights<double>::feature, &PlannerWeights<double>::force,

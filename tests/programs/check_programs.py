@@ -212,9 +212,11 @@ def check_runs(programs, folder):
     code, text, _ = run(programs / "foreign_plant")
     error = re.search(r"mean error of ([0-9.]+) mm", text)
     check(code == 0 and error and float(error[1]) < 5, f"foreign_plant: exit {code}: {text}")
-    for arguments in (("4",), ("18",), ("x",), ("9", "4"), ("9", "12", "1")):
+    code, text, _ = run(programs / "foreign_plant", "5", "5", "--variant", "3")
+    check(code == 0 and "mean error" in text, f"foreign_plant --variant: exit {code}: {text}")
+    for arguments in (("4",), ("18",), ("x",), ("9", "4"), ("9", "12", "1"), ("--variant", "-1")):
         code, _, errors = run(programs / "foreign_plant", *arguments)
-        check(code == 2 and "usage" in errors, f"foreign_plant {arguments}: exit {code}: {errors}")
+        check(code == 2 and "--help" in errors, f"foreign_plant {arguments}: exit {code}: {errors}")
     for arguments in ((), ("--latency", "1", "--late", "5")):
         code, text, _ = run(programs / "noisy_loop", *arguments)
         errors = re.findall(r"([0-9.]+) mm", text)

@@ -293,6 +293,7 @@ void Planner<P, Setup, BoxSolver, RowSolver>::reset() {
   problem_.request.has_applied = false;
   damping_.reset();
   schedule_.reset();
+  cost_.reset();
   limits_.reset();
   start_plan();
   Traits::reset(predictor_);
@@ -380,6 +381,7 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::plan_frame(const PointsView<
                                                                PlanResult<Scalar>& result) {
   agreement_.measure(setup_.features, x, has_last_, result);
   schedule_.measure(problem_.settings, agreement_.measured(), result);
+  cost_.learn(problem_.settings, agreement_.measured());
   result.qp_iterations = 0;
   result.qp_status = QpStatus::Solved;
   result.used_rows = false;

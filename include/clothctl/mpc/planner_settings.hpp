@@ -98,6 +98,10 @@ struct PlannerSettings {
   Scalar least_agreement = Scalar(0);
   /// Largest weight of the anchor under `least_agreement`, 1/m².
   Scalar most_anchor = Scalar(3000);
+  /// Time in which the anchors take up a constant error of the features, s; 0: never. Use it for
+  /// long runs: a sheet that leaves the fold of its start hangs beside its targets for ever. The
+  /// anchors move by at most a tenth of the hanging length along each axis, and back at a reset.
+  Scalar offset_time = Scalar(0);
   /// Longest step of a commanded grip in a frame along each axis, m; also of positions that planned
   /// forces reach (PlantCommand::Position).
   Scalar max_step = Scalar(0.05);
@@ -165,7 +169,7 @@ struct PlannerSettings {
   std::string validate() const {
     const auto bad = [](const Scalar& value) { return !is_finite(value) || value < Scalar(0); };
     if (horizon < 1) return "horizon is " + std::to_string(horizon) + ", must be at least 1";
-    const std::array<std::pair<const char*, const Scalar*>, 16> weighed{
+    const std::array<std::pair<const char*, const Scalar*>, 17> weighed{
         {{"feature", &weights.feature},
          {"force", &weights.force},
          {"cone", &weights.cone},
@@ -178,6 +182,7 @@ struct PlannerSettings {
          {"jerk", &weights.jerk},
          {"step", &weights.step},
          {"most_anchor", &most_anchor},
+         {"offset_time", &offset_time},
          {"max_change", &max_change},
          {"max_acceleration", &max_acceleration},
          {"max_turn_rate", &max_turn_rate},

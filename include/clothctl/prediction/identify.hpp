@@ -46,7 +46,7 @@ struct FitSettings {
   /// count.
   Index skipped = 10;
   /// The weight w, for parameters of order 1.
-  Scalar prior = Scalar(1e-3);
+  Scalar prior = Scalar(1e-2);
   /// Most rounds of the search; each evaluates the predictor once for each parameter, and once or
   /// more for the step.
   int rounds = 10;

@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "clothctl/mpc/detail/anchor_offset.hpp"
 #include "clothctl/mpc/detail/term_stack.hpp"
 #include "clothctl/mpc/detail/window_problem.hpp"
 
@@ -69,6 +70,8 @@ class WindowCost {
     point_.reserve(problem.request.held.size());
     targets_.setZero(3 * features, horizon);
     anchor_targets_.setZero(3 * grips, horizon);
+    wanted_.setZero(3, features);
+    offset_.reserve(features, grips);
   }
 
   /// The anchors, one for each grip.
@@ -88,6 +91,7 @@ class WindowCost {
       const Vector3<Scalar> start = target(i, t);
       if (!within_reach(start)) return false;
       mean += share * start;
+      wanted_.col(i) = start;
     }
     for (Index k = 0; k < settings.horizon; ++k) {
       const Scalar end = frame_time(problem, t, k + 1);
@@ -107,6 +111,16 @@ class WindowCost {
     }
     return within_reach(targets_) && within_reach(anchor_targets_);
   }
+
+  /// Lets the anchors take up constant errors of the features, which are at `measured` (3×features,
+  /// m) at the time of the last `sample`. From the next one on. Never allocates.
+  void learn(const PlannerSettings<Scalar>& settings, const Points<Scalar>& measured) {
+    if (Scalar(0) < settings.weights.anchor && Scalar(0) < settings.offset_time)
+      offset_.learn(settings.dt, settings.offset_time, wanted_, measured, anchors_);
+  }
+
+  /// Gives the anchors back the offsets that they had before they learned.
+  void reset() { offset_.reset(anchors_); }
 
   /// Returns where the hand of grip `g` belongs at time `t` (s) in still air, m. Never allocates.
   template <class Target>
@@ -212,6 +226,8 @@ class WindowCost {
   std::array<Vector3<Scalar>, 3> past_{Vector3<Scalar>::Zero(), Vector3<Scalar>::Zero(),
                                        Vector3<Scalar>::Zero()};
   MatrixX<Scalar> targets_, anchor_targets_;
+  Points<Scalar> wanted_;  // at the time of the last sample
+  AnchorOffset<Scalar> offset_;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -1,0 +1,19 @@
+#pragma once
+
+// --predictor identified: what a plant tells of its tension before a run.
+
+#include <optional>
+
+#include "support/scene.hpp"
+
+namespace program {
+
+/// With --predictor identified, lets the hands of `plant` sway for four seconds and fits the
+/// response of the scene's springs to what the features do; for other predictors returns nothing.
+/// `plant` is at rest and ends in motion: give one of its own. Ends the program where a coarse
+/// sheet predicts, or where nothing can be fitted.
+std::optional<clothctl::IdentifiedResponse<double>> identify_plant(const Scene& scene,
+                                                                   const Options& o,
+                                                                   AnyPlant plant);
+
+}  // namespace program
