@@ -19,6 +19,7 @@
 
 #include "clothctl/linalg/vector_kernels.hpp"
 #include "clothctl/qp/detail/certificate_search.hpp"
+#include "clothctl/qp/detail/entrywise_errors.hpp"
 #include "clothctl/qp/detail/problem_data.hpp"
 #include "clothctl/qp/detail/proximal_problem.hpp"
 #include "clothctl/qp/detail/scaled_residuals.hpp"
@@ -57,6 +58,7 @@ class ProximalMethod {
     problem_.reserve(n, m);
     certificates_.reserve(n, m);
     best_.reserve(n, m);
+    entrywise_.reserve(n);
     set_zero<Scalar>({&D_, &q_, &old_x_, &p_}, n);
     set_zero<Scalar>({&E_, &old_y_, &delta_, &r2_}, m);
     weighted_ = false;
@@ -113,13 +115,13 @@ class ProximalMethod {
     const Scalar one(1);
     problem_.refresh_products();
     KktResiduals<Scalar> now = measure_residuals();
-    if (from_sides_ && residual_ratio(now) > one) now = refine_sides(now);
-    if (residual_ratio(now) <= one && met_in_scaled_space_) return QpStatus::Solved;
+    if (from_sides_ && !errors_.met) now = refine_sides(now);
+    if (errors_.met) return QpStatus::Solved;
     keep(now);
     Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
     Scalar gap = scalar_traits<Scalar>::infinity();
-    // Extra steps for a point that meets the tolerances, but not in scaled space.
+    // Extra steps for a point that meets the tolerances, but not in each entry.
     int extra_steps = 0;
     // True when a ray is known. A feasible point then proves that the problem is unbounded; the
     // search for a feasible point ignores g.
@@ -136,9 +138,10 @@ class ProximalMethod {
       if (!ray_known) keep(now);
       if (outcome == Problem::Outcome::TimeLimit) return QpStatus::TimeLimit;
       if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
-      if (!ray_known && residual_ratio(now) <= one &&
-          (met_in_scaled_space_ || ++extra_steps > kExtraSteps))
-        return finish(now);
+      if (!ray_known && residual_ratio(now) <= one) {
+        if (errors_.met || ++extra_steps > kExtraSteps) return finish(now);
+        tolerance = (std::min)(tolerance, sharpen());
+      }
       if (!is_feasible(now) && certificates_.infeasible(problem_))
         return QpStatus::PrimalInfeasible;
       if (!ray_known && is_unbounded_along_step()) {
@@ -153,7 +156,7 @@ class ProximalMethod {
         now = refine(measure_residuals());
         if (ray_known && is_feasible(now)) return QpStatus::DualInfeasible;
         if (!ray_known && residual_ratio(now) <= one &&
-            (met_in_scaled_space_ || ++extra_steps > kExtraSteps))
+            (errors_.met || ++extra_steps > kExtraSteps))
           return QpStatus::Solved;
         if (!ray_known) keep(now);
       }
@@ -164,7 +167,7 @@ class ProximalMethod {
         problem_.factor.clear();
       }
       gap = violation;
-      tolerance = (std::max)(tolerance_floor, Scalar(0.05) * tolerance);
+      tolerance = (std::max)((std::min)(tolerance_floor, tolerance), Scalar(0.05) * tolerance);
     }
     return QpStatus::IterationLimit;
   }
@@ -194,7 +197,7 @@ class ProximalMethod {
     }
     problem_.refresh_products();
     problem_.reduced_gradient(q_);
-    limited_by_rounding_ = rounding_counts(problem_, D_, E_, settings_, q_);
+    limited_by_rounding_ = rounding_counts(problem_, D_, E_, settings_);
     if (limited_by_rounding_ && has_accurate_sums<Scalar>()) {
       refine_accurately(status == QpStatus::Solved);
       limited_by_rounding_ = false;
@@ -270,16 +273,35 @@ class ProximalMethod {
     problem_.factor.touch();
   }
 
-  /// Returns the residuals of the current (x, y), and stores the scaled gradient in q_.
+  /// Prepares the next steps for errors of entries that are small beside others, and returns the
+  /// tolerance of these steps. ρ must not limit how far a slope of that size moves x.
+  Scalar sharpen() {
+    using std::sqrt;
+    const Scalar slope = errors_.least_slope;
+    if (!is_finite(slope)) return slope;
+    const Scalar epsilon = scalar_traits<Scalar>::epsilon(), half = sqrt(epsilon);
+    const Scalar floor = (std::max)(Scalar(64) * epsilon * curvature_, Scalar(1e-30));
+    const Scalar wanted = (std::max)(floor, Scalar(8) * half * slope);
+    if (wanted < problem_.rho) {
+      problem_.rho = wanted;
+      problem_.factor.clear();
+    }
+    return Scalar(0.1) * settings_.stationarity_tolerance * slope;
+  }
+
+  /// Returns the residuals of the current (x, y), and stores the scaled gradient in q_. Judges the
+  /// errors of single entries when the residuals are within the tolerances.
   KktResiduals<Scalar> measure_residuals() {
     if (accurate_sums_) {
       problem_.accurate_products(q_);
     } else {
       problem_.reduced_gradient(q_);
     }
-    const ScaledResiduals<Scalar> measured = scaled_residuals(problem_, D_, E_, settings_, q_);
-    met_in_scaled_space_ = measured.met_in_scaled_space;
-    return measured.residuals;
+    const KktResiduals<Scalar> r = scaled_residuals(problem_, D_, E_, q_);
+    errors_ = {};
+    errors_.met = residual_ratio(r) <= Scalar(1);
+    if (errors_.met) errors_ = entrywise_.judge(problem_, settings_, q_);
+    return r;
   }
 
   Scalar residual_ratio(const KktResiduals<Scalar>& r) const {
@@ -312,15 +334,21 @@ class ProximalMethod {
   }
 
   /// Refines (x, y) on the sets of the factor towards the optimality equations without
-  /// regularisation, as long as this halves the residuals.
+  /// regularisation, as long as this halves the residuals or meets the limits of single entries.
   KktResiduals<Scalar> refine(KktResiduals<Scalar> now) {
     constexpr int kSteps = 12;
-    for (int step = 0; step < kSteps && residual_ratio(now) > Scalar(1e-3); ++step) {
+    for (int step = 0; step < kSteps && !(errors_.met && residual_ratio(now) <= Scalar(1e-3));
+         ++step) {
+      const bool met = errors_.met;
       std::copy_n(problem_.x.data(), n(), old_x_.data());
       std::copy_n(problem_.y.data(), m(), old_y_.data());
       take_refinement_step();
       problem_.refresh_products();
       const KktResiduals<Scalar> next = measure_residuals();
+      if (errors_.met && !met) {
+        now = next;
+        continue;
+      }
       if (!(residual_ratio(next) < residual_ratio(now))) {
         std::copy_n(old_x_.data(), n(), problem_.x.data());
         std::copy_n(old_y_.data(), m(), problem_.y.data());
@@ -405,10 +433,12 @@ class ProximalMethod {
   Problem problem_;
   CertificateSearch<Scalar> certificates_;
   BestIterate<Scalar> best_;
+  EntrywiseJudge<Scalar> entrywise_;
+  EntrywiseErrors<Scalar> errors_;
   Vector D_, q_, old_x_, p_;
   Vector E_, old_y_, delta_, r2_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
-  bool weighted_ = false, from_sides_ = false, met_in_scaled_space_ = false;
+  bool weighted_ = false, from_sides_ = false;
   bool limited_by_rounding_ = false, accurate_sums_ = false;
 };
 
