@@ -334,7 +334,10 @@ class ProximalMethod {
   bool is_feasible(const KktResiduals<Scalar>& r) const {
     return r.relative_feasibility <= settings_.feasibility_tolerance;
   }
+  /// Offers the iterate as the best one. With a soft penalty, multipliers may be too small for the
+  /// complementarity to show a violated row whose unit is large; the single entries then decide.
   void keep(const KktResiduals<Scalar>& now) {
+    if (soft_ && !errors_.met && residual_ratio(now) <= Scalar(1)) return;
     best_.offer(now, settings_, problem_.x.head(n()), problem_.y.head(m()));
   }
 
