@@ -396,6 +396,25 @@ TEST_CASE("a huge unknown or objective of the last frame does not hide rows and 
   }
 }
 
+TEST_CASE("a cold start takes fewer rounds than there are rows and unknowns to decide", "[qp]") {
+  // With a stiff first penalty, the line search stops at nearly every row.
+  std::mt19937 random(35);
+  int rounds = 0, sets = 0;
+  for (int trial = 0; trial < 10; ++trial) {
+    QpFamily family;
+    family.n = family.m = 40;
+    family.active = 0.1;
+    family.equalities = 0.0;
+    const KnownQp<double> q = draw_qp<double>(family, random);
+    QpSession<double, ActiveSet<double>> session;
+    REQUIRE(session.set(q) == QpStatus::Solved);
+    CHECK(qp_law_solved(session, q, 1e-8) == "");
+    rounds += session.result.iterations;
+    sets += 40 + 40;
+  }
+  CHECK(5 * rounds < 2 * sets);
+}
+
 TEST_CASE("active inequality rows have multipliers and inactive ones have none", "[qp]") {
   // min ½|x|² - 3 x0 over x0 + x1 ≤ 1, x0 - x1 ≤ 10: x = (2, -1), y = (-1, 0).
   KnownQp<double> q;

@@ -118,7 +118,7 @@ class ProximalMethod {
     if (from_sides_ && !errors_.met) now = refine_sides(now);
     if (errors_.met) return QpStatus::Solved;
     keep(now);
-    Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
+    Scalar tolerance = Scalar(soft_ ? 3e-2 : 1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
     Scalar gap = scalar_traits<Scalar>::infinity();
     // Extra steps for a point that meets the tolerances, but not in each entry.
@@ -142,7 +142,8 @@ class ProximalMethod {
         if (errors_.met || ++extra_steps > kExtraSteps) return finish(now);
         tolerance = (std::min)(tolerance, sharpen());
       }
-      if (!is_feasible(now) && certificates_.infeasible(problem_))
+      if (!is_feasible(now) && may_be_infeasible(violation, gap) &&
+          certificates_.infeasible(problem_))
         return QpStatus::PrimalInfeasible;
       if (!ray_known && is_unbounded_along_step()) {
         if (now.feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
@@ -160,7 +161,7 @@ class ProximalMethod {
           return QpStatus::Solved;
         if (!ray_known) keep(now);
       }
-      if (row_residual_ratio(now, settings_) > one && violation > Scalar(0.1) * gap)
+      if (soft_ || (row_residual_ratio(now, settings_) > one && violation > Scalar(0.1) * gap))
         lower_mu(outer);
       if (problem_.rho > rho_unit_) {
         problem_.rho = (std::max)(rho_unit_, Scalar(0.03) * problem_.rho);
@@ -252,24 +253,47 @@ class ProximalMethod {
       // needless changes of the active set. ρ then decreases to rho_unit_.
       rho_unit_ = Scalar(8) * half * unit;
       problem_.rho = start == Start::Cold ? (std::max)(rho_unit_, Scalar(1e-2) * unit) : rho_unit_;
-      problem_.mu = (start == Start::FromSides ? sqrt(half) : Scalar(0.1)) * mu_unit;
+      // Where rows are inequalities, its first penalty is soft: a stiff one bends φ so much at each
+      // row that the line search passes few rows in a round.
+      soft_ = start == Start::Cold && inequalities_count();
+      problem_.mu = (start == Start::FromSides ? sqrt(half) : Scalar(soft_ ? 32 : 0.1)) * mu_unit;
       problem_.rho_ceiling = unit;
       mu_unit_ = mu_unit;
       weighted_ = true;
       problem_.factor.clear();
-    } else if (problem_.rho < rho_unit_) {  // a far minimum had decreased it
+      return;
+    }
+    if (soft_) problem_.mu = Scalar(0.1) * mu_unit_;  // a cold start ended early
+    if (soft_) problem_.factor.touch();
+    soft_ = false;
+    if (problem_.rho < rho_unit_) {  // a far minimum had decreased it
       problem_.rho = rho_unit_;
       problem_.factor.clear();
     }
   }
 
+  /// Returns true when a row is an inequality, and the equalities are fewer than the unknowns: they
+  /// cannot determine x alone.
+  bool inequalities_count() const {
+    Index equalities = 0;
+    for (Index i = 0; i < m(); ++i) equalities += problem_.rl[i] < problem_.ru[i] ? 0 : 1;
+    return equalities < m() && equalities < n();
+  }
+
+  /// Returns false when a certificate of infeasibility is unlikely, so that the search for it is
+  /// not worth its time: the penalty is still soft, and the violation falls.
+  bool may_be_infeasible(const Scalar& violation, const Scalar& last) const {
+    return !soft_ || violation > Scalar(0.5) * last;
+  }
+
   /// Decreases μ, which penalises violated rows more. The lower limit of μ is higher in the first
-  /// steps.
+  /// steps. The penalty is no longer soft once μ is below a fifth of its unit.
   void lower_mu(int outer) {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     problem_.mu = (std::max)(Scalar(0.1) * problem_.mu,
                              Scalar((outer < kFirstSteps ? sqrt(half) : half) * mu_unit_));
+    soft_ = soft_ && problem_.mu > Scalar(0.2) * mu_unit_;
     problem_.factor.touch();
   }
 
@@ -310,7 +334,10 @@ class ProximalMethod {
   bool is_feasible(const KktResiduals<Scalar>& r) const {
     return r.relative_feasibility <= settings_.feasibility_tolerance;
   }
+  /// Offers the iterate as the best one. With a soft penalty, multipliers may be too small for the
+  /// complementarity to show a violated row whose unit is large; the single entries then decide.
   void keep(const KktResiduals<Scalar>& now) {
+    if (soft_ && !errors_.met && residual_ratio(now) <= Scalar(1)) return;
     best_.offer(now, settings_, problem_.x.head(n()), problem_.y.head(m()));
   }
 
@@ -439,6 +466,7 @@ class ProximalMethod {
   Vector E_, old_y_, delta_, r2_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
   bool weighted_ = false, from_sides_ = false;
+  bool soft_ = false;  // μ still falls after each step of a cold start
   bool limited_by_rounding_ = false, accurate_sums_ = false;
 };
 

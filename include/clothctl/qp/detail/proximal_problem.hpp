@@ -72,8 +72,12 @@ class ProximalProblem {
   }
   /// Computes Aᵀ from A.
   void refresh_transpose() {
-    for (Index i = 0; i < m_; ++i) {
-      for (Index j = 0; j < n_; ++j) At()(j, i) = A()(i, j);
+    constexpr Index kTile = 8;  // a line of the cache holds this many numbers
+    for (Index first = 0; first < n_; first += kTile) {
+      const Index end = (std::min)(first + kTile, n_);
+      for (Index i = 0; i < m_; ++i) {
+        for (Index j = first; j < end; ++j) At()(j, i) = A()(i, j);
+      }
     }
   }
   /// Updates the pointers to the matrices. Needed after this object was copied or moved.

@@ -38,8 +38,9 @@ class StructuredBox {
   void reserve(Index n, Index m) {
     method_.curvature().reserve(n, (std::min)(n, m));
     method_.reserve(n);
-    Ut_.setZero(m, m);
-    Q_.setZero(m, m);
+    // Memory that only a structured problem touches: pages of other problems stay untouched.
+    Ut_.resize(m, m);
+    Q_.resize(m, m);
     set_zero<Scalar>({&g_, &lo_, &hi_, &hx_, &aty_}, n);
     set_zero<Scalar>({&pivot_, &c_, &h_, &ax_, &scale_}, m);
     owner_.assign(static_cast<std::size_t>(m), -1);
