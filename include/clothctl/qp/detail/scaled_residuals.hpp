@@ -90,4 +90,21 @@ bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scala
            settings.complementarity_tolerance * (std::max)(Scalar(1), Scalar(abs(objective))));
 }
 
+/// Returns true when the rounding error of H x at the iterate counts beside g. Never allocates.
+/// Complexity: O(n).
+template <RealScalar Scalar>
+bool slopes_are_rounding(const ProximalProblem<Scalar>& problem) {
+  using std::abs;
+  using std::sqrt;
+  Scalar length(0), slope(0), steepest(0);
+  for (Index j = 0; j < problem.unknowns(); ++j) {
+    const Scalar root = sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j))));
+    length += root * abs(problem.x[j]);
+    steepest = (std::max)(steepest, root);
+    slope = (std::max)(slope, Scalar(abs(problem.g[j])));
+  }
+  // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
+  return scalar_traits<Scalar>::epsilon() * steepest * length > Scalar(1e-3) * slope;
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

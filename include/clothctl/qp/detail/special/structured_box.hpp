@@ -65,12 +65,18 @@ class StructuredBox {
 
   /// Solves a problem for which `ready` is true. Fills the result except for its ray. lb, ub, rl,
   /// ru are the caller's bounds. Returns false when x is not finite, or the method converged but x
-  /// does not meet the tolerances; the caller should then use another method. Never allocates.
+  /// does not meet the tolerances; the caller should then use another method. `repeated`: the last
+  /// call solved the same problem, and nothing changed since. Never allocates.
   bool solve(const Data& data, const QpSettings<Scalar>& settings, const Budget& budget,
-             const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
+             bool repeated, const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
              const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
              QpResult<Scalar>& result) {
     load(data);
+    if (repeated) {
+      result.status = QpStatus::Solved;
+      report(data, settings, lb, ub, rl, ru, result);
+      return true;
+    }
     const typename Method::Data reduced{g_, lo_, hi_};
     for (const typename Method::Check criterion : {Method::Check::Caller, Method::Check::Method}) {
       result.status = method_.solve(reduced, settings.stationarity_tolerance, budget,
