@@ -52,6 +52,23 @@ TEST_CASE("steps are slow when the rows are met and the gradient is not halved",
   CHECK_FALSE(progress.slow());
 }
 
+TEST_CASE("a lower weight that makes steps far worse is spoilt by rounding", "[qp]") {
+  detail::OuterProgress<double> progress;
+  progress.restart();
+  CHECK_FALSE(progress.is_spoilt_by(1.0));
+  CHECK_FALSE(progress.is_spoilt_by(100.0));  // nothing was lowered
+  progress.set_lowered();
+  CHECK_FALSE(progress.is_spoilt_by(150.0));
+  for (int k = 0; k < 10; ++k) progress.add(100.0, 0.5, true, true);
+  CHECK(progress.slow());
+  progress.set_lowered();
+  CHECK(progress.is_spoilt_by(1e4));
+  CHECK_FALSE(progress.slow());
+  progress.restart();
+  for (int k = 0; k < 10; ++k) progress.add(100.0, 0.5, true, true);
+  CHECK(progress.slow());
+}
+
 TEST_CASE("a step of a rounding error is no motion", "[qp]") {
   const VectorX<double> from = VectorX<double>::Constant(3, 1e6);
   VectorX<double> to = from;

@@ -32,6 +32,7 @@ class OuterProgress {
     least_dual_ = least_primal_ = last_dual_ = scalar_traits<Scalar>::infinity();
     still_ = 0;
     slow_ = 0;
+    lowered_ = spoilt_ = false;
   }
 
   /// Adds a step. `dual` and `primal` are the stationarity residual and the residual of the rows,
@@ -48,7 +49,20 @@ class OuterProgress {
   bool stalled() const { return still_ > kStill; }
   /// Returns true when the rows are met, and several steps in a row did not halve the stationarity
   /// residual: the proximal term limits them.
-  bool slow() const { return slow_ > kSlow; }
+  bool slow() const { return slow_ > kSlow && !spoilt_; }
+
+  /// Notes that ρ was lowered because steps were slow.
+  void set_lowered() { lowered_ = true; }
+  /// Adds the stationarity residual of a step before it is refined. Returns true when ρ was lowered
+  /// before the step, and the residual is far larger than in the step before: rounding errors of
+  /// the factor count with such a ρ. Steps are not called slow any more in this run.
+  bool is_spoilt_by(const Scalar& stationarity) {
+    const bool spoilt = lowered_ && stationarity > Scalar(10) * last_stationarity_;
+    spoilt_ = spoilt_ || spoilt;
+    lowered_ = false;
+    last_stationarity_ = stationarity;
+    return spoilt;
+  }
 
  private:
   /// Steps that do not move x count kUnmoved times: rounding errors decide what they find.
@@ -66,8 +80,10 @@ class OuterProgress {
   Scalar least_dual_ = scalar_traits<Scalar>::infinity();
   Scalar least_primal_ = scalar_traits<Scalar>::infinity();
   Scalar last_dual_ = scalar_traits<Scalar>::infinity();
+  Scalar last_stationarity_ = scalar_traits<Scalar>::infinity();
   int still_ = 0;
   int slow_ = 0;
+  bool lowered_ = false, spoilt_ = false;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -145,6 +145,10 @@ class ProximalMethod {
       if (outcome == Problem::Outcome::NonConvex) return QpStatus::NonConvex;
       problem_.refresh_products();
       now = measure_residuals();
+      if (progress_.is_spoilt_by(now.relative_stationarity)) {
+        problem_.rho = (std::max)(problem_.rho, rho_unit_);
+        problem_.factor.clear();
+      }
       const Scalar violation = row_residual_ratio(now, settings_);
       const bool moved = has_moved(n(), problem_.xk, problem_.x);
       if (ray_known_ && is_feasible(now)) return QpStatus::DualInfeasible;
@@ -285,6 +289,7 @@ class ProximalMethod {
                        : progress_.slow()       ? less_rho()
                                                 : problem_.rho;
     if (!(rho < problem_.rho)) return;
+    if (rho < rho_unit_) progress_.set_lowered();
     problem_.rho = rho;
     problem_.factor.clear();
   }
