@@ -490,8 +490,7 @@ class ProximalMethod {
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
   Scalar gap_ = Scalar(0);  // the violation after the last outer step
   int extra_steps_ = 0;     // steps from points within the tolerances, but not in each entry
-  // True when a ray is known. A feasible point then proves that the problem is unbounded; the
-  // search for a feasible point ignores g.
+  // A ray is known: a feasible point, sought with g = 0, then proves that there is no minimum.
   bool ray_known_ = false;
   bool weighted_ = false, from_sides_ = false;
   bool soft_ = false;  // μ still falls after each step of a cold start
