@@ -329,6 +329,92 @@ TEST_CASE("infeasibility and unboundedness in two dimensions are reported with c
   CHECK(session.result.objective == Approx(-7.0));
 }
 
+TEST_CASE("a huge slope or a kept multiplier does not hide unknowns with small slopes", "[qp]") {
+  // Unknown 0 has a row and a bound that meet, so its multiplier may have any size. The others have
+  // slopes of their own, and go to the bound that these point at.
+  const double edge = GENERATE(0.0, 5.0);
+  const double unit = GENERATE(1e-10, 1e-5, 1.0, 1e5, 1e12);
+  const Index others = GENERATE(1, 2, 7);
+  KnownQp<double> q;
+  const Index n = others + 1;
+  q.H = MatrixX<double>::Zero(n, n);
+  q.A = MatrixX<double>::Identity(1, n);
+  q.rl = vec(edge);
+  q.ru = vec(inf);
+  q.lb = VectorX<double>::Constant(n, -10.0);
+  q.ub = VectorX<double>::Constant(n, 10.0);
+  q.ub[0] = edge;
+  ActiveSet<double> warm;
+  set(warm, q);
+  std::mt19937 random(33);
+  for (int frame = 0; frame < 12; ++frame) {
+    q.g = VectorX<double>::Constant(n, unit);
+    for (Index j = 1; j < n; ++j) q.g[j] *= random() % 2u == 0 ? 1.0 : -1.0;
+    q.g[0] = unit * (frame % 3 == 1 ? 1e10 : frame % 3 == 2 ? -1e10 : 1.0);
+    INFO("edge " << edge << " unit " << unit << " n " << n << " frame " << frame);
+    ActiveSet<double> cold;
+    set(cold, q);
+    for (ActiveSet<double>* solver : {&warm, &cold}) {
+      QpResult<double> r;
+      REQUIRE(solve(*solver, q, r) == QpStatus::Solved);
+      CHECK(r.x[0] == Approx(edge).margin(1e-8));
+      // A slope below the tolerance counts as zero only where there is no larger one beside it.
+      const bool counts = q.g.cwiseAbs().maxCoeff() > 1e-8;
+      for (Index j = 1; j < n && counts; ++j) CHECK(r.x[j] == (q.g[j] > 0.0 ? -10.0 : 10.0));
+    }
+  }
+}
+
+TEST_CASE("a huge unknown or objective of the last frame does not hide rows and multipliers",
+          "[qp]") {
+  KnownQp<double> q;
+  q.H = MatrixX<double>::Zero(2, 2);
+  q.A = MatrixX<double>::Identity(1, 2);  // the row is unknown 0 alone
+  q.lb = vec(-100.0, -1e12);
+  q.ub = vec(100.0, 1e12);
+  q.rl = vec(3.0);
+  q.ru = vec(inf);
+  q.g = vec(1.0, -1.0);
+  ActiveSet<double> solver;
+  set(solver, q);
+  QpResult<double> r;
+  REQUIRE(solver.warm_start(vec(3.0, 1e12)));
+  REQUIRE(solve(solver, q, r) == QpStatus::Solved);
+  CHECK(r.x[0] == Approx(3.0));
+  CHECK(r.x[1] == 1e12);
+  q.g[1] = 0.0;  // every value of unknown 1 is a minimum
+  for (const double edge : {5.0, -7.0, 0.0, 1e-3}) {
+    q.rl[0] = edge;
+    REQUIRE(solve(solver, q, r) == QpStatus::Solved);
+    CHECK(r.x[0] == Approx(edge).margin(1e-9));
+  }
+  q.g[1] = -1.0;  // the objective is -1e12
+  for (const double edge : {5.0, -7.0, 0.0, 1e-3}) {
+    q.rl[0] = edge;
+    REQUIRE(solve(solver, q, r) == QpStatus::Solved);
+    CHECK(r.x[0] == Approx(edge).margin(1e-9));
+  }
+}
+
+TEST_CASE("a cold start takes fewer rounds than there are rows and unknowns to decide", "[qp]") {
+  // With a stiff first penalty, the line search stops at nearly every row.
+  std::mt19937 random(35);
+  int rounds = 0, sets = 0;
+  for (int trial = 0; trial < 10; ++trial) {
+    QpFamily family;
+    family.n = family.m = 40;
+    family.active = 0.1;
+    family.equalities = 0.0;
+    const KnownQp<double> q = draw_qp<double>(family, random);
+    QpSession<double, ActiveSet<double>> session;
+    REQUIRE(session.set(q) == QpStatus::Solved);
+    CHECK(qp_law_solved(session, q, 1e-8) == "");
+    rounds += session.result.iterations;
+    sets += 40 + 40;
+  }
+  CHECK(5 * rounds < 2 * sets);
+}
+
 TEST_CASE("active inequality rows have multipliers and inactive ones have none", "[qp]") {
   // min ½|x|² - 3 x0 over x0 + x1 ≤ 1, x0 - x1 ≤ 10: x = (2, -1), y = (-1, 0).
   KnownQp<double> q;

@@ -1,6 +1,7 @@
 #include "clothctl/qp/box_active_set.hpp"
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <limits>
 #include <vector>
 
@@ -357,6 +358,39 @@ TEST_CASE("refusals name the reason and the place", "[qp]") {
   CHECK(r.x.size() == 2);
   CHECK(solver.set_hessian(MatrixX<double>::Zero(2, 3)) == QpStatus::InvalidData);
   CHECK(solver.set_hessian(MatrixX<double>::Zero(0, 0)) == QpStatus::InvalidData);
+}
+
+TEST_CASE("a huge slope does not hide unknowns with small slopes from the box solver", "[qp]") {
+  // H is diagonal, so each unknown has a minimum of its own.
+  const double far_bound = GENERATE(1e3, 1e11, 1e15);
+  const double huge = GENERATE(1e8, 1e10, 1e11, 1e12);
+  const double unit = GENERATE(1e-3, 1.0, 1e3);  // of the unknowns with small slopes
+  const Index n = GENERATE(3, 12);
+  const VectorX<double> ub = VectorX<double>::Constant(n, far_bound), lb = -ub;
+  MatrixX<double> H = MatrixX<double>::Identity(n, n);
+  H.diagonal().tail(n - 1).setConstant(1.0 / (unit * unit));
+  BoxActiveSet<double> warm;
+  REQUIRE(warm.set_hessian(H) == QpStatus::Solved);
+  std::mt19937 random(34);
+  for (int frame = 0; frame < 12; ++frame) {
+    VectorX<double> g(n);
+    for (Index j = 1; j < n; ++j) g[j] = (static_cast<double>(random() % 9u) - 4.0) / unit;
+    g[0] = frame < 6 ? -huge : huge;
+    INFO("bound " << far_bound << " huge " << huge << " unit " << unit << " frame " << frame);
+    BoxActiveSet<double> cold;
+    REQUIRE(cold.set_hessian(H) == QpStatus::Solved);
+    // What rounding may add to H x + g, by the bound on its terms.
+    const double size = std::min(huge, far_bound);
+    const double error = 256 * scalar_traits<double>::epsilon() * size * unit;
+    for (BoxActiveSet<double>* solver : {&warm, &cold}) {
+      QpResult<double> r;
+      REQUIRE(solver->solve(g, lb, ub, r) == QpStatus::Solved);
+      for (Index j = 1; j < n; ++j) {
+        const double wanted = std::clamp(-g[j] * unit * unit, -far_bound, far_bound);
+        CHECK(r.x[j] == Approx(wanted).epsilon(1e-8).margin(error));
+      }
+    }
+  }
 }
 
 TEST_CASE("bounds that close and open again leave no trace", "[qp]") {

@@ -102,3 +102,27 @@ TEST_CASE(
   REQUIRE(patient.set_rows(chain.A) == QpStatus::Solved);
   CHECK(patient.solve(chain.g, chain.lb, chain.ub, chain.rl, chain.ru, result) == QpStatus::Solved);
 }
+
+TEST_CASE("a time limit also ends steps that change no set", "[qp][budget]") {
+  // The rows meet at x = -1e13 (1, 1), far beyond what rounding errors let the solver find.
+  MatrixX<double> H = MatrixX<double>::Identity(2, 2), A(2, 2);
+  A << 1.0, -1.0, 1.0, -1.0 - 1e-13;
+  const VectorX<double> g = VectorX<double>::Zero(2),
+                        ub = VectorX<double>::Constant(2, detail::no_bound<double>()), lb = -ub;
+  VectorX<double> r(2);
+  r << 0.0, 1.0;
+  double now = 0;
+  QpResult<double> result;
+  ActiveSet<double> whole(seconds(1e6, now));
+  REQUIRE(whole.set_hessian(H) == QpStatus::Solved);
+  REQUIRE(whole.set_rows(A) == QpStatus::Solved);
+  CHECK(whole.solve(g, lb, ub, r, r, result) != QpStatus::TimeLimit);
+  INFO(to_string(result.status) << " after " << result.iterations << " rounds");
+  CHECK(now > result.iterations + 4.0);
+  now = 0;
+  ActiveSet<double> solver(seconds(2.5, now));
+  REQUIRE(solver.set_hessian(H) == QpStatus::Solved);
+  REQUIRE(solver.set_rows(A) == QpStatus::Solved);
+  CHECK(solver.solve(g, lb, ub, r, r, result) == QpStatus::TimeLimit);
+  CHECK(now <= 6.0);
+}

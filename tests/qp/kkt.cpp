@@ -44,7 +44,7 @@ TEST_CASE("each kind of error changes its own residual by its own size", "[qp]")
   SECTION("wrong multiplier") {
     q.z[0] = -2.5;
     CHECK(q.judge().stationarity == Approx(0.5));
-    CHECK(q.judge().relative_stationarity == Approx(0.25));  // |Hx| = |g| = |Aᵀy| = 2
+    CHECK(q.judge().relative_stationarity == Approx(0.25));  // |Hx| = |g| = 2
   }
   SECTION("violated row") {
     q.rl[0] = 3.25;
@@ -79,6 +79,17 @@ TEST_CASE("each kind of error changes its own residual by its own size", "[qp]")
     CHECK(q.judge().stationarity >= 1.0);
     CHECK(q.judge().complementarity == 0.0);
   }
+}
+
+TEST_CASE("multipliers that cancel do not make an error relatively smaller", "[qp]") {
+  Small<double> q;
+  q.ru[0] = 3.0;  // an equality, so that its multiplier and that of the bound may have any size
+  q.y[0] += 1e12;
+  q.z[0] -= 1e12;
+  q.A(0, 1) = 0.0;
+  q.rl[0] = q.ru[0] = 1.0;
+  q.x[1] = 0.5;  // the minimum is at 0
+  CHECK(q.judge().relative_stationarity == Approx(0.25));
 }
 
 TEST_CASE("problems without rows accept empty matrices", "[qp]") {

@@ -732,7 +732,7 @@ class QpMaker {
 
 /// The residuals of an answer in long double, relative as in the shared problems.
 struct JudgedPoint {
-  /// |Hx + g - Aᵀy - z|, and multipliers on infinite sides, over max(1, |Hx|, |g|, |Aᵀy|).
+  /// |Hx + g - Aᵀy - z|, and multipliers on infinite sides, over max(1, |Hx|, |g|).
   long double stationarity = 0.0L;
   /// Violation over max(1, |Ax|, |x|).
   long double feasibility = 0.0L;
@@ -790,8 +790,7 @@ inline JudgedPoint judge_point(const RandomQp& q, const VectorXd& x, const Vecto
   };
   for (Index j = 0; j < x.size(); ++j) {
     const std::size_t k = static_cast<std::size_t>(j);
-    dual = std::max(
-        {dual, std::abs(Hx[k]), static_cast<long double>(std::abs(q.g[j])), std::abs(Aty[k])});
+    dual = std::max({dual, std::abs(Hx[k]), static_cast<long double>(std::abs(q.g[j]))});
     p.stationarity = std::max(p.stationarity, std::abs(Hx[k] + q.g[j] - Aty[k] - z[j]));
     p.objective += (0.5L * Hx[k] + q.g[j]) * x[j];
     bounded(x[j], q.lb[j], q.ub[j], z[j]);

@@ -49,20 +49,19 @@ TEST_CASE("the scaled residuals agree with their definition on the caller's data
     p.y = y.cwiseQuotient(E);
     p.refresh_products();
     p.reduced_gradient(gradient);
-    const auto judgement = detail::scaled_residuals(p, D, E, QpSettings<double>(), gradient);
+    const KktResiduals<double> scaled = detail::scaled_residuals(p, D, E, gradient);
     const VectorX<double> slope = H * x + g - A.transpose() * y;
     VectorX<double> z(n);
     for (Index j = 0; j < n; ++j) z[j] = detail::bound_multiplier(slope[j], x[j], lb[j], ub[j]);
     const KktResiduals<double> r = kkt_residuals(H, g, A, rl, ru, lb, ub, x, y, z);
-    CHECK(judgement.residuals.relative_stationarity == Approx(r.relative_stationarity));
-    CHECK(judgement.residuals.relative_feasibility == Approx(r.relative_feasibility).margin(1e-15));
-    CHECK(judgement.residuals.relative_complementarity == Approx(r.relative_complementarity));
-    CHECK(judgement.residuals.objective == Approx(r.objective));
-    CHECK_FALSE(judgement.met_in_scaled_space);
+    CHECK(scaled.relative_stationarity == Approx(r.relative_stationarity));
+    CHECK(scaled.relative_feasibility == Approx(r.relative_feasibility).margin(1e-15));
+    CHECK(scaled.relative_complementarity == Approx(r.relative_complementarity));
+    CHECK(scaled.objective == Approx(r.objective));
   }
 }
 
-TEST_CASE("an error of a small unknown beside a large one passes unscaled and is not sharp",
+TEST_CASE("residuals are relative to the caller's units, and a point beyond 1e20 has none",
           "[qp]") {
   detail::ProximalProblem<double> p;
   p.reserve(2, 0);
@@ -73,31 +72,24 @@ TEST_CASE("an error of a small unknown beside a large one passes unscaled and is
   p.g << -1.0, -1.0;
   p.lo.setConstant(-detail::no_bound<double>());
   p.hi.setConstant(detail::no_bound<double>());
-  for (const double second : {1.0, 0.5}) {
-    p.x << 1.0, second;
-    p.refresh_products();
-    p.reduced_gradient(gradient);
-    const auto judgement = detail::scaled_residuals(p, D, E, QpSettings<double>(), gradient);
-    CHECK(judgement.residuals.relative_stationarity < 1e-9);
-    CHECK(judgement.met_in_scaled_space == (second == 1.0));
-  }
+  p.x << 1.0, 0.5;
+  p.refresh_products();
+  p.reduced_gradient(gradient);
+  CHECK(detail::scaled_residuals(p, D, E, gradient).relative_stationarity < 1e-9);
   p.x << 1.0, 1e12;  // 1e21 in the caller's units
   p.refresh_products();
   p.reduced_gradient(gradient);
-  CHECK_FALSE(is_finite(detail::scaled_residuals(p, D, E, QpSettings<double>(), gradient)
-                            .residuals.relative_feasibility));
+  CHECK_FALSE(is_finite(detail::scaled_residuals(p, D, E, gradient).relative_feasibility));
 }
 
 TEST_CASE("rounding counts if terms cancel to a tolerance, in each product", "[qp]") {
   const QpSettings<double> settings;
   const double edge = settings.stationarity_tolerance / (2 * scalar_traits<double>::epsilon());
-  VectorX<double> D = VectorX<double>::Ones(2), E = VectorX<double>::Ones(1),
-                  gradient = VectorX<double>::Zero(2);
+  VectorX<double> D = VectorX<double>::Ones(2), E = VectorX<double>::Ones(1);
   const auto counts = [&](detail::ProximalProblem<double>& p) {
     p.At() = p.A().transpose();
     p.refresh_products();
-    p.reduced_gradient(gradient);
-    return detail::rounding_counts(p, D, E, settings, gradient);
+    return detail::rounding_counts(p, D, E, settings);
   };
   for (const double size : {0.1 * edge, 10 * edge}) {
     detail::ProximalProblem<double> p;

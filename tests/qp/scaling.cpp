@@ -6,6 +6,18 @@
 
 using namespace clothctl;
 
+TEST_CASE("the largest weighted magnitude is found at every place and for every count", "[qp]") {
+  const double ones[] = {1.0, 1.0, 1.0, 1.0, 1.0};
+  for (Index count = 1; count <= 5; ++count) {
+    for (Index place = 0; place < count; ++place) {
+      double values[] = {0.5, -0.5, 0.25, -0.25, 0.5};
+      values[place] = -3.0;
+      CHECK(detail::largest_product(count, values, ones) == 3.0);
+    }
+  }
+  CHECK(detail::largest_product(Index(0), ones, ones) == 0.0);
+}
+
 TEMPLATE_TEST_CASE("equilibration undoes scales of columns and rows by exact powers of two", "[qp]",
                    float, double) {
   using S = TestType;

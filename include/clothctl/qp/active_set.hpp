@@ -121,6 +121,14 @@ class ActiveSet {
   /// Scales H and A afresh after either changed.
   void prepare();
 
+  /// Prepares for new matrices, and forgets a start that rounding errors would spoil with them.
+  void drop_far_start() {
+    prepare();
+    if (start_ != Start::Warm) return;
+    take_start();
+    if (method_.start_is_far()) start_ = Start::Cold;
+  }
+
   /// Sets the state of unknown i from x_i: at its lower or upper bound, or free.
   void place(Index i);
 
@@ -163,7 +171,8 @@ class ActiveSet {
   Start start_ = Start::Cold;
   std::string_view settings_error_;  // of the settings, static text
   bool prepared_ = false, unfinished_ = false;
-  bool answered_ = false;  // the proximal method's iterate solves the data loaded last
+  // The proximal method's iterate solves the data loaded last, or that of the structured one does.
+  bool answered_ = false, followed_ = false;
 };
 
 template <RealScalar Scalar>
@@ -204,21 +213,21 @@ template <RealScalar Scalar>
 QpStatus ActiveSet<Scalar>::solve(const VectorView& g, const VectorView& lb, const VectorView& ub,
                                   const VectorView& rl, const VectorView& ru, result_type& result) {
   if (!data_.load(settings_error_, g, lb, ub, rl, ru, result)) return result.status;
-  const detail::Budget budget(settings_, n_ + m_);
-  const bool structured = structured_.ready(data_);
-  if (structured && start_ == Start::FromX) structured_.warm_start(x_.head(n_));
-  if (structured && start_ == Start::FromSides) structured_.warm_start(x_.head(n_), sides());
-  if (structured && structured_.solve(data_, settings_, budget, lb, ub, rl, ru, result)) {
-    follow(result);
-    return result.status;
-  }
   if (answered_ && data_.repeated()) {
     result.status = QpStatus::Solved;
     write_certificate(result);
     report(lb, ub, rl, ru, result);
     return result.status;
   }
-  prepare();
+  const detail::Budget budget(settings_, n_ + m_);
+  const bool structured = structured_.ready(data_), known = followed_ && data_.repeated();
+  if (structured && start_ == Start::FromX) structured_.warm_start(x_.head(n_));
+  if (structured && start_ == Start::FromSides) structured_.warm_start(x_.head(n_), sides());
+  if (structured && structured_.solve(data_, settings_, budget, known, lb, ub, rl, ru, result)) {
+    follow(result);
+    return result.status;
+  }
+  if (!prepared_) drop_far_start();
   const bool warm = start_ != Start::Cold;
   method_.forget_best();
   attempt(budget, lb, ub, rl, ru, result);
@@ -230,6 +239,7 @@ QpStatus ActiveSet<Scalar>::solve(const VectorView& g, const VectorView& lb, con
     start_ = Start::Cold;
     attempt(budget, lb, ub, rl, ru, result);
   }
+  followed_ = false;
   answered_ = result.status == QpStatus::Solved;
   const bool good = answered_ || result.status == QpStatus::SolvedInaccurate;
   unfinished_ =
@@ -246,7 +256,7 @@ bool ActiveSet<Scalar>::warm_start(const VectorView& x) {
   if (n_ == 0 || x.size() != n_ || !all_finite(x)) return false;
   if (start_ == Start::Cold) std::fill_n(y_.data(), m_, Scalar(0));
   std::copy_n(x.data(), n_, x_.data());
-  answered_ = false;
+  answered_ = followed_ = false;
   start_ = Start::FromX;
   return true;
 }
@@ -262,7 +272,7 @@ bool ActiveSet<Scalar>::warm_start(std::span<const QpSide> bounds, std::span<con
   }
   std::copy(bounds.begin(), bounds.end(), sides_of_unknowns_.begin());
   std::copy(rows.begin(), rows.end(), sides_of_rows_.begin());
-  answered_ = false;
+  answered_ = followed_ = false;
   start_ = Start::FromSides;
   return true;
 }
@@ -278,7 +288,7 @@ bool ActiveSet<Scalar>::warm_start(const VectorView& x, std::span<const QpSide> 
 template <RealScalar Scalar>
 void ActiveSet<Scalar>::shift(Index unknowns, Index rows) {
   if (start_ == Start::Cold) return;
-  answered_ = false;
+  answered_ = followed_ = false;
   for (Index i = 0; unknowns > 0 && i + unknowns < n_; ++i) {
     x_[i] = x_[i + unknowns];
     state(i) = state(i + unknowns);
@@ -296,7 +306,7 @@ void ActiveSet<Scalar>::shift(Index unknowns, Index rows) {
 template <RealScalar Scalar>
 void ActiveSet<Scalar>::reset() {
   start_ = Start::Cold;
-  answered_ = false;
+  answered_ = followed_ = false;
   structured_.reset();
 }
 
@@ -325,6 +335,7 @@ void ActiveSet<Scalar>::follow(const result_type& result) {
   std::copy_n(result.row_multipliers.data(), m_, y_.data());
   start_ = Start::Warm;
   unfinished_ = answered_ = false;
+  followed_ = result.status == QpStatus::Solved;
 }
 
 template <RealScalar Scalar>
@@ -393,9 +404,8 @@ void ActiveSet<Scalar>::write_certificate(result_type& result) const {
     detail::multiply_entries(m_, E, method_.certificates().farkas_rows(), result.row_multipliers);
     detail::divide_entries(n_, method_.certificates().farkas_bounds(), D, result.bound_multipliers);
   }
-  if (result.status == QpStatus::DualInfeasible) {
+  if (result.status == QpStatus::DualInfeasible)
     detail::multiply_entries(n_, D, method_.certificates().direction(), result.ray);
-  }
 }
 
 template <RealScalar Scalar>

@@ -44,7 +44,7 @@ struct QpSettings {
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     return half * sqrt(sqrt(sqrt(half)));
   }
-  /// Limit on the largest entry of |Hx + g - Aᵀy - z| divided by max(1, |Hx|, |g|, |Aᵀy|).
+  /// Limit on the largest entry of |Hx + g - Aᵀy - z| divided by max(1, |Hx|, |g|).
   Scalar stationarity_tolerance = default_tolerance();
   /// Limit on the largest violation of a bound or row divided by max(1, |Ax|, |x|).
   Scalar feasibility_tolerance = default_tolerance();

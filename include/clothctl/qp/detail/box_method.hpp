@@ -268,7 +268,7 @@ class BoxMethod {
   void refresh_gradient() { take_gradient(product_.refresh(curvature_, x_)); }
 
   Scalar relative_zero() const {
-    return (std::max)(Scalar(32) * scalar_traits<Scalar>::epsilon(),
+    return (std::max)(Scalar(ZeroGradient<Scalar>::kRounding) * scalar_traits<Scalar>::epsilon(),
                       Scalar(stationarity_tolerance_ / Scalar(64)));
   }
 

@@ -238,21 +238,27 @@ class CertificateSearch {
     return error < Scalar(0.5) * last || error < Scalar(8);
   }
 
-  /// Returns true when the proximal term, not the curvature, limited the step along d. Then sets
-  /// `step_` to the step length along d to the minimum of the objective.
+  /// Returns true when the proximal term, not the curvature, limited the step along d, and slope
+  /// and curvature along d are larger than their rounding errors. Then sets `step_` to the step
+  /// length along d to the minimum of the objective.
   bool has_far_minimum(const Problem& problem) {
     using std::abs;
+    using std::sqrt;
     const Index n = problem.unknowns();
-    Scalar slope(0);
-    Scalar curvature(0);
-    Scalar size(0);
+    const auto root = [&](Index j) {
+      return sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j))));
+    };
+    Scalar slope(0), slope_size(0), curvature(0), size(0), length(0);
+    for (Index j = 0; j < n; ++j) length += root(j) * abs(problem.x[j]);
     for (Index j = 0; j < n; ++j) {
       slope += (problem.hx[j] + problem.g[j]) * d_[j];
+      // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
+      slope_size += (root(j) * length + abs(problem.g[j])) * abs(d_[j]);
       curvature += hd_[j] * d_[j];
       size += hd_size_[j] * abs(d_[j]);
     }
-    if (!(slope < Scalar(0)) || !(curvature > Scalar(2) * summation_error<Scalar>(n) * size))
-      return false;
+    const Scalar rounding = Scalar(2) * summation_error<Scalar>(n);
+    if (!(slope < -rounding * slope_size) || !(curvature > rounding * size)) return false;
     if (!(curvature < Scalar(kSmallCurvature) * problem.rho * dot_product(n, d_.data(), d_.data())))
       return false;
     step_ = -slope / curvature;

@@ -16,11 +16,15 @@
 // Comput. 14 (2022), for Newton steps in the inner loop.
 
 #include <algorithm>
+#include <optional>
 
 #include "clothctl/linalg/vector_kernels.hpp"
 #include "clothctl/qp/detail/certificate_search.hpp"
+#include "clothctl/qp/detail/entrywise_errors.hpp"
+#include "clothctl/qp/detail/outer_progress.hpp"
 #include "clothctl/qp/detail/problem_data.hpp"
 #include "clothctl/qp/detail/proximal_problem.hpp"
+#include "clothctl/qp/detail/refinement_step.hpp"
 #include "clothctl/qp/detail/scaled_residuals.hpp"
 #include "clothctl/qp/detail/scaling.hpp"
 #include "clothctl/qp/detail/termination.hpp"
@@ -57,6 +61,7 @@ class ProximalMethod {
     problem_.reserve(n, m);
     certificates_.reserve(n, m);
     best_.reserve(n, m);
+    entrywise_.reserve(n);
     set_zero<Scalar>({&D_, &q_, &old_x_, &p_}, n);
     set_zero<Scalar>({&E_, &old_y_, &delta_, &r2_}, m);
     weighted_ = false;
@@ -101,6 +106,16 @@ class ProximalMethod {
     choose_weights(steepest, start);
   }
 
+  /// Returns true when rounding errors of products at the loaded start could hide the solution: x
+  /// and y may be those of other matrices, far along directions that cost nothing there. A start
+  /// that is the solution is not far.
+  bool start_is_far() {
+    problem_.refresh_products();
+    (void)measure_residuals();
+    return !errors_.met &&
+           (rounding_counts(problem_, D_, E_, settings_) || slopes_are_rounding(problem_));
+  }
+
   /// Discards the best iterate of earlier runs. `settle` uses the best iterate of the runs since
   /// this call.
   void forget_best() { best_.forget(); }
@@ -113,58 +128,51 @@ class ProximalMethod {
     const Scalar one(1);
     problem_.refresh_products();
     KktResiduals<Scalar> now = measure_residuals();
-    if (from_sides_ && residual_ratio(now) > one) now = refine_sides(now);
-    if (residual_ratio(now) <= one && met_in_scaled_space_) return QpStatus::Solved;
+    if (from_sides_ && !errors_.met) now = refine_sides(now);
+    if (errors_.met) return QpStatus::Solved;
     keep(now);
-    Scalar tolerance = Scalar(1e-3) * (std::max)(curvature_, one / mu_unit_);
+    Scalar tolerance = Scalar(soft_ ? 3e-2 : 1e-3) * (std::max)(curvature_, one / mu_unit_);
     const Scalar tolerance_floor = Scalar(0.1) * settings_.stationarity_tolerance / mu_unit_;
-    Scalar gap = scalar_traits<Scalar>::infinity();
-    // Extra steps for a point that meets the tolerances, but not in scaled space.
-    int extra_steps = 0;
-    // True when a ray is known. A feasible point then proves that the problem is unbounded; the
-    // search for a feasible point ignores g.
-    bool ray_known = false;
-    for (int outer = 0; outer < kOuterLimit; ++outer) {
+    gap_ = scalar_traits<Scalar>::infinity();
+    extra_steps_ = 0;
+    ray_known_ = false;
+    progress_.restart();
+    for (int outer = 0; outer < kOuterLimit && !progress_.stalled(); ++outer) {
       std::copy_n(problem_.x.data(), n(), problem_.xk.data());
       std::copy_n(problem_.y.data(), m(), problem_.yk.data());
+      const int rounds = iterations;
       const typename Problem::Outcome outcome = problem_.minimise(tolerance, iterations, budget);
       if (outcome == Problem::Outcome::NonConvex) return QpStatus::NonConvex;
       problem_.refresh_products();
       now = measure_residuals();
-      const Scalar violation = row_residual_ratio(now, settings_);
-      if (ray_known && is_feasible(now)) return QpStatus::DualInfeasible;
-      if (!ray_known) keep(now);
-      if (outcome == Problem::Outcome::TimeLimit) return QpStatus::TimeLimit;
-      if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
-      if (!ray_known && residual_ratio(now) <= one &&
-          (met_in_scaled_space_ || ++extra_steps > kExtraSteps))
-        return finish(now);
-      if (!is_feasible(now) && certificates_.infeasible(problem_))
-        return QpStatus::PrimalInfeasible;
-      if (!ray_known && is_unbounded_along_step()) {
-        if (now.feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
-        ray_known = true;
-        seek_feasible_point();
-        gap = scalar_traits<Scalar>::infinity();
-        continue;
+      if (progress_.is_spoilt_by(now.relative_stationarity)) {
+        problem_.rho = (std::max)(problem_.rho, rho_unit_);
+        problem_.factor.clear();
       }
+      const Scalar violation = row_residual_ratio(now, settings_);
+      const bool moved = has_moved(n(), problem_.xk, problem_.x);
+      if (ray_known_ && is_feasible(now)) return QpStatus::DualInfeasible;
+      if (!ray_known_) keep(now);
+      const bool late = outer > 0 && budget.after(iterations) == QpStatus::TimeLimit;
+      if (outcome == Problem::Outcome::TimeLimit || late) return QpStatus::TimeLimit;
+      if (outcome != Problem::Outcome::Minimised) return QpStatus::IterationLimit;
+      bool again = false;
+      if (const std::optional<QpStatus> end = end_of_step(now, tolerance, again)) return *end;
+      if (again) continue;
       bool changed = false;
       if (problem_.sync(changed)) {
         now = refine(measure_residuals());
-        if (ray_known && is_feasible(now)) return QpStatus::DualInfeasible;
-        if (!ray_known && residual_ratio(now) <= one &&
-            (met_in_scaled_space_ || ++extra_steps > kExtraSteps))
+        if (ray_known_ && is_feasible(now)) return QpStatus::DualInfeasible;
+        if (!ray_known_ && residual_ratio(now) <= one &&
+            ((errors_.met && !is_doubtful(now)) || ++extra_steps_ > kExtraSteps))
           return QpStatus::Solved;
-        if (!ray_known) keep(now);
+        if (!ray_known_) keep(now);
       }
-      if (row_residual_ratio(now, settings_) > one && violation > Scalar(0.1) * gap)
-        lower_mu(outer);
-      if (problem_.rho > rho_unit_) {
-        problem_.rho = (std::max)(rho_unit_, Scalar(0.03) * problem_.rho);
-        problem_.factor.clear();
-      }
-      gap = violation;
-      tolerance = (std::max)(tolerance_floor, Scalar(0.05) * tolerance);
+      progress_.add(now.relative_stationarity / settings_.stationarity_tolerance,
+                    row_residual_ratio(now, settings_), iterations > rounds, moved);
+      lower_weights(outer, now, violation > Scalar(0.1) * gap_);
+      gap_ = violation;
+      tolerance = (std::max)((std::min)(tolerance_floor, tolerance), Scalar(0.05) * tolerance);
     }
     return QpStatus::IterationLimit;
   }
@@ -194,7 +202,7 @@ class ProximalMethod {
     }
     problem_.refresh_products();
     problem_.reduced_gradient(q_);
-    limited_by_rounding_ = rounding_counts(problem_, D_, E_, settings_, q_);
+    limited_by_rounding_ = rounding_counts(problem_, D_, E_, settings_);
     if (limited_by_rounding_ && has_accurate_sums<Scalar>()) {
       refine_accurately(status == QpStatus::Solved);
       limited_by_rounding_ = false;
@@ -249,37 +257,89 @@ class ProximalMethod {
       // needless changes of the active set. ρ then decreases to rho_unit_.
       rho_unit_ = Scalar(8) * half * unit;
       problem_.rho = start == Start::Cold ? (std::max)(rho_unit_, Scalar(1e-2) * unit) : rho_unit_;
-      problem_.mu = (start == Start::FromSides ? sqrt(half) : Scalar(0.1)) * mu_unit;
+      // Where rows are inequalities, its first penalty is soft: a stiff one bends φ so much at each
+      // row that the line search passes few rows in a round.
+      soft_ = start == Start::Cold && problem_.inequalities_count();
+      problem_.mu = (start == Start::FromSides ? sqrt(half) : Scalar(soft_ ? 32 : 0.1)) * mu_unit;
       problem_.rho_ceiling = unit;
       mu_unit_ = mu_unit;
       weighted_ = true;
       problem_.factor.clear();
-    } else if (problem_.rho < rho_unit_) {  // a far minimum had decreased it
+      return;
+    }
+    if (soft_) problem_.mu = Scalar(0.1) * mu_unit_;  // a cold start ended early
+    if (soft_) problem_.factor.touch();
+    soft_ = false;
+    if (problem_.rho < rho_unit_) {  // a far minimum had decreased it
       problem_.rho = rho_unit_;
       problem_.factor.clear();
     }
   }
 
+  /// Returns false when a certificate of infeasibility is unlikely, so that the search for it is
+  /// not worth its time: the penalty is still soft, and the violation falls.
+  bool may_be_infeasible(const Scalar& violation) const {
+    return !soft_ || violation > Scalar(0.5) * gap_;
+  }
+
+  /// Decreases the weights after an outer step. `slow`: the violation of the rows hardly fell.
+  void lower_weights(int outer, const KktResiduals<Scalar>& now, bool slow) {
+    if (soft_ || (row_residual_ratio(now, settings_) > Scalar(1) && slow)) lower_mu(outer);
+    const Scalar rho = problem_.rho > rho_unit_ ? (std::max)(rho_unit_, Scalar(0.03) * problem_.rho)
+                       : progress_.slow()       ? less_rho()
+                                                : problem_.rho;
+    if (!(rho < problem_.rho)) return;
+    if (rho < rho_unit_) progress_.set_lowered();
+    problem_.rho = rho;
+    problem_.factor.clear();
+  }
+
+  /// Returns ρ / 16, but no less than rounding of the factor allows.
+  Scalar less_rho() const {
+    const Scalar floor = Scalar(64) * scalar_traits<Scalar>::epsilon() * problem_.rho_ceiling;
+    return (std::min)(problem_.rho, (std::max)(floor, Scalar(problem_.rho / Scalar(16))));
+  }
+
   /// Decreases μ, which penalises violated rows more. The lower limit of μ is higher in the first
-  /// steps.
+  /// steps. The penalty is no longer soft once μ is below a fifth of its unit.
   void lower_mu(int outer) {
     using std::sqrt;
     const Scalar half = sqrt(scalar_traits<Scalar>::epsilon());
     problem_.mu = (std::max)(Scalar(0.1) * problem_.mu,
                              Scalar((outer < kFirstSteps ? sqrt(half) : half) * mu_unit_));
+    soft_ = soft_ && problem_.mu > Scalar(0.2) * mu_unit_;
     problem_.factor.touch();
   }
 
-  /// Returns the residuals of the current (x, y), and stores the scaled gradient in q_.
+  /// Prepares the next steps for errors of entries that are small beside others, and returns the
+  /// tolerance of these steps. ρ must not limit how far a slope of that size moves x.
+  Scalar sharpen() {
+    using std::sqrt;
+    const Scalar slope = errors_.least_slope;
+    if (!is_finite(slope)) return slope;
+    const Scalar epsilon = scalar_traits<Scalar>::epsilon(), half = sqrt(epsilon);
+    const Scalar floor = (std::max)(Scalar(64) * epsilon * curvature_, Scalar(1e-30));
+    const Scalar wanted = (std::max)(floor, Scalar(8) * half * slope);
+    if (wanted < problem_.rho) {
+      problem_.rho = wanted;
+      problem_.factor.clear();
+    }
+    return Scalar(0.1) * settings_.stationarity_tolerance * slope;
+  }
+
+  /// Returns the residuals of the current (x, y), and stores the scaled gradient in q_. Judges the
+  /// errors of single entries when the residuals are within the tolerances.
   KktResiduals<Scalar> measure_residuals() {
     if (accurate_sums_) {
       problem_.accurate_products(q_);
     } else {
       problem_.reduced_gradient(q_);
     }
-    const ScaledResiduals<Scalar> measured = scaled_residuals(problem_, D_, E_, settings_, q_);
-    met_in_scaled_space_ = measured.met_in_scaled_space;
-    return measured.residuals;
+    const KktResiduals<Scalar> r = scaled_residuals(problem_, D_, E_, q_);
+    errors_ = {};
+    errors_.met = residual_ratio(r) <= Scalar(1);
+    if (errors_.met) errors_ = entrywise_.judge(problem_, settings_, q_);
+    return r;
   }
 
   Scalar residual_ratio(const KktResiduals<Scalar>& r) const {
@@ -288,7 +348,11 @@ class ProximalMethod {
   bool is_feasible(const KktResiduals<Scalar>& r) const {
     return r.relative_feasibility <= settings_.feasibility_tolerance;
   }
+  /// Offers the iterate as the best one, unless it is within the tolerances and single entries are
+  /// not: violations of rows may hide behind a large unknown, or behind multipliers that are still
+  /// small. If later steps leave the tolerances, such a point must not count as solved.
   void keep(const KktResiduals<Scalar>& now) {
+    if (!errors_.met && residual_ratio(now) <= Scalar(1)) return;
     best_.offer(now, settings_, problem_.x.head(n()), problem_.y.head(m()));
   }
 
@@ -312,15 +376,21 @@ class ProximalMethod {
   }
 
   /// Refines (x, y) on the sets of the factor towards the optimality equations without
-  /// regularisation, as long as this halves the residuals.
+  /// regularisation, as long as this halves the residuals or meets the limits of single entries.
   KktResiduals<Scalar> refine(KktResiduals<Scalar> now) {
     constexpr int kSteps = 12;
-    for (int step = 0; step < kSteps && residual_ratio(now) > Scalar(1e-3); ++step) {
+    for (int step = 0; step < kSteps && !(errors_.met && residual_ratio(now) <= Scalar(1e-3));
+         ++step) {
+      const bool met = errors_.met;
       std::copy_n(problem_.x.data(), n(), old_x_.data());
       std::copy_n(problem_.y.data(), m(), old_y_.data());
-      take_refinement_step();
+      take_refinement_step(problem_, q_, r2_, p_, delta_);
       problem_.refresh_products();
       const KktResiduals<Scalar> next = measure_residuals();
+      if (errors_.met && !met) {
+        now = next;
+        continue;
+      }
       if (!(residual_ratio(next) < residual_ratio(now))) {
         std::copy_n(old_x_.data(), n(), problem_.x.data());
         std::copy_n(old_y_.data(), m(), problem_.y.data());
@@ -333,32 +403,6 @@ class ProximalMethod {
     return now;
   }
 
-  /// One refinement step on the sets of the factor. q_ holds the gradient.
-  void take_refinement_step() {
-    const KktFactor<Scalar>& factor = problem_.factor;
-    for (Index k = 0; k < factor.row_size(); ++k) {
-      const Index i = factor.row(k);
-      const Scalar y = problem_.y[i];
-      const bool lower = !(problem_.rl[i] < problem_.ru[i]) || y > Scalar(0) ||
-                         (!(y < Scalar(0)) && problem_.ax[i] < problem_.rl[i]);
-      const Scalar edge = lower ? problem_.rl[i] : problem_.ru[i];
-      r2_[i] = has_bound(edge) ? Scalar(problem_.ax[i] - edge) : Scalar(0);
-    }
-    problem_.factor.solve(q_, r2_, p_, delta_);
-    for (Index k = 0; k < factor.free_size(); ++k) {
-      const Index i = factor.unknown(k);
-      problem_.x[i] =
-          (std::min)((std::max)(Scalar(problem_.x[i] + p_[i]), problem_.lo[i]), problem_.hi[i]);
-    }
-    for (Index k = 0; k < factor.row_size(); ++k) {
-      const Index i = factor.row(k);
-      Scalar y = problem_.y[i] + delta_[i];
-      if (!has_bound(problem_.rl[i])) y = (std::min)(y, Scalar(0));
-      if (!has_bound(problem_.ru[i])) y = (std::max)(y, Scalar(0));
-      problem_.y[i] = y;
-    }
-  }
-
   /// Returns true when x - xk leads to a ray. When it leads to a far minimum, moves x there and
   /// decreases ρ, so that the proximal term no longer limits the steps.
   bool is_unbounded_along_step() {
@@ -366,9 +410,8 @@ class ProximalMethod {
     if (status != RayStatus::FarMinimum) return status == RayStatus::Proven;
     certificates_.go_to_far_minimum(problem_);
     problem_.refresh_products();
-    const Scalar floor = Scalar(64) * scalar_traits<Scalar>::epsilon() * problem_.rho_ceiling;
-    if (problem_.rho > floor) {
-      problem_.rho = (std::max)(floor, Scalar(problem_.rho / Scalar(16)));
+    if (less_rho() < problem_.rho) {
+      problem_.rho = less_rho();
       problem_.factor.clear();
     }
     return false;
@@ -394,21 +437,63 @@ class ProximalMethod {
       problem_.x[j] = (std::min)((std::max)(Scalar(0), problem_.lo[j]), problem_.hi[j]);
   }
 
-  /// Refines a point that already meets the tolerances.
-  QpStatus finish(const KktResiduals<Scalar>& now) {
+  /// Returns true when refinement left much of the tolerance of the gradient.
+  bool is_doubtful(const KktResiduals<Scalar>& now) const {
+    return now.relative_stationarity > Scalar(0.1) * settings_.stationarity_tolerance;
+  }
+
+  /// Returns the status with which the solve ends after an outer step, or nothing: the point is a
+  /// solution, or the step proves that there is none. Sets `again` when the search for a feasible
+  /// point begins. May lower the tolerance of the next steps.
+  std::optional<QpStatus> end_of_step(const KktResiduals<Scalar>& now, Scalar& tolerance,
+                                      bool& again) {
+    if (!ray_known_ && residual_ratio(now) <= Scalar(1)) {
+      const bool last = ++extra_steps_ > kExtraSteps;
+      if (errors_.met || last) {
+        if (const std::optional<QpStatus> end = finish(now, last)) return end;
+      }
+      tolerance = (std::min)(tolerance, sharpen());
+    }
+    if (!is_feasible(now) && may_be_infeasible(row_residual_ratio(now, settings_)) &&
+        certificates_.infeasible(problem_))
+      return QpStatus::PrimalInfeasible;
+    again = !ray_known_ && is_unbounded_along_step();
+    if (!again) return std::nullopt;
+    if (now.feasibility <= settings_.feasibility_tolerance) return QpStatus::DualInfeasible;
+    ray_known_ = true;
+    seek_feasible_point();
+    gap_ = scalar_traits<Scalar>::infinity();
+    progress_.restart();
+    return std::nullopt;
+  }
+
+  /// Refines a point that already meets the tolerances. If little comes of it, the point may be one
+  /// on a ray along which the objective falls so slowly that its slope is within the tolerances.
+  /// Then returns nothing unless this is the `last` step: the next ones show the ray.
+  std::optional<QpStatus> finish(KktResiduals<Scalar> now, bool last) {
     bool changed = false;
-    if (problem_.sync(changed)) refine(now);
-    return QpStatus::Solved;
+    if (problem_.sync(changed)) now = refine(now);
+    if (!is_doubtful(now)) return QpStatus::Solved;
+    if (certificates_.unbounded(problem_) == RayStatus::Proven) return QpStatus::DualInfeasible;
+    return last ? QpStatus::Solved : std::optional<QpStatus>{};
   }
 
   QpSettings<Scalar> settings_;
   Problem problem_;
   CertificateSearch<Scalar> certificates_;
   BestIterate<Scalar> best_;
+  EntrywiseJudge<Scalar> entrywise_;
+  EntrywiseErrors<Scalar> errors_;
+  OuterProgress<Scalar> progress_;
   Vector D_, q_, old_x_, p_;
   Vector E_, old_y_, delta_, r2_;
   Scalar curvature_ = Scalar(0), mu_unit_ = Scalar(1), rho_unit_ = Scalar(0);
-  bool weighted_ = false, from_sides_ = false, met_in_scaled_space_ = false;
+  Scalar gap_ = Scalar(0);  // the violation after the last outer step
+  int extra_steps_ = 0;     // steps from points within the tolerances, but not in each entry
+  // A ray is known: a feasible point, sought with g = 0, then proves that there is no minimum.
+  bool ray_known_ = false;
+  bool weighted_ = false, from_sides_ = false;
+  bool soft_ = false;  // μ still falls after each step of a cold start
   bool limited_by_rounding_ = false, accurate_sums_ = false;
 };
 

@@ -72,8 +72,12 @@ class ProximalProblem {
   }
   /// Computes Aᵀ from A.
   void refresh_transpose() {
-    for (Index i = 0; i < m_; ++i) {
-      for (Index j = 0; j < n_; ++j) At()(j, i) = A()(i, j);
+    constexpr Index kTile = 8;  // a line of the cache holds this many numbers
+    for (Index first = 0; first < n_; first += kTile) {
+      const Index end = (std::min)(first + kTile, n_);
+      for (Index i = 0; i < m_; ++i) {
+        for (Index j = first; j < end; ++j) At()(j, i) = A()(i, j);
+      }
     }
   }
   /// Updates the pointers to the matrices. Needed after this object was copied or moved.
@@ -103,6 +107,14 @@ class ProximalProblem {
   const Columns<Scalar>& columns_of_H() const { return h_; }
   const Columns<Scalar>& columns_of_A() const { return a_; }
   const Columns<Scalar>& columns_of_At() const { return at_; }
+
+  /// Returns true when a row is an inequality, and the equalities are fewer than the unknowns: they
+  /// cannot determine x alone.
+  bool inequalities_count() const {
+    Index equalities = 0;
+    for (Index i = 0; i < m_; ++i) equalities += rl[i] < ru[i] ? 0 : 1;
+    return equalities < m_ && equalities < n_;
+  }
 
   /// Computes hx = H x and ax = A x from scratch, and makes this A x the reference of later row
   /// moves (`anchor`).
@@ -189,10 +201,11 @@ class ProximalProblem {
       bool changed = false;
       if (const std::optional<Outcome> failure = factorise(changed)) return *failure;
       idle = changed ? 0 : idle + 1;
-      if (changed) {
-        const QpStatus spent = budget.after(++iterations);
+      if (changed) ++iterations;
+      if (changed || idle > 1) {
+        const QpStatus spent = budget.after(iterations);
         if (spent == QpStatus::TimeLimit) return Outcome::TimeLimit;
-        if (spent != QpStatus::Solved) return Outcome::IterationLimit;
+        if (spent != QpStatus::Solved && changed) return Outcome::IterationLimit;
       }
       std::fill_n(zero_rows_.data(), m_, Scalar(0));
       factor.solve(grad, zero_rows_, p_, delta_);

@@ -1,9 +1,9 @@
 #pragma once
 
-// Residuals of an iterate of the proximal problem, in the caller's units and in scaled space. The
-// residuals in the caller's units are relative to the largest terms, as in kkt.hpp, and decide
-// whether the problem is solved. When unknowns differ by many orders of magnitude, these residuals
-// can hide errors of the small unknowns. The residuals in scaled space show such errors.
+// Residuals of an iterate of the proximal problem in the caller's units, relative to the largest
+// terms as in kkt.hpp. They decide whether the problem is solved. When unknowns differ by many
+// orders of magnitude, these residuals can hide errors of the small unknowns; entrywise_errors.hpp
+// shows such errors.
 
 #include <algorithm>
 
@@ -12,42 +12,23 @@
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// The residuals of an iterate in both spaces.
-template <RealScalar Scalar>
-struct ScaledResiduals {
-  /// Residuals in the caller's units. Complementarity counts the rounding error of A x as slack.
-  KktResiduals<Scalar> residuals;
-  /// True when stationarity and feasibility are within the tolerances in scaled space too.
-  bool met_in_scaled_space = false;
-};
-
 /// Computes the residuals of (x, y). The products in `problem` and its `gradient` Ĥx̂ + ĝ - Âᵀŷ
 /// must be up to date. Scales are D (n) and E (m): x = D x̂, y = E ŷ. Each z_j is the part of the
-/// gradient that the bounds at x_j allow. If an |x_j| exceeds 1e20, the relative feasibility
-/// residual is infinite. Never allocates.
+/// gradient that the bounds at x_j allow. Complementarity counts the rounding error of A x as
+/// slack. If an |x_j| exceeds 1e20, the relative feasibility residual is infinite. Never allocates.
 template <RealScalar Scalar>
-ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
-                                         const VectorX<Scalar>& D, const VectorX<Scalar>& E,
-                                         const QpSettings<Scalar>& settings,
-                                         const VectorX<Scalar>& gradient) {
+KktResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
+                                      const VectorX<Scalar>& D, const VectorX<Scalar>& E,
+                                      const VectorX<Scalar>& gradient) {
   using std::abs;
-  ScaledResiduals<Scalar> result;
-  KktResiduals<Scalar>& r = result.residuals;
+  KktResiduals<Scalar> r;
   Scalar dual_scale(1), farthest(1);
-  // In scaled space: stationarity and feasibility errors, and the magnitudes that they are relative
-  // to.
-  Scalar scaled_stationarity(0), scaled_violation(0), scaled_dual(0), scaled_primal(0);
   for (Index j = 0; j < problem.unknowns(); ++j) {
-    const Scalar hx = problem.hx[j], g = problem.g[j], aty = hx + g - gradient[j];
+    const Scalar hx = problem.hx[j], g = problem.g[j];
     const Scalar z = bound_multiplier(gradient[j], problem.x[j], problem.lo[j], problem.hi[j]);
-    const Scalar error = abs(gradient[j] - z);
-    update_max(scaled_stationarity, error);
-    update_max(r.stationarity, Scalar(error / D[j]));
-    for (const Scalar& term : {hx, g, aty}) {
-      update_max(scaled_dual, Scalar(abs(term)));
-      update_max(dual_scale, Scalar(abs(term) / D[j]));
-    }
-    update_max(scaled_primal, Scalar(abs(problem.x[j])));
+    update_max(r.stationarity, Scalar(abs(gradient[j] - z) / D[j]));
+    update_max(dual_scale, Scalar(abs(hx) / D[j]));
+    update_max(dual_scale, Scalar(abs(g) / D[j]));
     update_max(farthest, Scalar(abs(problem.x[j]) * D[j]));
     r.objective += (Scalar(0.5) * hx + g) * problem.x[j];
   }
@@ -55,10 +36,7 @@ ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
   for (Index i = 0; i < problem.rows(); ++i) {
     const Scalar ax = problem.ax[i], y = problem.y[i];
     const Scalar below = problem.rl[i] - ax, above = ax - problem.ru[i];
-    update_max(scaled_primal, Scalar(abs(ax)));
     update_max(primal_scale, Scalar(abs(ax) / E[i]));
-    if (has_bound(problem.rl[i])) update_max(scaled_violation, below);
-    if (has_bound(problem.ru[i])) update_max(scaled_violation, above);
     if (has_bound(problem.rl[i])) update_max(r.feasibility, Scalar(below / E[i]));
     if (has_bound(problem.ru[i])) update_max(r.feasibility, Scalar(above / E[i]));
     const Scalar edge = y > Scalar(0) ? below : above;
@@ -66,9 +44,6 @@ ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
     // The rounding error of A x limits how well the slack is known.
     r.complementarity += scalar_traits<Scalar>::epsilon() * abs(y * ax);
   }
-  result.met_in_scaled_space =
-      scaled_stationarity <= settings.stationarity_tolerance * scaled_dual &&
-      scaled_violation <= settings.feasibility_tolerance * scaled_primal;
   r.relative_stationarity = relative_error(r.stationarity, dual_scale);
   r.relative_feasibility = relative_error(r.feasibility, primal_scale);
   r.relative_complementarity =
@@ -76,16 +51,15 @@ ScaledResiduals<Scalar> scaled_residuals(const ProximalProblem<Scalar>& problem,
   if (!is_finite(r.objective)) r.relative_complementarity = scalar_traits<Scalar>::infinity();
   if (farthest > largest_bound<Scalar>())
     r.relative_feasibility = scalar_traits<Scalar>::infinity();
-  return result;
+  return r;
 }
 
 /// Returns true when the rounding error of plain products could exceed half of a tolerance, because
-/// large terms of H x, Aᵀ y or A x cancel. The products in `problem` and its `gradient` must be up
-/// to date. Never allocates. Complexity: O(n + nnz(A)).
+/// large terms of H x, Aᵀ y or A x cancel. The products in `problem` must be up to date. Never
+/// allocates. Complexity: O(n + nnz(A)).
 template <RealScalar Scalar>
 bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scalar>& D,
-                     const VectorX<Scalar>& E, const QpSettings<Scalar>& settings,
-                     const VectorX<Scalar>& gradient) {
+                     const VectorX<Scalar>& E, const QpSettings<Scalar>& settings) {
   using std::abs;
   using std::sqrt;
   const Scalar unit = Scalar(2) * scalar_traits<Scalar>::epsilon();
@@ -99,8 +73,8 @@ bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scala
     const Scalar terms =
         root(j) * length + abs(g) + problem.columns_of_A().size_of_dot(j, problem.y);
     update_max(dual_terms, Scalar(terms / D[j]));
-    for (const Scalar& term : {hx, g, Scalar(hx + g - gradient[j])})
-      update_max(dual_scale, Scalar(abs(term) / D[j]));
+    update_max(dual_scale, Scalar(abs(hx) / D[j]));
+    update_max(dual_scale, Scalar(abs(g) / D[j]));
     update_max(primal_scale, Scalar(abs(problem.x[j]) * D[j]));
     objective += (Scalar(0.5) * hx + g) * problem.x[j];
   }
@@ -114,6 +88,23 @@ bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scala
          !(unit * primal_terms <= settings.feasibility_tolerance * primal_scale) ||
          !(unit * complementarity_terms <=
            settings.complementarity_tolerance * (std::max)(Scalar(1), Scalar(abs(objective))));
+}
+
+/// Returns true when the rounding error of H x at the iterate counts beside g. Never allocates.
+/// Complexity: O(n).
+template <RealScalar Scalar>
+bool slopes_are_rounding(const ProximalProblem<Scalar>& problem) {
+  using std::abs;
+  using std::sqrt;
+  Scalar length(0), slope(0), steepest(0);
+  for (Index j = 0; j < problem.unknowns(); ++j) {
+    const Scalar root = sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j))));
+    length += root * abs(problem.x[j]);
+    steepest = (std::max)(steepest, root);
+    slope = (std::max)(slope, Scalar(abs(problem.g[j])));
+  }
+  // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
+  return scalar_traits<Scalar>::epsilon() * steepest * length > Scalar(1e-3) * slope;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -40,6 +40,20 @@ Scalar nearest_power_of_two(const Scalar& value) {
   return power;
 }
 
+/// Returns the largest |values_i| weights_i of `count` entries, or 0.
+template <RealScalar Scalar>
+Scalar largest_product(Index count, const Scalar* values, const Scalar* weights) {
+  using std::abs;
+  Scalar even(0), odd(0);  // two maxima, so that one need not wait for the other
+  Index i = 0;
+  for (; i + 1 < count; i += 2) {
+    even = (std::max)(even, Scalar(abs(values[i]) * weights[i]));
+    odd = (std::max)(odd, Scalar(abs(values[i + 1]) * weights[i + 1]));
+  }
+  if (i < count) even = (std::max)(even, Scalar(abs(values[i]) * weights[i]));
+  return (std::max)(even, odd);
+}
+
 /// Scales H (n×n) and A (m×n) in place, and writes the scale factors to D (n) and E (m). Never
 /// allocates. Complexity: O(n² + mn).
 template <RealScalar Scalar>
@@ -61,9 +75,9 @@ void equilibrate(Eigen::Ref<MatrixX<Scalar>> H, Eigen::Ref<MatrixX<Scalar>> A,
   for (int sweep = 0; sweep < kSweeps; ++sweep) {
     scale_rows();
     for (Index j = 0; j < n; ++j) {
-      Scalar largest(0);
-      for (Index i = 0; i < n; ++i) largest = (std::max)(largest, Scalar(abs(H(i, j)) * D[i]));
-      for (Index i = 0; i < m; ++i) largest = (std::max)(largest, Scalar(abs(A(i, j)) * E[i]));
+      const Scalar largest =
+          (std::max)(largest_product(n, &H.coeffRef(0, j), D.data()),
+                     largest_product(m, A.data() + j * A.outerStride(), E.data()));
       if (largest > Scalar(0)) D[j] = sqrt(D[j] / largest);
     }
   }

@@ -1,9 +1,15 @@
 #pragma once
 
-// What counts as zero in each entry of a gradient q = H x + g. The threshold of entry j is relative
-// to the smaller of two magnitudes: the largest |g_i| or |H x|_i of all entries (at least 1), and
-// an upper bound |g_j| + Σ_k √H_jj √H_kk |x_k| on the sum of the |terms| of entry j itself, which
-// scales with q_j when unknowns are scaled.
+// What counts as zero in each entry of a gradient q = H x + g:
+//
+//   threshold j:  max(relative · max(|g_j|, |H x|_j), rounding · terms_j)
+//   terms_j:      |g_j| + Σ_k √H_jj √H_kk |x_k|, but at most the largest |g_i| or |H x|_i of all
+//                 entries (at least 1)
+//
+// The first part is relative to the entry's own size: a huge slope of another unknown must not hide
+// it. The second part is the rounding error of the sum; Σ_k is an upper bound on Σ_k |H_jk x_k|. An
+// entry whose |g_j| and |H x|_j are no larger than this error has no size of its own. Its threshold
+// is relative · terms_j. All thresholds scale with q_j when unknowns are scaled.
 
 #include <algorithm>
 #include <cmath>
@@ -18,6 +24,9 @@ template <RealScalar Scalar>
 class ZeroGradient {
  public:
   using Vector = VectorX<Scalar>;
+
+  /// Times the spacing of numbers: what rounding may add to a gradient, relative to its terms.
+  static constexpr int kRounding = 32;
 
   /// Makes room for n unknowns. Allocates.
   void reserve(Index n) { set_zero<Scalar>({&scale_, &threshold_, &root_}, n); }
@@ -35,7 +44,8 @@ class ZeroGradient {
     }
   }
 
-  /// Computes the thresholds at x, where `product` = H x: `relative` times the magnitudes above.
+  /// Computes the thresholds at x, where `product` = H x. `relative` must be at least kRounding
+  /// epsilon.
   void update(Index n, const Vector& g, const Vector& x, const Vector& product,
               const Scalar& relative) {
     using std::abs;
@@ -48,9 +58,14 @@ class ZeroGradient {
     // Smaller slopes always count as zero: without this floor the thresholds would vanish with x
     // when g = 0.
     const Scalar least = Scalar(1e-30);
+    const Scalar rounding = Scalar(kRounding) * scalar_traits<Scalar>::epsilon();
     for (Index i = 0; i < n; ++i) {
-      const Scalar size = (std::min)(Scalar(abs(g[i]) + length * root_[i]), largest);
-      threshold_[i] = (std::max)(Scalar(relative * size), least);
+      const Scalar terms = (std::min)(Scalar(abs(g[i]) + length * root_[i]), largest);
+      const Scalar own = (std::max)(Scalar(abs(g[i])), Scalar(abs(product[i])));
+      const Scalar error = rounding * terms;
+      const Scalar zero =
+          own > error ? (std::max)(Scalar(relative * own), error) : relative * terms;
+      threshold_[i] = (std::max)(zero, least);
     }
   }
 

@@ -64,10 +64,10 @@ class LowRankCurvature {
 
   /// Makes room for n unknowns and rank r. Allocates.
   void reserve(Index n, Index r) {
-    N_.setZero(r, n);
-    L_.setZero(r, r);
-    S_.setZero(r, r);
-    for (Matrix* M : {&batch_, &weighted_}) M->setZero(r, kBatch);
+    N_.resize(r, n);
+    L_.resize(r, r);
+    S_.resize(r, r);
+    for (Matrix* M : {&batch_, &weighted_}) M->resize(r, kBatch);
     in_S_.assign(static_cast<std::size_t>(n), 0);
     set_zero<Scalar>({&D_, &inverse_, &share_}, n);
     set_zero<Scalar>({&work_, &v_, &U_, &d_, &right_}, r);
@@ -78,6 +78,7 @@ class LowRankCurvature {
   }
   /// Sets the sizes of D and N, and clears the free set. The caller must then fill D and N.
   void resize(Index n, Index r) {
+    for (Matrix* M : {&L_, &S_, &batch_, &weighted_}) M->setZero();
     clear();
     n_ = n;
     r_ = r;

@@ -38,8 +38,9 @@ class StructuredBox {
   void reserve(Index n, Index m) {
     method_.curvature().reserve(n, (std::min)(n, m));
     method_.reserve(n);
-    Ut_.setZero(m, m);
-    Q_.setZero(m, m);
+    // Memory that only a structured problem touches: pages of other problems stay untouched.
+    Ut_.resize(m, m);
+    Q_.resize(m, m);
     set_zero<Scalar>({&g_, &lo_, &hi_, &hx_, &aty_}, n);
     set_zero<Scalar>({&pivot_, &c_, &h_, &ax_, &scale_}, m);
     owner_.assign(static_cast<std::size_t>(m), -1);
@@ -64,12 +65,18 @@ class StructuredBox {
 
   /// Solves a problem for which `ready` is true. Fills the result except for its ray. lb, ub, rl,
   /// ru are the caller's bounds. Returns false when x is not finite, or the method converged but x
-  /// does not meet the tolerances; the caller should then use another method. Never allocates.
+  /// does not meet the tolerances; the caller should then use another method. `repeated`: the last
+  /// call solved the same problem, and nothing changed since. Never allocates.
   bool solve(const Data& data, const QpSettings<Scalar>& settings, const Budget& budget,
-             const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
+             bool repeated, const Eigen::Ref<const Vector>& lb, const Eigen::Ref<const Vector>& ub,
              const Eigen::Ref<const Vector>& rl, const Eigen::Ref<const Vector>& ru,
              QpResult<Scalar>& result) {
     load(data);
+    if (repeated) {
+      result.status = QpStatus::Solved;
+      report(data, settings, lb, ub, rl, ru, result);
+      return true;
+    }
     const typename Method::Data reduced{g_, lo_, hi_};
     for (const typename Method::Check criterion : {Method::Check::Caller, Method::Check::Method}) {
       result.status = method_.solve(reduced, settings.stationarity_tolerance, budget,
