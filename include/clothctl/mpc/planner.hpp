@@ -339,8 +339,9 @@ void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const Poin
   for (std::size_t g = 0; g < anchors.size(); ++g) {
     if (change.grip(g) < 0) continue;
     const Vector3<Scalar> across = anchors[g].across;
-    anchors[g] = cost_.anchors()[static_cast<std::size_t>(change.grip(g))];
-    detail::move_hand(anchors[g], across, change.jump(g));
+    const std::size_t from = static_cast<std::size_t>(change.grip(g));
+    anchors[g] = cost_.anchors()[from];
+    detail::move_hand<Scalar>(anchors[g], across, change.jump(g) + cost_.learned(from));
   }
   detail::measure_hand_gap<Scalar>(anchors);
   if (!setup_.anchors.empty()) setup_.anchors = anchors;

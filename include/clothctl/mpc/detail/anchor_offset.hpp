@@ -27,24 +27,25 @@ class AnchorOffset {
     learned_.setZero(3, grips);
   }
 
-  /// Gives the anchors their offsets back and forgets the errors. Never allocates.
-  void reset(std::vector<HandAnchor<Scalar>>& anchors) {
-    for (std::size_t g = 0; g < anchors.size(); ++g)
-      anchors[g].offset -= learned_.col(static_cast<Index>(g));
+  /// Forgets what was learned. Never allocates.
+  void reset() {
     learned_.setZero();
     slow_.setZero();
   }
 
+  /// Returns what the anchor of grip `g` has learned, to be added to the place of the hand, m.
+  Vector3<Scalar> learned(std::size_t g) const { return learned_.col(static_cast<Index>(g)); }
+
   /// Learns from a frame of length `dt` (s), with features that should be at `wanted` and are at
   /// `measured` (3×features, m). `time`: T, s. Never allocates.
   void learn(Scalar dt, Scalar time, const Points<Scalar>& wanted, const Points<Scalar>& measured,
-             std::vector<HandAnchor<Scalar>>& anchors) {
+             const std::vector<HandAnchor<Scalar>>& anchors) {
     const Scalar slowly = dt < Scalar(kMemory) ? dt / Scalar(kMemory) : Scalar(1);
     const Scalar gain = dt < time ? dt / time : Scalar(1);
     for (Index i = 0; i < slow_.cols(); ++i)
       slow_.col(i) += slowly * (wanted.col(i) - measured.col(i) - slow_.col(i));
     for (std::size_t g = 0; g < anchors.size(); ++g) {
-      HandAnchor<Scalar>& anchor = anchors[g];
+      const HandAnchor<Scalar>& anchor = anchors[g];
       auto learned = learned_.col(static_cast<Index>(g));
       const Scalar most = Scalar(kMost) * anchor.hanging_length;
       for (Index c = 0; c < 3; ++c) {
@@ -53,7 +54,6 @@ class AnchorOffset {
           next += gain * anchor.feature_weights[i] * slow_(c, static_cast<Index>(i));
         if (most < next) next = most;
         if (next < -most) next = -most;
-        anchor.offset[c] += next - learned[c];
         learned[c] = next;
       }
     }

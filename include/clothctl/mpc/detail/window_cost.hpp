@@ -119,14 +119,18 @@ class WindowCost {
       offset_.learn(settings.dt, settings.offset_time, wanted_, measured, anchors_);
   }
 
-  /// Gives the anchors back the offsets that they had before they learned.
-  void reset() { offset_.reset(anchors_); }
+  /// Forgets what the anchors have learned.
+  void reset() { offset_.reset(); }
+
+  /// Returns what the anchor of grip `g` has learned, m.
+  Vector3<Scalar> learned(std::size_t g) const { return offset_.learned(g); }
 
   /// Returns where the hand of grip `g` belongs at time `t` (s) in still air, m. Never allocates.
   template <class Target>
   Vector3<Scalar> hand(const PlannerSettings<Scalar>& settings, std::size_t g, Scalar t,
                        const Target& target) const {
-    return anchor_position(anchors_[g], settings.heavy_chain_axes, settings.gravity, target, t);
+    return anchor_position(anchors_[g], settings.heavy_chain_axes, settings.gravity, target, t) +
+           offset_.learned(g);
   }
 
   /// Returns the rows of the cost about the plan of `problem.response`. `step_weight`: w_r, s²/m²,
