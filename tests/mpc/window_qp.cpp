@@ -282,13 +282,13 @@ struct Frame {
           for (int v : grips[g]) c += (frame == -1 ? state.velocities : before).col(v);
           return V(c / static_cast<double>(grips[g].size()));
         };
-        HandAnchor<double> anchor;
-        anchor.feature_weights = {g == 0 ? 1.0 : 0.0, g == 0 ? 0.0 : 1.0};
-        V home = V::Zero();
-        for (int v : grips[g])
-          home += sheet.state.positions.col(v) / static_cast<double>(grips[g].size());
-        anchor.offset = home - start.col(static_cast<Index>(g));
-        anchor.hanging_length = anchor.offset[2];
+        Points<double> homes = Points<double>::Zero(3, 2);
+        for (std::size_t i = 0; i < 2; ++i) {
+          for (int v : grips[i])
+            homes.col(static_cast<Index>(i)) +=
+                sheet.state.positions.col(v) / static_cast<double>(grips[i].size());
+        }
+        const HandAnchor<double> anchor = make_anchors(Points<double>(start), homes)[g];
         const V wanted_hand = anchor_position(
             anchor, settings.heavy_chain_axes, settings.gravity,
             [&](Index i, double time) { return wanted(i, time); }, s);

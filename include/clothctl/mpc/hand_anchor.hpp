@@ -184,7 +184,7 @@ Vector3<Scalar> hanging_offset(const HandAnchor<Scalar>& anchor, const Vector3<S
   const Scalar rest = sqrt(anchor.across.squaredNorm()), gap = sqrt(across.squaredNorm());
   if (!(scalar_traits<Scalar>::epsilon() < rest) || !(scalar_traits<Scalar>::epsilon() < gap))
     return anchor.offset;
-  const Vector3<Scalar> turned = hanging_turn(anchor.across, across) * anchor.offset;
+  Vector3<Scalar> turned = hanging_turn(anchor.across, across) * anchor.offset;
   const Scalar& hands = anchor.hand_gap;
   if (!(Scalar(0) < hands)) return turned;
   const Scalar widest = hands < rest ? rest : hands;
@@ -262,7 +262,7 @@ Vector3<Scalar> anchor_position(const HandAnchor<Scalar>& anchor, HeavyChainAxes
   const Vector3<Scalar> first = target(Index(0), t);
   const Vector3<Scalar> last = target(static_cast<Index>(anchor.feature_weights.size()) - 1, t);
   const Vector3<Scalar> across = last - first;
-  const Vector3<Scalar> place = now + detail::hanging_offset(anchor, across);
+  Vector3<Scalar> place = now + detail::hanging_offset(anchor, across);
   if (heavy_chain_axes == HeavyChainAxes::Off || !(Scalar(0) < anchor.hanging_length)) return place;
   const Scalar tau = Scalar(2) * sqrt(anchor.hanging_length / gravity);
   Vector3<Scalar> mean = Vector3<Scalar>::Zero();

@@ -435,7 +435,7 @@ auto WholeCurve<S>::optimise(const MatrixX<Scalar>& path) -> Result<Answer> {
     ++answer.iterations;
     goes_on = improve(answer);
   }
-  const Result<Answer> end = evaluate(answer.path, gradient);
+  Result<Answer> end = evaluate(answer.path, gradient);
   if (!end) return end;
   answer.gradient_norm = end->gradient_norm;
   answer.weakened_frames = end->weakened_frames;
