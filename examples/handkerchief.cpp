@@ -100,11 +100,7 @@ int main(int argc, char** argv) {
   };
   if (o.hands) return run_hands(std::move(scene), o, grid, state, fit, hand);
   fit(state.positions, scene);
-  const auto hanging = [&] {
-    AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
-    plant.set_state(state);
-    return plant;
-  };
-  const auto identified = identify_plant(scene, o, hanging());
-  return run(scene, o, hanging(), make_predictor(o, scene.body, scene.settings, identified));
+  const auto identified = identify_plant(scene, o, scene.body, state);
+  return run(scene, o, plant_in_state(o.plant, scene.body, state),
+             make_predictor(o, scene.body, scene.settings, identified));
 }

@@ -67,8 +67,7 @@ void add_planner(CLI::App& app, Options& o) {
   app.add_option(
          "--predictor", o.predictor,
          "linearised: once a frame; rollout: nonlinear free response; identified: linearised, with "
-         "a "
-         "tension found from motion of the plant before the run; auto: rollout for sheets on "
+         "a tension found from motion of the plant before the run; auto: rollout for sheets on "
          "implicit plants in still air with soft patches, else linearised")
       ->transform(old_name("frozen", "linearised"))
       ->check(CLI::IsMember({"auto", "linearised", "rollout", "identified"}))

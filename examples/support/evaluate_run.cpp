@@ -74,13 +74,13 @@ const clothctl::ClothState<double>& Runner::at_rest(const Options& o, const std:
 }
 
 const std::optional<clothctl::IdentifiedResponse<double>>& Runner::identified(
-    const Options& o, const std::string& material, const Scene& scene,
-    const std::function<AnyPlant()>& hanging) {
+    const Options& o, const std::string& material, const Scene& scene, const Body& body,
+    const clothctl::ClothState<double>& rest) {
   const std::string key = o.plant + "/" + std::to_string(o.cloth) + "/" + material + "/" +
                           o.targets + "/" + std::to_string(o.horizon);
   const auto known = identified_.find(key);
   if (known != identified_.end()) return known->second;
-  return identified_.emplace(key, identify_plant(scene, o, hanging())).first->second;
+  return identified_.emplace(key, identify_plant(scene, o, body, rest)).first->second;
 }
 
 Task Runner::make_task(const Evaluation& e, const Case& c, int seed, const Grid& grid,
@@ -128,15 +128,10 @@ Row Runner::run(const Evaluation& e, const Case& c, int seed, const std::string&
   fit_targets(o, grid, corners, rest.positions, scene.task);
   measure(scene.task, row);
   row.vertices = static_cast<double>(grid.positions.cols());
-  const auto hanging = [&] {
-    AnyPlant plant = make_plant(o.plant, body, body.drag);
-    plant.set_state(rest);
-    return plant;
-  };
-  AnyPlant plant = hanging();
+  AnyPlant plant = plant_in_state(o.plant, body, rest);
   RunRecorder recorder(scene, o, scored_frames(scene, o));
   AnyPredictor predictor =
-      make_predictor(o, scene.body, scene.settings, identified(o, changes, scene, hanging));
+      make_predictor(o, scene.body, scene.settings, identified(o, changes, scene, body, rest));
   const Summary summary = run_loop(scene, o, plant, std::move(predictor), recorder, progress);
   take(summary, row);
   if (!files.empty()) recorder.write(summary);

@@ -3,7 +3,6 @@
 // One run of the evaluation: its curve, its sheets, its loop. A run depends on its case and seed
 // alone, so that it has the same bits whoever makes it, in whatever order.
 
-#include <functional>
 #include <map>
 #include <optional>
 #include <string>
@@ -32,11 +31,11 @@ class Runner {
                                               const Grid& grid, const Task& task,
                                               const Scene& scene, const Body& body);
 
-  /// What --predictor identified tells of the plant that `hanging` makes. `material`: what differs
-  /// from the scene's.
+  /// What --predictor identified tells of the plant that hangs in `rest`. `material`: how its body
+  /// differs from the scene's.
   const std::optional<clothctl::IdentifiedResponse<double>>& identified(
-      const Options& o, const std::string& material, const Scene& scene,
-      const std::function<AnyPlant()>& hanging);
+      const Options& o, const std::string& material, const Scene& scene, const Body& body,
+      const clothctl::ClothState<double>& rest);
 
   std::map<std::string, clothctl::ClothState<double>> rest_;
   std::map<std::string, std::optional<clothctl::IdentifiedResponse<double>>> identified_;

@@ -23,9 +23,9 @@ struct ForeignVariant {
 /// from 0.71 to 1.41 times, each with an even density of its logarithm. The same on every machine.
 ForeignVariant draw_variant(std::uint64_t seed);
 
-/// Returns the engine's sheet at rest, hanging from its upper corners, its lower left and right
-/// ones in `lower`. The hands are closer together than in the flat sheet, and the sheet starts
-/// bent, so that it folds to one side. Ends the program where it does not come to rest.
+/// Returns the engine's sheet at rest, hanging from its upper corners. The hands are closer
+/// together than in the flat sheet, and the sheet starts bent, so that it folds to one side. Ends
+/// the program where it does not come to rest.
 game::Cloth hanging_foreign_cloth(const clothctl::GridMesh<double>& grid,
                                   const clothctl::SpringNetwork<double>& network,
                                   const ForeignVariant& variant);

@@ -51,8 +51,7 @@ auto targets(const Scene& scene) {
 Errors run_bare(Scene scene, const Options& o, const clothctl::ClothState<double>& state,
                 const FitTask& fit_task) {
   fit_task(state.positions, scene);
-  AnyPlant plant = make_plant(o.plant, scene.body, scene.body.drag);
-  plant.set_state(state);
+  AnyPlant plant = plant_in_state(o.plant, scene.body, state);
   AnyPredictor predictor = make_predictor(o, scene.body, scene.settings);
   Planner planner =
       must(Planner::create(scene.setup, scene.settings, std::move(predictor), plant.positions()));

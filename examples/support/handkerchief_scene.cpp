@@ -79,8 +79,7 @@ clothctl::ClothState<double> hang_handkerchief(const Options& o, const Grid& gri
 
 Task follow_hands(const Grid& grid, const Scene& scene, const clothctl::ClothState<double>& rest,
                   const Task& hands) {
-  AnyPlant plant = make_plant("newton", scene.body, scene.body.drag);
-  plant.set_state(rest);
+  AnyPlant plant = plant_in_state("newton", scene.body, rest);
   const std::vector<int> corners = lower_corners(grid);
   const clothctl::VectorX<double> times = frame_times(hands.duration);
   Points paths[2] = {Points(3, times.size()), Points(3, times.size())};

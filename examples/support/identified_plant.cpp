@@ -4,9 +4,9 @@
 
 namespace program {
 
-std::optional<clothctl::IdentifiedResponse<double>> identify_plant(const Scene& scene,
-                                                                   const Options& o,
-                                                                   AnyPlant plant) {
+std::optional<clothctl::IdentifiedResponse<double>> identify_plant(
+    const Scene& scene, const Options& o, const Body& body,
+    const clothctl::ClothState<double>& rest) {
   if (o.predictor != "identified") return {};
   if (scene.body.coarse)
     refuse("--predictor: identified needs a --model of at least --cloth " +
@@ -16,6 +16,7 @@ std::optional<clothctl::IdentifiedResponse<double>> identify_plant(const Scene& 
   clothctl::ExcitationSettings<double> sway;
   sway.dt = scene.settings.dt;
   sway.amplitude = 0.04 * o.size;
+  AnyPlant plant = plant_in_state(o.plant, body, rest);
   const auto record = must(clothctl::record_motion<AnyPlant, double>(plant, grips, sway));
   clothctl::FitSettings<double> fit;
   fit.horizon = std::min<Index>(scene.settings.horizon, sway.frames / 4);

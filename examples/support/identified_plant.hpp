@@ -8,12 +8,12 @@
 
 namespace program {
 
-/// With --predictor identified, lets the hands of `plant` sway for four seconds and fits the
-/// response of the scene's springs to what the features do; for other predictors returns nothing.
-/// `plant` is at rest and ends in motion: give one of its own. Ends the program where a coarse
-/// sheet predicts, or where nothing can be fitted.
-std::optional<clothctl::IdentifiedResponse<double>> identify_plant(const Scene& scene,
-                                                                   const Options& o,
-                                                                   AnyPlant plant);
+/// With --predictor identified, lets the hands of a plant of `body` that hangs in `rest` sway for
+/// four seconds and fits the response of the scene's springs to what the features do; for other
+/// predictors returns nothing. Ends the program where a coarse sheet predicts, or where nothing can
+/// be fitted.
+std::optional<clothctl::IdentifiedResponse<double>> identify_plant(
+    const Scene& scene, const Options& o, const Body& body,
+    const clothctl::ClothState<double>& rest);
 
 }  // namespace program

@@ -108,6 +108,13 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
 }
 
+AnyPlant plant_in_state(const std::string& name, const Body& body,
+                        const clothctl::ClothState<double>& state) {
+  AnyPlant plant = make_plant(name, body, body.drag);
+  plant.set_state(state);
+  return plant;
+}
+
 std::string chosen_predictor(const Options& o) {
   if (o.predictor != "auto") return o.predictor;
   // With hard patch rows, rollouts can become unstable (docs/performance.md), so the linearised

@@ -148,6 +148,10 @@ clothctl::RolloutModelSettings rollout_model_settings(Index vertices);
 /// foreign cloth of bring_your_own: at most 9×9 vertices, or its substeps are too long.
 AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 
+/// Makes a plant of the body as it is, in `state`.
+AnyPlant plant_in_state(const std::string& name, const Body& body,
+                        const clothctl::ClothState<double>& state);
+
 /// Returns the predictor that --predictor names; auto means "linearised" or "rollout".
 std::string chosen_predictor(const Options& o);
 

@@ -13,13 +13,7 @@ ReachBench::ReachBench(const Options& o)
       grid_(must(clothctl::make_grid<double>(o.cloth, o.cloth, o.size, o.size))),
       scene_(handkerchief_scene(o, grid_, lower_corners(grid_), read_material(o.material))),
       rest_(hang_handkerchief(o, grid_, {}, scene_, scene_.body)) {
-  identified_ = identify_plant(scene_, o, hanging());
-}
-
-AnyPlant ReachBench::hanging() const {
-  AnyPlant plant = make_plant(options_.plant, scene_.body, scene_.body.drag);
-  plant.set_state(rest_);
-  return plant;
+  identified_ = identify_plant(scene_, o, scene_.body, rest_);
 }
 
 Task ReachBench::curve(std::uint64_t seed, double duration, std::string& kind) const {
@@ -37,7 +31,7 @@ Task ReachBench::curve(std::uint64_t seed, double duration, std::string& kind) c
 Summary ReachBench::run(const Task& task, Progress& progress) const {
   Scene scene = scene_;
   scene.task = task;
-  AnyPlant plant = hanging();
+  AnyPlant plant = plant_in_state(options_.plant, scene.body, rest_);
   RunRecorder recorder(scene, options_, scored_frames(scene, options_));
   AnyPredictor predictor = make_predictor(options_, scene.body, scene.settings, identified_);
   return run_loop(scene, options_, plant, std::move(predictor), recorder, progress);

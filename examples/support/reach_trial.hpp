@@ -26,9 +26,6 @@ class ReachBench {
   const Points& positions() const { return rest_.positions; }
 
  private:
-  /// The sheet at rest.
-  AnyPlant hanging() const;
-
   Options options_;
   Grid grid_;
   Scene scene_;

@@ -59,14 +59,14 @@ clothctl::MatrixX<double> planned_path(WholeScene& s, const Options& o, Index fr
   AnyPredictor predictor = make_predictor(o, s.scene.body, s.scene.settings);
   auto planner = must(clothctl::Planner<AnyPredictor>::create(
       s.scene.setup, s.scene.settings, std::move(predictor), s.rest.positions));
-  AnyPlant plant = make_plant("newton", s.scene.body, s.scene.body.drag);
-  plant.set_state(s.rest);
+  AnyPlant plant = plant_in_state("newton", s.scene.body, s.rest);
   clothctl::PlanResult<double> result = planner.make_result();
   clothctl::MatrixX<double> path(6, frames);
   for (Index k = 0; k < frames; ++k) {
     progress.show(k, frames);
     if (trial.status == "finished" &&
-        !run_frame(planner, plant, 0.02 * static_cast<double>(k), s, result).advanced())
+        !run_frame(planner, plant, s.scene.settings.dt * static_cast<double>(k), s, result)
+             .advanced())
       trial.status = "ended in frame " + std::to_string(k);
     for (std::size_t g = 0; g < 2; ++g)
       path.block<3, 1>(3 * static_cast<Index>(g), k) =
@@ -85,7 +85,8 @@ WholeFigures measure_whole(const Curve& curve, const clothctl::WholeCurveResult<
     for (Index i = 0; i < 2; ++i) {
       const Vec before =
           k == 0 ? s.hand(static_cast<std::size_t>(i)) : Vec(result.path.block<3, 1>(3 * i, k - 1));
-      const double speed = (result.path.block<3, 1>(3 * i, k) - before).norm() / 0.02;
+      const double speed =
+          (result.path.block<3, 1>(3 * i, k) - before).norm() / s.scene.settings.dt;
       figures.hand_speed_max = std::max(figures.hand_speed_max, speed);
       if (k >= scored) continue;
       const double error =

@@ -161,6 +161,7 @@ TEST_CASE("anchors made from a start leave the hands there", "[mpc]") {
     }
   }
   CHECK(make_anchors(features, hands)[1].feature_weights == std::vector<double>{0.0, 1.0});
+  CHECK(make_anchors(Points<double>(3, 0), hands)[1].feature_weights.empty());
   CHECK(make_anchors(features, Points<double>(hands.leftCols(1)))[0].feature_weights ==
         std::vector<double>{0.5, 0.5});
 }
@@ -242,11 +243,11 @@ TEST_CASE("hands come together more than the features, and no wider than the she
     return right[0] - left[0];
   };
   CHECK(gap_of_hands(0.48) == Approx(0.4));
-  CHECK(gap_of_hands(0.44) == Approx(0.4 * std::exp(-0.3)));
-  CHECK(gap_of_hands(0.5) == Approx(0.4 * std::exp(0.15)));
+  CHECK(gap_of_hands(0.44) == Approx(0.4 * std::exp(-0.2)));
+  CHECK(gap_of_hands(0.5) == Approx(0.4 * std::exp(0.1)));
   CHECK(gap_of_hands(0.6) == Approx(0.48));
   CHECK(gap_of_hands(1e4) == Approx(0.48));
-  CHECK(gap_of_hands(1e-6) == Approx(0.4 * std::exp(-3.6)).epsilon(1e-3));
+  CHECK(gap_of_hands(1e-6) == Approx(0.4 * std::exp(-2.4)).epsilon(1e-3));
   for (HandAnchor<double>& anchor : anchors) anchor.gather = 0.0;
   CHECK(gap_of_hands(0.3) == Approx(0.4));
   for (HandAnchor<double>& anchor : anchors) anchor.hand_gap = 0.0;  // follow their own feature

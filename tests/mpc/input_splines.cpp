@@ -156,8 +156,8 @@ TEST_CASE("planners with splines for poses follow nearly as well", "[mpc]") {
   const Run cubic = run(splined({1, 1, 2, 4, 12}, 3));
   INFO("free " << free.mean_error << ", blocks " << blocks.mean_error << ", cubic "
                << cubic.mean_error);
-  CHECK(blocks.mean_error < 1.15 * free.mean_error);
-  CHECK(cubic.mean_error < 1.15 * free.mean_error);
+  CHECK(blocks.mean_error < 1.05 * free.mean_error);
+  CHECK(cubic.mean_error < 1.05 * free.mean_error);
   // The last block is one velocity.
   CHECK((blocks.last_plan.rightCols(12).colwise() - blocks.last_plan.col(8)).norm() < 1e-12);
 }

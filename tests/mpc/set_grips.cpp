@@ -293,11 +293,13 @@ TEST_CASE("given anchors stay with their grips, and move with their centroids", 
   anchor.offset = {0.1, 0.2, 0.3};
   setup.anchors = {anchor, anchor};
   setup.anchors[1].offset[2] = 0.4;
+  for (HandAnchor<double>& each : setup.anchors) each.hand_gap = 0.17;
   const Points<double>& x = sheet().state.positions;
   auto planner = clothctl_test::frozen_planner(sheet(), setup, settings_of(GripInput::Force));
   REQUIRE(planner.set_grips(grips_of({right(), {40}}), x) == "");
   REQUIRE(planner.setup().anchors.size() == 2);
   CHECK(planner.setup().anchors[0].offset == setup.anchors[1].offset);
+  CHECK(planner.setup().anchors[0].hand_gap == 0.17);
   CHECK(planner.setup().validate(81) == "");
   REQUIRE(planner.set_grips(grips_of({{right()[0]}}), x) == "");
   Vector3<double> centroid = Vector3<double>::Zero();

@@ -68,7 +68,7 @@ struct HandAnchor {
   /// Distance h₀ of the outer hands along that way at rest, m; 0: hands do not come together.
   Scalar hand_gap = Scalar(0);
   /// How much more than the features the hands come together, k.
-  Scalar gather = Scalar(3);
+  Scalar gather = Scalar(2);
 
   /// Returns an empty string, or what is wrong with an anchor for `features` features, to be put
   /// after its name. Allocates.
@@ -122,8 +122,11 @@ std::vector<HandAnchor<Scalar>> make_anchors(const Points<Scalar>& features,
   using std::sqrt;
   std::vector<HandAnchor<Scalar>> anchors;
   const Scalar number = Scalar(static_cast<double>(features.cols()));
-  const Vector3<Scalar> middle = features.rowwise().sum() / number;
-  const Vector3<Scalar> across = features.col(features.cols() - 1) - features.col(0);
+  Vector3<Scalar> middle = Vector3<Scalar>::Zero(), across = Vector3<Scalar>::Zero();
+  if (features.cols() > 0) {
+    middle = features.rowwise().sum() / number;
+    across = features.col(features.cols() - 1) - features.col(0);
+  }
   const Scalar gap = sqrt(across.squaredNorm());
   for (Index g = 0; g < hands.cols(); ++g) {
     HandAnchor<Scalar> anchor;

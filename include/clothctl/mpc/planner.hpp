@@ -343,8 +343,11 @@ void Planner<P, Setup, BoxSolver, RowSolver>::take_over(Problem next, const Poin
     anchors[g] = cost_.anchors()[from];
     detail::move_hand<Scalar>(anchors[g], across, change.jump(g) + cost_.learned(from));
   }
-  detail::measure_hand_gap<Scalar>(anchors);
-  if (!setup_.anchors.empty()) setup_.anchors = anchors;
+  if (setup_.anchors.empty()) {
+    detail::measure_hand_gap<Scalar>(anchors);
+  } else {
+    setup_.anchors = anchors;
+  }
   change.carry_request(problem_, last_velocity_, next);
   finger_plan_.carry(next.basis, change.weights());
   if (next.settings.input == GripInput::Force) finger_plan_.sum(next.basis, next.request.plan);

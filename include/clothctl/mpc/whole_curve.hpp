@@ -297,9 +297,8 @@ template <RealScalar S>
 bool WholeCurve<S>::roll_out(Answer& answer) {
   ++answer.rollouts;
   if (sweeps_.roll_out(answer.path, answer.features) >= 0) return false;
-  answer.cost =
-      settings_.weights.feature * (answer.features - targets_).squaredNorm() +
-      cost_.evaluate(answer.path, half_gradient_);  // that part of the gradient goes again
+  answer.cost = settings_.weights.feature * (answer.features - targets_).squaredNorm() +
+                cost_.cost(answer.path);
   return is_finite(answer.cost);
 }
 
@@ -310,7 +309,7 @@ bool WholeCurve<S>::linearise(Answer& answer, const Scalar& compression) {
   answer.weakened_frames = sweeps_.weakened();
   features_ = settings_.weights.feature * (answer.features - targets_);
   sweeps_.pull(features_, half_gradient_);
-  (void)cost_.evaluate(answer.path, half_gradient_);
+  cost_.add_half_gradient(answer.path, half_gradient_);
   answer.gradient_norm = Scalar(2) * sqrt(half_gradient_.squaredNorm());
   return is_finite(answer.gradient_norm);
 }

@@ -21,7 +21,7 @@ namespace clothctl::inline CLOTHCTL_ABI::detail {
 template <RealScalar Scalar>
 class AnchorOffset {
  public:
-  /// Makes room and starts anew, with the anchors as they are. Allocates.
+  /// Makes room and starts anew. Allocates.
   void reserve(Index features, Index grips) {
     slow_.setZero(3, features);
     learned_.setZero(3, grips);

@@ -44,8 +44,6 @@ class CurveSweeps {
   Index frames() const { return static_cast<Index>(steps_.size()); }
   /// Returns the grips.
   const HeldVertices<Scalar>& held() const { return held_; }
-  /// Returns the number of features.
-  Index feature_count() const { return features_.count(); }
   /// Returns the state after `frame` frames of the last rollout.
   const ClothState<Scalar>& state(Index frame) const {
     return states_[static_cast<std::size_t>(frame)];
@@ -66,9 +64,7 @@ class CurveSweeps {
       }
       states_[i + 1] = states_[i];
       if (!model_.step(states_[i + 1], input_, dt_, ws_).advanced) return k;
-      evaluate_features<Scalar>(features_, states_[i + 1].positions, points_);
-      for (Index f = 0; f < points_.cols(); ++f)
-        features.template block<3, 1>(3 * f, k) = points_.col(f);
+      write_features(states_[i + 1].positions, features, k);
     }
     return -1;
   }
@@ -95,13 +91,7 @@ class CurveSweeps {
           change_.col(static_cast<Index>(j)) = grip_column(path, g, k);
       }
       derivative_.push(steps_[static_cast<std::size_t>(k)], change_, x_, v_);
-      for (Index f = 0; f < features_.count(); ++f) {
-        Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-        features_.for_each_term(f, [&](int vertex, const Scalar& weight) {
-          sum += weight * x_.template middleCols<3>(3 * vertex).transpose();
-        });
-        features.template block<3, 1>(3 * f, k) = sum;
-      }
+      write_features(Eigen::Map<const Points<Scalar>>(x_.data(), 3, x_.cols() / 3), features, k);
     }
   }
 
@@ -127,6 +117,11 @@ class CurveSweeps {
   }
 
  private:
+  void write_features(const PointsView<Scalar>& x, MatrixX<Scalar>& features, Index k) {
+    evaluate_features<Scalar>(features_, x, points_);
+    for (Index f = 0; f < points_.cols(); ++f)
+      features.template block<3, 1>(3 * f, k) = points_.col(f);
+  }
   static Vector3<Scalar> grip_column(const MatrixX<Scalar>& path, std::size_t g, Index k) {
     return path.template block<3, 1>(3 * static_cast<Index>(g), k);
   }

@@ -38,35 +38,30 @@ class HandPathCost {
     if (anchors_.cols() > 0) add(weights.anchor, {1.0, 0.0, 0.0, 0.0}, true);
   }
 
-  /// Returns the cost of `path`, and adds half of its gradient to `half_gradient` (1/m).
-  Scalar evaluate(const MatrixX<Scalar>& path, MatrixX<Scalar>& half_gradient) const {
+  /// Returns the cost of `path`.
+  Scalar cost(const MatrixX<Scalar>& path) const {
     Scalar sum = Scalar(0);
-    for (const Term& term : terms_) {
-      for (Index k = 0; k < path.cols(); ++k) {
-        for (Index r = 0; r < path.rows(); ++r) {
-          Scalar e = term.anchored ? Scalar(-anchors_(r, k)) : Scalar(0);
-          for (Index i = 0; i < kBand; ++i)
-            e += term.b(i) * (i <= k ? path(r, k - i) : past_(r, i - k - 1));
-          sum += term.weight * e * e;
-          for (Index i = 0; i < kBand && i <= k; ++i)
-            half_gradient(r, k - i) += term.weight * term.b(i) * e;
-        }
-      }
-    }
+    each_row(path, [&](const Term& term, Index r, Index k) {
+      const Scalar e = error(term, path, r, k);
+      sum += term.weight * e * e;
+    });
     return sum;
+  }
+
+  /// Adds half the gradient of the cost of `path` to `out` (1/m).
+  void add_half_gradient(const MatrixX<Scalar>& path, MatrixX<Scalar>& out) const {
+    each_row(path, [&](const Term& term, Index r, Index k) {
+      add_transposed(term, error(term, path, r, k), r, k, out);
+    });
   }
 
   /// Adds half the Hessian times `v` to `out`.
   void add_product(const MatrixX<Scalar>& v, MatrixX<Scalar>& out) const {
-    for (const Term& term : terms_) {
-      for (Index k = 0; k < v.cols(); ++k) {
-        for (Index r = 0; r < v.rows(); ++r) {
-          Scalar e = Scalar(0);
-          for (Index i = 0; i < kBand && i <= k; ++i) e += term.b(i) * v(r, k - i);
-          for (Index i = 0; i < kBand && i <= k; ++i) out(r, k - i) += term.weight * term.b(i) * e;
-        }
-      }
-    }
+    each_row(v, [&](const Term& term, Index r, Index k) {
+      Scalar e = Scalar(0);
+      for (Index i = 0; i < kBand && i <= k; ++i) e += term.b(i) * v(r, k - i);
+      add_transposed(term, e, r, k, out);
+    });
   }
 
   /// Factorises half the Hessian of one coordinate plus `shift` (positive, 1/m²) on its diagonal,
@@ -118,6 +113,29 @@ class HandPathCost {
     bool anchored;
     Scalar b(Index i) const { return Scalar(coefficients[static_cast<std::size_t>(i)]); }
   };
+
+  /// Calls `function(term, r, k)` for each row of each term: coordinate r, frame k.
+  template <class Function>
+  void each_row(const MatrixX<Scalar>& path, const Function& function) const {
+    for (const Term& term : terms_) {
+      for (Index k = 0; k < path.cols(); ++k) {
+        for (Index r = 0; r < path.rows(); ++r) function(term, r, k);
+      }
+    }
+  }
+
+  Scalar error(const Term& term, const MatrixX<Scalar>& path, Index r, Index k) const {
+    Scalar e = term.anchored ? Scalar(-anchors_(r, k)) : Scalar(0);
+    for (Index i = 0; i < kBand; ++i)
+      e += term.b(i) * (i <= k ? path(r, k - i) : past_(r, i - k - 1));
+    return e;
+  }
+
+  /// Adds the column of a row, times its weight and `e`.
+  static void add_transposed(const Term& term, const Scalar& e, Index r, Index k,
+                             MatrixX<Scalar>& out) {
+    for (Index i = 0; i < kBand && i <= k; ++i) out(r, k - i) += term.weight * term.b(i) * e;
+  }
 
   void add(const Scalar& weight, const std::array<double, 4>& coefficients, bool anchored) {
     if (Scalar(0) < weight) terms_.push_back({weight, coefficients, anchored});

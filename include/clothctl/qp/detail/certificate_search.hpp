@@ -243,17 +243,12 @@ class CertificateSearch {
   /// length along d to the minimum of the objective.
   bool has_far_minimum(const Problem& problem) {
     using std::abs;
-    using std::sqrt;
     const Index n = problem.unknowns();
-    const auto root = [&](Index j) {
-      return sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j))));
-    };
-    Scalar slope(0), slope_size(0), curvature(0), size(0), length(0);
-    for (Index j = 0; j < n; ++j) length += root(j) * abs(problem.x[j]);
+    const Scalar length = problem.length_of_x();
+    Scalar slope(0), slope_size(0), curvature(0), size(0);
     for (Index j = 0; j < n; ++j) {
       slope += (problem.hx[j] + problem.g[j]) * d_[j];
-      // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
-      slope_size += (root(j) * length + abs(problem.g[j])) * abs(d_[j]);
+      slope_size += (problem.root_of_diagonal(j) * length + abs(problem.g[j])) * abs(d_[j]);
       curvature += hd_[j] * d_[j];
       size += hd_size_[j] * abs(d_[j]);
     }

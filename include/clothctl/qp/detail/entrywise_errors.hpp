@@ -76,19 +76,13 @@ class EntrywiseJudge {
 
   void set_limits(const Problem& problem, const QpSettings<Scalar>& settings) {
     using std::abs;
-    using std::sqrt;
-    const auto root = [&](Index j) {
-      return sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j))));
-    };
-    Scalar length(0), steepest(0);
-    for (Index j = 0; j < problem.unknowns(); ++j) {
-      length += root(j) * abs(problem.x[j]);
+    const Scalar length = problem.length_of_x();
+    Scalar steepest(0);
+    for (Index j = 0; j < problem.unknowns(); ++j)
       steepest = (std::max)(steepest, slope(problem, j));
-    }
     for (Index j = 0; j < problem.unknowns(); ++j) {
-      // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
-      const Scalar terms =
-          root(j) * length + abs(problem.g[j]) + problem.columns_of_A().size_of_dot(j, problem.y);
+      const Scalar terms = problem.root_of_diagonal(j) * length + abs(problem.g[j]) +
+                           problem.columns_of_A().size_of_dot(j, problem.y);
       const Scalar own = slope(problem, j), scale = own > rounding() * terms ? own : steepest;
       limit_[j] = settings.stationarity_tolerance * scale + rounding() * terms;
     }

@@ -108,6 +108,19 @@ class ProximalProblem {
   const Columns<Scalar>& columns_of_A() const { return a_; }
   const Columns<Scalar>& columns_of_At() const { return at_; }
 
+  /// Returns √h_jj. Since H is semidefinite, |h_jk| ≤ √h_jj √h_kk.
+  Scalar root_of_diagonal(Index j) const {
+    using std::sqrt;
+    return sqrt((std::max)(Scalar(0), Scalar(H()(j, j))));
+  }
+  /// Returns Σ_k √h_kk |x_k|. Times √h_jj it bounds the sum of the terms of (H x)_j.
+  Scalar length_of_x() const {
+    using std::abs;
+    Scalar length(0);
+    for (Index k = 0; k < n_; ++k) length += root_of_diagonal(k) * abs(x[k]);
+    return length;
+  }
+
   /// Returns true when a row is an inequality, and the equalities are fewer than the unknowns: they
   /// cannot determine x alone.
   bool inequalities_count() const {

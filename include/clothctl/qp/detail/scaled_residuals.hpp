@@ -63,15 +63,13 @@ bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scala
   using std::abs;
   using std::sqrt;
   const Scalar unit = Scalar(2) * scalar_traits<Scalar>::epsilon();
-  const auto root = [&](Index j) { return sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j)))); };
-  Scalar length(0), dual_terms(0), dual_scale(1), primal_terms(0), primal_scale(1);
+  const Scalar length = problem.length_of_x();
+  Scalar dual_terms(0), dual_scale(1), primal_terms(0), primal_scale(1);
   Scalar complementarity_terms(0), objective(0);
-  for (Index j = 0; j < problem.unknowns(); ++j) length += root(j) * abs(problem.x[j]);
   for (Index j = 0; j < problem.unknowns(); ++j) {
     const Scalar hx = problem.hx[j], g = problem.g[j];
-    // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
-    const Scalar terms =
-        root(j) * length + abs(g) + problem.columns_of_A().size_of_dot(j, problem.y);
+    const Scalar terms = problem.root_of_diagonal(j) * length + abs(g) +
+                         problem.columns_of_A().size_of_dot(j, problem.y);
     update_max(dual_terms, Scalar(terms / D[j]));
     update_max(dual_scale, Scalar(abs(hx) / D[j]));
     update_max(dual_scale, Scalar(abs(g) / D[j]));
@@ -95,16 +93,12 @@ bool rounding_counts(const ProximalProblem<Scalar>& problem, const VectorX<Scala
 template <RealScalar Scalar>
 bool slopes_are_rounding(const ProximalProblem<Scalar>& problem) {
   using std::abs;
-  using std::sqrt;
-  Scalar length(0), slope(0), steepest(0);
+  Scalar slope(0), steepest(0);
   for (Index j = 0; j < problem.unknowns(); ++j) {
-    const Scalar root = sqrt((std::max)(Scalar(0), Scalar(problem.H()(j, j))));
-    length += root * abs(problem.x[j]);
-    steepest = (std::max)(steepest, root);
+    steepest = (std::max)(steepest, problem.root_of_diagonal(j));
     slope = (std::max)(slope, Scalar(abs(problem.g[j])));
   }
-  // Since H is semidefinite, |h_jk| ≤ √(h_jj h_kk).
-  return scalar_traits<Scalar>::epsilon() * steepest * length > Scalar(1e-3) * slope;
+  return scalar_traits<Scalar>::epsilon() * steepest * problem.length_of_x() > Scalar(1e-3) * slope;
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail
