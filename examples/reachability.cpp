@@ -7,9 +7,9 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "clothctl/io/csv.hpp"
 #include "clothctl/mpc/reachability.hpp"
 #include "support/command_line.hpp"
+#include "support/reach_table.hpp"
 #include "support/reach_trial.hpp"
 #include "support/timing.hpp"
 
@@ -83,12 +83,7 @@ void try_curve(const Request& r, const ReachBench& bench,
   tally.succeeded[verdict] += success ? 1 : 0;
   tally.unfinished += finished ? 0 : 1;
   tally.log_error += std::log(finished ? std::max(run.mean_error_m, 1e-6) : 1.0);
-  table.add_row({static_cast<double>(seed), static_cast<double>((seed - 1) % reach_kinds().size()),
-                 static_cast<double>(report.verdict), success ? 1.0 : 0.0, report.score,
-                 report.predicted_error, report.predicted_largest_error, report.least_error,
-                 finished ? run.mean_error_m : 1e9, finished ? run.max_error_m : 1e9,
-                 report.distance_excess.value, report.hand_speed.value,
-                 report.hand_acceleration.value, report.fall_excess.value});
+  add_row({seed, report, run, finished, success}, table);
 }
 
 double share(int part, int all) { return all > 0 ? static_cast<double>(part) / all : 0.0; }
@@ -128,10 +123,7 @@ int main(int argc, char** argv) {
   const ReachBench bench(r.run);
   const auto limits = must(clothctl::make_reach_limits(
       bench.scene().setup, bench.scene().settings, bench.scene().body.network, bench.positions()));
-  clothctl::CsvWriter table({"seed", "kind", "verdict", "success", "score", "predicted_error_m",
-                             "predicted_largest_error_m", "least_error_m", "mean_error_m",
-                             "max_error_m", "distance_excess_m", "hand_speed_m_s",
-                             "hand_acceleration_m_s2", "fall_excess_m_s2"});
+  clothctl::CsvWriter table = reach_table();
   Tally tally;
   Progress progress;
   for (int i = 0; i < r.seeds; ++i) {

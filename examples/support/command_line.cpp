@@ -67,10 +67,12 @@ void add_planner(CLI::App& app, Options& o) {
   app.add_option(
          "--predictor", o.predictor,
          "linearised: once a frame; rollout: nonlinear free response; identified: linearised, with "
-         "a tension found from motion of the plant before the run; auto: rollout for sheets on "
-         "implicit plants in still air with soft patches, else linearised")
+         "a tension found from motion of the plant before the run; simulator: free and impulse "
+         "response by the plant's own steps, for positions; auto: with soft patches rollout on "
+         "implicit plants, simulator in still air for positions on position-based ones of up to "
+         "17 vertices a side; else linearised")
       ->transform(old_name("frozen", "linearised"))
-      ->check(CLI::IsMember({"auto", "linearised", "rollout", "identified"}))
+      ->check(CLI::IsMember({"auto", "linearised", "rollout", "identified", "simulator"}))
       ->capture_default_str();
   app.add_option("--profile", o.profile,
                  "Weights: standard, or paper (40 / 0.01 / 10, no hand anchor)")

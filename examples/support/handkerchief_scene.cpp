@@ -47,11 +47,10 @@ std::vector<int> lower_corners(const Grid& grid) {
 Scene handkerchief_scene(const Options& o, const Grid& grid, const std::vector<int>& features,
                          const clothctl::Material<double>& material) {
   const double friction = o.friction_given ? o.friction : material.friction;
-  const bool windy = 0 < o.gusts || (o.targets.empty() && o.task == "wind");
   Scene scene;
   scene.material = material.name;
   scene.body = sheet_body(o, grid, material);
-  if (windy) scene.body.air = {1.2, material.air_normal, material.air_tangent};
+  if (o.windy()) scene.body.air = {1.2, material.air_normal, material.air_tangent};
   for (int side : {0, 1})
     scene.setup.grips.push_back(clothctl::make_pinch<double>(corner_patch(grid, side, o.patch_size),
                                                              friction, o.limit, o.generators));

@@ -63,6 +63,9 @@ struct Options {
   std::string out;
   bool dt_given = false;
   bool friction_given = false;
+
+  /// Whether air moves past the sheet.
+  bool windy() const { return 0 < gusts || (targets.empty() && task == "wind"); }
 };
 
 }  // namespace program

@@ -2,11 +2,11 @@
 
 #include "bring_your_own/cloth_plant.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
-#include "clothctl/cloth/position_based.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/prediction/coarse_predictor.hpp"
 #include "clothctl/prediction/linearised_predictor.hpp"
 #include "clothctl/prediction/rollout_predictor.hpp"
+#include "clothctl/prediction/simulator_predictor.hpp"
 #include "support/second_thread.hpp"
 
 namespace program {
@@ -63,6 +63,39 @@ clothctl::RolloutPredictor<Model, Linearised> rolled(Model model, Linearised lin
   return predictor;
 }
 
+/// Weights for predictions that roll out the sheet.
+void damp(const Options& o, clothctl::PlannerSettings<double>& settings) {
+  if (o.profile == "paper") return;
+  const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
+  settings.weights.jerk = calm.weights.jerk;
+  settings.weights.step = calm.weights.step;
+  settings.max_change = calm.max_change;
+}
+
+/// Predicts a plant by its own steps alone.
+AnyPredictor make_simulator(const Options& o, const Body& body,
+                            clothctl::PlannerSettings<double>& settings) {
+  if (o.grip != "position") refuse("--predictor simulator: needs --grip position");
+  if (body.coarse) refuse("--predictor simulator: cannot be combined with a coarse --model");
+  damp(o, settings);
+  const auto simulated = [&](auto model) {
+    clothctl::SimulatorPredictor<decltype(model)> predictor(std::move(model));
+    if (o.second_thread) predictor.set_executor(clothctl::ExecutorRef(second_thread()));
+    return AnyPredictor(std::move(predictor));
+  };
+  if (!is_position_based(o.plant)) {
+    return simulated(make_mass_spring(body, body.network,
+                                      o.plant == "newton"
+                                          ? clothctl::Integration::Newton
+                                          : clothctl::Integration::LinearlyImplicit));
+  }
+  if (o.profile != "paper") {  // it bounces more than an implicit sheet
+    settings.weights.smooth = 0.3;
+    settings.weights.step = 0.05;
+  }
+  return simulated(make_position_based(o.plant, body));
+}
+
 /// A predictor of the body, from one of its coarse sheet if there is one.
 template <class Predictor>
 AnyPredictor sampled(const Body& body, Predictor predictor) {
@@ -90,6 +123,15 @@ clothctl::RolloutModelSettings rollout_model_settings(Index vertices) {
   return settings;
 }
 
+clothctl::PositionBased<double> make_position_based(const std::string& name, const Body& body) {
+  clothctl::PositionBasedSettings<double> settings =
+      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet()
+                    : clothctl::PositionBasedSettings<double>();
+  settings.drag = body.drag;
+  settings.air = body.air;
+  return must(clothctl::PositionBased<double>::create(body.network, settings));
+}
+
 AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
   Body changed = body;
   changed.drag = drag;
@@ -100,12 +142,7 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag) {
     return AnyPlant(make_mass_spring(changed, body.network, clothctl::Integration::Newton));
   if (name == "explicit")
     return AnyPlant(AnyPlant::Plant(), ForeignPlant(changed.network, changed.drag));
-  clothctl::PositionBasedSettings<double> settings =
-      name == "pbd" ? clothctl::PositionBasedSettings<double>::verlet()
-                    : clothctl::PositionBasedSettings<double>();
-  settings.drag = drag;
-  settings.air = body.air;
-  return AnyPlant(must(clothctl::PositionBased<double>::create(body.network, settings)));
+  return AnyPlant(make_position_based(name, changed));
 }
 
 AnyPlant plant_in_state(const std::string& name, const Body& body,
@@ -119,13 +156,18 @@ std::string chosen_predictor(const Options& o) {
   if (o.predictor != "auto") return o.predictor;
   // With hard patch rows, rollouts can become unstable (docs/performance.md), so the linearised
   // predictor is used.
-  const bool better = is_implicit(o.plant) && o.patch == "soft" && o.profile != "paper";
-  return better ? "rollout" : "linearised";
+  if (o.patch != "soft" || o.profile == "paper") return "linearised";
+  if (is_implicit(o.plant)) return "rollout";
+  // A rollout for each coordinate of each held vertex: too many where hands hold patches. In wind
+  // hands lead by what the air does, which a simulator does not tell.
+  const bool few = o.grip == "position" && o.patch_size == 1 && o.cloth <= 17 && !o.windy();
+  return is_position_based(o.plant) && few ? "simulator" : "linearised";
 }
 
 AnyPredictor make_predictor(const Options& o, const Body& body,
                             clothctl::PlannerSettings<double>& settings,
                             const std::optional<clothctl::IdentifiedResponse<double>>& identified) {
+  if (chosen_predictor(o) == "simulator") return make_simulator(o, body, settings);
   const bool implicit = is_implicit(o.plant);
   clothctl::ResponseSettings<float> response;
   clothctl::LinearisedPredictorSettings<double> exact;
@@ -157,12 +199,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
   Linearised linearised(Response(model, response), exact);
   if (!rolls) return sampled(body, std::move(linearised));
-  if (o.profile != "paper") {
-    const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
-    settings.weights.jerk = calm.weights.jerk;
-    settings.weights.step = calm.weights.step;
-    settings.max_change = calm.max_change;
-  }
+  damp(o, settings);
   clothctl::RolloutSettings rollout;
   if (!newton) {  // such a plant takes the model's own step
     rollout.newton_steps = 0;

@@ -13,6 +13,7 @@
 #include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/cloth/model_plant.hpp"
+#include "clothctl/cloth/position_based.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
 #include "clothctl/network/spring_network.hpp"
 #include "clothctl/prediction/identify.hpp"
@@ -134,6 +135,13 @@ inline bool is_implicit(const std::string& plant) {
   return plant == "linear-implicit" || plant == "newton";
 }
 
+inline bool is_position_based(const std::string& plant) {
+  return plant == "pbd" || plant == "xpbd";
+}
+
+/// Makes the position-based sheet of a body called "pbd" (Verlet) or "xpbd".
+clothctl::PositionBased<double> make_position_based(const std::string& name, const Body& body);
+
 /// Makes a body's mass-spring sheet with the published step, which planners predict. `network`: the
 /// body's, or that of its coarse sheet.
 clothctl::MassSpring<double> make_mass_spring(const Body& body,
@@ -152,7 +160,7 @@ AnyPlant make_plant(const std::string& name, const Body& body, double drag);
 AnyPlant plant_in_state(const std::string& name, const Body& body,
                         const clothctl::ClothState<double>& state);
 
-/// Returns the predictor that --predictor names; auto means "linearised" or "rollout".
+/// Returns the predictor that --predictor names; auto means "linearised", "rollout" or "simulator".
 std::string chosen_predictor(const Options& o);
 
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In

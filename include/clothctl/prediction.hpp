@@ -9,4 +9,5 @@
 #include "clothctl/prediction/motion_record.hpp"
 #include "clothctl/prediction/rollout_predictor.hpp"
 #include "clothctl/prediction/sheet_sampling.hpp"
+#include "clothctl/prediction/simulator_predictor.hpp"
 #include "clothctl/prediction/window.hpp"

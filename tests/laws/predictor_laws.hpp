@@ -34,10 +34,11 @@ struct PredictorLaws {
   clothctl::Index horizon = 6;
   /// Largest distance that an output moves in the first frame, m.
   Scalar first_step = Scalar(0.2);
+  /// The inputs that it predicts.
+  std::vector<clothctl::GripInput> kinds{clothctl::GripInput::Force, clothctl::GripInput::Pose};
 };
 
-/// Checks the laws, once with forces on the vertices `held` and once with their velocities as
-/// inputs.
+/// Checks the laws, with forces on the vertices `held` and with their velocities as inputs.
 template <class Make, class Scalar>
 void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& state,
                           const std::vector<int>& held, const PredictorLaws<Scalar>& laws) {
@@ -46,7 +47,7 @@ void check_predictor_laws(const Make& make, const clothctl::ClothState<Scalar>& 
   static_assert(Predictor<P, WindowRequest<Scalar>, WindowResponse<Scalar>>);
   std::mt19937 random(17);
   std::uniform_real_distribution<double> uniform(-0.3, 0.3);
-  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+  for (const GripInput kind : laws.kinds) {
     WindowRequest<Scalar> request;
     request.horizon = laws.horizon;
     request.dt = Scalar(0.02);

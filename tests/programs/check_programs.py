@@ -83,7 +83,7 @@ def check_runs(programs, folder):
                   f"{name}: cone violation {summary['cone_violation_max']}")
             check(summary["scored_frames"] == 40 and summary["setup"]["targets"] == str(curve),
                   f"{name}: {summary}")
-            check(summary["setup"]["predictor"] == ("linearised" if plant == "xpbd" else "rollout"),
+            check(summary["setup"]["predictor"] == ("simulator" if plant == "xpbd" else "rollout"),
                   f"{name}: predictor not told")
             check(summary["setup"]["plant"] == plant, f"{name}: plant not told")
             check(json.loads((out / "summary.json").read_text()) == summary,

@@ -158,6 +158,11 @@ struct predictor_traits : detail::scalar_of<P> {
   /// Returns the number of vertices that the predictor was made for. Optional.
   static Index vertex_count(const P& predictor) requires requires { predictor.vertex_count(); }
   { return predictor.vertex_count(); }
+  /// Returns whether it can predict windows whose raw inputs are of this kind (GripInput).
+  /// Optional.
+  template <class Kind>
+  requires requires(const P& p, const Kind& kind) { p.predicts(kind); }
+  static bool predicts(const P& predictor, const Kind& kind) { return predictor.predicts(kind); }
 };
 
 /// Predicts how linear outputs of a sheet respond to inputs over a window: `Request` says which
@@ -169,7 +174,8 @@ struct predictor_traits : detail::scalar_of<P> {
 /// the predictions since the last `reset`; an input changes no output of an earlier
 /// frame; a response of another size than `reserve` made is refused by the planner.
 ///
-/// Optional hooks: `vertex_count(predictor)`, checked against the sheet where it exists.
+/// Optional hooks: `vertex_count(predictor)`, checked against the sheet where it exists;
+/// `predicts(predictor, kind)`, without which a predictor is taken to predict every kind of input.
 template <class P, class Request, class Response>
 concept Predictor = requires {
   typename predictor_traits<P>::scalar_type;

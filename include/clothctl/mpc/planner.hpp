@@ -206,12 +206,7 @@ auto Planner<P, Setup, BoxSolver, RowSolver>::create(Setup setup, PlannerSetting
   std::string problem = settings.validate();
   if (problem.empty() && !all_finite(start)) problem = "the start positions are not finite";
   if (problem.empty()) problem = setup.validate(start.cols());
-  if constexpr (requires { Traits::vertex_count(predictor); }) {
-    if (problem.empty() && Traits::vertex_count(predictor) != start.cols()) {
-      problem = "the predictor is made for " + std::to_string(Traits::vertex_count(predictor)) +
-                " vertices, the start positions have " + std::to_string(start.cols());
-    }
-  }
+  if (problem.empty()) problem = detail::check_predictor(predictor, settings.input, start.cols());
   if (!problem.empty()) return Error{problem};
   Planner planner(std::move(setup), std::move(settings), std::move(predictor), start);
   if (!detail::response_fits(planner.problem_)) return Error{wrong_response()};

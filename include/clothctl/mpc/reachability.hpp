@@ -124,6 +124,22 @@ struct ReachPeak {
   }
 };
 
+/// What predicted errors are made of, m: how far features are beyond what the sheet allows without
+/// stretch, over their number (x/F), and root mean squares over the curve.
+template <RealScalar Scalar>
+struct ReachCauses {
+  /// Mean of x/F over the curve, and its largest value.
+  Scalar excess = Scalar(0), largest_excess = Scalar(0);
+  /// Acceleration of the hands in the directions in which the sheet swings, times L/g.
+  Scalar hand = Scalar(0);
+  /// Acceleration of the features, times L/g.
+  Scalar feature = Scalar(0);
+  /// By how much features are closer together than at the start.
+  Scalar close = Scalar(0);
+  /// By how much their difference in height changes.
+  Scalar tilt = Scalar(0);
+};
+
 /// What a curve asks for, and what comes of it. A peak is 0 where its limit is kept.
 template <RealScalar Scalar>
 struct ReachabilityReport {
@@ -139,6 +155,8 @@ struct ReachabilityReport {
   Scalar predicted_largest_error = Scalar(0);
   /// Mean error that no hands can avoid, m.
   Scalar least_error = Scalar(0);
+  /// What the predictions are made of.
+  ReachCauses<Scalar> causes;
 
   /// Distance of a feature from another one beyond what the sheet allows with stretch, m.
   ReachPeak<Scalar> distance_excess;

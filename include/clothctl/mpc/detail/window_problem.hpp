@@ -3,6 +3,7 @@
 // Everything that the parts of the planner work on in a frame: what was asked for, the basis of the
 // grips, the request to the predictor and its answer, and what was measured of the held vertices.
 
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -70,6 +71,25 @@ struct WindowProblem {
   /// Share of the gravity load that each held vertex carries, N; zero for poses.
   Vector3<Scalar> force_share = Vector3<Scalar>::Zero();
 };
+
+/// Returns an empty string, or why a predictor cannot serve a planner of such inputs and a sheet of
+/// so many vertices. Allocates only for that.
+template <class P>
+std::string check_predictor(const P& predictor, GripInput input, Index vertices) {
+  using Traits = predictor_traits<P>;
+  if constexpr (requires { Traits::vertex_count(predictor); }) {
+    if (Traits::vertex_count(predictor) != vertices) {
+      return "the predictor is made for " + std::to_string(Traits::vertex_count(predictor)) +
+             " vertices, the start positions have " + std::to_string(vertices);
+    }
+  }
+  if constexpr (requires { Traits::predicts(predictor, input); }) {
+    if (!Traits::predicts(predictor, input))
+      return input == GripInput::Force ? "the predictor does not predict planned forces"
+                                       : "the predictor does not predict planned poses";
+  }
+  return {};
+}
 
 /// Returns true when the predictor's response has the size of the request.
 template <RealScalar Scalar, class Contact>

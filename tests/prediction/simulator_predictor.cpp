@@ -1,0 +1,276 @@
+// Predictions by a simulator alone, compared with its own steps and with exact derivatives, and
+// their effect in closed loops on a position-based sheet.
+
+#include "clothctl/prediction/simulator_predictor.hpp"
+
+#include <array>
+#include <string>
+#include <utility>
+
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/mpc/loose_plant.hpp"
+#include "clothctl/prediction/coarse_predictor.hpp"
+#include "laws/predictor_laws.hpp"
+#include "mpc/planner_loops.hpp"
+#include "support/catch.hpp"
+#include "support/thread_executor.hpp"
+#include "support/tier.hpp"
+
+using namespace clothctl;
+using clothctl_test::HangingSheet;
+
+namespace {
+
+using Sheet = PositionBased<double>;
+using Simulated = SimulatorPredictor<Sheet>;
+
+Sheet position_based(const HangingSheet& sheet) {
+  PositionBasedSettings<double> settings;
+  settings.drag = 0.5;
+  return Sheet::create(sheet.network, settings).value();
+}
+
+// Two hands that sway, in some wind; the outputs are a vertex, a centroid and the hands.
+WindowRequest<double> swaying_hands(const HangingSheet& sheet, Index horizon) {
+  WindowRequest<double> request;
+  request.horizon = horizon;
+  request.dt = clothctl_test::kFrame;
+  request.kind = GripInput::Pose;
+  request.held = {sheet.upper_left(), sheet.upper_right()};
+  request.outputs.add_point(sheet.lower_left());
+  request.outputs.add_centroid({sheet.lower_right(), sheet.grid.vertex(1, 1)});
+  request.held_outputs = 2;
+  for (int v : request.held) request.outputs.add_point(v);
+  request.plan.setZero(request.inputs(), horizon);
+  for (Index k = 0; k < horizon; ++k) {
+    for (Index i = 0; i < request.inputs(); ++i)
+      request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
+  }
+  request.wind.setZero(3, horizon);
+  request.wind.row(1).setLinSpaced(0.0, 2.0);
+  return request;
+}
+
+// The outputs that the model's own steps lead to.
+template <class Model>
+MatrixX<double> stepped(const Model& model, const ClothState<double>& start,
+                        const WindowRequest<double>& request) {
+  ClothState<double> state = start;
+  auto workspace = model.make_workspace();
+  MatrixX<double> out(request.output_rows(), request.horizon);
+  ClothInput<double> input;
+  input.driven_vertices = request.held;
+  input.driven_positions.resize(3, 2);
+  Points<double> y(3, request.outputs.count());
+  for (Index k = 0; k < request.horizon; ++k) {
+    input.wind = request.wind.col(k);
+    for (Index j = 0; j < 2; ++j)
+      input.driven_positions.col(j) =
+          state.positions.col(request.held[static_cast<std::size_t>(j)]) +
+          request.dt * request.plan.block<3, 1>(3 * j, k);
+    REQUIRE(model.step(state, input, request.dt, workspace).advanced);
+    evaluate_features<double>(request.outputs, state.positions, y);
+    out.col(k) = Eigen::Map<const VectorX<double>>(y.data(), y.size());
+  }
+  return out;
+}
+
+template <class Predictor>
+WindowResponse<double> predicted(Predictor& predictor, const ClothState<double>& state,
+                                 const WindowRequest<double>& request) {
+  WindowResponse<double> response;
+  predictor.reserve(request, response);
+  REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
+  return response;
+}
+
+// A model whose steps fail where a vertex is below a floor.
+struct Brittle {
+  using Scalar = double;
+  Sheet sheet;
+  double floor = -1e9;
+
+  Index vertex_count() const { return sheet.vertex_count(); }
+  ClothState<double> rest_state() const { return sheet.rest_state(); }
+  auto make_workspace() const { return sheet.make_workspace(); }
+  StepReport<double> step(ClothState<double>& state, const ClothInput<double>& input, double dt,
+                          PositionBasedWorkspace<double>& workspace) const {
+    if (state.positions.row(2).minCoeff() < floor) return {};
+    return sheet.step(state, input, dt, workspace);
+  }
+};
+
+}  // namespace
+
+TEST_CASE("the free response of a simulator has the bits of its own steps", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
+  const Sheet model = position_based(sheet);
+  WindowRequest<double> request = swaying_hands(sheet, 8);
+  Simulated predictor(model);
+  CHECK(predicted(predictor, sheet.state, request).free_response ==
+        stepped(model, sheet.state, request));
+  request.outer_force = Points<double>::Zero(3, model.vertex_count());
+  request.outer_force.row(1).setConstant(0.002);
+  request.supports.push_back({sheet.lower_left(), Vector3<double>(0, 0, 0.01)});
+  const MatrixX<double> pushed = predicted(predictor, sheet.state, request).free_response;
+  CHECK(pushed.row(1).mean() > stepped(model, sheet.state, request).row(1).mean() + 1e-4);
+}
+
+TEST_CASE("differences of a simulator are the derivatives of its steps", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
+  const ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
+  const WindowRequest<double> request = swaying_hands(sheet, 8);
+  const Index inputs = request.inputs();
+  // A linearly implicit step is an affine function of the input.
+  const MassSpring<double> one = sheet.model(Integration::LinearlyImplicit, true);
+  SimulatorPredictor<MassSpring<double>> simulated(one);
+  LinearisedPredictor<MassSpringResponse<double>, double> exact{MassSpringResponse<double>(one)};
+  const WindowResponse<double> a = predicted(simulated, state, request),
+                               b = predicted(exact, state, request);
+  CHECK((a.free_response.col(0) - b.free_response.col(0)).norm() < 1e-12);
+  CHECK((a.impulse_response - b.impulse_response).leftCols(inputs).norm() <
+        1e-9 * b.impulse_response.leftCols(inputs).norm());
+  // Later frames are not; differences are wrong by as much as the input is changed.
+  const MassSpring<double> newton = sheet.model(Integration::Newton, true);
+  std::array<MatrixX<double>, 3> response;
+  for (std::size_t i = 0; i < 3; ++i) {
+    SimulatorPredictor<MassSpring<double>> predictor(
+        newton, SimulatorPredictorSettings{1e-3 / (1 << (2 * i))});
+    response[i] = predicted(predictor, state, request).impulse_response;
+  }
+  const double first = (response[0] - response[1]).norm(),
+               second = (response[1] - response[2]).norm();
+  CAPTURE(first, second);
+  CHECK(second > 0);
+  CHECK(second < 0.35 * first);  // a quarter
+}
+
+TEST_CASE("predictions of a simulator have the same bits with every executor", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const WindowRequest<double> request = swaying_hands(sheet, 6);
+  clothctl_test::ThreadExecutor threads;
+  clothctl_test::BackwardExecutor backward;
+  Simulated plain(position_based(sheet)), on_threads = plain, backwards = plain;
+  on_threads.set_executor(ExecutorRef(threads));
+  backwards.set_executor(ExecutorRef(backward));
+  const WindowResponse<double> expected = predicted(plain, sheet.state, request);
+  for (Simulated* other : {&on_threads, &backwards}) {
+    const WindowResponse<double> found = predicted(*other, sheet.state, request);
+    CHECK(found.free_response == expected.free_response);
+    CHECK(found.impulse_response == expected.impulse_response);
+  }
+  CHECK(threads.loops == 1);
+}
+
+TEST_CASE("predictions of a simulator obey the laws of predictors", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const Sheet model = position_based(sheet);
+  clothctl_test::PredictorLaws<double> laws;
+  laws.linear = false;
+  laws.kinds = {GripInput::Pose};
+  clothctl_test::check_predictor_laws([&] { return Simulated(model); }, sheet.state,
+                                      std::vector<int>{sheet.upper_left(), sheet.upper_right()},
+                                      laws);
+}
+
+TEST_CASE("a simulator refuses forces and windows that it was not made for", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
+  Simulated predictor(position_based(sheet));
+  const auto setup = clothctl_test::corner_setup(sheet);
+  const auto forces = clothctl_test::corner_settings(sheet, GripInput::Force, 6);
+  using SimulatedPlanner = Planner<Simulated, PlannerSetup<double>>;
+  const auto made = SimulatedPlanner::create(setup, forces, predictor, sheet.state.positions);
+  REQUIRE_FALSE(made.has_value());
+  CHECK(made.error() == "the predictor does not predict planned forces");
+  using CoarsePlanner = Planner<CoarsePredictor<Simulated>, PlannerSetup<double>>;
+  const auto coarse = CoarsePlanner::create(
+      setup, forces, CoarsePredictor<Simulated>(sample_grids(sheet.grid, sheet.grid), predictor),
+      sheet.state.positions);
+  REQUIRE_FALSE(coarse.has_value());
+  CHECK(coarse.error() == made.error());
+
+  WindowRequest<double> request = swaying_hands(sheet, 6);
+  WindowResponse<double> response = predicted(predictor, sheet.state, request);
+  const WindowResponse<double> before = response;
+  const auto refuses = [&](const WindowRequest<double>& changed) {
+    return !predictor.predict(sheet.state.positions, sheet.state.velocities, changed, response) &&
+           response.free_response == before.free_response;
+  };
+  WindowRequest<double> changed = request;
+  changed.kind = GripInput::Force;
+  CHECK(refuses(changed));
+  changed = request;
+  changed.horizon = 5;
+  CHECK(refuses(changed));
+  changed = request;
+  changed.supports.push_back({25, Vector3<double>::Zero()});
+  CHECK(refuses(changed));
+  SimulatorPredictorSettings settings;
+  settings.difference = 0;
+  CHECK(settings.validate() == "difference is 0, must be positive");
+}
+
+TEST_CASE("a simulator whose step fails leaves the response as it was", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
+  Brittle model{position_based(sheet)};
+  WindowRequest<double> request = swaying_hands(sheet, 6);
+  request.plan.setZero();
+  request.plan.row(2).setConstant(-0.5);
+  request.plan.row(5).setConstant(-0.5);
+  SimulatorPredictor<Brittle> sound(model);
+  const WindowResponse<double> before = predicted(sound, sheet.state, request);
+  model.floor = sheet.state.positions.row(2).minCoeff() - 0.02;
+  SimulatorPredictor<Brittle> predictor(model);
+  WindowResponse<double> response;
+  predictor.reserve(request, response);
+  response = before;
+  CHECK_FALSE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
+  CHECK(response.free_response == before.free_response);
+  CHECK(response.impulse_response == before.impulse_response);
+}
+
+TEST_CASE("a position-based sheet is tracked twice as well by its own simulator", "[mpc]") {
+  HangingSheet sheet = clothctl_test::hanging_sheet(9);
+  const Sheet model = position_based(sheet);
+  // Unfinished sweeps let it hang lower.
+  PositionBasedSettings<double> calm = model.settings();
+  calm.drag = 10;
+  calm.pinned = {sheet.upper_left(), sheet.upper_right()};
+  ModelPlant<Sheet> settled(Sheet::create(sheet.network, calm).value());
+  settled.set_state(sheet.state);
+  for (int i = 0; i < 150; ++i) REQUIRE(settled.advance(clothctl_test::kFrame).advanced);
+  sheet.state = settled.state();
+  const clothctl_test::AsyncTarget target(sheet, 1.5);
+  const auto setup = clothctl_test::corner_setup(sheet);
+  const int frames = clothctl_test::trials(100, 250);
+
+  const auto run = [&](auto planner) {
+    ModelPlant<Sheet> plant(model);
+    plant.set_state(sheet.state);
+    return clothctl_test::run_loop(planner, plant, frames, clothctl_test::corners(sheet), target,
+                                   clothctl_test::NoWind(), clothctl_test::NoWatch());
+  };
+  const LoosePlantProfile<double> loose = loose_plant<double>(WeightBearing::Elongation);
+  PlannerSettings<double> firm = loose.planner;
+  firm.least_agreement = 0;
+  using Linearised = LinearisedPredictor<MassSpringResponse<float>, double>;
+  const auto linearised =
+      run(Planner<Linearised, PlannerSetup<double>>::create(
+              setup, clothctl_test::corner_settings(sheet, GripInput::Pose, 20, firm),
+              Linearised(MassSpringResponse<float>(sheet.model(Integration::LinearlyImplicit),
+                                                   loose.response),
+                         loose.predictor),
+              sheet.state.positions)
+              .value());
+  PlannerSettings<double> damped = PlannerSettings<double>::rollout();
+  damped.weights.smooth = 0.3;
+  damped.weights.step = 0.05;
+  const auto simulated =
+      run(Planner<Simulated, PlannerSetup<double>>::create(
+              setup, clothctl_test::corner_settings(sheet, GripInput::Pose, 20, damped),
+              Simulated(model), sheet.state.positions)
+              .value());
+  CAPTURE(linearised.mean_error, simulated.mean_error, simulated.max_error);
+  CHECK(simulated.failures == 0);
+  CHECK(simulated.mean_error < 0.5 * linearised.mean_error);
+}
