@@ -63,10 +63,13 @@ clothctl::RolloutPredictor<Model, Linearised> rolled(Model model, Linearised lin
   return predictor;
 }
 
-/// Weights for predictions that roll out the sheet.
-void damp(const Options& o, clothctl::PlannerSettings<double>& settings) {
+/// Weights for predictions that roll out the sheet of a body.
+void damp(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
   if (o.profile == "paper") return;
   const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
+  // What predicts the plant's own mesh needs less of the anchor. Fingers slip, and are late.
+  const bool same = is_implicit(o.plant) && !body.coarse && !o.hands;
+  settings.weights.anchor = same ? 1.5 : calm.weights.anchor;
   settings.weights.jerk = calm.weights.jerk;
   settings.weights.step = calm.weights.step;
   settings.max_change = calm.max_change;
@@ -77,7 +80,7 @@ AnyPredictor make_simulator(const Options& o, const Body& body,
                             clothctl::PlannerSettings<double>& settings) {
   if (o.grip != "position") refuse("--predictor simulator: needs --grip position");
   if (body.coarse) refuse("--predictor simulator: cannot be combined with a coarse --model");
-  damp(o, settings);
+  damp(o, body, settings);
   const auto simulated = [&](auto model) {
     clothctl::SimulatorPredictor<decltype(model)> predictor(std::move(model));
     if (o.second_thread) predictor.set_executor(clothctl::ExecutorRef(second_thread()));
@@ -199,7 +202,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
   Linearised linearised(Response(model, response), exact);
   if (!rolls) return sampled(body, std::move(linearised));
-  damp(o, settings);
+  damp(o, body, settings);
   clothctl::RolloutSettings rollout;
   if (!newton) {  // such a plant takes the model's own step
     rollout.newton_steps = 0;

@@ -47,11 +47,14 @@ class CoarsePredictor {
 
   /// Returns the number of vertices of the fine sheet.
   Index vertex_count() const { return sampling_.fine_from_coarse.count(); }
-  /// Returns whether the inner predictor predicts such inputs.
-  bool predicts(GripInput kind) const requires requires(const Inner& p) {
-    predictor_traits<Inner>::predicts(p, kind);
+  /// Returns whether the inner predictor predicts such inputs: true if it does not say.
+  bool predicts(GripInput kind) const {
+    if constexpr (requires { predictor_traits<Inner>::predicts(inner_, kind); }) {
+      return predictor_traits<Inner>::predicts(inner_, kind);
+    } else {
+      return true;
+    }
   }
-  { return predictor_traits<Inner>::predicts(inner_, kind); }
   /// Forgets earlier predictions. Call it after the plant jumped.
   void reset() { predictor_traits<Inner>::reset(inner_); }
   /// Returns the predictor of the coarse sheet.
