@@ -1,5 +1,7 @@
 #include "support/plants.hpp"
 
+#include <algorithm>
+
 #include "bring_your_own/cloth_plant.hpp"
 #include "clothctl/cloth/mass_spring_response.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
@@ -78,7 +80,8 @@ void damp(const Options& o, const Body& body, clothctl::PlannerSettings<double>&
 /// Predicts a plant by its own steps alone.
 AnyPredictor make_simulator(const Options& o, const Body& body,
                             clothctl::PlannerSettings<double>& settings) {
-  if (o.grip != "position") refuse("--predictor simulator: needs --grip position");
+  if (!is_implicit(o.plant) && !is_position_based(o.plant))
+    refuse("--predictor simulator: the plant " + o.plant + " is no cloth model");
   if (body.coarse) refuse("--predictor simulator: cannot be combined with a coarse --model");
   damp(o, body, settings);
   const auto simulated = [&](auto model) {
@@ -163,7 +166,8 @@ std::string chosen_predictor(const Options& o) {
   if (is_implicit(o.plant)) return "rollout";
   // A rollout for each coordinate of each held vertex: too many where hands hold patches. In wind
   // hands lead by what the air does, which a simulator does not tell.
-  const bool few = o.grip == "position" && o.patch_size == 1 && o.cloth <= 17 && !o.windy();
+  const bool few =
+      o.grip == "position" && o.patch_size == 1 && o.cloth <= std::min(17, o.model) && !o.windy();
   return is_position_based(o.plant) && few ? "simulator" : "linearised";
 }
 

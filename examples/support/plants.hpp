@@ -92,11 +92,13 @@ class AnyPredictor {
   bool predict(const View& x, const View& v, const Request& request, Response& response) {
     return predictor_->predict(x, v, request, response);
   }
+  bool predicts(clothctl::GripInput kind) const { return predictor_->predicts(kind); }
   void reset() { predictor_->reset(); }
 
  private:
   struct Base {
     virtual ~Base() = default;
+    virtual bool predicts(clothctl::GripInput) const = 0;
     virtual void reserve(const Request&, Response&) = 0;
     virtual bool predict(const View&, const View&, const Request&, Response&) = 0;
     virtual void reset() = 0;
@@ -104,6 +106,9 @@ class AnyPredictor {
   template <class Predictor>
   struct Holder final : Base {
     explicit Holder(Predictor p) : predictor(std::move(p)) {}
+    bool predicts(clothctl::GripInput kind) const override {
+      return clothctl::predicts_input(predictor, kind);
+    }
     void reserve(const Request& request, Response& response) override {
       predictor.reserve(request, response);
     }

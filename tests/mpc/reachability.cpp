@@ -107,6 +107,29 @@ TEST_CASE("speeds and accelerations are those of the curve", "[mpc]") {
   }
 }
 
+TEST_CASE("what predicted errors are made of is known for simple curves", "[mpc]") {
+  const ReachLimits<double> limits = flat_reach();
+  const double swing = 0.5 / 9.81;
+  const auto causes = [&](auto motion) { return judged(limits, motion, 2.0).causes; };
+  const auto fall = causes([](Index, double t) { return V(0, 0, -t * t); });
+  CHECK(fall.feature == Approx(2 * swing).epsilon(1e-6));
+  CHECK(fall.hand + fall.close + fall.tilt + fall.excess < 1e-9);
+  const auto across = causes([](Index, double t) { return V(0, t * t, 0); });
+  CHECK(across.hand == Approx(2 * swing).epsilon(1e-6));
+  CHECK(across.feature == Approx(2 * swing).epsilon(1e-6));
+  const auto wide = causes([](Index i, double t) {
+    return V(t < 0.99 ? 0.0 : i == 0 ? -0.05 : 0.05, 0, 0);
+  });
+  CHECK(wide.largest_excess == Approx(0.05));
+  CHECK(wide.excess == Approx(0.05 * 51 / 101));
+  CHECK(wide.close == 0);
+  const auto closer = causes([](Index i, double) { return V(i == 0 ? 0.04 : 0.0, 0, 0); });
+  CHECK(closer.close == Approx(0.04));
+  const auto raised = causes([](Index i, double) { return V(0, 0, i == 0 ? 0.03 : 0.0); });
+  CHECK(raised.tilt == Approx(0.03));
+  CHECK(raised.largest_excess < 0.001);  // the line is a little longer
+}
+
 TEST_CASE("errors scale with the sheet, times with the root of its length", "[mpc]") {
   const auto sway = [](double size) {
     return [size](Index i, double t) {

@@ -124,19 +124,21 @@ struct ReachPeak {
   }
 };
 
-/// What predicted errors are made of, m: how far features are beyond what the sheet allows without
-/// stretch, over their number (x/F), and root mean squares over the curve.
+/// What predicted errors are made of, m.
 template <RealScalar Scalar>
 struct ReachCauses {
-  /// Mean of x/F over the curve, and its largest value.
-  Scalar excess = Scalar(0), largest_excess = Scalar(0);
-  /// Acceleration of the hands in the directions in which the sheet swings, times L/g.
+  /// How far features are beyond what the sheet allows without stretch, over their number (x/F):
+  /// mean over the curve.
+  Scalar excess = Scalar(0);
+  /// The same: largest value.
+  Scalar largest_excess = Scalar(0);
+  /// Root mean square of the acceleration of the hands as they swing the sheet, times L/g.
   Scalar hand = Scalar(0);
-  /// Acceleration of the features, times L/g.
+  /// Root mean square of the acceleration of the features, times L/g.
   Scalar feature = Scalar(0);
-  /// By how much features are closer together than at the start.
+  /// Root mean square of how much closer together features are than at the start.
   Scalar close = Scalar(0);
-  /// By how much their difference in height changes.
+  /// Root mean square of the change of their difference in height.
   Scalar tilt = Scalar(0);
 };
 

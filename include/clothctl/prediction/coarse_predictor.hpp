@@ -48,13 +48,7 @@ class CoarsePredictor {
   /// Returns the number of vertices of the fine sheet.
   Index vertex_count() const { return sampling_.fine_from_coarse.count(); }
   /// Returns whether the inner predictor predicts such inputs: true if it does not say.
-  bool predicts(GripInput kind) const {
-    if constexpr (requires { predictor_traits<Inner>::predicts(inner_, kind); }) {
-      return predictor_traits<Inner>::predicts(inner_, kind);
-    } else {
-      return true;
-    }
-  }
+  bool predicts(GripInput kind) const { return predicts_input(inner_, kind); }
   /// Forgets earlier predictions. Call it after the plant jumped.
   void reset() { predictor_traits<Inner>::reset(inner_); }
   /// Returns the predictor of the coarse sheet.

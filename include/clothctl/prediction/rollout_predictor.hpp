@@ -85,6 +85,8 @@ class RolloutPredictor {
 
   /// Returns the number of vertices of the sheet.
   Index vertex_count() const { return cloth_traits<Model>::vertex_count(model_); }
+  /// Returns whether the inner predictor predicts such inputs: true if it does not say.
+  bool predicts(GripInput kind) const { return predicts_input(inner_, kind); }
   /// Forgets earlier rollouts. Call it after the plant jumped.
   void reset() {
     fresh_ = true;

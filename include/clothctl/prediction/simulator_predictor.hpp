@@ -5,13 +5,15 @@
 // comes from unfinished sweeps.
 //
 //   free response     the model's steps along the last plan ū
-//   impulse response  T_m e_j = (y_m(ū + ε e_j in the first frame) - y_m(ū)) / ε, one rollout for
-//                     each input j
+//   impulse response  T_m e_j = (y_{m+1}(ū + ε e_j in the first frame) - y_{m+1}(ū)) / ε, one
+//                     rollout for each input j
 //
-// The inputs are velocities of the held vertices, which are driven (poses). Steps are those of the
-// plant if the model is; the prediction of the first frame then is exact. Rollouts do not depend on
-// each other, so an executor can run them at the same time.
+// The inputs are velocities of the held vertices, which are driven (poses); ε is the difference of
+// the settings over the length of a frame. If the model is the plant, the free response is exact.
+// Rollouts do not depend on each other, so an executor can run them at the same time. Hands do not
+// lead by wind, drag or outer forces: a simulator does not tell them apart from the rest.
 
+#include <algorithm>
 #include <cassert>
 #include <cstddef>
 #include <string>
@@ -58,7 +60,8 @@ class SimulatorPredictor {
   void reserve(const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
 
   /// Predicts the window from positions `x` (3×n, m) and velocities `v` (3×n, m/s). Returns false
-  /// when a step of the model fails, or for planned forces. Never allocates after `reserve`.
+  /// when a step of the model fails, for planned forces, and for a request that does not fit; the
+  /// response is then as it was. Never allocates after `reserve`.
   bool predict(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
 
@@ -89,6 +92,10 @@ class SimulatorPredictor {
   /// j < 0: as it is.
   void roll_out(const Request& request, Index j, const Scalar& change, Rollout& rollout) const;
 
+  /// Writes outer forces and supports to the input of a rollout. A support pushes less as its
+  /// vertex lifts off, but no harder as it is pressed.
+  void add_forces(const Request& request, Rollout& rollout) const;
+
   Model model_;
   SimulatorPredictorSettings settings_;
   ExecutorRef executor_;
@@ -104,6 +111,7 @@ void SimulatorPredictor<Model, S>::reserve(const Request& request,
   response.impulse_response.setZero(request.output_rows(), inputs * request.horizon);
   response.plan.setZero(inputs, request.horizon);
   response.free_response.setZero(request.output_rows(), request.horizon);
+  response.air.resize(3, 0);
   ClothInput<Scalar> input;
   input.driven_vertices = request.held;
   input.driven_positions.setZero(3, static_cast<Index>(request.held.size()));
@@ -119,21 +127,34 @@ void SimulatorPredictor<Model, S>::reserve(const Request& request,
 
 template <class Model, RealScalar S>
 requires ClothModel<Model, S>
+void SimulatorPredictor<Model, S>::add_forces(const Request& request, Rollout& rollout) const {
+  Points<Scalar>& sum = rollout.input.forces;
+  if (request.outer_force.cols() > 0) {
+    sum = request.outer_force;
+  } else {
+    sum.setZero();
+  }
+  for (const VertexSupport<Scalar>& support : request.supports) {
+    const int v = support.vertex;
+    const Vector3<Scalar> moved = rollout.state.positions.col(v) - start_.positions.col(v);
+    Scalar lifted = support.normal.dot(moved);
+    if (lifted < Scalar(0)) lifted = Scalar(0);
+    if (!(lifted < support.release)) continue;
+    sum.col(v) += support.force - support.stiffness() * lifted * support.normal;
+  }
+}
+
+template <class Model, RealScalar S>
+requires ClothModel<Model, S>
 void SimulatorPredictor<Model, S>::roll_out(const Request& request, Index j, const Scalar& change,
                                             Rollout& rollout) const {
   ClothState<Scalar>& state = rollout.state;
   ClothInput<Scalar>& input = rollout.input;
   state = start_;
-  if (request.outer_force.cols() > 0) {
-    input.forces = request.outer_force;
-  } else {
-    input.forces.setZero();
-  }
-  for (const VertexSupport<Scalar>& support : request.supports)
-    input.forces.col(support.vertex) += support.force;
   rollout.finished = false;
   for (Index k = 0; k < request.horizon; ++k) {
     input.wind = request.wind.col(k);
+    add_forces(request, rollout);
     for (Index i = 0; i < input.driven_positions.cols(); ++i)
       input.driven_positions.col(i) =
           state.positions.col(request.held[static_cast<std::size_t>(i)]) +
@@ -168,17 +189,15 @@ bool SimulatorPredictor<Model, S>::predict(const PointsView<Scalar>& x, const Po
   executor_.for_each_block(static_cast<int>(inputs) + 1, [&](int block) {
     roll_out(request, block - 1, change, rollouts_[static_cast<std::size_t>(block)]);
   });
-  const Rollout& free = rollouts_[0];
-  bool finished = free.finished;
+  if (!std::all_of(rollouts_.begin(), rollouts_.end(), [](const Rollout& r) { return r.finished; }))
+    return false;
+  const MatrixX<Scalar>& free = rollouts_[0].outputs;
   for (Index j = 0; j < inputs; ++j) {
-    const Rollout& moved = rollouts_[static_cast<std::size_t>(j) + 1];
-    finished = finished && moved.finished;
-    for (Index m = 0; finished && m < request.horizon; ++m)
-      response.impulse_response.col(m * inputs + j) =
-          (moved.outputs.col(m) - free.outputs.col(m)) / change;
+    const MatrixX<Scalar>& moved = rollouts_[static_cast<std::size_t>(j) + 1].outputs;
+    for (Index m = 0; m < request.horizon; ++m)
+      response.impulse_response.col(m * inputs + j) = (moved.col(m) - free.col(m)) / change;
   }
-  if (!finished) return false;
-  response.free_response = free.outputs;
+  response.free_response = free;
   response.plan = request.plan;
   return true;
 }

@@ -111,6 +111,16 @@ void add_plan(const MatrixX<Scalar>& u, WindowResponse<Scalar>& response) {
 template <class P>
 using PredictorScalar = typename predictor_traits<P>::scalar_type;
 
+/// Returns whether a predictor predicts windows of such inputs: true if it does not say.
+template <class P>
+bool predicts_input(const P& predictor, GripInput kind) {
+  if constexpr (requires { predictor_traits<P>::predicts(predictor, kind); }) {
+    return predictor_traits<P>::predicts(predictor, kind);
+  } else {
+    return true;
+  }
+}
+
 /// A Predictor that takes the planner's requests.
 template <class P>
 concept WindowPredictor =

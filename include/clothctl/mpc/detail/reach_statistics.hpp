@@ -113,7 +113,7 @@ struct ThreeFrames {
 
 /// Weights of a predicted error. They are fitted to seeds 1 to 800 of `examples/reachability` on
 /// 9×9 vertices and 1 to 196 on 17×17, each size with equal weight: the likelihood of the successes
-/// that the score predicts is largest, less 0.03 of the squares of the logarithms of errors.
+/// that the score predicts is largest, less 0.03 of the mean square of the logarithms of errors.
 template <RealScalar Scalar>
 struct ReachWeights {
   Scalar excess, hand, feature, close, tilt;
@@ -297,14 +297,17 @@ auto ReachStatistics<Limits, Report>::judge(const Tolerance& tolerance) const ->
   using std::sqrt;
   const Scalar frames = Scalar(static_cast<double>(frames_ < 1 ? 1 : frames_));
   const Scalar swing = limits_.size() / limits_.gravity;  // L/g, s²
-  const auto causes =
-      decltype(report_.causes){total_excess_ / frames,  most_excess_,  swing * hand_.root(),
-                               swing * feature_.root(), close_.root(), tilt_.root()};
+  Report report = report_;
+  auto& causes = report.causes;
+  causes.excess = total_excess_ / frames;
+  causes.largest_excess = most_excess_;
+  causes.hand = swing * hand_.root();
+  causes.feature = swing * feature_.root();
+  causes.close = close_.root();
+  causes.tilt = tilt_.root();
   // A gap at the start closes within about the time τ in which a swing goes down the sheet.
   const Scalar settles = Scalar(2) * sqrt(swing) / (frames * limits_.dt);
   const Scalar& gap = report_.start_gap.value;
-  Report report = report_;
-  report.causes = causes;
   report.least_error = total_least_ / frames;
   report.predicted_error =
       (std::max)(report.least_error,

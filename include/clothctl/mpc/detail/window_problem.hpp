@@ -73,7 +73,7 @@ struct WindowProblem {
 };
 
 /// Returns an empty string, or why a predictor cannot serve a planner of such inputs and a sheet of
-/// so many vertices. Allocates only for that.
+/// so many vertices. Allocates only for that message.
 template <class P>
 std::string check_predictor(const P& predictor, GripInput input, Index vertices) {
   using Traits = predictor_traits<P>;
@@ -83,10 +83,9 @@ std::string check_predictor(const P& predictor, GripInput input, Index vertices)
              " vertices, the start positions have " + std::to_string(vertices);
     }
   }
-  if constexpr (requires { Traits::predicts(predictor, input); }) {
-    if (!Traits::predicts(predictor, input))
-      return input == GripInput::Force ? "the predictor does not predict planned forces"
-                                       : "the predictor does not predict planned poses";
+  if (!predicts_input(predictor, input)) {
+    return input == GripInput::Force ? "the predictor does not predict planned forces"
+                                     : "the predictor does not predict planned poses";
   }
   return {};
 }
