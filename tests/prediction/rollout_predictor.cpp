@@ -7,6 +7,7 @@
 
 #include "laws/predictor_laws.hpp"
 #include "mpc/planner_loops.hpp"
+#include "prediction/window_requests.hpp"
 #include "support/catch.hpp"
 #include "support/thread_executor.hpp"
 #include "support/tier.hpp"
@@ -15,6 +16,8 @@ using namespace clothctl;
 using clothctl_test::AsyncTarget;
 using clothctl_test::HangingSheet;
 using clothctl_test::LoopStats;
+using clothctl_test::stepped;
+using clothctl_test::swaying_hands;
 
 namespace {
 
@@ -22,57 +25,9 @@ constexpr double kDt = clothctl_test::kFrame;
 using Exact = LinearisedPredictor<MassSpringResponse<double>, double>;
 using Rolling = RolloutPredictor<MassSpring<double>, Exact>;
 
-WindowRequest<double> request_for(const HangingSheet& sheet, GripInput kind, Index horizon) {
-  WindowRequest<double> request;
-  request.horizon = horizon;
-  request.dt = kDt;
-  request.kind = kind;
-  request.held = {sheet.upper_left(), sheet.upper_right()};
-  request.outputs.add_point(sheet.lower_left());
-  request.outputs.add_centroid({sheet.lower_right(), sheet.grid.vertex(1, 1)});
-  request.held_outputs = 2;
-  for (int v : request.held) request.outputs.add_point(v);
-  request.plan.setZero(request.inputs(), horizon);
-  for (Index k = 0; k < horizon; ++k) {
-    for (Index i = 0; i < request.inputs(); ++i)
-      request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
-    if (kind == GripInput::Force) {
-      request.plan(2, k) += 0.5 * sheet.gravity_load()[2];
-      request.plan(5, k) += 0.5 * sheet.gravity_load()[2];
-    }
-  }
-  request.applied = request.plan.col(0);
-  request.wind.setZero(3, horizon);
-  request.wind.row(1).setLinSpaced(0.0, 2.0);
-  return request;
-}
-
 Rolling rolling(const MassSpring<double>& model, int newton_steps) {
   return Rolling(model, Exact(MassSpringResponse<double>(model)),
                  RolloutSettings{newton_steps, 0.0});
-}
-
-// The model's own steps along a path of the hands.
-MatrixX<double> roll(const MassSpring<double>& model, const ClothState<double>& start,
-                     const WindowRequest<double>& request) {
-  ClothState<double> state = start;
-  auto workspace = model.make_workspace();
-  MatrixX<double> out(request.output_rows(), request.horizon);
-  ClothInput<double> input;
-  input.driven_vertices = request.held;
-  input.driven_positions.resize(3, 2);
-  Points<double> y(3, request.outputs.count());
-  for (Index k = 0; k < request.horizon; ++k) {
-    input.wind = request.wind.col(k);
-    for (Index j = 0; j < 2; ++j)
-      input.driven_positions.col(j) =
-          state.positions.col(request.held[static_cast<std::size_t>(j)]) +
-          kDt * request.plan.block<3, 1>(3 * j, k);
-    REQUIRE(model.step(state, input, kDt, workspace).advanced);
-    evaluate_features<double>(request.outputs, state.positions, y);
-    out.col(k) = Eigen::Map<const VectorX<double>>(y.data(), y.size());
-  }
-  return out;
 }
 
 }  // namespace
@@ -82,7 +37,7 @@ TEST_CASE("one frame ahead, a rollout of linear steps equals the linearised pred
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
     const ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
-    const WindowRequest<double> request = request_for(sheet, kind, 8);
+    const WindowRequest<double> request = swaying_hands(sheet, kind, 8);
     WindowResponse<double> rolled, exact;
     Rolling predictor = rolling(model, 0);
     Exact frozen{MassSpringResponse<double>(model)};
@@ -103,27 +58,27 @@ TEST_CASE("a rollout with many Newton steps equals the converged plant's motion"
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   const MassSpring<double> newton = sheet.model(Integration::Newton, true),
                            one = sheet.model(Integration::LinearlyImplicit, true);
-  WindowRequest<double> request = request_for(sheet, GripInput::Pose, 8);
-  const MatrixX<double> expected = roll(newton, sheet.state, request);
+  WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 8);
+  const MatrixX<double> expected = stepped(newton, sheet.state, request);
   WindowResponse<double> response;
   // With a model set to one linear solve, the first prediction uses that solve and later ones start
   // Newton steps from it.
   Rolling predictor = rolling(one, 60);
   predictor.reserve(request, response);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
-  CHECK((response.free_response - roll(one, sheet.state, request)).norm() < 1e-12);
+  CHECK((response.free_response - stepped(one, sheet.state, request)).norm() < 1e-12);
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
   CHECK((response.free_response - expected).cwiseAbs().maxCoeff() < 2e-6);
   // After reset, the linear prediction returns.
   predictor.reset();
   REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
-  CHECK((response.free_response - roll(one, sheet.state, request)).norm() < 1e-12);
+  CHECK((response.free_response - stepped(one, sheet.state, request)).norm() < 1e-12);
 }
 
 TEST_CASE("known external forces enter a rollout", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
-  WindowRequest<double> request = request_for(sheet, GripInput::Pose, 6);
+  WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 6);
   request.wind.setZero();
   WindowResponse<double> rolled, exact, without;
   Rolling predictor = rolling(model, 0);
@@ -146,7 +101,7 @@ TEST_CASE("a rollout prediction has the same bits with every executor", "[mpc]")
   clothctl_test::ThreadExecutor threads;
   clothctl_test::BackwardExecutor backward;
   for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
-    WindowRequest<double> request = request_for(sheet, kind, 6);
+    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
     request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.02);
     std::array<WindowResponse<double>, 3> responses;
     for (std::size_t i = 0; i < 3; ++i) {
@@ -217,7 +172,7 @@ TEST_CASE("the forces of a rollout move the model along the rollout's path", "[m
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   for (const Integration integration : {Integration::LinearlyImplicit, Integration::Newton}) {
     const MassSpring<double> model = sheet.model(integration, true);
-    WindowRequest<double> request = request_for(sheet, GripInput::Force, 6);
+    WindowRequest<double> request = swaying_hands(sheet, GripInput::Force, 6);
     request.path.setZero(request.inputs(), request.horizon);
     for (Index k = 0; k < request.horizon; ++k) {
       for (Index i = 0; i < request.inputs(); ++i)

@@ -13,70 +13,26 @@
 #include "clothctl/prediction/coarse_predictor.hpp"
 #include "laws/predictor_laws.hpp"
 #include "mpc/planner_loops.hpp"
+#include "prediction/window_requests.hpp"
 #include "support/catch.hpp"
 #include "support/thread_executor.hpp"
 #include "support/tier.hpp"
 
 using namespace clothctl;
 using clothctl_test::HangingSheet;
+using clothctl_test::stepped;
+using clothctl_test::swaying_hands;
 
 namespace {
 
 using Sheet = PositionBased<double>;
 using Simulated = SimulatorPredictor<Sheet>;
 
-Sheet position_based(const HangingSheet& sheet) {
+Sheet position_based(const HangingSheet& sheet, bool air = true) {
   PositionBasedSettings<double> settings;
   settings.drag = 0.5;
-  settings.air = {1.2, 1.0, 0.2};
+  if (air) settings.air = {1.2, 1.0, 0.2};
   return Sheet::create(sheet.network, settings).value();
-}
-
-// Two hands that sway, in some wind; the outputs are a vertex, a centroid and the hands.
-WindowRequest<double> swaying_hands(const HangingSheet& sheet, Index horizon) {
-  WindowRequest<double> request;
-  request.horizon = horizon;
-  request.dt = clothctl_test::kFrame;
-  request.kind = GripInput::Pose;
-  request.held = {sheet.upper_left(), sheet.upper_right()};
-  request.outputs.add_point(sheet.lower_left());
-  request.outputs.add_centroid({sheet.lower_right(), sheet.grid.vertex(1, 1)});
-  request.held_outputs = 2;
-  for (int v : request.held) request.outputs.add_point(v);
-  request.plan.setZero(request.inputs(), horizon);
-  for (Index k = 0; k < horizon; ++k) {
-    for (Index i = 0; i < request.inputs(); ++i)
-      request.plan(i, k) = 0.2 * std::sin(0.3 * static_cast<double>(k) + static_cast<double>(i));
-  }
-  request.wind.setZero(3, horizon);
-  request.wind.row(1).setLinSpaced(0.5, 2.0);
-  return request;
-}
-
-// The outputs that the model's own steps lead to under `forces` on all vertices.
-template <class Model>
-MatrixX<double> stepped(const Model& model, const ClothState<double>& start,
-                        const WindowRequest<double>& request, const Points<double>& forces) {
-  ClothState<double> state = start;
-  auto workspace = model.make_workspace();
-  MatrixX<double> out(request.output_rows(), request.horizon);
-  ClothInput<double> input;
-  input.driven_vertices = request.held;
-  input.driven_positions.resize(3, 2);
-  for (int v = 0; v < static_cast<int>(forces.cols()); ++v) input.force_vertices.push_back(v);
-  input.forces = forces;
-  Points<double> y(3, request.outputs.count());
-  for (Index k = 0; k < request.horizon; ++k) {
-    input.wind = request.wind.col(k);
-    for (Index j = 0; j < 2; ++j)
-      input.driven_positions.col(j) =
-          state.positions.col(request.held[static_cast<std::size_t>(j)]) +
-          request.dt * request.plan.block<3, 1>(3 * j, k);
-    REQUIRE(model.step(state, input, request.dt, workspace).advanced);
-    evaluate_features<double>(request.outputs, state.positions, y);
-    out.col(k) = Eigen::Map<const VectorX<double>>(y.data(), y.size());
-  }
-  return out;
 }
 
 template <class Predictor>
@@ -110,7 +66,7 @@ TEST_CASE("the free response of a simulator has the bits of its own steps", "[mp
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   const Sheet model = position_based(sheet);
   Points<double> forces = Points<double>::Zero(3, model.vertex_count());
-  const WindowRequest<double> windy = swaying_hands(sheet, 8);
+  const WindowRequest<double> windy = swaying_hands(sheet, GripInput::Pose, 8);
   Simulated predictor(model);
   WindowResponse<double> response;
   predictor.reserve(windy, response);
@@ -139,7 +95,7 @@ TEST_CASE("the free response of a simulator has the bits of its own steps", "[mp
 
 TEST_CASE("in a simulation, a support lets go of a vertex that is lifted", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
-  WindowRequest<double> lifted = swaying_hands(sheet, 8);
+  WindowRequest<double> lifted = swaying_hands(sheet, GripInput::Pose, 8);
   lifted.plan.setZero();
   lifted.plan.row(2).setConstant(0.5);
   lifted.plan.row(5).setConstant(0.5);
@@ -163,7 +119,7 @@ TEST_CASE("in a simulation, a support lets go of a vertex that is lifted", "[mpc
 TEST_CASE("differences of a simulator are the derivatives of its steps", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(7, 1, 60);
   const ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
-  const WindowRequest<double> request = swaying_hands(sheet, 8);
+  const WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 8);
   const Index inputs = request.inputs();
   // A linearly implicit step is an affine function of the input.
   const MassSpring<double> one = sheet.model(Integration::LinearlyImplicit, true);
@@ -191,7 +147,7 @@ TEST_CASE("differences of a simulator are the derivatives of its steps", "[mpc]"
 
 TEST_CASE("predictions of a simulator have the same bits with every executor", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
-  const WindowRequest<double> request = swaying_hands(sheet, 6);
+  const WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 6);
   clothctl_test::ThreadExecutor threads;
   clothctl_test::BackwardExecutor backward;
   Simulated plain(position_based(sheet)), on_threads = plain, backwards = plain;
@@ -233,7 +189,7 @@ TEST_CASE("a simulator refuses forces and windows that it was not made for", "[m
   REQUIRE_FALSE(coarse.has_value());
   CHECK(coarse.error() == made.error());
 
-  WindowRequest<double> request = swaying_hands(sheet, 6);
+  WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 6);
   WindowResponse<double> response = predicted(predictor, sheet.state, request);
   const WindowResponse<double> before = response;
   const auto refuses = [&](const WindowRequest<double>& changed) {
@@ -257,7 +213,7 @@ TEST_CASE("a simulator refuses forces and windows that it was not made for", "[m
 TEST_CASE("a simulator whose step fails leaves the response as it was", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(5, 1, 30);
   Brittle model{position_based(sheet)};
-  WindowRequest<double> request = swaying_hands(sheet, 6);
+  WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 6);
   SimulatorPredictor<Brittle> sound(model);
   const WindowResponse<double> before = predicted(sound, sheet.state, request);
   request.plan.setZero();
@@ -277,7 +233,7 @@ TEST_CASE("a simulator whose step fails leaves the response as it was", "[mpc]")
 
 TEST_CASE("a position-based sheet is tracked twice as well by its own simulator", "[mpc]") {
   HangingSheet sheet = clothctl_test::hanging_sheet(9);
-  const Sheet model = position_based(sheet);
+  const Sheet model = position_based(sheet, false);  // as the linearised model
   // Unfinished sweeps let it hang lower.
   PositionBasedSettings<double> calm = model.settings();
   calm.drag = 10;

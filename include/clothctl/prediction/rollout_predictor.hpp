@@ -160,11 +160,7 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     return false;
   state_.positions = x;
   state_.velocities = v;
-  if (request.outer_force.cols() > 0) {
-    input_.forces = request.outer_force;
-  } else {
-    input_.forces.setZero();
-  }
+  request.write_outer_force(input_.forces);
   for (const VertexSupport<Scalar>& support : request.supports)
     input_.forces.col(support.vertex) += support.force;
   if constexpr (requires { Traits::set_supports(model_, std::span(request.supports), x); })
@@ -239,12 +235,7 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
     cloth_rollout_traits<Model>::holding_forces(model_, request.held, workspace_, holding_);
     for (Index j = 0; j < held; ++j) plan_.template block<3, 1>(3 * j, k) = holding_.col(j);
   }
-  for (Index i = 0; i < request.outputs.count(); ++i) {
-    Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-    request.outputs.for_each_term(
-        i, [&](int vertex, const Scalar& weight) { sum += weight * state_.positions.col(vertex); });
-    free_.template block<3, 1>(3 * i, k) = sum;
-  }
+  request.write_outputs(state_.positions, k, free_);
   return true;
 }
 

@@ -129,11 +129,7 @@ template <class Model, RealScalar S>
 requires ClothModel<Model, S>
 void SimulatorPredictor<Model, S>::add_forces(const Request& request, Rollout& rollout) const {
   Points<Scalar>& sum = rollout.input.forces;
-  if (request.outer_force.cols() > 0) {
-    sum = request.outer_force;
-  } else {
-    sum.setZero();
-  }
+  request.write_outer_force(sum);
   for (const VertexSupport<Scalar>& support : request.supports) {
     const int v = support.vertex;
     const Vector3<Scalar> moved = rollout.state.positions.col(v) - start_.positions.col(v);
@@ -162,12 +158,7 @@ void SimulatorPredictor<Model, S>::roll_out(const Request& request, Index j, con
     if (k == 0 && 0 <= j) input.driven_positions(j % 3, j / 3) += request.dt * change;
     if (!cloth_traits<Model>::step(model_, state, input, request.dt, rollout.workspace).advanced)
       return;
-    for (Index i = 0; i < request.outputs.count(); ++i) {
-      Vector3<Scalar> sum = Vector3<Scalar>::Zero();
-      request.outputs.for_each_term(
-          i, [&](int v, const Scalar& weight) { sum += weight * state.positions.col(v); });
-      rollout.outputs.template block<3, 1>(3 * i, k) = sum;
-    }
+    request.write_outputs(state.positions, k, rollout.outputs);
   }
   rollout.finished = true;
 }

@@ -70,6 +70,23 @@ struct WindowRequest {
     }
     return true;
   }
+  /// Writes the outer forces to `out` (3×n, N); zeros where there are none.
+  void write_outer_force(Points<Scalar>& out) const {
+    if (outer_force.cols() > 0) {
+      out = outer_force;
+    } else {
+      out.setZero();
+    }
+  }
+  /// Writes the outputs of a sheet at `x` (3×n, m) to column k of `out` (3·outputs × K).
+  void write_outputs(const PointsView<Scalar>& x, Index k, MatrixX<Scalar>& out) const {
+    for (Index i = 0; i < outputs.count(); ++i) {
+      Vector3<Scalar> sum = Vector3<Scalar>::Zero();
+      outputs.for_each_term(
+          i, [&](int vertex, const Scalar& weight) { sum += weight * x.col(vertex); });
+      out.template block<3, 1>(3 * i, k) = sum;
+    }
+  }
   /// Returns the number of raw inputs of a frame.
   Index inputs() const { return 3 * static_cast<Index>(held.size()); }
   /// Returns the number of scalar outputs.

@@ -17,33 +17,30 @@
 #include <optional>
 #include <vector>
 
-#include "clothctl/linalg/columns.hpp"
+#include "clothctl/linalg/accurate_sum.hpp"
 #include "clothctl/linalg/vector_kernels.hpp"
 #include "clothctl/qp/detail/bound_breakpoints.hpp"
 #include "clothctl/qp/detail/budget.hpp"
 #include "clothctl/qp/detail/descent_monitor.hpp"
 #include "clothctl/qp/detail/kkt_factor.hpp"
 #include "clothctl/qp/detail/piecewise_quadratic.hpp"
+#include "clothctl/qp/detail/proximal_matrices.hpp"
 #include "clothctl/qp/problem.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI::detail {
 
-/// Data, iterate and factor of the proximal subproblem, in scaled space. Members are public because
-/// the class is internal to the proximal method and its parts.
+/// Bounds, iterate and factor of the proximal subproblem, in scaled space, on top of its matrices.
+/// Members are public because the class is internal to the proximal method and its parts.
 template <RealScalar Scalar>
-class ProximalProblem {
+class ProximalProblem : public ProximalMatrices<Scalar> {
  public:
   using Vector = VectorX<Scalar>;
-  using ConstMap = Eigen::Map<const MatrixX<Scalar>>;
-  using Map = Eigen::Map<MatrixX<Scalar>>;
   enum class State : signed char { Lower = -1, Free = 0, Upper = 1 };
   enum class Outcome { Minimised, IterationLimit, TimeLimit, NonConvex, NumericalError };
 
   /// Makes room for n unknowns and m rows. Allocates.
   void reserve(Index n, Index m) {
-    hessian_.assign(static_cast<std::size_t>(n * n), Scalar(0));
-    rows_.assign(static_cast<std::size_t>(n * m), Scalar(0));
-    columns_.assign(static_cast<std::size_t>(n * m), Scalar(0));
+    Matrices::reserve(n, m);
     set_zero<Scalar>({&g, &lo, &hi, &x, &xk, &hx, &grad, &p_, &w_}, n);
     breaks_.reserve(n);
     set_zero<Scalar>(
@@ -55,69 +52,23 @@ class ProximalProblem {
     along_.reserve(2 * m);
     descent_.reserve(n);
     factor.reserve(n, m);
-    h_.reserve(n, n);
-    a_.reserve(m, n);
-    at_.reserve(n, m);
-    n_ = m_ = 0;
   }
   /// Sets the size of the problem, at most the reserved one. The caller must then write H, A and
   /// Aᵀ.
   void resize(Index n, Index m) {
-    n_ = n;
-    m_ = m;
     factor.reset();
-    h_.view(hessian_.data(), n, n);
-    a_.view(rows_.data(), m, n);
-    at_.view(columns_.data(), n, m);
-  }
-  /// Computes Aᵀ from A.
-  void refresh_transpose() {
-    constexpr Index kTile = 8;  // a line of the cache holds this many numbers
-    for (Index first = 0; first < n_; first += kTile) {
-      const Index end = (std::min)(first + kTile, n_);
-      for (Index i = 0; i < m_; ++i) {
-        for (Index j = first; j < end; ++j) At()(j, i) = A()(i, j);
-      }
-    }
-  }
-  /// Updates the pointers to the matrices. Needed after this object was copied or moved.
-  void attach() {
-    h_.attach(hessian_.data());
-    a_.attach(rows_.data());
-    at_.attach(columns_.data());
+    Matrices::resize(n, m);
   }
   /// Lists the nonzeros of H, A and Aᵀ, unless the problem is small. Call it after each change.
   void index() {
-    constexpr Index kSmall = 40;
-    if (n_ + m_ < kSmall) return;
-    h_.list(hessian_.data(), n_, n_);
-    a_.list(rows_.data(), m_, n_);
-    at_.list(columns_.data(), n_, m_);
-    factor.choose(h_, a_, at_);
+    if (Matrices::list()) factor.choose(h_, a_, at_);
   }
 
-  Index unknowns() const { return n_; }
-  Index rows() const { return m_; }
-  Map H() { return {hessian_.data(), n_, n_}; }
-  Map A() { return {rows_.data(), m_, n_}; }
-  Map At() { return {columns_.data(), n_, m_}; }
-  ConstMap H() const { return {hessian_.data(), n_, n_}; }
-  ConstMap A() const { return {rows_.data(), m_, n_}; }
-  ConstMap At() const { return {columns_.data(), n_, m_}; }
-  const Columns<Scalar>& columns_of_H() const { return h_; }
-  const Columns<Scalar>& columns_of_A() const { return a_; }
-  const Columns<Scalar>& columns_of_At() const { return at_; }
-
-  /// Returns √h_jj. Since H is semidefinite, |h_jk| ≤ √h_jj √h_kk.
-  Scalar root_of_diagonal(Index j) const {
-    using std::sqrt;
-    return sqrt((std::max)(Scalar(0), Scalar(H()(j, j))));
-  }
   /// Returns Σ_k √h_kk |x_k|. Times √h_jj it bounds the sum of the terms of (H x)_j.
   Scalar length_of_x() const {
     using std::abs;
     Scalar length(0);
-    for (Index k = 0; k < n_; ++k) length += root_of_diagonal(k) * abs(x[k]);
+    for (Index k = 0; k < n_; ++k) length += this->root_of_diagonal(k) * abs(x[k]);
     return length;
   }
 
@@ -253,6 +204,12 @@ class ProximalProblem {
   Scalar rho = Scalar(0), mu = Scalar(1), rho_ceiling = Scalar(1);
 
  private:
+  using Matrices = ProximalMatrices<Scalar>;
+  using Matrices::a_;
+  using Matrices::at_;
+  using Matrices::h_;
+  using Matrices::m_;
+  using Matrices::n_;
   static constexpr int kStalls = 8, kIdle = 60, kTries = 40;
 
   /// Infinity norms of ∇φ on the free unknowns, and of the sign violations.
@@ -487,15 +444,12 @@ class ProximalProblem {
     }
   }
 
-  std::vector<Scalar> hessian_, rows_, columns_;
-  Columns<Scalar> h_, a_, at_;
   Vector p_, w_, b_, moved_, below_, above_, delta_, zero_rows_, last_y_;
   DescentMonitor<Scalar> descent_;
   PiecewiseQuadratic<Scalar> along_;
   std::vector<Index> moving_;
   BoundBreakpoints<Scalar> breaks_;
   std::vector<char> active_;  // 1 for each row that belongs in the factor
-  Index n_ = 0, m_ = 0;
 };
 
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail
