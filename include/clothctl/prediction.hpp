@@ -11,3 +11,4 @@
 #include "clothctl/prediction/sheet_sampling.hpp"
 #include "clothctl/prediction/simulator_predictor.hpp"
 #include "clothctl/prediction/window.hpp"
+#include "clothctl/prediction/window_jacobian.hpp"

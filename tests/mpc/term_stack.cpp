@@ -38,7 +38,7 @@ TEST_CASE("stacked rows are the differences of the point, for the plan and for n
   const MatrixX<double> target = MatrixX<double>::Random(3, kHorizon);
   const double scale = 2.5;
   detail::TermStack<double> stack;
-  stack.reserve(12, kInputs, kHorizon);
+  stack.reserve(12, 2, kInputs, kHorizon);
   const long before = clothctl_test::allocations();
   for (int order = 0; order <= 3; ++order) {
     stack.add(window, point, past, order, scale,
@@ -83,7 +83,7 @@ TEST_CASE("a term without weight takes no rows, and clear removes all rows", "[m
                                             Vector3<double>::Zero()};
   const auto none = [](Index) { return Vector3<double>(Vector3<double>::Zero()); };
   detail::TermStack<double> stack;
-  stack.reserve(6, kInputs, kHorizon);
+  stack.reserve(6, 2, kInputs, kHorizon);
   stack.add(window, point, past, 0, 0.0, none);
   CHECK(stack.rows() == 0);
   stack.add(window, point, past, 0, 1.0, none);

@@ -82,6 +82,33 @@ TEST_CASE("on its own mesh, a coarse prediction is the inner one", "[mpc]") {
   }
 }
 
+TEST_CASE("on its own mesh, features respond as the inner prediction says frame by frame",
+          "[mpc]") {
+  const HangingSheet sheet = sheet_of(7);
+  const ClothState<double> state = clothctl_test::shaken(sheet.state, 3);
+  const auto made = [&] {
+    return Fast(MassSpringRollout<double>(sheet.model(Integration::Newton, true)),
+                Frozen(MassSpringResponse<float>(sheet.model(Integration::Newton, true))));
+  };
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    for (const int patch : {1, 2}) {
+      CAPTURE(patch);
+      const WindowRequest<double> request = request_for(sheet, kind, patch, 8);
+      CoarsePredictor<Fast> coarse(sample_grids(sheet.grid, sheet.grid), made());
+      Fast inner = made();
+      WindowResponse<double> a, b;
+      coarse.reserve(request, a);
+      inner.reserve(request, b);
+      a.plan = b.plan = request.plan;
+      REQUIRE(coarse.predict(state.positions, state.velocities, request, a));
+      REQUIRE(inner.predict(state.positions, state.velocities, request, b));
+      REQUIRE(a.has_jacobian);
+      REQUIRE(b.has_jacobian);
+      CHECK(largest(a.jacobian - b.jacobian) < 1e-12 * largest(b.jacobian));
+    }
+  }
+}
+
 TEST_CASE("a coarse sheet carries its share of every support", "[mpc]") {
   const HangingSheet fine = sheet_of(9), coarse = sheet_of(4);
   WindowRequest<double> carried = request_for(fine, GripInput::Pose, 1, 6), pushed = carried;

@@ -3,40 +3,57 @@
 // The derivative of a converged step of a mass-spring sheet with respect to the state at its start
 // and to the positions p of the driven vertices at its end. On the free rows the step solves
 //
-//   M (v⁺ - v) + h α M v⁺ - h f(x⁺) + h D(x) v⁺ = h f_outer,      x⁺ = x + h v⁺
+//   M (v⁺ - v) + h α M v⁺ - h f(x⁺) + h D(x) v⁺ + h C v⁺ = h f_outer,      x⁺ = x + h v⁺
 //
-// (symbols: mass_spring.hpp). On the driven rows x⁺ = p and v⁺ = (p - x)/h. So
+// (symbols: mass_spring.hpp). On the driven rows x⁺ = p and v⁺ = (p - x)/h. With
+// A = (1 + h α) M + h (D + C) + h² K and K at x⁺, the part under compression included,
 //
-//   A δv⁺ = M δv - h K w - h D δv⁺_driven - h G δx,       A = (1 + h α) M + h D + h² K
+//   A δv⁺ = M δv + (1/h + α) M δx - A w/h + (D + C - h G) δx     on the free rows
 //   w = δx on free rows, δp on driven ones;    G δx = δ(D(x)) v⁺
 //
-// on the free rows, with the exact K at x⁺, the part under compression included. For a damper d
-// along n between a and b of distance l, with u = v⁺_a - v⁺_b and P = I - n nᵀ,
+// For a damper d along n between a and b of distance l, with u = v⁺_a - v⁺_b and P = I - n nᵀ,
 //
 //   G = (d/l) ( (n·u) P + n (P u)ᵀ )
 //
-// `push` applies this derivative, `pull` its transpose. Both are exact for a step that has
-// converged, but for
+// `push` applies this derivative, `pull` its transpose, to several changes at once. Both are exact
+// for a step that has converged, but for
 //
 // - hinges that are folded at rest: K has only their Gauss-Newton part;
 // - steps after which A with the exact K is not definite, as at the moment of a buckle: K has then
 //   less of its compression part (as in Newton's method), `Step::compression` says how much;
-// - springs whose ends coincide, and velocities that `limit_energy` scales down.
-//
-// Air is refused: its matrices depend on the state, which is not derived here.
+// - springs whose ends coincide, and velocities that `limit_energy` scales down;
+// - air: its matrices C depend on the state, which is not derived here. `create` refuses it.
 
+#include <array>
 #include <cassert>
-#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "clothctl/cloth/detail/spring_batches.hpp"
 #include "clothctl/cloth/mass_spring.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Linearises converged steps of one model, each in a memory of its own. Needs Newton's method
-/// without air. It holds the memory of its solves, so each thread needs an object of its own.
+namespace detail {
+
+/// What the derivative needs of a model whose steps it derives.
+template <RealScalar Scalar>
+struct DerivedModel {
+  SpringNetwork<Scalar> network;
+  Scalar drag = Scalar(0);
+  AirSettings<Scalar> air;
+  std::vector<int> pinned;
+  /// Which blocks of bending the step matrix has.
+  BendingBlocks bending = BendingBlocks::All;
+  /// Shares of their stiffness that springs other than diagonals of cells, and these, keep where
+  /// they are shorter than at rest.
+  Scalar compressed_stretch = Scalar(1), compressed_shear = Scalar(1);
+};
+
+}  // namespace detail
+
+/// Linearises converged steps of one model. Each thread needs a memory of its own.
 template <RealScalar S>
 class MassSpringDerivative {
  public:
@@ -53,10 +70,20 @@ class MassSpringDerivative {
    private:
     friend class MassSpringDerivative;
     VectorX<Scalar> factor;
-    BlockSymmetric<Scalar> stiffness;
-    Points<Scalar> direction, turn;  // n and (d/l) P u of each spring
-    VectorX<Scalar> rate;            // (d/l) n·u
+    BlockSymmetric<Scalar> matrix;  // A
+    detail::DamperTerms<Scalar> dampers;
+    std::vector<Matrix3<Scalar>> air;
     Scalar dt = Scalar(0);
+  };
+
+  /// Scratch memory for kLanes changes side by side, made by `make_memory`.
+  template <int kLanes>
+  struct Memory {
+   private:
+    friend class MassSpringDerivative;
+    BlockCholesky<Scalar> factor;
+    Lanes<Scalar, kLanes> work, product;
+    Points<Scalar> air_force;
   };
 
   /// Copies what it needs of a model whose `driven` vertices are moved in every step. Allocates.
@@ -65,57 +92,63 @@ class MassSpringDerivative {
   static Result<MassSpringDerivative> create(const MassSpring<Scalar>& model,
                                              std::vector<int> driven);
 
+  /// The derivative for another model of the library, which has checked its arguments.
+  MassSpringDerivative(detail::DerivedModel<Scalar> model, std::vector<int> driven);
+
   /// Returns the number of vertices.
-  Index vertex_count() const { return network_.vertex_count(); }
+  Index vertex_count() const { return model_.network.vertex_count(); }
   /// Returns the driven vertices.
   const std::vector<int>& driven() const { return driven_; }
 
+  /// Makes scratch memory. Allocates.
+  template <int kLanes = 1>
+  Memory<kLanes> make_memory() const;
+
   /// Linearises the step of `dt` (s) that led from `before` to `after`. Allocates when `step` is
   /// new. `compression`: the largest share of the compression part in K, from 0 to 1. Less than 1
-  /// is not exact, but smooths over the moments at which a sheet buckles. Returns false when a
-  /// state has another size or is not finite, `dt` is not positive, or no step matrix is definite;
-  /// `step` must then not be used. Complexity: one factorisation.
+  /// is not exact, but smooths over the moments at which a sheet buckles. `wind`: velocity of the
+  /// air, m/s. Returns false when a state has another size or is not finite, `dt` is not positive,
+  /// or no step matrix is definite; `step` must then not be used. Complexity: one factorisation.
+  template <int kLanes>
   [[nodiscard]] bool linearise(const ClothState<Scalar>& before, const ClothState<Scalar>& after,
-                               Scalar dt, Step& step, Scalar compression = Scalar(1));
+                               Scalar dt, Step& step, Memory<kLanes>& memory,
+                               Scalar compression = Scalar(1),
+                               const Vector3<Scalar>& wind = Vector3<Scalar>::Zero()) const;
 
   /// Replaces changes of the state before a step, `dx` (m) and `dv` (m/s), by those after it, for
-  /// changes `dp` of the driven positions (3×driven, m). `dx` and `dv`: 1×3n, coordinate c of
-  /// vertex i in column 3i+c. Never allocates. Fails when a size is wrong (assert).
+  /// changes `dp` of the driven positions (kLanes×3·driven, m). `dx` and `dv`: kLanes×3n,
+  /// coordinate c of vertex i in column 3i+c. Never allocates. Fails when a size is wrong (assert).
   /// Complexity: two solves with a triangular factor.
-  void push(Step& step, const Points<Scalar>& dp, Row& dx, Row& dv);
+  template <int kLanes>
+  void push(Step& step, Memory<kLanes>& memory, const Lanes<Scalar, kLanes>& dp,
+            Lanes<Scalar, kLanes>& dx, Lanes<Scalar, kLanes>& dv) const;
 
-  /// The transpose: replaces the derivatives `gx` and `gv` of a function of the state after a step
+  /// The transpose: replaces the derivatives `gx` and `gv` of functions of the state after a step
   /// by those with respect to the state before it, and writes those with respect to the driven
   /// positions to `gp`. Sizes as in `push`. Never allocates.
-  void pull(Step& step, Row& gx, Row& gv, Points<Scalar>& gp);
+  template <int kLanes>
+  void pull(Step& step, Memory<kLanes>& memory, Lanes<Scalar, kLanes>& gx,
+            Lanes<Scalar, kLanes>& gv, Lanes<Scalar, kLanes>& gp) const;
 
  private:
-  MassSpringDerivative(const MassSpring<Scalar>& model, std::vector<int> driven);
-
   bool is_held(Index i) const { return held_[static_cast<std::size_t>(i)] != 0; }
   /// Makes A and its factor with a share of the compression part.
-  bool factorize(const ClothState<Scalar>& after, Scalar compression, Step& step);
-  /// Keeps the dampers of a step.
-  void keep_dampers(const ClothState<Scalar>& before, const ClothState<Scalar>& after, Step& step);
+  bool factorize(const ClothState<Scalar>& after, Scalar compression, Step& step,
+                 BlockCholesky<Scalar>& factor) const;
   /// Solves A z = z on the free rows; held ones are zero.
-  void solve(Step& step, Row& z);
-  /// Calls `function(spring, index)` for each spring with a damper.
-  template <class Function>
-  void each_damper(const Function& function) const;
-  /// Adds `force` to the first end of a spring, and its opposite to the other.
-  static void add_pair(const Spring<Scalar>& s, const detail::Triple<Scalar>& force, Row& out) {
-    detail::set_point(out, s.a, detail::point(out, s.a) + force);
-    detail::set_point(out, s.b, detail::point(out, s.b) - force);
-  }
+  template <int kLanes>
+  void solve(Step& step, BlockCholesky<Scalar>& factor, Lanes<Scalar, kLanes>& z) const;
+  /// Adds (D + C - h G) x to `out`, or its transpose.
+  template <bool kTransposed, int kLanes>
+  void add_damping(const Step& step, const Lanes<Scalar, kLanes>& x,
+                   Lanes<Scalar, kLanes>& out) const;
 
-  SpringNetwork<Scalar> network_;
-  Scalar drag_;
+  detail::DerivedModel<Scalar> model_;
   std::vector<int> driven_;
   std::vector<unsigned char> held_;
   detail::SpringPattern<Scalar> pattern_;
-  BlockCholesky<Scalar> factor_;
-  BlockSymmetric<Scalar> matrix_;
-  Row work_, product_, drive_, damped_;
+  detail::SpringBatches<Scalar> springs_;
+  EliminationTree tree_;
 };
 
 template <RealScalar S>
@@ -133,170 +166,163 @@ auto MassSpringDerivative<S>::create(const MassSpring<Scalar>& model, std::vecto
     }
   }
   if (!problem.empty()) return Error{problem};
-  return MassSpringDerivative(model, std::move(driven));
+  return MassSpringDerivative(
+      {model.network(), model.settings().drag, model.settings().air, model.settings().pinned},
+      std::move(driven));
 }
 
 template <RealScalar S>
-MassSpringDerivative<S>::MassSpringDerivative(const MassSpring<Scalar>& model,
+MassSpringDerivative<S>::MassSpringDerivative(detail::DerivedModel<Scalar> model,
                                               std::vector<int> driven)
-    : network_(model.network()),
-      drag_(model.settings().drag),
+    : model_(std::move(model)),
       driven_(std::move(driven)),
-      pattern_(network_, detail::BendingBlocks::All, false) {
-  factor_ = BlockCholesky<Scalar>(
-      pattern_.matrix(), nested_dissection<Scalar>(pattern_.matrix(), network_.rest_positions));
-  matrix_ = pattern_.matrix();
+      pattern_(model_.network, model_.bending, model_.air.enabled()),
+      springs_(model_.network, pattern_.matrix(),
+               [this](const Spring<Scalar>& s) {
+                 return s.kind == SpringKind::Shear ? model_.compressed_shear
+                                                    : model_.compressed_stretch;
+               }),
+      tree_(nested_dissection<Scalar>(pattern_.matrix(), model_.network.rest_positions)) {
   held_.assign(static_cast<std::size_t>(vertex_count()), 0);
-  for (const int v : model.settings().pinned) held_[static_cast<std::size_t>(v)] = 1;
+  for (const int v : model_.pinned) held_[static_cast<std::size_t>(v)] = 1;
   for (const int v : driven_) held_[static_cast<std::size_t>(v)] = 1;
-  work_.setZero(1, 3 * vertex_count());
-  product_ = drive_ = damped_ = work_;
 }
 
 template <RealScalar S>
+template <int kLanes>
+auto MassSpringDerivative<S>::make_memory() const -> Memory<kLanes> {
+  Memory<kLanes> memory;
+  memory.factor = BlockCholesky<Scalar>(pattern_.matrix(), tree_);
+  memory.work.setZero(kLanes, 3 * vertex_count());
+  memory.product = memory.work;
+  memory.air_force.setZero(3, vertex_count());
+  return memory;
+}
+
+template <RealScalar S>
+template <int kLanes>
 bool MassSpringDerivative<S>::linearise(const ClothState<Scalar>& before,
                                         const ClothState<Scalar>& after, Scalar dt, Step& step,
-                                        Scalar compression) {
+                                        Memory<kLanes>& memory, Scalar compression,
+                                        const Vector3<Scalar>& wind) const {
   for (const ClothState<Scalar>* state : {&before, &after}) {
     for (const Points<Scalar>* p : {&state->positions, &state->velocities}) {
       if (p->cols() != vertex_count() || !all_finite(*p)) return false;
     }
   }
   if (!is_finite(dt) || !(Scalar(0) < dt)) return false;
-  if (step.stiffness.rows() != vertex_count()) step.stiffness = pattern_.matrix();
+  if (step.matrix.rows() != vertex_count()) step.matrix = pattern_.matrix();
   step.dt = dt;
-  keep_dampers(before, after, step);
+  springs_.write_dampers(before.positions, after.velocities, dt, step.dampers);
+  if (model_.air.enabled()) {
+    step.air.resize(model_.network.triangles.size(), Matrix3<Scalar>::Zero());
+    detail::freeze_air<Scalar>(model_.network, before.positions, before.velocities, wind,
+                               model_.air, step.air, memory.air_force);
+  }
   for (const double share : {1.0, 0.5, 0.25, 0.0}) {
-    if (factorize(after, Scalar(share) * compression, step)) return true;
+    if (factorize(after, Scalar(share) * compression, step, memory.factor)) return true;
   }
   return false;
 }
 
 template <RealScalar S>
 bool MassSpringDerivative<S>::factorize(const ClothState<Scalar>& after, Scalar compression,
-                                        Step& step) {
-  StiffnessScale<Scalar> scale;
-  scale.compression = step.compression = compression;
-  step.stiffness.set_zero();
-  pattern_.add_springs(network_, after.positions, scale, Scalar(1), step.stiffness);
-  pattern_.add_bending(network_, after.positions, Scalar(1), step.stiffness);
-  matrix_.set_zero();
-  pattern_.add_frozen(network_, step.direction, {}, step.dt, matrix_);
-  matrix_.add_scaled(step.stiffness, step.dt * step.dt);
-  const Scalar inertia = Scalar(1) + step.dt * drag_;
+                                        Step& step, BlockCholesky<Scalar>& factor) const {
+  step.compression = compression;
+  step.matrix.set_zero();
+  const Scalar inertia = Scalar(1) + step.dt * model_.drag;
   for (Index i = 0; i < vertex_count(); ++i)
-    detail::add_to_diagonal(matrix_.diagonal(i), Scalar(inertia * network_.mass[i]));
-  const bool definite = factor_.factorize(matrix_, held_);
-  factor_.exchange(step.factor);
+    detail::add_to_diagonal(step.matrix.diagonal(i), Scalar(inertia * model_.network.mass[i]));
+  springs_.add_matrix(after.positions, step.dampers.n, step.dt, compression, step.matrix);
+  pattern_.add_bending(model_.network, after.positions, step.dt * step.dt, step.matrix);
+  pattern_.add_air(model_.network, step.air, step.dt, step.matrix);
+  const bool definite = factor.factorize(step.matrix, held_);
+  factor.exchange(step.factor);
   return definite;
 }
 
 template <RealScalar S>
-void MassSpringDerivative<S>::keep_dampers(const ClothState<Scalar>& before,
-                                           const ClothState<Scalar>& after, Step& step) {
-  using std::sqrt;
-  using Triple = detail::Triple<Scalar>;
-  const Index count = static_cast<Index>(network_.springs.size());
-  step.direction.resize(3, count);
-  step.turn.setZero(3, count);
-  step.rate.setZero(count);
-  detail::spring_directions<Scalar>(network_, before.positions, step.direction);
-  for (Index e = 0; e < count; ++e) {
-    const Spring<Scalar>& s = network_.springs[static_cast<std::size_t>(e)];
-    const Triple d = detail::column(before.positions, s.a) - detail::column(before.positions, s.b);
-    const Scalar squared = detail::squared_norm(d);
-    if (!(Scalar(0) < s.damping) || !(detail::shortest_squared(s) < squared)) continue;
-    const Triple n = detail::column(step.direction, e);
-    const Triple u = detail::column(after.velocities, s.a) - detail::column(after.velocities, s.b);
-    const Scalar along = detail::dot(n, u), factor = s.damping / sqrt(squared);
-    detail::set_column(step.turn, e, (u - n * along) * factor);
-    step.rate[e] = factor * along;
-  }
-}
-
-template <RealScalar S>
-void MassSpringDerivative<S>::solve(Step& step, Row& z) {
+template <int kLanes>
+void MassSpringDerivative<S>::solve(Step& step, BlockCholesky<Scalar>& factor,
+                                    Lanes<Scalar, kLanes>& z) const {
   for (Index i = 0; i < vertex_count(); ++i) {
-    if (is_held(i)) detail::set_point(z, i, {Scalar(0), Scalar(0), Scalar(0)});
+    if (is_held(i)) z.template middleCols<3>(3 * i).setZero();
   }
-  factor_.exchange(step.factor);
-  factor_.template solve<1>(z);
-  factor_.exchange(step.factor);
+  factor.exchange(step.factor);
+  factor.template solve<kLanes>(z);
+  factor.exchange(step.factor);
 }
 
 template <RealScalar S>
-template <class Function>
-void MassSpringDerivative<S>::each_damper(const Function& function) const {
-  for (std::size_t e = 0; e < network_.springs.size(); ++e) {
-    const Spring<Scalar>& s = network_.springs[e];
-    if (Scalar(0) < s.damping) function(s, static_cast<Index>(e));
+template <bool kTransposed, int kLanes>
+void MassSpringDerivative<S>::add_damping(const Step& step, const Lanes<Scalar, kLanes>& x,
+                                          Lanes<Scalar, kLanes>& out) const {
+  springs_.template add_dampers<kTransposed, kLanes>(step.dampers, x, out);
+  const Scalar third = Scalar(1) / Scalar(3);
+  for (std::size_t e = 0; e < step.air.size(); ++e) {  // each C is symmetric
+    const std::array<int, 3>& t = model_.network.triangles[e];
+    Eigen::Matrix<Scalar, kLanes, 3> mean = Eigen::Matrix<Scalar, kLanes, 3>::Zero();
+    for (const int v : t) mean += third * x.template middleCols<3>(3 * v);
+    const Eigen::Matrix<Scalar, kLanes, 3> push = third * mean.lazyProduct(step.air[e]);
+    for (const int v : t) out.template middleCols<3>(3 * v) += push;
   }
 }
 
 template <RealScalar S>
-void MassSpringDerivative<S>::push(Step& step, const Points<Scalar>& dp, Row& dx, Row& dv) {
-  using Triple = detail::Triple<Scalar>;
+template <int kLanes>
+void MassSpringDerivative<S>::push(Step& step, Memory<kLanes>& memory,
+                                   const Lanes<Scalar, kLanes>& dp, Lanes<Scalar, kLanes>& dx,
+                                   Lanes<Scalar, kLanes>& dv) const {
   assert(dx.cols() == 3 * vertex_count() && dv.cols() == 3 * vertex_count());
-  assert(dp.cols() == static_cast<Index>(driven_.size()));
-  const Scalar h = step.dt;
-  work_ = dx;
-  drive_.setZero();
-  for (std::size_t j = 0; j < driven_.size(); ++j) {
-    const Triple p = detail::column(dp, static_cast<Index>(j));
-    detail::set_point(work_, driven_[j], p);
-    detail::set_point(drive_, driven_[j], (p - detail::point(dx, driven_[j])) / h);
-  }
-  step.stiffness.multiply(work_, product_);
-  each_damper([&](const Spring<Scalar>& s, Index e) {
-    const Triple n = detail::column(step.direction, e), turn = detail::column(step.turn, e);
-    const Triple d = detail::point(dx, s.a) - detail::point(dx, s.b);
-    const Triple u = detail::point(drive_, s.a) - detail::point(drive_, s.b);
-    const Scalar along = detail::dot(turn, d) + s.damping * detail::dot(n, u);
-    add_pair(s, (d - n * detail::dot(n, d)) * step.rate[e] + n * along, product_);
-  });
-  for (Index i = 0; i < vertex_count(); ++i) {
-    const Triple push = detail::point(dv, i) * network_.mass[i];
-    detail::set_point(work_, i, push - detail::point(product_, i) * h);
-  }
-  solve(step, work_);
-  dv = work_ + drive_;
-  dx += h * dv;
+  assert(dp.cols() == 3 * static_cast<Index>(driven_.size()));
+  const Scalar h = step.dt, inertia = Scalar(1) / h + model_.drag;
+  Lanes<Scalar, kLanes>&w = memory.work, &rhs = memory.product;
+  w = dx;
   for (std::size_t j = 0; j < driven_.size(); ++j)
-    detail::set_point(dx, driven_[j], detail::column(dp, static_cast<Index>(j)));
+    w.template middleCols<3>(3 * driven_[j]) = dp.template middleCols<3>(3 * static_cast<Index>(j));
+  step.matrix.template multiply<kLanes>(w, rhs);
+  rhs *= Scalar(-1) / h;
+  add_damping<false, kLanes>(step, dx, rhs);
+  for (Index i = 0; i < vertex_count(); ++i)
+    rhs.template middleCols<3>(3 * i) +=
+        model_.network.mass[i] *
+        (dv.template middleCols<3>(3 * i) + inertia * dx.template middleCols<3>(3 * i));
+  solve<kLanes>(step, memory.factor, rhs);
+  for (std::size_t j = 0; j < driven_.size(); ++j) {
+    const Index d = 3 * driven_[j];
+    rhs.template middleCols<3>(d) =
+        (w.template middleCols<3>(d) - dx.template middleCols<3>(d)) / h;
+  }
+  dv = rhs;
+  dx += h * dv;
+  for (const int d : driven_) dx.template middleCols<3>(3 * d) = w.template middleCols<3>(3 * d);
 }
 
 template <RealScalar S>
-void MassSpringDerivative<S>::pull(Step& step, Row& gx, Row& gv, Points<Scalar>& gp) {
-  using Triple = detail::Triple<Scalar>;
+template <int kLanes>
+void MassSpringDerivative<S>::pull(Step& step, Memory<kLanes>& memory, Lanes<Scalar, kLanes>& gx,
+                                   Lanes<Scalar, kLanes>& gv, Lanes<Scalar, kLanes>& gp) const {
   assert(gx.cols() == 3 * vertex_count() && gv.cols() == 3 * vertex_count());
-  const Scalar h = step.dt;
-  const Triple none{Scalar(0), Scalar(0), Scalar(0)};
-  work_ = gv + h * gx;
-  solve(step, work_);
-  step.stiffness.multiply(work_, product_);
-  damped_.setZero();
-  drive_.setZero();
-  each_damper([&](const Spring<Scalar>& s, Index e) {
-    const Triple n = detail::column(step.direction, e), turn = detail::column(step.turn, e);
-    const Triple z = detail::point(work_, s.a) - detail::point(work_, s.b);
-    const Scalar along = detail::dot(n, z);
-    add_pair(s, (z - n * along) * step.rate[e] + turn * along, damped_);
-    add_pair(s, n * (s.damping * along), drive_);
-  });
-  gp.resize(3, static_cast<Index>(driven_.size()));
+  assert(gp.cols() == 3 * static_cast<Index>(driven_.size()));
+  const Scalar h = step.dt, inertia = Scalar(1) / h + model_.drag;
+  Lanes<Scalar, kLanes>&z = memory.work, &product = memory.product;
+  z = gv + h * gx;
+  solve<kLanes>(step, memory.factor, z);
+  step.matrix.template multiply<kLanes>(z, product);
   for (std::size_t j = 0; j < driven_.size(); ++j) {
-    const int i = driven_[j];
-    const Triple rate = detail::point(gv, i) / h - detail::point(drive_, i);
-    detail::set_column(gp, static_cast<Index>(j),
-                       detail::point(gx, i) + rate - detail::point(product_, i) * h);
-    detail::set_point(gx, i, none - rate - detail::point(damped_, i) * h);
-    detail::set_point(gv, i, none);
+    const Index d = 3 * driven_[j];
+    gp.template middleCols<3>(3 * static_cast<Index>(j)) =
+        gx.template middleCols<3>(d) +
+        (gv.template middleCols<3>(d) - product.template middleCols<3>(d)) / h;
+    gx.template middleCols<3>(d) = gv.template middleCols<3>(d) / (Scalar(0) - h);
+    product.template middleCols<3>(d).setZero();
   }
+  gx -= product / h;
+  add_damping<true, kLanes>(step, z, gx);
   for (Index i = 0; i < vertex_count(); ++i) {
-    if (is_held(i)) continue;
-    const Triple force = detail::point(product_, i) + detail::point(damped_, i);
-    detail::set_point(gx, i, detail::point(gx, i) - force * h);
-    detail::set_point(gv, i, detail::point(work_, i) * network_.mass[i]);
+    const Scalar mass = model_.network.mass[i];
+    gx.template middleCols<3>(3 * i) += (inertia * mass) * z.template middleCols<3>(3 * i);
+    gv.template middleCols<3>(3 * i) = mass * z.template middleCols<3>(3 * i);
   }
 }
 

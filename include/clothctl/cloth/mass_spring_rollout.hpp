@@ -35,6 +35,7 @@
 
 #include "clothctl/cloth/detail/spring_batches.hpp"
 #include "clothctl/cloth/mass_spring.hpp"
+#include "clothctl/cloth/mass_spring_derivative.hpp"
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
@@ -169,6 +170,18 @@ class MassSpringRollout {
       if (!ws.is_held(i)) ws.velocity.col(i) = guess.col(i).template cast<Inner>();
     }
     return solve(newton_steps, tolerance, state, input, dt, ws);
+  }
+
+  /// Makes the derivative of this model's steps, as if they had converged, with `driven` vertices
+  /// moved in every step. Its bending has the blocks of the step's matrix. Allocates.
+  MassSpringDerivative<Inner> make_derivative(std::vector<int> driven) const {
+    const CoarseFactors& factors = settings_.factors;
+    return MassSpringDerivative<Inner>(
+        {network_, drag_, air_, pinned_,
+         settings_.bending_in_matrix ? detail::BendingBlocks::All
+                                     : detail::BendingBlocks::Neighbours,
+         Inner(factors.compressed_stretch), Inner(factors.compressed_shear)},
+        std::move(driven));
   }
 
   /// Writes the forces that made `vertices` follow their prescribed motion in the last step with

@@ -8,6 +8,7 @@
 
 #include <concepts>
 #include <span>
+#include <vector>
 
 #include "clothctl/core/cloth_state.hpp"
 #include "clothctl/core/report.hpp"
@@ -134,6 +135,13 @@ struct cloth_rollout_traits {
   static void set_supports(Model& model, const Supports& supports, const Positions& x) {
     model.set_supports(supports, x);
   }
+  /// Makes an object that linearises steps with `driven` vertices, and pushes and pulls changes
+  /// through them as MassSpringDerivative does. Allocates. Optional.
+  static auto make_derivative(const Model& model,
+                              const std::vector<int>& driven) requires requires {
+    model.make_derivative(driven);
+  }
+  { return model.make_derivative(driven); }
   /// Writes the forces (3×vertices, N) that the driven `vertices` needed in the last step of this
   /// workspace. Never allocates.
   template <class Workspace, class Out>
@@ -153,6 +161,8 @@ struct cloth_rollout_traits {
 /// step with the holding forces applied instead of the driven positions ends at the same state.
 ///
 /// Optional hooks: `set_supports(model, supports, x)`; without it, supports are constant forces.
+/// `make_derivative(model, driven)`; with it, a RolloutPredictor knows how the features respond
+/// along the rollout.
 template <class Model, class Scalar = double>
 concept ClothRollout = ClothModel<Model, Scalar> &&
     requires(const Model& model, const Points<Scalar>& guess, ClothState<Scalar>& state,

@@ -78,7 +78,9 @@ class CoarsePredictor {
   /// Writes the columns of held vertex j of the impulse response.
   void write_impulse_response(Index j, const WindowRequest<Scalar>& request,
                               WindowResponse<Scalar>& response) const;
-
+  /// Writes the response of the features frame by frame, where the coarse prediction has it.
+  void write_jacobian(const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response) const;
+  /// Writes the free response, moved by what separates the fine outputs from the coarse ones now.
   void write_free_response(const PointsView<Scalar>& x, const WindowRequest<Scalar>& request,
                            WindowResponse<Scalar>& response) const;
 
@@ -156,6 +158,10 @@ void CoarsePredictor<Inner>::reserve(const WindowRequest<Scalar>& request,
   response.free_response.setZero(request.output_rows(), request.horizon);
   response.plan.setZero(request.inputs(), request.horizon);
   response.air = response_.air;
+  response.has_jacobian = false;
+  response.jacobian.resize(0, 0);
+  if (response_.jacobian.size() > 0)
+    response.jacobian.setZero(response_.jacobian.rows(), request.inputs() * request.horizon);
 }
 
 template <WindowPredictor Inner>
@@ -170,6 +176,7 @@ bool CoarsePredictor<Inner>::predict(const PointsView<Scalar>& x, const PointsVi
   if (!predictor_traits<Inner>::predict(inner_, x_, v_, request_, response_)) return false;
   write_plan(request, response);
   for (Index j = 0; j < held_count(); ++j) write_impulse_response(j, request, response);
+  write_jacobian(request, response);
   write_free_response(x, request, response);
   response.air = response_.air;
   return true;
@@ -261,6 +268,20 @@ void CoarsePredictor<Inner>::write_impulse_response(Index j, const WindowRequest
       block.setZero();  // a prescribed motion is exactly that of its own vertex
       for (Index c = 0; i == j && c < 3; ++c) block(c, c) = request.dt;
     }
+  }
+}
+
+template <WindowPredictor Inner>
+void CoarsePredictor<Inner>::write_jacobian(const WindowRequest<Scalar>& request,
+                                            WindowResponse<Scalar>& response) const {
+  response.has_jacobian = response_.has_jacobian;
+  if (!response.has_jacobian) return;
+  const bool poses = request.kind == GripInput::Pose;
+  for (Index k = 0; k < request.horizon; ++k) {
+    for (Index j = 0; j < held_count(); ++j)
+      response.jacobian.template middleCols<3>(k * request.inputs() + 3 * j) =
+          (poses ? share(j) : Scalar(1)) *
+          response_.jacobian.template middleCols<3>(k * request_.inputs() + 3 * slot(j));
   }
 }
 

@@ -89,6 +89,10 @@ class LinearisedPredictor {
   bool predict(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request,
                WindowResponse<S>& response);
 
+  /// The part of `predict` that goes to `response.air`. Fails as `predict` does.
+  bool predict_air(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request,
+                   WindowResponse<S>& response);
+
   /// Returns the number of vertices of the sheet.
   Index vertex_count() const { return Traits::vertex_count(response_); }
   /// Forgets the last frame. Call it after the plant jumped.
@@ -98,7 +102,6 @@ class LinearisedPredictor {
 
  private:
   using Traits = step_response_traits<Response>;
-
   bool translation_free() const {
     if constexpr (requires { Traits::translation_free(response_); })
       return Traits::translation_free(response_);
@@ -108,20 +111,15 @@ class LinearisedPredictor {
   /// Writes M ((v - v₋)/h + α v) + C₋ (v̄ - w₋). The response still holds C₋, the air drag of the
   /// last linearisation.
   void measure_force(Inner dt);
-
   /// Blends the model's force with the measured one, after it has subtracted the applied input from
   /// the latter and added the force of the present wind.
   void blend_measured(const WindowRequest<S>& request);
-
   void gather_force(const WindowRequest<S>& request);
-
   /// Returns the mean acceleration by outer forces and supports across gravity, which hang the
   /// sheet askew as air does, times the share of the weight that they do not bear: what lies on a
   /// table does not hang. Zero for a response that tells no gravity.
   Vector3<S> level_outer_acceleration(const WindowRequest<S>& request) const;
-
-  /// Writes the acceleration by the air, from the air drag of the linearisation, and that by outer
-  /// forces.
+  /// Writes the acceleration by the air drag of the linearisation, and by outer forces.
   void write_air(const WindowRequest<S>& request, WindowResponse<S>& response) const;
 
   /// Starts the lanes of the output rows first .. first + used - 1: a = Cᵀ, w = 0, and the free
@@ -200,6 +198,18 @@ template <StepResponse Response, RealScalar S>
 bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const PointsView<S>& v,
                                                const WindowRequest<S>& request,
                                                WindowResponse<S>& response) {
+  if (!predict_air(x, v, request, response)) return false;
+  for (Index first = 0; first < request.output_rows(); first += kLanes)
+    run_lanes(first, x, request, response);
+  add_plan(request.plan, response);
+  response.plan = request.plan;
+  return true;
+}
+
+template <StepResponse Response, RealScalar S>
+bool LinearisedPredictor<Response, S>::predict_air(const PointsView<S>& x, const PointsView<S>& v,
+                                                   const WindowRequest<S>& request,
+                                                   WindowResponse<S>& response) {
   const Index n = Traits::vertex_count(response_);
   if (x.cols() != n || v.cols() != n || !request.supports_fit(n)) return false;
   // If translations have no effect, only the shape is stored in single precision.
@@ -213,23 +223,18 @@ bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const Poi
     x_.col(i) = local.template cast<Inner>();
   }
   v_ = v.template cast<Inner>();
-  const bool velocity_input = request.kind == GripInput::Pose;
   const Vector3<S> wind = request.wind.col(0);
   const Inner dt = static_cast<Inner>(request.dt);
   const bool measured = S(0) < settings_.measured_force && has_last_;
   if (measured) measure_force(dt);
   if (!Traits::linearise(response_, x_, v_, wind.template cast<Inner>(), dt,
-                         velocity_input ? request.held : none_)) {
+                         request.kind == GripInput::Pose ? request.held : none_)) {
     has_last_ = false;
     return false;
   }
   gather_force(request);
   write_air(request, response);
   if (measured) blend_measured(request);
-  for (Index first = 0; first < request.output_rows(); first += kLanes)
-    run_lanes(first, x, request, response);
-  add_plan(request.plan, response);
-  response.plan = request.plan;
   last_velocity_ = v_;
   last_wind_ = wind.template cast<Inner>();
   last_held_ = request.held;

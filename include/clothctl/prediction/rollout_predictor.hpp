@@ -8,12 +8,16 @@
 //             forces that hold the sheet on it; the planner counts changes from these. Rolling out
 //             the planned forces instead would be unstable: a light corner flies off.
 //
-// Each frame starts Newton's method from the velocities that the last rollout found for it. The
-// impulse response is that of the inner predictor, which is linear, so the planner needs damping
-// with this predictor (PlannerSettings::rollout). Rollout and inner prediction do not depend on
-// each other, so an executor can run them at the same time.
+// Each frame starts Newton's method from the velocities that the last rollout found for it. How the
+// features respond is derived along the rollout (window_jacobian.hpp) where the model has that
+// hook: under planned forces, the inner predictor says how the held vertices respond to forces, and
+// the rollout how the features respond to the held vertices. Else features respond as the inner
+// predictor says, which is linear. The planner needs damping with this predictor
+// (PlannerSettings::rollout). Rollout and inner prediction do not depend on each other, so an
+// executor can run them at the same time, and then both halves of the derivation.
 
 #include <cassert>
+#include <optional>
 #include <span>
 #include <string>
 #include <utility>
@@ -23,6 +27,7 @@
 #include "clothctl/concepts/executor.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/prediction/window.hpp"
+#include "clothctl/prediction/window_jacobian.hpp"
 
 #ifdef CLOTHCTL_PRECOMPILED
 #include "clothctl/cloth/mass_spring.hpp"  // what is compiled once
@@ -42,6 +47,10 @@ struct RolloutSettings {
   /// Number of Newton steps in the first frame of a force plan, because its force is sent. Not used
   /// when `newton_steps` is 0.
   int first_newton_steps = 5;
+  /// Number of frames after which the response of the features is derived anew along the rollout,
+  /// for models with `make_derivative`; in between it moves on with the window. 0: never; features
+  /// then respond as the inner predictor says.
+  int derivative_interval = 2;
 
   /// Returns an empty string, or a line that names the first bad setting and its value.
   std::string validate() const {
@@ -52,9 +61,35 @@ struct RolloutSettings {
       return "newton_steps is " + std::to_string(newton_steps) + ", must not be negative";
     if (first_newton_steps < 1)
       return "first_newton_steps is " + std::to_string(first_newton_steps) + ", must be at least 1";
+    if (derivative_interval < 0) {
+      return "derivative_interval is " + std::to_string(derivative_interval) +
+             ", must not be negative";
+    }
     return {};
   }
 };
+
+namespace detail {
+
+/// A model whose rollouts can be derived.
+template <class Model>
+concept DerivableRollout = requires(const Model& model, const std::vector<int>& driven) {
+  cloth_rollout_traits<Model>::make_derivative(model, driven);
+};
+
+/// What derives rollouts of a model; nothing where it has no such hook.
+template <class Model, RealScalar Scalar>
+struct RolloutJacobian {
+  struct type {};
+};
+template <DerivableRollout Model, RealScalar Scalar>
+struct RolloutJacobian<Model, Scalar> {
+  using type = WindowJacobian<decltype(cloth_rollout_traits<Model>::make_derivative(
+                                  std::declval<const Model&>(), std::vector<int>())),
+                              Scalar>;
+};
+
+}  // namespace detail
 
 /// Predicts the free response by a rollout of `Model`: a MassSpring, or another ClothModel that has
 /// `step_from` and `holding_forces` too. `Inner` supplies the impulse response.
@@ -90,11 +125,23 @@ class RolloutPredictor {
   /// Forgets earlier rollouts. Call it after the plant jumped.
   void reset() {
     fresh_ = true;
+    age_ = 0;
     predictor_traits<Inner>::reset(inner_);
   }
 
  private:
   using Traits = cloth_rollout_traits<Model>;
+  static constexpr bool kDerives = detail::DerivableRollout<Model>;
+
+  /// Predicts by the inner predictor, or if `brief` and it can, only what the air does.
+  bool ask_inner(bool brief, const PointsView<Scalar>& x, const PointsView<Scalar>& v,
+                 const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
+  /// Derives how the features respond, or moves on what the last derivation gave. Returns false
+  /// when that fails, or is not wanted.
+  bool derive(const WindowRequest<Scalar>& request);
+  /// Writes the response of the features to the inputs: for forces, by way of the velocities of the
+  /// held vertices that `response.impulse_response` gives.
+  void write_jacobian(const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
 
   /// Rolls out the window. Returns false when a step fails.
   bool roll_out(const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& inner);
@@ -114,6 +161,11 @@ class RolloutPredictor {
   MatrixX<Scalar> free_, plan_;
   std::vector<Points<Scalar>> velocities_;
   bool fresh_ = true;
+  std::vector<ClothState<Scalar>> states_;  // of the rollout, where it is to be derived
+  MatrixX<Scalar> jacobian_, motion_;       // features by velocities, velocities by forces
+  int age_ = 0;                             // frames since the last derivation, plus one
+  bool known_ = false;                      // the response has the rows of the held vertices
+  std::optional<typename detail::RolloutJacobian<Model, Scalar>::type> derived_;
 };
 
 template <class Model, class Inner>
@@ -147,6 +199,19 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   for (Index i = 0; i < count; ++i) input_.force_vertices.push_back(static_cast<int>(i));
   free_ = response.free_response;
   plan_.setZero(request.inputs(), request.horizon);
+  response.has_jacobian = false;
+  response.jacobian.resize(0, 0);
+  age_ = 0;
+  known_ = false;
+  if constexpr (kDerives) {
+    if (settings_.derivative_interval == 0) return;
+    derived_.emplace(Traits::make_derivative(model_, request.held), request);
+    states_.assign(frames + 1, state_);
+    jacobian_.setZero(3 * request.held_outputs * request.horizon,
+                      request.inputs() * request.horizon);
+    response.jacobian = jacobian_;
+    motion_.setZero(request.inputs(), request.inputs() * request.horizon);
+  }
 }
 
 template <class Model, class Inner>
@@ -171,10 +236,14 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     velocities_.back() = velocities_[velocities_.size() > 1 ? velocities_.size() - 2 : 0];
   }
   plan_ = response.plan;
+  if (derived_ && (age_ == 0 || settings_.derivative_interval <= age_)) {
+    age_ = 0;
+    states_[0] = state_;
+  }
+  // Where the features have a Jacobian, poses need nothing but the air of the inner predictor.
+  const bool brief = known_ && derived_ && request.kind == GripInput::Pose;
   bool predicted = false, rolled = false;
-  const auto predict_inner = [&] {
-    predicted = predictor_traits<Inner>::predict(inner_, x, v, request, response);
-  };
+  const auto predict_inner = [&] { predicted = ask_inner(brief, x, v, request, response); };
   if (request.kind == GripInput::Force && !request.has_path) {
     predict_inner();  // the rollout follows its path
     if (predicted) rolled = roll_out(request, response);
@@ -185,11 +254,78 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     });
   }
   fresh_ = !rolled;
+  response.has_jacobian = false;
   if (predicted && rolled) {
     response.free_response = free_;
     response.plan = plan_;
+    response.has_jacobian = derive(request);
+    if (response.has_jacobian) write_jacobian(request, response);
+  } else {
+    age_ = 0;
   }
+  if (brief && predicted && !response.has_jacobian) {
+    response.plan = request.plan;
+    predicted = ask_inner(false, x, v, request, response);
+    if (predicted && rolled) response.free_response = free_;
+  }
+  known_ = known_ || predicted;
   return predicted;
+}
+
+template <class Model, class Inner>
+requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
+bool RolloutPredictor<Model, Inner>::ask_inner(bool brief, const PointsView<Scalar>& x,
+                                               const PointsView<Scalar>& v,
+                                               const WindowRequest<Scalar>& request,
+                                               WindowResponse<Scalar>& response) {
+  if constexpr (requires {
+                  predictor_traits<Inner>::predict_air(inner_, x, v, request, response);
+                }) {
+    if (brief) return predictor_traits<Inner>::predict_air(inner_, x, v, request, response);
+  }
+  return predictor_traits<Inner>::predict(inner_, x, v, request, response);
+}
+
+template <class Model, class Inner>
+requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
+bool RolloutPredictor<Model, Inner>::derive(const WindowRequest<Scalar>& request) {
+  if constexpr (kDerives) {
+    if (!derived_) return false;
+    if (age_ > 0) {
+      shift_jacobian(request.horizon, jacobian_);
+    } else if (!derived_->evaluate(states_, request, executor_, jacobian_)) {
+      return false;
+    }
+    ++age_;
+    return true;
+  } else {
+    return false;
+  }
+}
+
+template <class Model, class Inner>
+requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
+void RolloutPredictor<Model, Inner>::write_jacobian(const WindowRequest<Scalar>& request,
+                                                    WindowResponse<Scalar>& response) {
+  if (request.kind == GripInput::Pose) {
+    response.jacobian = jacobian_;
+    return;
+  }
+  const Index m = request.inputs(), p = 3 * request.held_outputs, horizon = request.horizon;
+  for (Index d = 0; d < horizon; ++d) {
+    motion_.middleCols(d * m, m) = response.impulse_response.block(p, d * m, m, m) / request.dt;
+    if (d > 0)
+      motion_.middleCols(d * m, m) -=
+          response.impulse_response.block(p, (d - 1) * m, m, m) / request.dt;
+  }
+  response.jacobian.setZero();
+  for (Index k = 0; k < horizon; ++k) {
+    for (Index j = 0; j <= k; ++j) {
+      for (Index l = j; l <= k; ++l)
+        response.jacobian.block(k * p, j * m, p, m) +=
+            jacobian_.block(k * p, l * m, p, m).lazyProduct(motion_.middleCols((l - j) * m, m));
+    }
+  }
 }
 
 template <class Model, class Inner>
@@ -236,6 +372,7 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
     for (Index j = 0; j < held; ++j) plan_.template block<3, 1>(3 * j, k) = holding_.col(j);
   }
   request.write_outputs(state_.positions, k, free_);
+  if (derived_ && age_ == 0) states_[static_cast<std::size_t>(k) + 1] = state_;
   return true;
 }
 

@@ -99,6 +99,13 @@ struct WindowResponse {
   /// The blocks T_0 .. T_{K-1} side by side, 3·outputs × inputs·K. T_m is the response to an input
   /// m frames earlier.
   MatrixX<Scalar> impulse_response;
+  /// How the features (the outputs before `held_outputs`) respond frame by frame, where the
+  /// predictor knows it: (3·held_outputs·K) × (inputs·K), block (k, j) is the response in frame k
+  /// to an input of frame j, zero for j > k. Valid when `has_jacobian`; the features then do not
+  /// respond as `impulse_response` says.
+  MatrixX<Scalar> jacobian;
+  /// True when `jacobian` holds.
+  bool has_jacobian = false;
   /// The plan ū of the free response, inputs × K. It holds the request's plan when `predict` is
   /// called. A predictor whose model needs other inputs to move the hands on the same path puts
   /// those here.
@@ -110,6 +117,18 @@ struct WindowResponse {
   /// across gravity as far as the sheet hangs, 3×K, m/s². No columns: the predictor knows no air.
   Points<Scalar> air;
 };
+
+/// Moves a Jacobian of a window on by a frame: block (k, j) becomes block (k + 1, j + 1); the last
+/// frame stays, as if the sheet went on as it was. Never allocates.
+template <RealScalar Scalar>
+void shift_jacobian(Index horizon, MatrixX<Scalar>& jacobian) {
+  if (horizon < 2) return;
+  const Index p = jacobian.rows() / horizon, m = jacobian.cols() / horizon;
+  for (Index k = 0; k + 1 < horizon; ++k) {
+    for (Index j = 0; j <= k; ++j)
+      jacobian.block(k * p, j * m, p, m) = jacobian.block((k + 1) * p, (j + 1) * m, p, m);
+  }
+}
 
 /// Moves a prediction from the plan zero to the plan `u` (inputs × K): free_k += Σ_j T_{k-j} u_j
 /// for all k. Never allocates.

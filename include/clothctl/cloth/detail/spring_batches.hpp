@@ -22,7 +22,20 @@ struct SpringBatch {
   int used = 0;
 };
 
-/// The springs of a network, for gradient and matrix of a step (mass_spring_rollout.hpp).
+/// What the dampers of a step do, in the order of SpringBatches: the part N = D - h G of its
+/// derivative (mass_spring_derivative.hpp). For a difference d of positions of the ends,
+///
+///   N d = n (q·d) - r d,   q = d_s n + r n - h (d_s/l) P u,   r = h (d_s/l) n·u
+///
+/// d_s: damping, n: direction before the step, u: difference of the velocities after it.
+template <RealScalar Scalar>
+struct DamperTerms {
+  Points<Scalar> n, q;
+  VectorX<Scalar> r;
+};
+
+/// The springs of a network, for gradient and matrix of a step (mass_spring_rollout.hpp) and for
+/// its derivative.
 template <RealScalar S>
 class SpringBatches {
  public:
@@ -84,17 +97,91 @@ class SpringBatches {
   void add_step(const Points<Scalar>& y, const Points<Scalar>& v, const Points<Scalar>& direction,
                 const Scalar& h, Points<Scalar>& gradient, BlockSymmetric<Scalar>& matrix) const {
     add(y, v, direction, h, gradient, [&](const Batch& batch, std::size_t l, const Blocks& k) {
-      const std::array<Scalar, 9> block{k.xx[l], k.xy[l], k.xz[l], k.xy[l], k.yy[l],
-                                        k.yz[l], k.xz[l], k.yz[l], k.zz[l]};
-      Scalar* a = matrix.diagonal(batch.a[l]).data();
-      Scalar* b = matrix.diagonal(batch.b[l]).data();
-      Scalar* lower = matrix.lower(batch.slot[l]).data();
-      for (std::size_t i = 0; i < 9; ++i) {
-        a[i] = a[i] + block[i];
-        b[i] = b[i] + block[i];
-        lower[i] = lower[i] - block[i];
-      }
+      add_blocks(batch, l, k, matrix);
     });
+  }
+
+  /// Adds h D + h² K to `matrix`, with the share `compression` of the part of K under compression
+  /// at y: 0 is the projected K, 1 the exact one.
+  void add_matrix(const Points<Scalar>& y, const Points<Scalar>& direction, const Scalar& h,
+                  const Scalar& compression, BlockSymmetric<Scalar>& matrix) const {
+    const Scalar* e = direction.data();
+    for (const Batch& batch : batches_) {
+      Lengths d, f{};
+      Blocks k;
+      gather(batch, y, d);
+      evaluate(batch, e, h, compression, d, f, k);
+      for (std::size_t l = 0; l < static_cast<std::size_t>(batch.used); ++l)
+        add_blocks(batch, l, k, matrix);
+      e += 3 * kLanes;
+    }
+  }
+
+  /// Writes what the dampers do to a step of `h` (s) that starts at the positions `x` (3×n, m) and
+  /// ends with the velocities `v` (3×n, m/s). Allocates when `terms` is new.
+  void write_dampers(const Points<Scalar>& x, const Points<Scalar>& v, const Scalar& h,
+                     DamperTerms<Scalar>& terms) const {
+    terms.n.resize(3, direction_columns());
+    terms.q.resize(3, direction_columns());
+    terms.r.resize(direction_columns());
+    set_directions(x, terms.n);
+    const Scalar* n = terms.n.data();
+    Scalar* q = terms.q.data();
+    Scalar* r = terms.r.data();
+    for (const Batch& batch : batches_) {
+      Lengths d, u;
+      gather(batch, x, d);
+      gather(batch, v, u);
+      for (std::size_t l = 0; l < kLanes; ++l) {
+        const Scalar nx = n[l], ny = n[kLanes + l], nz = n[2 * kLanes + l];
+        const Scalar length = d.x[l] * nx + d.y[l] * ny + d.z[l] * nz;
+        const Scalar least = Scalar(1e-6) * batch.rest[l];
+        const Scalar turns = least < length ? h * batch.damping[l] / length : Scalar(0);
+        const Scalar along = u.x[l] * nx + u.y[l] * ny + u.z[l] * nz;
+        const Scalar rate = turns * along, own = batch.damping[l] + rate + rate;
+        q[l] = own * nx - turns * u.x[l];
+        q[kLanes + l] = own * ny - turns * u.y[l];
+        q[2 * kLanes + l] = own * nz - turns * u.z[l];
+        r[l] = rate;
+      }
+      n += 3 * kLanes;
+      q += 3 * kLanes;
+      r += kLanes;
+    }
+  }
+
+  /// Adds N x to `out`, or Nᵀ x if `kTransposed`, for kColumns changes of the positions side by
+  /// side (kColumns×3n).
+  template <bool kTransposed, int kColumns>
+  void add_dampers(const DamperTerms<Scalar>& terms, const Lanes<Scalar, kColumns>& x,
+                   Lanes<Scalar, kColumns>& out) const {
+    using Values = Eigen::Array<Scalar, kColumns, 1>;
+    const Scalar* n = terms.n.data();
+    const Scalar* q = terms.q.data();
+    const Scalar* r = terms.r.data();
+    for (const Batch& batch : batches_) {
+      for (std::size_t l = 0; l < static_cast<std::size_t>(batch.used); ++l) {
+        if (!(Scalar(0) < batch.damping[l])) continue;
+        const Index a = 3 * static_cast<Index>(batch.a[l]), b = 3 * static_cast<Index>(batch.b[l]);
+        const Scalar* from = kTransposed ? n : q;
+        const Scalar* to = kTransposed ? q : n;
+        const Values dx = (x.col(a) - x.col(b)).array();
+        const Values dy = (x.col(a + 1) - x.col(b + 1)).array();
+        const Values dz = (x.col(a + 2) - x.col(b + 2)).array();
+        const Values along = from[l] * dx + from[kLanes + l] * dy + from[2 * kLanes + l] * dz;
+        const auto add = [&](Index c, const Scalar& direction, const Values& d) {
+          const Values push = direction * along - r[l] * d;
+          out.col(a + c).array() += push;
+          out.col(b + c).array() -= push;
+        };
+        add(0, to[l], dx);
+        add(1, to[kLanes + l], dy);
+        add(2, to[2 * kLanes + l], dz);
+      }
+      n += 3 * kLanes;
+      q += 3 * kLanes;
+      r += kLanes;
+    }
   }
 
  private:
@@ -120,9 +207,23 @@ class SpringBatches {
     }
   }
 
+  static void add_blocks(const Batch& batch, std::size_t l, const Blocks& k,
+                         BlockSymmetric<Scalar>& matrix) {
+    const std::array<Scalar, 9> block{k.xx[l], k.xy[l], k.xz[l], k.xy[l], k.yy[l],
+                                      k.yz[l], k.xz[l], k.yz[l], k.zz[l]};
+    Scalar* a = matrix.diagonal(batch.a[l]).data();
+    Scalar* b = matrix.diagonal(batch.b[l]).data();
+    Scalar* lower = matrix.lower(batch.slot[l]).data();
+    for (std::size_t i = 0; i < 9; ++i) {
+      a[i] = a[i] + block[i];
+      b[i] = b[i] + block[i];
+      lower[i] = lower[i] - block[i];
+    }
+  }
+
   /// Impulses (in place of the velocities `f`) and blocks of a batch.
-  static void evaluate(const Batch& batch, const Scalar* e, const Scalar& h, const Lengths& d,
-                       Lengths& f, Blocks& k) {
+  static void evaluate(const Batch& batch, const Scalar* e, const Scalar& h,
+                       const Scalar& compression, const Lengths& d, Lengths& f, Blocks& k) {
     using std::sqrt;
     const Scalar zero = Scalar(0), one = Scalar(1);
     for (std::size_t l = 0; l < kLanes; ++l) {
@@ -136,7 +237,7 @@ class SpringBatches {
       f.x[l] = pull * d.x[l] + damp * ex;
       f.y[l] = pull * d.y[l] + damp * ey;
       f.z[l] = pull * d.z[l] + damp * ez;
-      const Scalar across = strain < zero ? zero : h * pull;
+      const Scalar across = h * pull * (strain < zero ? compression : one);
       const Scalar axial = (h * stiffness - across) * inverse * inverse;
       const Scalar ax = axial * d.x[l], ay = axial * d.y[l], az = axial * d.z[l];
       const Scalar bx = damping * ex, by = damping * ey, bz = damping * ez;
@@ -159,7 +260,7 @@ class SpringBatches {
       Blocks k;
       gather(batch, y, d);
       gather(batch, v, f);
-      evaluate(batch, e, h, d, f, k);
+      evaluate(batch, e, h, Scalar(0), d, f, k);
       for (std::size_t l = 0; l < static_cast<std::size_t>(batch.used); ++l) {
         Scalar *a = g + 3 * batch.a[l], *b = g + 3 * batch.b[l];
         const std::array<Scalar, 3> push{f.x[l], f.y[l], f.z[l]};

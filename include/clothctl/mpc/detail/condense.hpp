@@ -47,4 +47,25 @@ void condense(const Eigen::Ref<const MatrixX<Scalar>>& blocks,
   }
 }
 
+/// Adds the cost of outputs e_k = `residual`_k + Σ_{j<=k} J_{k,j} δ_j whose response changes along
+/// the window to `hessian` and `gradient`. `response`: Jᵀ, (inputs·K) × (rows·K), zero for the
+/// inputs after a frame. Never allocates. Complexity: O(K³ rows inputs²).
+template <RealScalar Scalar>
+void condense_jacobian(const MatrixX<Scalar>& response, const MatrixX<Scalar>& residual,
+                       MatrixX<Scalar>& hessian, VectorX<Scalar>& gradient) {
+  const Index horizon = residual.cols(), rows = residual.rows();
+  for (Index k = 0; k < horizon; ++k) {
+    const Index size = (k + 1) * (response.rows() / horizon);
+    for (Index r = 0; r < rows; ++r) {
+      const auto row = response.col(k * rows + r).head(size);
+      for (Index c = 0; c < size; ++c)
+        hessian.col(c).segment(c, size - c) += row[c] * row.tail(size - c);
+      gradient.head(size) += residual(r, k) * row;
+    }
+  }
+  for (Index j = 0; j < hessian.cols(); ++j) {
+    for (Index i = 0; i < j; ++i) hessian(i, j) = hessian(j, i);
+  }
+}
+
 }  // namespace clothctl::inline CLOTHCTL_ABI::detail

@@ -26,6 +26,7 @@ class CurveSweeps {
               const ClothState<Scalar>& start, Scalar dt, Index frames)
       : model_(model),
         derivative_(std::move(derivative)),
+        memory_(derivative_.make_memory()),
         held_(std::move(held)),
         features_(std::move(features)),
         dt_(dt),
@@ -34,7 +35,7 @@ class CurveSweeps {
         steps_(static_cast<std::size_t>(frames)) {
     input_.driven_vertices = held_.vertices();
     input_.driven_positions.setZero(3, static_cast<Index>(held_.vertices().size()));
-    change_ = input_.driven_positions;
+    change_.setZero(1, 3 * input_.driven_positions.cols());
     points_.setZero(3, features_.count());
     x_.setZero(1, 3 * model.vertex_count());
     v_ = x_;
@@ -74,7 +75,7 @@ class CurveSweeps {
   bool linearise(const Scalar& compression) {
     weakened_ = 0;
     for (std::size_t i = 0; i < steps_.size(); ++i) {
-      if (!derivative_.linearise(states_[i], states_[i + 1], dt_, steps_[i], compression))
+      if (!derivative_.linearise(states_[i], states_[i + 1], dt_, steps_[i], memory_, compression))
         return false;
       weakened_ += steps_[i].compression < compression ? 1 : 0;
     }
@@ -88,9 +89,10 @@ class CurveSweeps {
     for (Index k = 0; k < frames(); ++k) {
       for (std::size_t g = 0; g < held_.grip_count(); ++g) {
         for (std::size_t j = held_.grip_begin(g); j < held_.grip_begin(g + 1); ++j)
-          change_.col(static_cast<Index>(j)) = grip_column(path, g, k);
+          change_.template middleCols<3>(3 * static_cast<Index>(j)) =
+              grip_column(path, g, k).transpose();
       }
-      derivative_.push(steps_[static_cast<std::size_t>(k)], change_, x_, v_);
+      derivative_.push(steps_[static_cast<std::size_t>(k)], memory_, change_, x_, v_);
       write_features(Eigen::Map<const Points<Scalar>>(x_.data(), 3, x_.cols() / 3), features, k);
     }
   }
@@ -107,11 +109,11 @@ class CurveSweeps {
           x_.template middleCols<3>(3 * vertex) += weight * pulled.transpose();
         });
       }
-      derivative_.pull(steps_[static_cast<std::size_t>(k)], x_, v_, change_);
+      derivative_.pull(steps_[static_cast<std::size_t>(k)], memory_, x_, v_, change_);
       for (std::size_t g = 0; g < held_.grip_count(); ++g) {
         for (std::size_t j = held_.grip_begin(g); j < held_.grip_begin(g + 1); ++j)
           path.template block<3, 1>(3 * static_cast<Index>(g), k) +=
-              change_.col(static_cast<Index>(j));
+              change_.template middleCols<3>(3 * static_cast<Index>(j)).transpose();
       }
     }
   }
@@ -128,6 +130,7 @@ class CurveSweeps {
 
   MassSpring<Scalar> model_;
   MassSpringDerivative<Scalar> derivative_;
+  typename MassSpringDerivative<Scalar>::template Memory<1> memory_;
   HeldVertices<Scalar> held_;
   PointFeatures<Scalar> features_;
   Scalar dt_;
@@ -135,8 +138,8 @@ class CurveSweeps {
   std::vector<ClothState<Scalar>> states_;
   std::vector<typename MassSpringDerivative<Scalar>::Step> steps_;
   ClothInput<Scalar> input_;
-  Points<Scalar> change_, points_;
-  Lanes<Scalar, 1> x_, v_;
+  Points<Scalar> points_;
+  Lanes<Scalar, 1> change_, x_, v_;
   int weakened_ = 0;
 };
 

@@ -45,12 +45,19 @@ class PlanChange {
       }
     }
     if (scale < Scalar(1)) result.plan = previous + scale * (result.plan - previous);
+    const WindowResponse<Scalar>& response = problem.response;
+    // Features that have a Jacobian respond by it, all other outputs by the impulse response.
+    const Index own = response.has_jacobian ? 3 * problem.feature_count : 0;
     outputs_.setZero();
     for (Index k = 0; k < horizon; ++k) {
       for (Index j = 0; j <= k; ++j) {
         column_ = result.plan.col(j) - previous.col(j);
-        outputs_.col(k).noalias() +=
-            problem.response.impulse_response.middleCols((k - j) * m, m) * column_;
+        outputs_.col(k).tail(outputs_.rows() - own).noalias() +=
+            response.impulse_response.middleCols((k - j) * m, m).bottomRows(outputs_.rows() - own) *
+            column_;
+        if (own > 0)
+          outputs_.col(k).head(own).noalias() +=
+              response.jacobian.block(k * own, j * m, own, m) * column_;
       }
     }
   }

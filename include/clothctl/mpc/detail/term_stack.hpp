@@ -5,7 +5,8 @@
 //
 //   e_k = s (Σ_i b_i z_{k-i} - target_k),   b = 1 | 1,-1 | 1,-2,1 | 1,-3,3,-1
 //
-// Frames are k = 1..K. z_0, z_-1 and z_-2 come from measurements.
+// Frames are k = 1..K. z_0, z_-1 and z_-2 come from measurements. Features whose response changes
+// along the window (WindowResponse::jacobian) have rows of their own, e_k = s (y_k - target_k).
 
 #include <array>
 #include <cassert>
@@ -29,14 +30,19 @@ struct OutputTerm {
 template <RealScalar Scalar>
 class TermStack {
  public:
-  /// Makes room for `max_rows` rows. Allocates.
-  void reserve(Index max_rows, Index inputs, Index horizon) {
+  /// Makes room for `max_rows` rows, and for the features. Allocates.
+  void reserve(Index max_rows, Index features, Index inputs, Index horizon) {
     blocks_.setZero(max_rows, inputs * horizon);
+    feature_response_.setZero(inputs * horizon, 3 * features * horizon);
+    feature_residual_.setZero(3 * features, horizon);
     residual_.setZero(max_rows, horizon);
     rows_ = 0;
   }
   /// Removes all rows.
-  void clear() { rows_ = 0; }
+  void clear() {
+    rows_ = 0;
+    has_features_ = false;
+  }
   /// Returns the number of scalar rows.
   Index rows() const { return rows_; }
   /// Returns the response of all rows to the raw inputs, Z_0 .. Z_{K-1} side by side, rows ×
@@ -44,6 +50,23 @@ class TermStack {
   auto blocks() const { return blocks_.topRows(rows_); }
   /// Returns the residuals e_k of all rows at the plan, rows × K.
   auto residual() const { return residual_.topRows(rows_); }
+
+  /// True when the features were added by their Jacobian.
+  bool has_features() const { return has_features_; }
+  /// Returns their responses, (inputs·K) × (3·features·K): column 3 F k + i is the response of row
+  /// i in frame k to all inputs.
+  const MatrixX<Scalar>& feature_response() const { return feature_response_; }
+  /// Returns their residuals e_k at the plan, 3·features × K.
+  const MatrixX<Scalar>& feature_residual() const { return feature_residual_; }
+
+  /// Adds the rows of all features of a window that has their Jacobian. `targets`: 3·features × K,
+  /// m.
+  void add_features(const WindowResponse<Scalar>& window, Scalar scale,
+                    const MatrixX<Scalar>& targets) {
+    has_features_ = true;
+    feature_response_ = scale * window.jacobian.transpose();
+    feature_residual_ = scale * (window.free_response.topRows(targets.rows()) - targets);
+  }
 
   /// Adds the three rows of a point. `past`: z_0, z_-1, z_-2. `order`: number of differences, 0 to
   /// 3. `scale`: s, i.e. √weight, divided by h where the weight is on velocities. `target(k - 1)`:
@@ -95,7 +118,8 @@ class TermStack {
   }
 
  private:
-  MatrixX<Scalar> blocks_, residual_;
+  MatrixX<Scalar> blocks_, residual_, feature_response_, feature_residual_;
+  bool has_features_ = false;
   Index rows_ = 0;
 };
 

@@ -66,7 +66,7 @@ class WindowCost {
     const Index features = problem.feature_count, horizon = problem.settings.horizon;
     Index rows = 3 * features + 12 * grips;
     for (const HeldPatch<Scalar>& p : problem.patches) rows += 9 + 3 * p.affine.count();
-    stack_.reserve(rows, problem.basis.inputs(), horizon);
+    stack_.reserve(rows, features, problem.basis.inputs(), horizon);
     point_.reserve(problem.request.held.size());
     targets_.setZero(3 * features, horizon);
     anchor_targets_.setZero(3 * grips, horizon);
@@ -151,6 +151,10 @@ class WindowCost {
   void add_features(const Problem& problem) {
     using std::sqrt;
     const PlannerSettings<Scalar>& settings = problem.settings;
+    if (problem.response.has_jacobian) {
+      stack_.add_features(problem.response, sqrt(settings.weights.feature), targets_);
+      return;
+    }
     for (Index i = 0; i < problem.feature_count; ++i) {
       point_.assign(1, OutputTerm<Scalar>{i, Scalar(1)});
       stack_.add(problem.response, point_, past_, 0, sqrt(settings.weights.feature),

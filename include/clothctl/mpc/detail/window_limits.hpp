@@ -169,16 +169,23 @@ class WindowLimits {
   /// Adds what the inputs up to frame k do to the limited value through the point `d` frames ago.
   template <class Problem>
   void add_row(const Problem& problem, const Limit& limit, Index d, Index k) {
-    const Index m = problem.request.inputs();
+    const Index m = problem.request.inputs(), own = 3 * problem.feature_count;
+    const WindowResponse<Scalar>& response = problem.response;
     const auto add = [&](const Mean& mean, const Scalar& sign) {
       const Scalar share =
           sign * limit.scale * binomial(limit.order, d) / Scalar(static_cast<double>(mean.count));
       for (Index o = mean.first; o < mean.first + mean.count; ++o) {
         for (Index j = 0; j <= k; ++j) {
-          for (Index c = 0; c < 3; ++c)
-            row_.segment(j * m, m) +=
-                (share * limit.normal[c]) *
-                problem.response.impulse_response.row(3 * o + c).segment((k - j) * m, m);
+          for (Index c = 0; c < 3; ++c) {
+            const Scalar factor = share * limit.normal[c];
+            if (response.has_jacobian && 3 * o < own) {
+              row_.segment(j * m, m) +=
+                  factor * response.jacobian.row(k * own + 3 * o + c).segment(j * m, m);
+            } else {
+              row_.segment(j * m, m) +=
+                  factor * response.impulse_response.row(3 * o + c).segment((k - j) * m, m);
+            }
+          }
         }
       }
     };

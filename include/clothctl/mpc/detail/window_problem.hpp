@@ -98,7 +98,9 @@ bool response_fits(const WindowProblem<Scalar, Contact>& problem) {
   return r.impulse_response.rows() == q.output_rows() &&
          r.impulse_response.cols() == q.inputs() * q.horizon && r.plan.rows() == q.inputs() &&
          r.plan.cols() == q.horizon && r.free_response.rows() == q.output_rows() &&
-         r.free_response.cols() == q.horizon && (r.air.cols() == 0 || r.air.cols() == q.horizon);
+         r.free_response.cols() == q.horizon && (r.air.cols() == 0 || r.air.cols() == q.horizon) &&
+         (!r.has_jacobian || (r.jacobian.rows() == 3 * q.held_outputs * q.horizon &&
+                              r.jacobian.cols() == q.inputs() * q.horizon));
 }
 
 /// Returns the time `k` frames after `t`, s.

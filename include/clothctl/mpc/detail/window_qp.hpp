@@ -115,6 +115,9 @@ class WindowQp {
   void assemble(const Problem& problem, const TermStack<Scalar>& stack,
                 WindowLimits<Scalar>& limits, const PointsView<Scalar>& x) {
     condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
+    if (stack.has_features())
+      condense_jacobian(stack.feature_response(), stack.feature_residual(), raw_hessian_,
+                        raw_gradient_);
     limits.add(problem, raw_hessian_, raw_gradient_);
     add_effort(problem);
     map_gradient(problem);

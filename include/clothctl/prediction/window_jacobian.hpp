@@ -1,0 +1,255 @@
+#pragma once
+
+// How the features respond to the velocities of the held vertices along a rollout: the block
+// ∂y_k/∂u_j of the feature outputs in frame k and the inputs in frame j, for every j <= k. An
+// impulse response does not depend on the time; this does, since a sheet stiffens as it is pulled
+// and softens as it folds.
+//
+// The frames are split in two. Changes of the inputs are pushed from their frame to the end of the
+// first half, derivatives of the outputs are pulled from their frame to the start of the second
+// half. Blocks within a half come on the way. The others are products: with the change X_j of the
+// state at the split by input j, the derivative L_k of output k by that state, and the displacement
+// h that an input keeps its vertex at in all later frames,
+//
+//   ∂y_k/∂u_j = L_k X_j + h Σ_l ∂y_k/∂p_l      j before the split, k and l after it, l <= k
+//
+// With m inputs and p outputs a frame, that costs m s(s+1)/2 pushes and p (K-s)(K-s+1)/2 pulls
+// instead of p K (K+1)/2 pulls; s is the split that costs least. Sixteen are done side by side.
+
+#include <cassert>
+#include <cstddef>
+#include <span>
+#include <utility>
+#include <vector>
+
+#include "clothctl/concepts/executor.hpp"
+#include "clothctl/prediction/window.hpp"
+
+namespace clothctl::inline CLOTHCTL_ABI {
+
+/// Derives rollouts. `Derivative` linearises steps, and pushes and pulls changes through them as
+/// MassSpringDerivative does; `S` is the scalar of the planner.
+template <class Derivative, RealScalar S>
+class WindowJacobian {
+ public:
+  /// The planner's scalar.
+  using Scalar = S;
+
+  /// Makes room for windows of a request whose held vertices `derivative` drives. Allocates.
+  WindowJacobian(Derivative derivative, const WindowRequest<Scalar>& request);
+
+  /// Writes the Jacobian of the rollout through `states` (K + 1 of them) to `out`, (3·features·K) ×
+  /// (inputs·K): row 3 F k + 3 f + c is coordinate c of feature f in frame k, column m j + i is
+  /// input i of frame j (velocity, m/s; m of them). `out` has that size, and zeros where j > k.
+  /// Returns false when a step cannot be linearised; `out` is then of no use. Both halves can run
+  /// on `executor` at the same time, with the same bits. Never allocates, but for the first
+  /// windows.
+  bool evaluate(std::span<const ClothState<Scalar>> states, const WindowRequest<Scalar>& request,
+                ExecutorRef executor, MatrixX<Scalar>& out);
+
+ private:
+  using Inner = typename Derivative::Scalar;
+  static constexpr int kLanes = 16;
+  using Changes = Lanes<Inner, kLanes>;
+
+  /// Sixteen changes or derivatives of the state at the split.
+  struct Lane {
+    Changes x, v;
+    Changes held;  // derivatives with respect to the positions of the held vertices, summed
+  };
+  /// What a half needs, which may run on a thread of its own.
+  struct Half {
+    typename Derivative::template Memory<kLanes> memory;
+    ClothState<Inner> before, after;
+    std::vector<Lane> lanes;
+    Changes held;
+    bool linearised = false;
+  };
+
+  /// Returns the split that costs least.
+  static Index cheapest_split(Index horizon, Index inputs, Index outputs);
+  /// Linearises the step of frame k.
+  bool linearise(Index k, std::span<const ClothState<Scalar>> states,
+                 const WindowRequest<Scalar>& request, Half& half);
+  void push_inputs(const WindowRequest<Scalar>& request, MatrixX<Scalar>& out);
+  void pull_outputs(const WindowRequest<Scalar>& request, MatrixX<Scalar>& out);
+  /// Writes the blocks between the halves.
+  void join(const WindowRequest<Scalar>& request, MatrixX<Scalar>& out);
+
+  Derivative derivative_;
+  Index inputs_, outputs_, horizon_, split_;
+  std::vector<typename Derivative::Step> steps_;
+  Half first_, second_;
+};
+
+template <class Derivative, RealScalar S>
+WindowJacobian<Derivative, S>::WindowJacobian(Derivative derivative,
+                                              const WindowRequest<Scalar>& request)
+    : derivative_(std::move(derivative)),
+      inputs_(request.inputs()),
+      outputs_(3 * request.held_outputs),
+      horizon_(request.horizon),
+      split_(cheapest_split(horizon_, inputs_, outputs_)),
+      steps_(static_cast<std::size_t>(horizon_)) {
+  const Index n = derivative_.vertex_count();
+  const auto prepare = [&](Half& half, Index count) {
+    half.memory = derivative_.template make_memory<kLanes>();
+    half.before.positions.setZero(3, n);
+    half.before.velocities.setZero(3, n);
+    half.after = half.before;
+    half.held.setZero(kLanes, inputs_);
+    const Lane lane{Changes::Zero(kLanes, 3 * n), Changes::Zero(kLanes, 3 * n), half.held};
+    half.lanes.assign(static_cast<std::size_t>((count + kLanes - 1) / kLanes), lane);
+  };
+  prepare(first_, inputs_ * split_);
+  prepare(second_, outputs_ * (horizon_ - split_));
+}
+
+template <class Derivative, RealScalar S>
+Index WindowJacobian<Derivative, S>::cheapest_split(Index horizon, Index inputs, Index outputs) {
+  const auto cost = [&](Index s) {
+    return inputs * s * (s + 1) + outputs * (horizon - s) * (horizon - s + 1);
+  };
+  Index best = 0;
+  for (Index s = 1; s <= horizon; ++s) {
+    if (cost(s) < cost(best)) best = s;
+  }
+  return best;
+}
+
+template <class Derivative, RealScalar S>
+bool WindowJacobian<Derivative, S>::linearise(Index k, std::span<const ClothState<Scalar>> states,
+                                              const WindowRequest<Scalar>& request, Half& half) {
+  const std::size_t i = static_cast<std::size_t>(k);
+  const Vector3<Scalar> origin = states[i].positions.col(0);  // a derivative knows no place
+  const auto cast = [&](const ClothState<Scalar>& from, ClothState<Inner>& to) {
+    for (Index v = 0; v < from.positions.cols(); ++v) {
+      const Vector3<Scalar> local = from.positions.col(v) - origin;
+      to.positions.col(v) = local.template cast<Inner>();
+      to.velocities.col(v) = from.velocities.col(v).template cast<Inner>();
+    }
+  };
+  cast(states[i], half.before);
+  cast(states[i + 1], half.after);
+  const Vector3<Scalar> wind = request.wind.col(k);
+  return derivative_.linearise(half.before, half.after, static_cast<Inner>(request.dt), steps_[i],
+                               half.memory, Inner(1), wind.template cast<Inner>());
+}
+
+template <class Derivative, RealScalar S>
+bool WindowJacobian<Derivative, S>::evaluate(std::span<const ClothState<Scalar>> states,
+                                             const WindowRequest<Scalar>& request,
+                                             ExecutorRef executor, MatrixX<Scalar>& out) {
+  assert(static_cast<Index>(states.size()) == horizon_ + 1 && out.rows() == outputs_ * horizon_ &&
+         out.cols() == inputs_ * horizon_);
+  executor.for_each_block(2, [&](int block) {
+    Half& half = block == 0 ? first_ : second_;
+    const Index end = block == 0 ? split_ : horizon_;
+    half.linearised = true;
+    for (Index k = block == 0 ? 0 : split_; k < end && half.linearised; ++k)
+      half.linearised = linearise(k, states, request, half);
+    if (!half.linearised) return;
+    if (block == 0) {
+      push_inputs(request, out);
+    } else {
+      pull_outputs(request, out);
+    }
+  });
+  if (!first_.linearised || !second_.linearised) return false;
+  join(request, out);
+  return true;
+}
+
+template <class Derivative, RealScalar S>
+void WindowJacobian<Derivative, S>::push_inputs(const WindowRequest<Scalar>& request,
+                                                MatrixX<Scalar>& out) {
+  const Index all = inputs_ * split_;
+  const Inner h = static_cast<Inner>(request.dt);
+  for (std::size_t c = 0; c < first_.lanes.size(); ++c) {
+    Lane& lane = first_.lanes[c];
+    lane.x.setZero();
+    lane.v.setZero();
+    first_.held.setZero();
+    const Index begin = static_cast<Index>(c) * kLanes;
+    const Index end = begin + kLanes < all ? begin + kLanes : all;
+    for (Index k = begin / inputs_; k < split_; ++k) {
+      for (Index g = begin; g < end; ++g) {
+        if (g / inputs_ == k) first_.held(g - begin, g % inputs_) = h;
+      }
+      derivative_.template push<kLanes>(steps_[static_cast<std::size_t>(k)], first_.memory,
+                                        first_.held, lane.x, lane.v);
+      for (Index f = 0; f < request.held_outputs; ++f) {
+        Eigen::Matrix<Inner, kLanes, 3> moved = Eigen::Matrix<Inner, kLanes, 3>::Zero();
+        request.outputs.for_each_term(f, [&](int vertex, const Scalar& weight) {
+          moved += static_cast<Inner>(weight) * lane.x.template middleCols<3>(3 * vertex);
+        });
+        for (Index g = begin; g < end && g / inputs_ <= k; ++g) {
+          for (Index i = 0; i < 3; ++i)
+            out(outputs_ * k + 3 * f + i, g) = static_cast<Scalar>(moved(g - begin, i));
+        }
+      }
+    }
+  }
+}
+
+template <class Derivative, RealScalar S>
+void WindowJacobian<Derivative, S>::pull_outputs(const WindowRequest<Scalar>& request,
+                                                 MatrixX<Scalar>& out) {
+  const Index all = outputs_ * (horizon_ - split_);
+  for (std::size_t c = 0; c < second_.lanes.size(); ++c) {
+    Lane& lane = second_.lanes[c];
+    lane.x.setZero();
+    lane.v.setZero();
+    lane.held.setZero();
+    const Index begin = static_cast<Index>(c) * kLanes;
+    const Index end = begin + kLanes < all ? begin + kLanes : all;
+    for (Index k = horizon_ - 1 - begin / outputs_; k >= split_; --k) {
+      for (Index g = begin; g < end; ++g) {  // outputs of later frames come first
+        if (horizon_ - 1 - g / outputs_ != k) continue;
+        const Index f = g % outputs_;
+        request.outputs.for_each_term(f / 3, [&](int vertex, const Scalar& weight) {
+          lane.x(g - begin, 3 * vertex + f % 3) += static_cast<Inner>(weight);
+        });
+      }
+      derivative_.template pull<kLanes>(steps_[static_cast<std::size_t>(k)], second_.memory, lane.x,
+                                        lane.v, second_.held);
+      lane.held += second_.held;
+      for (Index g = begin; g < end && k <= horizon_ - 1 - g / outputs_; ++g) {
+        const Index row = outputs_ * (horizon_ - 1 - g / outputs_) + g % outputs_;
+        for (Index i = 0; i < inputs_; ++i)
+          out(row, inputs_ * k + i) = request.dt * static_cast<Scalar>(lane.held(g - begin, i));
+      }
+    }
+  }
+}
+
+template <class Derivative, RealScalar S>
+void WindowJacobian<Derivative, S>::join(const WindowRequest<Scalar>& request,
+                                         MatrixX<Scalar>& out) {
+  const Index all_inputs = inputs_ * split_, all_outputs = outputs_ * (horizon_ - split_);
+  using Products = Eigen::Matrix<Inner, kLanes, kLanes>;
+  for (std::size_t b = 0; b < second_.lanes.size(); ++b) {
+    const Lane& from = second_.lanes[b];
+    const Index first_output = static_cast<Index>(b) * kLanes;
+    for (std::size_t a = 0; a < first_.lanes.size(); ++a) {
+      const Lane& to = first_.lanes[a];
+      const Index first_input = static_cast<Index>(a) * kLanes;
+      Products products = Products::Zero();
+      for (Index i = 0; i < from.x.cols(); ++i) {
+        products += from.x.col(i) * to.x.col(i).transpose();
+        products += from.v.col(i) * to.v.col(i).transpose();
+      }
+      for (Index l = 0; l < kLanes && first_output + l < all_outputs; ++l) {
+        const Index g = first_output + l;
+        const Index row = outputs_ * (horizon_ - 1 - g / outputs_) + g % outputs_;
+        for (Index j = 0; j < kLanes && first_input + j < all_inputs; ++j) {
+          const Index column = first_input + j;
+          out(row, column) = static_cast<Scalar>(products(l, j)) +
+                             request.dt * static_cast<Scalar>(from.held(l, column % inputs_));
+        }
+      }
+    }
+  }
+}
+
+}  // namespace clothctl::inline CLOTHCTL_ABI
