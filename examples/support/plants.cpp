@@ -65,10 +65,11 @@ clothctl::RolloutPredictor<Model, Linearised> rolled(Model model, Linearised lin
   return predictor;
 }
 
-/// Weights for predictions that roll out the sheet of a body.
-void damp(const Options& o, const Body& body, clothctl::PlannerSettings<double>& settings) {
+/// Weights for predictions that roll out the sheet of a body. `step`: the weight of that name.
+void damp(const Options& o, const Body& body, double step,
+          clothctl::PlannerSettings<double>& settings) {
   if (o.profile == "paper") return;
-  const clothctl::PlannerSettings<double> calm = clothctl::PlannerSettings<double>::rollout();
+  const auto calm = clothctl::PlannerSettings<double>::rollout(step);
   // What predicts the plant's own mesh needs less of the anchor. Fingers slip, and are late.
   const bool same = is_implicit(o.plant) && !body.coarse && !o.hands;
   settings.weights.anchor = same ? 1.5 : calm.weights.anchor;
@@ -206,7 +207,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
   Linearised linearised(Response(model, response), exact);
   if (!rolls) return sampled(body, std::move(linearised));
-  damp(o, body, settings);
+  damp(o, body, newton ? 0.1 : 0.01, settings);  // what is derived may be damped more
   clothctl::RolloutSettings rollout;
   if (!newton) {  // such a plant takes the model's own step
     rollout.newton_steps = 0;

@@ -1,5 +1,7 @@
 #include "clothctl/prediction/window_jacobian.hpp"
 
+#include <limits>
+
 #include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "support/allocations.hpp"
 #include "support/catch.hpp"
@@ -94,7 +96,7 @@ TEST_CASE("the Jacobian of a window is the limit of differences of rollouts", "[
   // As many inputs as outputs, more, and less; an even and an odd number of frames, and one alone.
   const std::vector<int> corners{0, 5};
   for (const Window& w : {Window({30, 35}, corners, 6), Window({30, 31, 34, 35, 28}, {}, 7),
-                          Window({35}, {0, 1, 2, 3, 4, 5}, 5), Window({30, 35}, corners, 1)}) {
+                          Window({35}, {0, 1, 2, 3, 4, 35}, 5), Window({30, 35}, corners, 1)}) {
     const MatrixX<double> J = w.jacobian();
     for (unsigned seed = 0; seed < 4; ++seed) {
       const MatrixX<double> way = noise<double>(10 + seed, w.request.plan.size(), 1.0)
@@ -124,6 +126,16 @@ TEST_CASE("a moved Jacobian is that of the next window where they overlap", "[pr
   const Index rows = expected.rows() / frames * (frames - 1),
               columns = expected.cols() / frames * (frames - 1);
   CHECK((moved - expected).topLeftCorner(rows, columns).norm() < 1e-9 * expected.norm());
+}
+
+TEST_CASE("a rollout that is not finite has no Jacobian", "[prediction]") {
+  const Window w({30, 35}, {0, 5}, 4);
+  auto states = w.roll_out(w.request.plan);
+  WindowJacobian<MassSpringDerivative<double>, double> window(
+      MassSpringDerivative<double>::create(w.model, w.request.held).value(), w.request);
+  MatrixX<double> out = w.empty();
+  states[3].velocities(1, 7) = std::numeric_limits<double>::infinity();
+  CHECK(!window.evaluate(states, w.request, {}, out));
 }
 
 TEST_CASE("single precision and blocks of neighbours are close to the exact Jacobian",

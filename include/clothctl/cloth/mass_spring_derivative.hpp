@@ -104,6 +104,10 @@ class MassSpringDerivative {
   template <int kLanes = 1>
   Memory<kLanes> make_memory() const;
 
+  /// Makes a step that `linearise` then fills without allocating. Allocates.
+  template <int kLanes>
+  Step make_step(Memory<kLanes>& memory) const;
+
   /// Linearises the step of `dt` (s) that led from `before` to `after`. Allocates when `step` is
   /// new. `compression`: the largest share of the compression part in K, from 0 to 1. Less than 1
   /// is not exact, but smooths over the moments at which a sheet buckles. `wind`: velocity of the
@@ -197,6 +201,19 @@ auto MassSpringDerivative<S>::make_memory() const -> Memory<kLanes> {
   memory.product = memory.work;
   memory.air_force.setZero(3, vertex_count());
   return memory;
+}
+
+template <RealScalar S>
+template <int kLanes>
+auto MassSpringDerivative<S>::make_step(Memory<kLanes>& memory) const -> Step {
+  Step step;
+  step.matrix = pattern_.matrix();
+  const Points<Scalar>& x = model_.network.rest_positions;
+  springs_.write_dampers(x, x, Scalar(1), step.dampers);
+  if (model_.air.enabled())
+    step.air.assign(model_.network.triangles.size(), Matrix3<Scalar>::Zero());
+  memory.factor.exchange(step.factor);
+  return step;
 }
 
 template <RealScalar S>

@@ -156,11 +156,12 @@ struct PlannerSettings {
     return s;
   }
 
-  /// Returns settings for a RolloutPredictor: small, damped corrections.
-  static PlannerSettings rollout() {
+  /// Returns settings for a RolloutPredictor: small, damped corrections. `step`: the weight w_r,
+  /// s²/m². 0.1 is better where the model derives its rollouts (MassSpringRollout).
+  static PlannerSettings rollout(Scalar step = Scalar(0.01)) {
     PlannerSettings s;
     s.weights.jerk = Scalar(0.01);
-    s.weights.step = Scalar(0.01);
+    s.weights.step = step;
     s.max_change = Scalar(0.1);
     return s;
   }

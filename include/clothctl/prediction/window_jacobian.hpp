@@ -41,9 +41,9 @@ class WindowJacobian {
   /// Writes the Jacobian of the rollout through `states` (K + 1 of them) to `out`, (3·features·K) ×
   /// (inputs·K): row 3 F k + 3 f + c is coordinate c of feature f in frame k, column m j + i is
   /// input i of frame j (velocity, m/s; m of them). `out` has that size, and zeros where j > k.
-  /// Returns false when a step cannot be linearised; `out` is then of no use. Both halves can run
-  /// on `executor` at the same time, with the same bits. Never allocates, but for the first
-  /// windows.
+  /// Returns false when a step cannot be linearised or the result is not finite; `out` is then of
+  /// no use. Both halves can run on `executor` at the same time, with the same bits. Never
+  /// allocates.
   bool evaluate(std::span<const ClothState<Scalar>> states, const WindowRequest<Scalar>& request,
                 ExecutorRef executor, MatrixX<Scalar>& out);
 
@@ -89,8 +89,7 @@ WindowJacobian<Derivative, S>::WindowJacobian(Derivative derivative,
       inputs_(request.inputs()),
       outputs_(3 * request.held_outputs),
       horizon_(request.horizon),
-      split_(cheapest_split(horizon_, inputs_, outputs_)),
-      steps_(static_cast<std::size_t>(horizon_)) {
+      split_(cheapest_split(horizon_, inputs_, outputs_)) {
   const Index n = derivative_.vertex_count();
   const auto prepare = [&](Half& half, Index count) {
     half.memory = derivative_.template make_memory<kLanes>();
@@ -103,6 +102,7 @@ WindowJacobian<Derivative, S>::WindowJacobian(Derivative derivative,
   };
   prepare(first_, inputs_ * split_);
   prepare(second_, outputs_ * (horizon_ - split_));
+  for (Index k = 0; k < horizon_; ++k) steps_.push_back(derivative_.make_step(first_.memory));
 }
 
 template <class Derivative, RealScalar S>
@@ -157,7 +157,7 @@ bool WindowJacobian<Derivative, S>::evaluate(std::span<const ClothState<Scalar>>
   });
   if (!first_.linearised || !second_.linearised) return false;
   join(request, out);
-  return true;
+  return all_finite(out);
 }
 
 template <class Derivative, RealScalar S>

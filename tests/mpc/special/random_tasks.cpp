@@ -6,6 +6,7 @@
 #include <cmath>
 #include <vector>
 
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "mpc/instances.hpp"
 #include "support/catch.hpp"
 #include "support/random_bodies.hpp"
@@ -14,9 +15,13 @@
 
 using namespace clothctl;
 using clothctl_test::Draw;
+using clothctl_test::FrozenPredictor;
 using clothctl_test::HangingSheet;
 
 namespace {
+
+// Rollouts along which the response of the features is derived.
+using Derived = RolloutPredictor<MassSpringRollout<double>, FrozenPredictor>;
 
 // A weight: the default, nothing, or any size.
 double weight(Draw& draw, double usual) {
@@ -167,9 +172,12 @@ TEST_CASE("plans of random tasks are finite and within the friction cones", "[mp
     const HangingSheet& sheet = sheets[draw.whole(0, 1)];
     const bool air = draw.chance(0.4);
     const MassSpring<double> model = sheet.model(Integration::Newton, air);
-    clothctl_test::FrozenPredictor frozen{MassSpringResponse<float>(model)};
-    if (draw.chance(0.6)) {
+    FrozenPredictor frozen{MassSpringResponse<float>(model)};
+    if (draw.chance(0.4)) {
       run_task<clothctl_test::FrozenPlanner>(draw, sheet, std::move(frozen), tally);
+    } else if (draw.chance(0.5)) {
+      run_task<Planner<Derived>>(
+          draw, sheet, Derived(MassSpringRollout<double>(model), std::move(frozen)), tally);
     } else {
       run_task<clothctl_test::RollingPlanner>(
           draw, sheet, clothctl_test::RollingPredictor(model, std::move(frozen)), tally);
