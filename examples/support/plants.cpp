@@ -84,7 +84,7 @@ AnyPredictor make_simulator(const Options& o, const Body& body,
   if (!is_implicit(o.plant) && !is_position_based(o.plant))
     refuse("--predictor simulator: the plant " + o.plant + " is no cloth model");
   if (body.coarse) refuse("--predictor simulator: cannot be combined with a coarse --model");
-  damp(o, body, settings);
+  damp(o, body, 0.01, settings);
   const auto simulated = [&](auto model) {
     clothctl::SimulatorPredictor<decltype(model)> predictor(std::move(model));
     if (o.second_thread) predictor.set_executor(clothctl::ExecutorRef(second_thread()));
