@@ -56,7 +56,7 @@ double follow(const Faults& faults) {
   setup.triangles = network.triangles;
   for (int col : {0, last}) setup.features.add_point(grid.vertex(0, col));
   for (int hand : held) setup.grips.push_back(make_pinch<double>({hand}, 0.5, 20.0));
-  PlannerSettings<double> settings = PlannerSettings<double>::rollout(0.1);
+  PlannerSettings<double> settings = PlannerSettings<double>::rollout(0.05);
   settings.input = GripInput::Pose;
   auto planner = Planner<Predicting>::create(
                      setup, settings,

@@ -207,7 +207,7 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
   Linearised linearised(Response(model, response), exact);
   if (!rolls) return sampled(body, std::move(linearised));
-  damp(o, body, newton ? 0.1 : 0.01, settings);  // what is derived may be damped more
+  damp(o, body, newton ? 0.05 : 0.01, settings);  // what is derived may be damped more
   clothctl::RolloutSettings rollout;
   if (!newton) {  // such a plant takes the model's own step
     rollout.newton_steps = 0;

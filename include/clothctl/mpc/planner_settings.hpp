@@ -157,7 +157,7 @@ struct PlannerSettings {
   }
 
   /// Returns settings for a RolloutPredictor: small, damped corrections. `step`: the weight w_r,
-  /// s²/m². 0.1 is better where the model derives its rollouts (MassSpringRollout).
+  /// s²/m². 0.05 is better where the model derives its rollouts (MassSpringRollout).
   static PlannerSettings rollout(Scalar step = Scalar(0.01)) {
     PlannerSettings s;
     s.weights.jerk = Scalar(0.01);
