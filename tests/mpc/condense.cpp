@@ -60,3 +60,28 @@ TEST_CASE("a window without rows condenses to zero", "[mpc]") {
   CHECK(hessian.norm() == 0.0);
   CHECK(gradient.norm() == 0.0);
 }
+
+TEST_CASE("a response that changes along the window is condensed as a large matrix", "[mpc]") {
+  std::mt19937 random(12);
+  for (const Index horizon : {1, 2, 7}) {
+    for (const Index inputs : {3, 6}) {
+      const Index rows = 6;
+      MatrixX<double> J = random_matrix<double>(rows * horizon, inputs * horizon, random);
+      for (Index k = 0; k < horizon; ++k)
+        J.middleRows(rows * k, rows).rightCols(inputs * (horizon - k - 1)).setZero();
+      const MatrixX<double> residual = random_matrix<double>(rows, horizon, random);
+      MatrixX<double> hessian = random_matrix<double>(J.cols(), J.cols(), random);
+      hessian = (hessian + hessian.transpose()).eval();
+      VectorX<double> gradient = random_matrix<double>(J.cols(), 1, random);
+      const MatrixX<double> expected = hessian + J.transpose() * J;
+      const VectorX<double> slope = gradient + J.transpose() * residual.reshaped();
+      const MatrixX<double> response = J.transpose();
+      const long before = clothctl_test::allocations();
+      detail::condense_jacobian<double>(response, residual, hessian, gradient);
+      CHECK(
+          (clothctl_test::allocations() == before || !clothctl_test::allocation_counting_works()));
+      CHECK((hessian - expected).norm() < 1e-13 * expected.norm());
+      CHECK((gradient - slope).norm() < 1e-13 * slope.norm());
+    }
+  }
+}

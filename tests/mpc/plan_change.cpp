@@ -128,3 +128,20 @@ TEST_CASE("a jump of the first frame alone is too large", "[mpc]") {
     CHECK(std::abs(c.change.outputs()(last, k) - c.change.outputs()(last, k - 1)) <= 1e-12);
   CHECK(c.change.too_large(c.window.problem, true));
 }
+
+TEST_CASE("features with a Jacobian change by it, other outputs by the impulse response", "[mpc]") {
+  Changed c(small_settings(GripInput::Pose));
+  auto& problem = c.window.problem;
+  const Index p = 3 * problem.feature_count, m = problem.request.inputs();
+  problem.response.has_jacobian = true;
+  problem.response.jacobian = MatrixX<double>::Random(p * kWindow, m * kWindow);
+  for (Index k = 0; k < kWindow; ++k)
+    problem.response.jacobian.middleRows(p * k, p).rightCols(m * (kWindow - k - 1)).setZero();
+  c.take(true);
+  const MatrixX<double> convolved = c.convolved();
+  const VectorX<double> change = (c.result.plan - problem.response.plan).reshaped();
+  const VectorX<double> expected = problem.response.jacobian * change;
+  CHECK((c.change.outputs().topRows(p).reshaped() - expected).norm() < 1e-12 * expected.norm());
+  CHECK((c.change.outputs() - convolved).bottomRows(convolved.rows() - p).norm() <
+        1e-12 * convolved.norm());
+}

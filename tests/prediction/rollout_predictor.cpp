@@ -4,7 +4,9 @@
 #include "clothctl/prediction/rollout_predictor.hpp"
 
 #include <array>
+#include <vector>
 
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "laws/predictor_laws.hpp"
 #include "mpc/planner_loops.hpp"
 #include "prediction/window_requests.hpp"
@@ -28,6 +30,15 @@ using Rolling = RolloutPredictor<MassSpring<double>, Exact>;
 Rolling rolling(const MassSpring<double>& model, int newton_steps) {
   return Rolling(model, Exact(MassSpringResponse<double>(model)),
                  RolloutSettings{newton_steps, 0.0});
+}
+
+// Rollouts along which the response of the features is derived.
+using Derived = RolloutPredictor<MassSpringRollout<double>, Exact>;
+using Precise = RolloutPredictor<MassSpringRollout<double, double>, Exact>;
+
+Derived derived(const MassSpring<double>& model, const RolloutSettings& settings) {
+  return Derived(MassSpringRollout<double>(model), Exact(MassSpringResponse<double>(model)),
+                 settings);
 }
 
 }  // namespace
@@ -121,6 +132,137 @@ TEST_CASE("a rollout prediction has the same bits with every executor", "[mpc]")
     }
   }
   CHECK(threads.loops == 5);  // not in the first frame of forces, whose path the inner one gives
+}
+
+TEST_CASE("a derived rollout has the same bits with every executor", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::Newton, true);
+  clothctl_test::ThreadExecutor threads;
+  clothctl_test::BackwardExecutor backward;
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
+    request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.02);
+    request.has_path = true;
+    std::array<WindowResponse<double>, 3> responses;
+    for (std::size_t i = 0; i < 3; ++i) {
+      Derived predictor = derived(model, {});
+      if (i == 1) predictor.set_executor(ExecutorRef(threads));
+      if (i == 2) predictor.set_executor(ExecutorRef(backward));
+      predictor.reserve(request, responses[i]);
+      for (int frame = 0; frame < 3; ++frame) {
+        responses[i].plan = request.plan;
+        REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request,
+                                  responses[i]));
+        REQUIRE(responses[i].has_jacobian);
+      }
+      CHECK(responses[i].jacobian == responses[0].jacobian);
+      CHECK(responses[i].free_response == responses[0].free_response);
+      CHECK(responses[i].air == responses[0].air);
+    }
+  }
+}
+
+TEST_CASE("features respond as the derived rollout says", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 60);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
+    request.path = 0.1 * MatrixX<double>::Random(request.inputs(), request.horizon);
+    request.has_path = true;
+    RolloutSettings settings{30, 0.0, 30};
+    settings.derivative_interval = 1;
+    Precise predictor(MassSpringRollout<double, double>(model, {{}, true}),
+                      Exact(MassSpringResponse<double>(model)), settings);
+    WindowResponse<double> response;
+    predictor.reserve(request, response);
+    const auto predict = [&](const WindowRequest<double>& asked) {
+      for (int repeat = 0; repeat < 2; ++repeat) {  // the second converges
+        response.plan = asked.plan;
+        REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, asked, response));
+      }
+      return response;
+    };
+    const WindowResponse<double> found = predict(request);
+    REQUIRE(found.has_jacobian);
+    const Index m = request.inputs(), rows = 3 * request.held_outputs;
+    const MatrixX<double> change = MatrixX<double>::Random(m, request.horizon);
+    // How the hands move: by planned velocities, or as the impulse response says by forces.
+    MatrixX<double> motion = change;
+    if (kind == GripInput::Force) {
+      MatrixX<double> moved = MatrixX<double>::Zero(m, request.horizon);
+      for (Index k = 0; k < request.horizon; ++k) {
+        for (Index j = 0; j <= k; ++j)
+          moved.col(k) += found.impulse_response.block(rows, (k - j) * m, m, m) * change.col(j);
+      }
+      motion = moved / request.dt;
+      for (Index k = 1; k < request.horizon; ++k) motion.col(k) -= moved.col(k - 1) / request.dt;
+    }
+    const double e = 1e-6 / motion.cwiseAbs().maxCoeff();
+    WindowRequest<double> ahead = request, behind = request;
+    (kind == GripInput::Force ? ahead.path : ahead.plan) += e * motion;
+    (kind == GripInput::Force ? behind.path : behind.plan) -= e * motion;
+    const MatrixX<double> forth = predict(ahead).free_response.topRows(rows);
+    const MatrixX<double> back = predict(behind).free_response.topRows(rows);
+    const VectorX<double> expected = ((forth - back) / (2 * e)).reshaped();
+    CAPTURE(kind == GripInput::Force, expected.norm());
+    CHECK((found.jacobian * change.reshaped() - expected).norm() < 1e-4 * expected.norm());
+  }
+}
+
+TEST_CASE("a derivation serves for as many frames as are set", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  const WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 5);
+  const auto jacobians = [&](int interval, bool reset) {
+    RolloutSettings settings;
+    settings.derivative_interval = interval;
+    Derived predictor = derived(model, settings);
+    WindowResponse<double> response;
+    predictor.reserve(request, response);
+    std::vector<MatrixX<double>> out;
+    for (int frame = 0; frame < 4; ++frame) {
+      if (reset && frame == 1) predictor.reset();
+      response.plan = request.plan;
+      REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
+      CHECK(response.has_jacobian == (interval > 0));
+      out.push_back(response.jacobian);
+    }
+    return out;
+  };
+  const auto each = jacobians(1, false), third = jacobians(3, false), again = jacobians(3, true);
+  MatrixX<double> moved = each[0];
+  CHECK(third[0] == each[0]);
+  shift_jacobian(request.horizon, moved);
+  CHECK(third[1] == moved);
+  shift_jacobian(request.horizon, moved);
+  CHECK(third[2] == moved);
+  CHECK(third[3] == each[3]);
+  CHECK(again[1] == each[0]);
+  jacobians(0, false);
+}
+
+TEST_CASE("where a rollout fails, the prediction is the inner one", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  const WindowRequest<double> request = swaying_hands(sheet, GripInput::Pose, 5);
+  LinearisedPredictorSettings<double> measured;
+  measured.measured_force = 1;  // what a second prediction in a frame would spoil
+  const Exact inner(MassSpringResponse<double>(model), measured);
+  Derived predictor(MassSpringRollout<double>(model), inner);
+  Exact alone = inner;
+  WindowResponse<double> a, b;
+  predictor.reserve(request, a);
+  alone.reserve(request, b);
+  Points<double> v = sheet.state.velocities;
+  for (int frame = 0; frame < 3; ++frame) {
+    if (frame == 2) v(1, 7) = 1e30;  // too fast for single precision
+    a.plan = b.plan = request.plan;
+    REQUIRE(predictor.predict(sheet.state.positions, v, request, a));
+    REQUIRE(alone.predict(sheet.state.positions, v, request, b));
+    CHECK(a.has_jacobian == (frame < 2));
+  }
+  CHECK(a.impulse_response == b.impulse_response);
+  CHECK(a.free_response == b.free_response);
 }
 
 TEST_CASE("rollout predictions obey the laws of predictors", "[mpc]") {

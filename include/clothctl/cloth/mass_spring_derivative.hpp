@@ -8,8 +8,8 @@
 // (symbols: mass_spring.hpp). On the driven rows x⁺ = p and v⁺ = (p - x)/h. With
 // A = (1 + h α) M + h (D + C) + h² K and K at x⁺, the part under compression included,
 //
-//   A δv⁺ = M δv + (1/h + α) M δx - A w/h + (D + C - h G) δx     on the free rows
-//   w = δx on free rows, δp on driven ones;    G δx = δ(D(x)) v⁺
+//   A δv⁺ = M δv + (1/h + α) M δx - A w/h + (D + C - h G) δx     on the free rows, with the free
+//   w = δx on free rows, δp on driven ones;    G δx = δ(D(x)) v⁺     columns of A on the left
 //
 // For a damper d along n between a and b of distance l, with u = v⁺_a - v⁺_b and P = I - n nᵀ,
 //
@@ -22,7 +22,9 @@
 // - steps after which A with the exact K is not definite, as at the moment of a buckle: K has then
 //   less of its compression part (as in Newton's method), `Step::compression` says how much;
 // - springs whose ends coincide, and velocities that `limit_energy` scales down;
-// - air: its matrices C depend on the state, which is not derived here. `create` refuses it.
+// - air: its matrices C depend on the state, which is not derived here. `create` refuses it;
+// - rollouts (MassSpringRollout::make_derivative): what carries vertices is a constant force, and
+//   bending may have the blocks of neighbours alone.
 
 #include <array>
 #include <cassert>
@@ -53,7 +55,7 @@ struct DerivedModel {
 
 }  // namespace detail
 
-/// Linearises converged steps of one model. Each thread needs a memory of its own.
+/// Linearises converged steps of one model. Each thread needs a memory and steps of its own.
 template <RealScalar S>
 class MassSpringDerivative {
  public:
@@ -92,7 +94,8 @@ class MassSpringDerivative {
   static Result<MassSpringDerivative> create(const MassSpring<Scalar>& model,
                                              std::vector<int> driven);
 
-  /// The derivative for another model of the library, which has checked its arguments.
+  /// The derivative for another model of the library. Allocates. Fails when a vertex is off the
+  /// mesh (assert).
   MassSpringDerivative(detail::DerivedModel<Scalar> model, std::vector<int> driven);
 
   /// Returns the number of vertices.
@@ -112,7 +115,8 @@ class MassSpringDerivative {
   /// new. `compression`: the largest share of the compression part in K, from 0 to 1. Less than 1
   /// is not exact, but smooths over the moments at which a sheet buckles. `wind`: velocity of the
   /// air, m/s. Returns false when a state has another size or is not finite, `dt` is not positive,
-  /// or no step matrix is definite; `step` must then not be used. Complexity: one factorisation.
+  /// or no step matrix is definite; `step` must then not be used. Complexity: one factorisation, up
+  /// to four where the exact matrix is not definite.
   template <int kLanes>
   [[nodiscard]] bool linearise(const ClothState<Scalar>& before, const ClothState<Scalar>& after,
                                Scalar dt, Step& step, Memory<kLanes>& memory,
@@ -121,7 +125,8 @@ class MassSpringDerivative {
 
   /// Replaces changes of the state before a step, `dx` (m) and `dv` (m/s), by those after it, for
   /// changes `dp` of the driven positions (kLanes×3·driven, m). `dx` and `dv`: kLanes×3n,
-  /// coordinate c of vertex i in column 3i+c. Never allocates. Fails when a size is wrong (assert).
+  /// coordinate c of vertex i in column 3i+c. Never allocates. Fails when a size is wrong or `step`
+  /// was not linearised (assert).
   /// Complexity: two solves with a triangular factor.
   template <int kLanes>
   void push(Step& step, Memory<kLanes>& memory, const Lanes<Scalar, kLanes>& dp,
@@ -188,6 +193,7 @@ MassSpringDerivative<S>::MassSpringDerivative(detail::DerivedModel<Scalar> model
                }),
       tree_(nested_dissection<Scalar>(pattern_.matrix(), model_.network.rest_positions)) {
   held_.assign(static_cast<std::size_t>(vertex_count()), 0);
+  for ([[maybe_unused]] const int v : driven_) assert(0 <= v && v < vertex_count());
   for (const int v : model_.pinned) held_[static_cast<std::size_t>(v)] = 1;
   for (const int v : driven_) held_[static_cast<std::size_t>(v)] = 1;
 }
@@ -232,6 +238,7 @@ bool MassSpringDerivative<S>::linearise(const ClothState<Scalar>& before,
   step.dt = dt;
   springs_.write_dampers(before.positions, after.velocities, dt, step.dampers);
   if (model_.air.enabled()) {
+    memory.air_force.setZero();
     step.air.resize(model_.network.triangles.size(), Matrix3<Scalar>::Zero());
     detail::freeze_air<Scalar>(model_.network, before.positions, before.velocities, wind,
                                model_.air, step.air, memory.air_force);
@@ -291,7 +298,7 @@ void MassSpringDerivative<S>::push(Step& step, Memory<kLanes>& memory,
                                    const Lanes<Scalar, kLanes>& dp, Lanes<Scalar, kLanes>& dx,
                                    Lanes<Scalar, kLanes>& dv) const {
   assert(dx.cols() == 3 * vertex_count() && dv.cols() == 3 * vertex_count());
-  assert(dp.cols() == 3 * static_cast<Index>(driven_.size()));
+  assert(dp.cols() == 3 * static_cast<Index>(driven_.size()) && Scalar(0) < step.dt);
   const Scalar h = step.dt, inertia = Scalar(1) / h + model_.drag;
   Lanes<Scalar, kLanes>&w = memory.work, &rhs = memory.product;
   w = dx;
@@ -320,7 +327,7 @@ template <int kLanes>
 void MassSpringDerivative<S>::pull(Step& step, Memory<kLanes>& memory, Lanes<Scalar, kLanes>& gx,
                                    Lanes<Scalar, kLanes>& gv, Lanes<Scalar, kLanes>& gp) const {
   assert(gx.cols() == 3 * vertex_count() && gv.cols() == 3 * vertex_count());
-  assert(gp.cols() == 3 * static_cast<Index>(driven_.size()));
+  assert(gp.cols() == 3 * static_cast<Index>(driven_.size()) && Scalar(0) < step.dt);
   const Scalar h = step.dt, inertia = Scalar(1) / h + model_.drag;
   Lanes<Scalar, kLanes>&z = memory.work, &product = memory.product;
   z = gv + h * gx;

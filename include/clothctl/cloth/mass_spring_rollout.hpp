@@ -173,7 +173,8 @@ class MassSpringRollout {
   }
 
   /// Makes the derivative of this model's steps, as if they had converged, with `driven` vertices
-  /// moved in every step. Its bending has the blocks of the step's matrix. Allocates.
+  /// moved in every step. Its bending has the blocks of the step's matrix, and supports are
+  /// constant forces. Allocates. Fails when a vertex is off the mesh (assert).
   MassSpringDerivative<Inner> make_derivative(std::vector<int> driven) const {
     const CoarseFactors& factors = settings_.factors;
     return MassSpringDerivative<Inner>(

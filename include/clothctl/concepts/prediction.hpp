@@ -152,14 +152,25 @@ struct predictor_traits : detail::scalar_of<P> {
                       Response& response) {
     return predictor.predict(x, v, request, response);
   }
-  /// Writes no more than `WindowResponse::air` of a prediction. Optional.
+  /// `predict` in two parts: the first writes `WindowResponse::air`, the second, which may be left
+  /// out, all the rest. Optional.
   template <class Positions, class Request, class Response>
   requires requires(P& p, const Positions& x, const Request& q, Response& r) {
     { p.predict_air(x, x, q, r) } -> std::convertible_to<bool>;
+    p.predict_rest(x, q, r);
   }
   static bool predict_air(P& predictor, const Positions& x, const Positions& v,
                           const Request& request, Response& response) {
     return predictor.predict_air(x, v, request, response);
+  }
+  /// The second part.
+  template <class Positions, class Request, class Response>
+  requires requires(P& p, const Positions& x, const Request& q, Response& r) {
+    p.predict_rest(x, q, r);
+  }
+  static void predict_rest(P& predictor, const Positions& x, const Request& request,
+                           Response& response) {
+    predictor.predict_rest(x, request, response);
   }
   /// Forgets everything that the predictor kept from earlier predictions.
   static void reset(P& predictor) requires requires { predictor.reset(); }
@@ -184,7 +195,8 @@ struct predictor_traits : detail::scalar_of<P> {
 /// frame; a response of another size than `reserve` made is refused by the planner.
 ///
 /// Optional hooks: `vertex_count(predictor)`, checked against the sheet where it exists;
-/// `predict_air(predictor, x, v, request, response)`, which makes rollouts of poses faster;
+/// `predict_air(predictor, x, v, request, response)` and `predict_rest(predictor, x, request,
+/// response)`, which make rollouts of poses faster;
 /// `predicts(predictor, kind)`, without which a predictor is taken to predict every kind of input.
 template <class P, class Request, class Response>
 concept Predictor = requires {

@@ -87,11 +87,17 @@ class LinearisedPredictor {
   /// when sizes do not fit or the step matrix is not positive definite. Never allocates after
   /// `reserve`. Complexity: one factorisation and K·⌈3·outputs/lanes⌉ solves.
   bool predict(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request,
-               WindowResponse<S>& response);
-
-  /// The part of `predict` that goes to `response.air`. Fails as `predict` does.
+               WindowResponse<S>& response) {
+    if (!predict_air(x, v, request, response)) return false;
+    predict_rest(x, request, response);
+    return true;
+  }
+  /// The first part of `predict`: linearises, and writes `response.air`. Fails as `predict` does.
   bool predict_air(const PointsView<S>& x, const PointsView<S>& v, const WindowRequest<S>& request,
                    WindowResponse<S>& response);
+  /// The second part, which may be left out: the rest of the response. Never allocates.
+  void predict_rest(const PointsView<S>& x, const WindowRequest<S>& request,
+                    WindowResponse<S>& response);
 
   /// Returns the number of vertices of the sheet.
   Index vertex_count() const { return Traits::vertex_count(response_); }
@@ -126,25 +132,19 @@ class LinearisedPredictor {
   /// response at the measured outputs.
   void start_lanes(Index first, Index used, const PointsView<S>& x, const WindowRequest<S>& request,
                    WindowResponse<S>& response);
-
   /// Writes T_m of the lanes' rows, and sums K z for the next frames.
   void read_impulse_response(Index m, Index first, Index used, const WindowRequest<S>& request,
                              WindowResponse<S>& response);
-
   /// Computes the step responses of the output rows first .. first + kLanes - 1.
   void run_lanes(Index first, const PointsView<S>& x, const WindowRequest<S>& request,
                  WindowResponse<S>& response);
-
   /// stiff = K w, coupled = R w.
   void multiply(Inner dt);
-
   /// Adds the direct part of outputs that contain a prescribed vertex: they move with it at once,
   /// T_m += h weight for every m.
   void add_direct(Index first, Index used, const WindowRequest<S>& request,
                   WindowResponse<S>& response) const;
-
   void gather_gust(Index m, Index used);
-
   /// Adds wind that differs from that of the first frame: y_k += h Σ_j (zᵀ_{k-j} C) (w_j - w_1).
   void add_gusts(Index first, Index used, const WindowRequest<S>& request,
                  WindowResponse<S>& response) const;
@@ -195,15 +195,13 @@ void LinearisedPredictor<Response, S>::reserve(const WindowRequest<S>& request,
 }
 
 template <StepResponse Response, RealScalar S>
-bool LinearisedPredictor<Response, S>::predict(const PointsView<S>& x, const PointsView<S>& v,
-                                               const WindowRequest<S>& request,
-                                               WindowResponse<S>& response) {
-  if (!predict_air(x, v, request, response)) return false;
+void LinearisedPredictor<Response, S>::predict_rest(const PointsView<S>& x,
+                                                    const WindowRequest<S>& request,
+                                                    WindowResponse<S>& response) {
   for (Index first = 0; first < request.output_rows(); first += kLanes)
     run_lanes(first, x, request, response);
   add_plan(request.plan, response);
   response.plan = request.plan;
-  return true;
 }
 
 template <StepResponse Response, RealScalar S>

@@ -92,7 +92,8 @@ struct RolloutJacobian<Model, Scalar> {
 }  // namespace detail
 
 /// Predicts the free response by a rollout of `Model`: a MassSpring, or another ClothModel that has
-/// `step_from` and `holding_forces` too. `Inner` supplies the impulse response.
+/// `step_from` and `holding_forces` too. `Inner` supplies the impulse response, of the features
+/// only where the rollout is not derived.
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 class RolloutPredictor {
@@ -125,6 +126,7 @@ class RolloutPredictor {
   /// Forgets earlier rollouts. Call it after the plant jumped.
   void reset() {
     fresh_ = true;
+    known_ = false;
     age_ = 0;
     predictor_traits<Inner>::reset(inner_);
   }
@@ -132,7 +134,16 @@ class RolloutPredictor {
  private:
   using Traits = cloth_rollout_traits<Model>;
   static constexpr bool kDerives = detail::DerivableRollout<Model>;
+  static constexpr bool kParts =
+      requires(Inner & inner, const PointsView<Scalar>& x, const WindowRequest<Scalar>& request,
+               WindowResponse<Scalar>& response) {
+    predictor_traits<Inner>::predict_air(inner, x, x, request, response);
+    predictor_traits<Inner>::predict_rest(inner, x, request, response);
+  };
 
+  /// Sets the start of the rollout and its forces, and moves the guesses of the last one on.
+  void start(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
+             const WindowRequest<Scalar>& request, const WindowResponse<Scalar>& response);
   /// Predicts by the inner predictor, or if `brief` and it can, only what the air does.
   bool ask_inner(bool brief, const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                  const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
@@ -199,12 +210,11 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   for (Index i = 0; i < count; ++i) input_.force_vertices.push_back(static_cast<int>(i));
   free_ = response.free_response;
   plan_.setZero(request.inputs(), request.horizon);
-  response.has_jacobian = false;
-  response.jacobian.resize(0, 0);
   age_ = 0;
   known_ = false;
   if constexpr (kDerives) {
     if (settings_.derivative_interval == 0) return;
+    response.has_jacobian = false;
     derived_.emplace(Traits::make_derivative(model_, request.held), request);
     states_.assign(frames + 1, state_);
     jacobian_.setZero(3 * request.held_outputs * request.horizon,
@@ -216,13 +226,9 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
 
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
-bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
-                                             const PointsView<Scalar>& v,
-                                             const WindowRequest<Scalar>& request,
-                                             WindowResponse<Scalar>& response) {
-  if (x.cols() != vertex_count() || v.cols() != vertex_count() ||
-      !request.supports_fit(vertex_count()))
-    return false;
+void RolloutPredictor<Model, Inner>::start(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
+                                           const WindowRequest<Scalar>& request,
+                                           const WindowResponse<Scalar>& response) {
   state_.positions = x;
   state_.velocities = v;
   request.write_outer_force(input_.forces);
@@ -240,8 +246,22 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     age_ = 0;
     states_[0] = state_;
   }
+}
+
+template <class Model, class Inner>
+requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
+bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
+                                             const PointsView<Scalar>& v,
+                                             const WindowRequest<Scalar>& request,
+                                             WindowResponse<Scalar>& response) {
+  if (x.cols() != vertex_count() || v.cols() != vertex_count() ||
+      !request.supports_fit(vertex_count())) {
+    age_ = 0;  // the window moves on without this
+    return false;
+  }
+  start(x, v, request, response);
   // Where the features have a Jacobian, poses need nothing but the air of the inner predictor.
-  const bool brief = known_ && derived_ && request.kind == GripInput::Pose;
+  const bool brief = kParts && known_ && derived_ && request.kind == GripInput::Pose;
   bool predicted = false, rolled = false;
   const auto predict_inner = [&] { predicted = ask_inner(brief, x, v, request, response); };
   if (request.kind == GripInput::Force && !request.has_path) {
@@ -254,21 +274,24 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     });
   }
   fresh_ = !rolled;
-  response.has_jacobian = false;
+  if (derived_) response.has_jacobian = false;
   if (predicted && rolled) {
     response.free_response = free_;
     response.plan = plan_;
-    response.has_jacobian = derive(request);
-    if (response.has_jacobian) write_jacobian(request, response);
+    if (derived_ && derive(request)) {
+      write_jacobian(request, response);
+      response.has_jacobian = true;
+    }
   } else {
     age_ = 0;
   }
-  if (brief && predicted && !response.has_jacobian) {
-    response.plan = request.plan;
-    predicted = ask_inner(false, x, v, request, response);
-    if (predicted && rolled) response.free_response = free_;
+  if constexpr (kParts) {
+    if (brief && predicted && !response.has_jacobian) {
+      predictor_traits<Inner>::predict_rest(inner_, x, request, response);
+      if (rolled) response.free_response = free_;
+    }
   }
-  known_ = known_ || predicted;
+  if (!brief) known_ = predicted;
   return predicted;
 }
 
@@ -278,9 +301,7 @@ bool RolloutPredictor<Model, Inner>::ask_inner(bool brief, const PointsView<Scal
                                                const PointsView<Scalar>& v,
                                                const WindowRequest<Scalar>& request,
                                                WindowResponse<Scalar>& response) {
-  if constexpr (requires {
-                  predictor_traits<Inner>::predict_air(inner_, x, v, request, response);
-                }) {
+  if constexpr (kParts) {
     if (brief) return predictor_traits<Inner>::predict_air(inner_, x, v, request, response);
   }
   return predictor_traits<Inner>::predict(inner_, x, v, request, response);

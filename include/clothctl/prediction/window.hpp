@@ -7,7 +7,7 @@
 // y_k are the predicted points at the end of frame k: features, then held vertices. u_k are the raw
 // inputs of frame k, three for each held vertex: its force (N) or its velocity (m/s). ū is the plan
 // at which the free response was computed. The impulse response T is Toeplitz in time: it depends
-// only on k - j.
+// only on k - j. Features may respond frame by frame instead, by a Jacobian.
 
 #include <vector>
 

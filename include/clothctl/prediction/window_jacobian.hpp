@@ -236,8 +236,8 @@ void WindowJacobian<Derivative, S>::join(const WindowRequest<Scalar>& request,
       const Index first_input = static_cast<Index>(a) * kLanes;
       Products products = Products::Zero();
       for (Index i = 0; i < from.x.cols(); ++i) {
-        products += from.x.col(i) * to.x.col(i).transpose();
-        products += from.v.col(i) * to.v.col(i).transpose();
+        products.noalias() += from.x.col(i) * to.x.col(i).transpose();
+        products.noalias() += from.v.col(i) * to.v.col(i).transpose();
       }
       for (Index l = 0; l < kLanes && first_output + l < all_outputs; ++l) {
         const Index g = first_output + l;
