@@ -55,6 +55,12 @@ elseif(KIND STREQUAL "precompiled")
       -DCMAKE_CXX_COMPILER=${COMPILER} -DEigen3_DIR=${EIGEN_DIR} -DCLOTHCTL_PRECOMPILED=ON
       -DCLOTHCTL_BUILD_TESTS=OFF -DCLOTHCTL_BUILD_EXAMPLES=OFF -DCLOTHCTL_BUILD_BENCH=OFF)
   if(LIBRARY)
+    # That it would be built with all else is checked without compiling.
+    execute_process(COMMAND ${CMAKE_COMMAND} --build ${WORK_DIR}/library -- -n
+                    OUTPUT_VARIABLE commands RESULT_VARIABLE code)
+    if(NOT code EQUAL 0 OR NOT commands MATCHES "libclothctl_precompiledd")
+      message(FATAL_ERROR "package precompiled: the library is not part of the build:\n${commands}")
+    endif()
     set(library ${WORK_DIR}/library/libclothctl_precompiledd.a)
     file(COPY_FILE ${LIBRARY} ${library})
     run(${AR} d ${library} instances.cpp.o)

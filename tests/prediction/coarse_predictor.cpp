@@ -109,6 +109,61 @@ TEST_CASE("on its own mesh, features respond as the inner prediction says frame 
   }
 }
 
+TEST_CASE("held vertices share the response to their coarse vertex", "[mpc]") {
+  const HangingSheet fine = sheet_of(13), coarse = sheet_of(4);
+  const SheetSampling<double> sampling = sample_grids(fine.grid, coarse.grid);
+  const MassSpring<double> model = coarse.model(Integration::Newton);
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    // The four vertices at a corner stand for one coarse vertex.
+    WindowRequest<double> request = request_for(fine, kind, 2, 5);
+    CoarsePredictor<Fast> predictor(
+        sampling, Fast(MassSpringRollout<double>(model), Frozen(MassSpringResponse<float>(model))));
+    WindowResponse<double> response;
+    predictor.reserve(request, response);
+    response.plan = request.plan;
+    REQUIRE(predictor.predict(fine.state.positions, fine.state.velocities, request, response));
+    REQUIRE(response.has_jacobian);
+    WindowRequest<double> single = request_for(coarse, kind, 1, 5);
+    single.outputs = {};
+    for (Index i = 0; i < request.held_outputs; ++i) {
+      std::vector<PointFeatures<double>::Term> terms;
+      request.outputs.for_each_term(i, [&](int vertex, const double& weight) {
+        sampling.fine_from_coarse.for_each_term(vertex, [&](int c, const double& part) {
+          terms.push_back({c, weight * part});
+        });
+      });
+      single.outputs.add_sum(std::move(terms));
+    }
+    for (const int v : single.held) single.outputs.add_point(v);
+    // As the hands move, or as the forces of all vertices of a coarse one together.
+    const double count = static_cast<double>(request.held.size() / single.held.size());
+    for (Index j = 0; j < 2; ++j) {
+      single.plan.middleRows<3>(3 * j).setZero();
+      for (Index i = 0; i < static_cast<Index>(count); ++i)
+        single.plan.middleRows<3>(3 * j) +=
+            request.plan.middleRows<3>(3 * (static_cast<Index>(count) * j + i)) /
+            (kind == GripInput::Pose ? count : 1.0);
+    }
+    Points<double> x(3, coarse.state.positions.cols()), v = x;
+    evaluate_features<double>(sampling.coarse_from_fine, fine.state.positions, x);
+    evaluate_features<double>(sampling.coarse_from_fine, fine.state.velocities, v);
+    Fast inner{MassSpringRollout<double>(model), Frozen(MassSpringResponse<float>(model))};
+    WindowResponse<double> expected;
+    inner.reserve(single, expected);
+    expected.plan = single.plan;
+    REQUIRE(inner.predict(x, v, single, expected));
+    const double share = kind == GripInput::Pose ? 1 / count : 1.0;
+    for (Index k = 0; k < request.horizon; ++k) {
+      for (Index i = 0; 3 * i < request.inputs(); ++i) {
+        const Index from = i / static_cast<Index>(count);
+        const auto found = response.jacobian.middleCols<3>(k * request.inputs() + 3 * i);
+        const auto wanted = expected.jacobian.middleCols<3>(k * single.inputs() + 3 * from);
+        CHECK((found - share * wanted).norm() < 1e-6 * largest(expected.jacobian));
+      }
+    }
+  }
+}
+
 TEST_CASE("a coarse sheet carries its share of every support", "[mpc]") {
   const HangingSheet fine = sheet_of(9), coarse = sheet_of(4);
   WindowRequest<double> carried = request_for(fine, GripInput::Pose, 1, 6), pushed = carried;

@@ -41,6 +41,38 @@ Derived derived(const MassSpring<double>& model, const RolloutSettings& settings
                  settings);
 }
 
+// Predicts three frames of both kinds on one thread, on two, and with the blocks in reverse.
+// Returns how many loops the threads ran. `derives`: whether each prediction has a Jacobian.
+template <class Make>
+int threaded_loops(const HangingSheet& sheet, bool derives, const Make& make) {
+  clothctl_test::ThreadExecutor threads;
+  clothctl_test::BackwardExecutor backward;
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
+    request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.02);
+    std::array<WindowResponse<double>, 3> responses;
+    for (std::size_t i = 0; i < 3; ++i) {
+      auto predictor = make();
+      if (i == 1) predictor.set_executor(ExecutorRef(threads));
+      if (i == 2) predictor.set_executor(ExecutorRef(backward));
+      predictor.reserve(request, responses[i]);
+      for (int frame = 0; frame < 3; ++frame) {
+        request.has_path = frame > 0;
+        responses[i].plan = request.plan;
+        REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request,
+                                  responses[i]));
+        CHECK(responses[i].has_jacobian == derives);
+      }
+      CHECK(responses[i].jacobian == responses[0].jacobian);
+      CHECK(responses[i].free_response == responses[0].free_response);
+      CHECK(responses[i].impulse_response == responses[0].impulse_response);
+      CHECK(responses[i].plan == responses[0].plan);
+      CHECK(responses[i].air == responses[0].air);
+    }
+  }
+  return threads.loops;
+}
+
 }  // namespace
 
 TEST_CASE("one frame ahead, a rollout of linear steps equals the linearised prediction", "[mpc]") {
@@ -109,57 +141,15 @@ TEST_CASE("known external forces enter a rollout", "[mpc]") {
 TEST_CASE("a rollout prediction has the same bits with every executor", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
-  clothctl_test::ThreadExecutor threads;
-  clothctl_test::BackwardExecutor backward;
-  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
-    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
-    request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.02);
-    std::array<WindowResponse<double>, 3> responses;
-    for (std::size_t i = 0; i < 3; ++i) {
-      Rolling predictor = rolling(model, 2);
-      if (i == 1) predictor.set_executor(ExecutorRef(threads));
-      if (i == 2) predictor.set_executor(ExecutorRef(backward));
-      predictor.reserve(request, responses[i]);
-      for (int frame = 0; frame < 3; ++frame) {
-        request.has_path = frame > 0;
-        responses[i].plan = request.plan;
-        REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request,
-                                  responses[i]));
-      }
-      CHECK(responses[i].free_response == responses[0].free_response);
-      CHECK(responses[i].impulse_response == responses[0].impulse_response);
-      CHECK(responses[i].plan == responses[0].plan);
-    }
-  }
-  CHECK(threads.loops == 5);  // not in the first frame of forces, whose path the inner one gives
+  // Not in the first frame of forces, whose path the inner prediction gives.
+  CHECK(threaded_loops(sheet, false, [&] { return rolling(model, 2); }) == 5);
 }
 
 TEST_CASE("a derived rollout has the same bits with every executor", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::Newton, true);
-  clothctl_test::ThreadExecutor threads;
-  clothctl_test::BackwardExecutor backward;
-  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
-    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
-    request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.02);
-    request.has_path = true;
-    std::array<WindowResponse<double>, 3> responses;
-    for (std::size_t i = 0; i < 3; ++i) {
-      Derived predictor = derived(model, {});
-      if (i == 1) predictor.set_executor(ExecutorRef(threads));
-      if (i == 2) predictor.set_executor(ExecutorRef(backward));
-      predictor.reserve(request, responses[i]);
-      for (int frame = 0; frame < 3; ++frame) {
-        responses[i].plan = request.plan;
-        REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request,
-                                  responses[i]));
-        REQUIRE(responses[i].has_jacobian);
-      }
-      CHECK(responses[i].jacobian == responses[0].jacobian);
-      CHECK(responses[i].free_response == responses[0].free_response);
-      CHECK(responses[i].air == responses[0].air);
-    }
-  }
+  // Each of two derivations of three frames of both kinds is a loop of its own.
+  CHECK(threaded_loops(sheet, true, [&] { return derived(model, {}); }) == 9);
 }
 
 TEST_CASE("features respond as the derived rollout says", "[mpc]") {

@@ -46,11 +46,10 @@ struct DerivedModel {
   Scalar drag = Scalar(0);
   AirSettings<Scalar> air;
   std::vector<int> pinned;
-  /// Which blocks of bending the step matrix has.
-  BendingBlocks bending = BendingBlocks::All;
-  /// Shares of their stiffness that springs other than diagonals of cells, and these, keep where
-  /// they are shorter than at rest.
-  Scalar compressed_stretch = Scalar(1), compressed_shear = Scalar(1);
+  /// Pattern of the step matrix, its springs, and the order of its elimination.
+  SpringPattern<Scalar> pattern;
+  SpringBatches<Scalar> springs;
+  EliminationTree tree;
 };
 
 }  // namespace detail
@@ -155,9 +154,6 @@ class MassSpringDerivative {
   detail::DerivedModel<Scalar> model_;
   std::vector<int> driven_;
   std::vector<unsigned char> held_;
-  detail::SpringPattern<Scalar> pattern_;
-  detail::SpringBatches<Scalar> springs_;
-  EliminationTree tree_;
 };
 
 template <RealScalar S>
@@ -175,23 +171,22 @@ auto MassSpringDerivative<S>::create(const MassSpring<Scalar>& model, std::vecto
     }
   }
   if (!problem.empty()) return Error{problem};
-  return MassSpringDerivative(
-      {model.network(), model.settings().drag, model.settings().air, model.settings().pinned},
-      std::move(driven));
+  const SpringNetwork<Scalar>& network = model.network();
+  detail::DerivedModel<Scalar> derived;
+  derived.network = network;
+  derived.drag = model.settings().drag;
+  derived.pinned = model.settings().pinned;
+  derived.pattern = detail::SpringPattern<Scalar>(network, detail::BendingBlocks::All, false);
+  derived.springs = detail::SpringBatches<Scalar>(network, derived.pattern.matrix(),
+                                                  [](const Spring<Scalar>&) { return Scalar(1); });
+  derived.tree = nested_dissection<Scalar>(derived.pattern.matrix(), network.rest_positions);
+  return MassSpringDerivative(std::move(derived), std::move(driven));
 }
 
 template <RealScalar S>
 MassSpringDerivative<S>::MassSpringDerivative(detail::DerivedModel<Scalar> model,
                                               std::vector<int> driven)
-    : model_(std::move(model)),
-      driven_(std::move(driven)),
-      pattern_(model_.network, model_.bending, model_.air.enabled()),
-      springs_(model_.network, pattern_.matrix(),
-               [this](const Spring<Scalar>& s) {
-                 return s.kind == SpringKind::Shear ? model_.compressed_shear
-                                                    : model_.compressed_stretch;
-               }),
-      tree_(nested_dissection<Scalar>(pattern_.matrix(), model_.network.rest_positions)) {
+    : model_(std::move(model)), driven_(std::move(driven)) {
   held_.assign(static_cast<std::size_t>(vertex_count()), 0);
   for ([[maybe_unused]] const int v : driven_) assert(0 <= v && v < vertex_count());
   for (const int v : model_.pinned) held_[static_cast<std::size_t>(v)] = 1;
@@ -202,7 +197,7 @@ template <RealScalar S>
 template <int kLanes>
 auto MassSpringDerivative<S>::make_memory() const -> Memory<kLanes> {
   Memory<kLanes> memory;
-  memory.factor = BlockCholesky<Scalar>(pattern_.matrix(), tree_);
+  memory.factor = BlockCholesky<Scalar>(model_.pattern.matrix(), model_.tree);
   memory.work.setZero(kLanes, 3 * vertex_count());
   memory.product = memory.work;
   memory.air_force.setZero(3, vertex_count());
@@ -213,9 +208,9 @@ template <RealScalar S>
 template <int kLanes>
 auto MassSpringDerivative<S>::make_step(Memory<kLanes>& memory) const -> Step {
   Step step;
-  step.matrix = pattern_.matrix();
+  step.matrix = model_.pattern.matrix();
   const Points<Scalar>& x = model_.network.rest_positions;
-  springs_.write_dampers(x, x, Scalar(1), step.dampers);
+  model_.springs.write_dampers(x, x, Scalar(1), step.dampers);
   if (model_.air.enabled())
     step.air.assign(model_.network.triangles.size(), Matrix3<Scalar>::Zero());
   memory.factor.exchange(step.factor);
@@ -234,9 +229,9 @@ bool MassSpringDerivative<S>::linearise(const ClothState<Scalar>& before,
     }
   }
   if (!is_finite(dt) || !(Scalar(0) < dt)) return false;
-  if (step.matrix.rows() != vertex_count()) step.matrix = pattern_.matrix();
+  if (step.matrix.rows() != vertex_count()) step.matrix = model_.pattern.matrix();
   step.dt = dt;
-  springs_.write_dampers(before.positions, after.velocities, dt, step.dampers);
+  model_.springs.write_dampers(before.positions, after.velocities, dt, step.dampers);
   if (model_.air.enabled()) {
     memory.air_force.setZero();
     step.air.resize(model_.network.triangles.size(), Matrix3<Scalar>::Zero());
@@ -257,9 +252,9 @@ bool MassSpringDerivative<S>::factorize(const ClothState<Scalar>& after, Scalar 
   const Scalar inertia = Scalar(1) + step.dt * model_.drag;
   for (Index i = 0; i < vertex_count(); ++i)
     detail::add_to_diagonal(step.matrix.diagonal(i), Scalar(inertia * model_.network.mass[i]));
-  springs_.add_matrix(after.positions, step.dampers.n, step.dt, compression, step.matrix);
-  pattern_.add_bending(model_.network, after.positions, step.dt * step.dt, step.matrix);
-  pattern_.add_air(model_.network, step.air, step.dt, step.matrix);
+  model_.springs.add_matrix(after.positions, step.dampers.n, step.dt, compression, step.matrix);
+  model_.pattern.add_bending(model_.network, after.positions, step.dt * step.dt, step.matrix);
+  model_.pattern.add_air(model_.network, step.air, step.dt, step.matrix);
   const bool definite = factor.factorize(step.matrix, held_);
   factor.exchange(step.factor);
   return definite;
@@ -281,7 +276,7 @@ template <RealScalar S>
 template <bool kTransposed, int kLanes>
 void MassSpringDerivative<S>::add_damping(const Step& step, const Lanes<Scalar, kLanes>& x,
                                           Lanes<Scalar, kLanes>& out) const {
-  springs_.template add_dampers<kTransposed, kLanes>(step.dampers, x, out);
+  model_.springs.template add_dampers<kTransposed, kLanes>(step.dampers, x, out);
   const Scalar third = Scalar(1) / Scalar(3);
   for (std::size_t e = 0; e < step.air.size(); ++e) {  // each C is symmetric
     const std::array<int, 3>& t = model_.network.triangles[e];

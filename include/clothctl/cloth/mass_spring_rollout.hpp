@@ -176,13 +176,8 @@ class MassSpringRollout {
   /// moved in every step. Its bending has the blocks of the step's matrix, and supports are
   /// constant forces. Allocates. Fails when a vertex is off the mesh (assert).
   MassSpringDerivative<Inner> make_derivative(std::vector<int> driven) const {
-    const CoarseFactors& factors = settings_.factors;
-    return MassSpringDerivative<Inner>(
-        {network_, drag_, air_, pinned_,
-         settings_.bending_in_matrix ? detail::BendingBlocks::All
-                                     : detail::BendingBlocks::Neighbours,
-         Inner(factors.compressed_stretch), Inner(factors.compressed_shear)},
-        std::move(driven));
+    return MassSpringDerivative<Inner>({network_, drag_, air_, pinned_, pattern_, springs_, tree_},
+                                       std::move(driven));
   }
 
   /// Writes the forces that made `vertices` follow their prescribed motion in the last step with

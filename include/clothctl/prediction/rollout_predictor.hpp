@@ -133,7 +133,6 @@ class RolloutPredictor {
 
  private:
   using Traits = cloth_rollout_traits<Model>;
-  static constexpr bool kDerives = detail::DerivableRollout<Model>;
   static constexpr bool kParts =
       requires(Inner & inner, const PointsView<Scalar>& x, const WindowRequest<Scalar>& request,
                WindowResponse<Scalar>& response) {
@@ -212,7 +211,7 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   plan_.setZero(request.inputs(), request.horizon);
   age_ = 0;
   known_ = false;
-  if constexpr (kDerives) {
+  if constexpr (detail::DerivableRollout<Model>) {
     if (settings_.derivative_interval == 0) return;
     response.has_jacobian = false;
     derived_.emplace(Traits::make_derivative(model_, request.held), request);
@@ -278,7 +277,7 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   if (predicted && rolled) {
     response.free_response = free_;
     response.plan = plan_;
-    if (derived_ && derive(request)) {
+    if (derive(request)) {
       write_jacobian(request, response);
       response.has_jacobian = true;
     }
@@ -310,7 +309,7 @@ bool RolloutPredictor<Model, Inner>::ask_inner(bool brief, const PointsView<Scal
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 bool RolloutPredictor<Model, Inner>::derive(const WindowRequest<Scalar>& request) {
-  if constexpr (kDerives) {
+  if constexpr (detail::DerivableRollout<Model>) {
     if (!derived_) return false;
     if (age_ > 0) {
       shift_jacobian(request.horizon, jacobian_);
@@ -319,9 +318,8 @@ bool RolloutPredictor<Model, Inner>::derive(const WindowRequest<Scalar>& request
     }
     ++age_;
     return true;
-  } else {
-    return false;
   }
+  return false;
 }
 
 template <class Model, class Inner>

@@ -52,20 +52,36 @@ class WindowJacobian {
   static constexpr int kLanes = 16;
   using Changes = Lanes<Inner, kLanes>;
 
-  /// Sixteen changes or derivatives of the state at the split.
-  struct Lane {
+  /// Sixteen changes of the state at the split, or derivatives by it.
+  struct Block {
     Changes x, v;
-    Changes held;  // derivatives with respect to the positions of the held vertices, summed
+    /// First half: by what the held vertices are moved now. Second: derivatives by where they are,
+    /// summed over the frames.
+    Changes held;
+
+    void set_zero() {
+      for (Changes* each : {&x, &v, &held}) each->setZero();
+    }
   };
   /// What a half needs, which may run on a thread of its own.
   struct Half {
     typename Derivative::template Memory<kLanes> memory;
     ClothState<Inner> before, after;
-    std::vector<Lane> lanes;
-    Changes held;
+    /// The columns of the Jacobian before the split, or its rows after it, sixteen in each block.
+    std::vector<Block> blocks;
+    Index count = 0;
     bool linearised = false;
+
+    Index begin(std::size_t block) const { return static_cast<Index>(block) * kLanes; }
+    Index end(std::size_t block) const {
+      return begin(block) + kLanes < count ? begin(block) + kLanes : count;
+    }
   };
 
+  /// The frame of row `g` of the second half, where outputs of later frames come first, and its row
+  /// in the Jacobian.
+  Index frame_of(Index g) const { return horizon_ - 1 - g / outputs_; }
+  Index row_of(Index g) const { return outputs_ * frame_of(g) + g % outputs_; }
   /// Returns the split that costs least.
   static Index cheapest_split(Index horizon, Index inputs, Index outputs);
   /// Linearises the step of frame k.
@@ -80,6 +96,7 @@ class WindowJacobian {
   Index inputs_, outputs_, horizon_, split_;
   std::vector<typename Derivative::Step> steps_;
   Half first_, second_;
+  Changes pulled_;
 };
 
 template <class Derivative, RealScalar S>
@@ -96,12 +113,14 @@ WindowJacobian<Derivative, S>::WindowJacobian(Derivative derivative,
     half.before.positions.setZero(3, n);
     half.before.velocities.setZero(3, n);
     half.after = half.before;
-    half.held.setZero(kLanes, inputs_);
-    const Lane lane{Changes::Zero(kLanes, 3 * n), Changes::Zero(kLanes, 3 * n), half.held};
-    half.lanes.assign(static_cast<std::size_t>((count + kLanes - 1) / kLanes), lane);
+    half.count = count;
+    const Block block{Changes::Zero(kLanes, 3 * n), Changes::Zero(kLanes, 3 * n),
+                      Changes::Zero(kLanes, inputs_)};
+    half.blocks.assign(static_cast<std::size_t>((count + kLanes - 1) / kLanes), block);
   };
   prepare(first_, inputs_ * split_);
   prepare(second_, outputs_ * (horizon_ - split_));
+  pulled_.setZero(kLanes, inputs_);
   for (Index k = 0; k < horizon_; ++k) steps_.push_back(derivative_.make_step(first_.memory));
 }
 
@@ -163,25 +182,21 @@ bool WindowJacobian<Derivative, S>::evaluate(std::span<const ClothState<Scalar>>
 template <class Derivative, RealScalar S>
 void WindowJacobian<Derivative, S>::push_inputs(const WindowRequest<Scalar>& request,
                                                 MatrixX<Scalar>& out) {
-  const Index all = inputs_ * split_;
   const Inner h = static_cast<Inner>(request.dt);
-  for (std::size_t c = 0; c < first_.lanes.size(); ++c) {
-    Lane& lane = first_.lanes[c];
-    lane.x.setZero();
-    lane.v.setZero();
-    first_.held.setZero();
-    const Index begin = static_cast<Index>(c) * kLanes;
-    const Index end = begin + kLanes < all ? begin + kLanes : all;
+  for (std::size_t b = 0; b < first_.blocks.size(); ++b) {
+    Block& block = first_.blocks[b];
+    const Index begin = first_.begin(b), end = first_.end(b);
+    block.set_zero();
     for (Index k = begin / inputs_; k < split_; ++k) {
       for (Index g = begin; g < end; ++g) {
-        if (g / inputs_ == k) first_.held(g - begin, g % inputs_) = h;
+        if (g / inputs_ == k) block.held(g - begin, g % inputs_) = h;
       }
       derivative_.template push<kLanes>(steps_[static_cast<std::size_t>(k)], first_.memory,
-                                        first_.held, lane.x, lane.v);
+                                        block.held, block.x, block.v);
       for (Index f = 0; f < request.held_outputs; ++f) {
         Eigen::Matrix<Inner, kLanes, 3> moved = Eigen::Matrix<Inner, kLanes, 3>::Zero();
         request.outputs.for_each_term(f, [&](int vertex, const Scalar& weight) {
-          moved += static_cast<Inner>(weight) * lane.x.template middleCols<3>(3 * vertex);
+          moved += static_cast<Inner>(weight) * block.x.template middleCols<3>(3 * vertex);
         });
         for (Index g = begin; g < end && g / inputs_ <= k; ++g) {
           for (Index i = 0; i < 3; ++i)
@@ -195,29 +210,25 @@ void WindowJacobian<Derivative, S>::push_inputs(const WindowRequest<Scalar>& req
 template <class Derivative, RealScalar S>
 void WindowJacobian<Derivative, S>::pull_outputs(const WindowRequest<Scalar>& request,
                                                  MatrixX<Scalar>& out) {
-  const Index all = outputs_ * (horizon_ - split_);
-  for (std::size_t c = 0; c < second_.lanes.size(); ++c) {
-    Lane& lane = second_.lanes[c];
-    lane.x.setZero();
-    lane.v.setZero();
-    lane.held.setZero();
-    const Index begin = static_cast<Index>(c) * kLanes;
-    const Index end = begin + kLanes < all ? begin + kLanes : all;
-    for (Index k = horizon_ - 1 - begin / outputs_; k >= split_; --k) {
-      for (Index g = begin; g < end; ++g) {  // outputs of later frames come first
-        if (horizon_ - 1 - g / outputs_ != k) continue;
+  for (std::size_t b = 0; b < second_.blocks.size(); ++b) {
+    Block& block = second_.blocks[b];
+    const Index begin = second_.begin(b), end = second_.end(b);
+    block.set_zero();
+    for (Index k = frame_of(begin); k >= split_; --k) {
+      for (Index g = begin; g < end; ++g) {
+        if (frame_of(g) != k) continue;
         const Index f = g % outputs_;
         request.outputs.for_each_term(f / 3, [&](int vertex, const Scalar& weight) {
-          lane.x(g - begin, 3 * vertex + f % 3) += static_cast<Inner>(weight);
+          block.x(g - begin, 3 * vertex + f % 3) += static_cast<Inner>(weight);
         });
       }
-      derivative_.template pull<kLanes>(steps_[static_cast<std::size_t>(k)], second_.memory, lane.x,
-                                        lane.v, second_.held);
-      lane.held += second_.held;
-      for (Index g = begin; g < end && k <= horizon_ - 1 - g / outputs_; ++g) {
-        const Index row = outputs_ * (horizon_ - 1 - g / outputs_) + g % outputs_;
+      derivative_.template pull<kLanes>(steps_[static_cast<std::size_t>(k)], second_.memory,
+                                        block.x, block.v, pulled_);
+      block.held += pulled_;
+      for (Index g = begin; g < end && k <= frame_of(g); ++g) {
         for (Index i = 0; i < inputs_; ++i)
-          out(row, inputs_ * k + i) = request.dt * static_cast<Scalar>(lane.held(g - begin, i));
+          out(row_of(g), inputs_ * k + i) =
+              request.dt * static_cast<Scalar>(block.held(g - begin, i));
       }
     }
   }
@@ -226,26 +237,21 @@ void WindowJacobian<Derivative, S>::pull_outputs(const WindowRequest<Scalar>& re
 template <class Derivative, RealScalar S>
 void WindowJacobian<Derivative, S>::join(const WindowRequest<Scalar>& request,
                                          MatrixX<Scalar>& out) {
-  const Index all_inputs = inputs_ * split_, all_outputs = outputs_ * (horizon_ - split_);
   using Products = Eigen::Matrix<Inner, kLanes, kLanes>;
-  for (std::size_t b = 0; b < second_.lanes.size(); ++b) {
-    const Lane& from = second_.lanes[b];
-    const Index first_output = static_cast<Index>(b) * kLanes;
-    for (std::size_t a = 0; a < first_.lanes.size(); ++a) {
-      const Lane& to = first_.lanes[a];
-      const Index first_input = static_cast<Index>(a) * kLanes;
+  for (std::size_t b = 0; b < second_.blocks.size(); ++b) {
+    const Block& from = second_.blocks[b];
+    for (std::size_t a = 0; a < first_.blocks.size(); ++a) {
+      const Block& to = first_.blocks[a];
       Products products = Products::Zero();
       for (Index i = 0; i < from.x.cols(); ++i) {
         products.noalias() += from.x.col(i) * to.x.col(i).transpose();
         products.noalias() += from.v.col(i) * to.v.col(i).transpose();
       }
-      for (Index l = 0; l < kLanes && first_output + l < all_outputs; ++l) {
-        const Index g = first_output + l;
-        const Index row = outputs_ * (horizon_ - 1 - g / outputs_) + g % outputs_;
-        for (Index j = 0; j < kLanes && first_input + j < all_inputs; ++j) {
-          const Index column = first_input + j;
-          out(row, column) = static_cast<Scalar>(products(l, j)) +
-                             request.dt * static_cast<Scalar>(from.held(l, column % inputs_));
+      for (Index g = second_.begin(b); g < second_.end(b); ++g) {
+        const Index l = g - second_.begin(b);
+        for (Index column = first_.begin(a); column < first_.end(a); ++column) {
+          out(row_of(g), column) = static_cast<Scalar>(products(l, column - first_.begin(a))) +
+                                   request.dt * static_cast<Scalar>(from.held(l, column % inputs_));
         }
       }
     }
