@@ -41,7 +41,7 @@ Derived derived(const MassSpring<double>& model, const RolloutSettings& settings
                  settings);
 }
 
-// Predicts three frames of both kinds on one thread, on two, and with the blocks in reverse.
+// Predicts five frames of both kinds on one thread, on two, and with the blocks in reverse.
 // Returns how many loops the threads ran. `derives`: whether each prediction has a Jacobian.
 template <class Make>
 int threaded_loops(const HangingSheet& sheet, bool derives, const Make& make) {
@@ -56,7 +56,7 @@ int threaded_loops(const HangingSheet& sheet, bool derives, const Make& make) {
       if (i == 1) predictor.set_executor(ExecutorRef(threads));
       if (i == 2) predictor.set_executor(ExecutorRef(backward));
       predictor.reserve(request, responses[i]);
-      for (int frame = 0; frame < 3; ++frame) {
+      for (int frame = 0; frame < 5; ++frame) {
         request.has_path = frame > 0;
         responses[i].plan = request.plan;
         REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request,
@@ -142,14 +142,14 @@ TEST_CASE("a rollout prediction has the same bits with every executor", "[mpc]")
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
   // Not in the first frame of forces, whose path the inner prediction gives.
-  CHECK(threaded_loops(sheet, false, [&] { return rolling(model, 2); }) == 5);
+  CHECK(threaded_loops(sheet, false, [&] { return rolling(model, 2); }) == 9);
 }
 
 TEST_CASE("a derived rollout has the same bits with every executor", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::Newton, true);
-  // Each of two derivations of three frames of both kinds is a loop of its own.
-  CHECK(threaded_loops(sheet, true, [&] { return derived(model, {}); }) == 9);
+  // The first derivation of each kind is a loop of its own.
+  CHECK(threaded_loops(sheet, true, [&] { return derived(model, {}); }) == 11);
 }
 
 TEST_CASE("features respond as the derived rollout says", "[mpc]") {
@@ -160,13 +160,15 @@ TEST_CASE("features respond as the derived rollout says", "[mpc]") {
     request.path = 0.1 * MatrixX<double>::Random(request.inputs(), request.horizon);
     request.has_path = true;
     RolloutSettings settings{30, 0.0, 30};
-    settings.derivative_interval = 1;
+    settings.derivative_interval = settings.derivative_stride = 1;
+    settings.first_step_tolerance = 0;
     Precise predictor(MassSpringRollout<double, double>(model, {{}, true}),
                       Exact(MassSpringResponse<double>(model)), settings);
     WindowResponse<double> response;
     predictor.reserve(request, response);
     const auto predict = [&](const WindowRequest<double>& asked) {
-      for (int repeat = 0; repeat < 2; ++repeat) {  // the second converges
+      // The second converges, and the third derives it.
+      for (int repeat = 0; repeat < 3; ++repeat) {
         response.plan = asked.plan;
         REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, asked, response));
       }
@@ -175,7 +177,10 @@ TEST_CASE("features respond as the derived rollout says", "[mpc]") {
     const WindowResponse<double> found = predict(request);
     REQUIRE(found.has_jacobian);
     const Index m = request.inputs(), rows = 3 * request.held_outputs;
-    const MatrixX<double> change = MatrixX<double>::Random(m, request.horizon);
+    // The Jacobian is that of the last frame, moved on: it does not know the window's first frame.
+    MatrixX<double> change = MatrixX<double>::Random(m, request.horizon), shifted = change;
+    change.col(0).setZero();
+    shifted.leftCols(request.horizon - 1) = change.rightCols(request.horizon - 1);
     // How the hands move: by planned velocities, or as the impulse response says by forces.
     MatrixX<double> motion = change;
     if (kind == GripInput::Force) {
@@ -193,9 +198,11 @@ TEST_CASE("features respond as the derived rollout says", "[mpc]") {
     (kind == GripInput::Force ? behind.path : behind.plan) -= e * motion;
     const MatrixX<double> forth = predict(ahead).free_response.topRows(rows);
     const MatrixX<double> back = predict(behind).free_response.topRows(rows);
-    const VectorX<double> expected = ((forth - back) / (2 * e)).reshaped();
+    const Index known = request.horizon - 1;
+    const VectorX<double> expected = ((forth - back) / (2 * e)).rightCols(known).reshaped();
+    const VectorX<double> reached = (found.jacobian * shifted.reshaped()).head(rows * known);
     CAPTURE(kind == GripInput::Force, expected.norm());
-    CHECK((found.jacobian * change.reshaped() - expected).norm() < 1e-4 * expected.norm());
+    CHECK((reached - expected).norm() < 1e-4 * expected.norm());
   }
 }
 
@@ -210,7 +217,7 @@ TEST_CASE("a derivation serves for as many frames as are set", "[mpc]") {
     WindowResponse<double> response;
     predictor.reserve(request, response);
     std::vector<MatrixX<double>> out;
-    for (int frame = 0; frame < 4; ++frame) {
+    for (int frame = 0; frame < 5; ++frame) {
       if (reset && frame == 1) predictor.reset();
       response.plan = request.plan;
       REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, response));
@@ -222,11 +229,13 @@ TEST_CASE("a derivation serves for as many frames as are set", "[mpc]") {
   const auto each = jacobians(1, false), third = jacobians(3, false), again = jacobians(3, true);
   MatrixX<double> moved = each[0];
   CHECK(third[0] == each[0]);
-  shift_jacobian(request.horizon, moved);
-  CHECK(third[1] == moved);
-  shift_jacobian(request.horizon, moved);
-  CHECK(third[2] == moved);
-  CHECK(third[3] == each[3]);
+  for (std::size_t frame = 1; frame < 4; ++frame) {
+    shift_jacobian(request.horizon, moved);
+    CHECK(third[frame] == moved);
+  }
+  CHECK(each[1] == third[1]);  // there is no older rollout than that of the first frame
+  CHECK(each[2] != third[2]);
+  CHECK(third[4] == each[4]);  // of the rollout of frame 3, in which both have the same guesses
   CHECK(again[1] == each[0]);
   jacobians(0, false);
 }

@@ -13,8 +13,10 @@
 // hook: under planned forces, the inner predictor says how the held vertices respond to forces, and
 // the rollout how the features respond to the held vertices. Else features respond as the inner
 // predictor says, which is linear. The planner needs damping with this predictor
-// (PlannerSettings::rollout). Rollout and inner prediction do not depend on each other, so an
-// executor can run them at the same time, and then both halves of the derivation.
+// (PlannerSettings::rollout). The rollout of the last frame is derived, and what is found moves on
+// with the window; only the first is derived in its own frame. So the rollout, and the derivation
+// with the inner prediction, do not depend on each other, and an executor can run both at the same
+// time.
 
 #include <cassert>
 #include <optional>
@@ -47,15 +49,22 @@ struct RolloutSettings {
   /// Number of Newton steps in the first frame of a force plan, because its force is sent. Not used
   /// when `newton_steps` is 0.
   int first_newton_steps = 5;
+  /// A Newton step of that frame that changes no velocity by more than this is its last, m/s.
+  double first_step_tolerance = 0.01;
   /// Number of frames after which the response of the features is derived anew along the rollout,
   /// for models with `make_derivative`; in between it moves on with the window. 0: never; features
   /// then respond as the inner predictor says.
   int derivative_interval = 2;
+  /// Number of frames that one step of the derivation takes (window_jacobian.hpp). 1 is exact.
+  int derivative_stride = 2;
 
   /// Returns an empty string, or a line that names the first bad setting and its value.
   std::string validate() const {
     if (!is_finite(step_tolerance) || step_tolerance < 0)
       return "step_tolerance is " + number_text(step_tolerance) +
+             ", must be finite and not negative";
+    if (!is_finite(first_step_tolerance) || first_step_tolerance < 0)
+      return "first_step_tolerance is " + number_text(first_step_tolerance) +
              ", must be finite and not negative";
     if (newton_steps < 0)
       return "newton_steps is " + std::to_string(newton_steps) + ", must not be negative";
@@ -65,6 +74,8 @@ struct RolloutSettings {
       return "derivative_interval is " + std::to_string(derivative_interval) +
              ", must not be negative";
     }
+    if (derivative_stride < 1)
+      return "derivative_stride is " + std::to_string(derivative_stride) + ", must be at least 1";
     return {};
   }
 };
@@ -127,7 +138,7 @@ class RolloutPredictor {
   void reset() {
     fresh_ = true;
     known_ = false;
-    age_ = 0;
+    forget_jacobian();
     predictor_traits<Inner>::reset(inner_);
   }
 
@@ -146,9 +157,16 @@ class RolloutPredictor {
   /// Predicts by the inner predictor, or if `brief` and it can, only what the air does.
   bool ask_inner(bool brief, const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                  const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
-  /// Derives how the features respond, or moves on what the last derivation gave. Returns false
-  /// when that fails, or is not wanted.
+  /// What can be done of a Jacobian beside the rollout: derives that of the last frame's rollout if
+  /// it was recorded, and moves what there is on by a frame.
+  void update_jacobian(const WindowRequest<Scalar>& request);
+  /// Derives the rollout of this frame. Returns false when that fails or the model has no
+  /// derivative.
   bool derive(const WindowRequest<Scalar>& request);
+  void forget_jacobian() {
+    age_ = kNone;
+    recorded_ = false;
+  }
   /// Writes the response of the features to the inputs: for forces, by way of the velocities of the
   /// held vertices that `response.impulse_response` gives.
   void write_jacobian(const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
@@ -171,10 +189,13 @@ class RolloutPredictor {
   MatrixX<Scalar> free_, plan_;
   std::vector<Points<Scalar>> velocities_;
   bool fresh_ = true;
-  std::vector<ClothState<Scalar>> states_;  // of the rollout, where it is to be derived
-  MatrixX<Scalar> jacobian_, motion_;       // features by velocities, velocities by forces
-  int age_ = 0;                             // frames since the last derivation, plus one
-  bool known_ = false;                      // the response has the rows of the held vertices
+  static constexpr int kNone = -1;
+  MatrixX<Scalar> jacobian_, motion_;  // features by velocities, velocities by forces
+  int age_ = kNone;                    // frames since the rollout that the Jacobian is of
+  // Of rollouts that are derived: the last frame's, and this one's while it is recorded.
+  std::vector<ClothState<Scalar>> last_states_, states_;
+  bool recorded_ = false, recording_ = false;
+  bool known_ = false;  // the response has the rows of the held vertices
   std::optional<typename detail::RolloutJacobian<Model, Scalar>::type> derived_;
 };
 
@@ -209,13 +230,15 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   for (Index i = 0; i < count; ++i) input_.force_vertices.push_back(static_cast<int>(i));
   free_ = response.free_response;
   plan_.setZero(request.inputs(), request.horizon);
-  age_ = 0;
+  forget_jacobian();
   known_ = false;
   if constexpr (detail::DerivableRollout<Model>) {
     if (settings_.derivative_interval == 0) return;
     response.has_jacobian = false;
-    derived_.emplace(Traits::make_derivative(model_, request.held), request);
+    derived_.emplace(Traits::make_derivative(model_, request.held), request,
+                     static_cast<Index>(settings_.derivative_stride));
     states_.assign(frames + 1, state_);
+    last_states_ = states_;
     jacobian_.setZero(3 * request.held_outputs * request.horizon,
                       request.inputs() * request.horizon);
     response.jacobian = jacobian_;
@@ -241,10 +264,10 @@ void RolloutPredictor<Model, Inner>::start(const PointsView<Scalar>& x, const Po
     velocities_.back() = velocities_[velocities_.size() > 1 ? velocities_.size() - 2 : 0];
   }
   plan_ = response.plan;
-  if (derived_ && (age_ == 0 || settings_.derivative_interval <= age_)) {
-    age_ = 0;
-    states_[0] = state_;
-  }
+  // Recorded is what is derived at once, for want of a Jacobian, or in the next frame.
+  const int age = recorded_ ? 1 : age_ + 1;
+  recording_ = derived_ && (age_ == kNone || settings_.derivative_interval <= age);
+  if (recording_) states_[0] = state_;
 }
 
 template <class Model, class Inner>
@@ -255,20 +278,23 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
                                              WindowResponse<Scalar>& response) {
   if (x.cols() != vertex_count() || v.cols() != vertex_count() ||
       !request.supports_fit(vertex_count())) {
-    age_ = 0;  // the window moves on without this
+    forget_jacobian();  // the window moves on without this
     return false;
   }
   start(x, v, request, response);
   // Where the features have a Jacobian, poses need nothing but the air of the inner predictor.
   const bool brief = kParts && known_ && derived_ && request.kind == GripInput::Pose;
   bool predicted = false, rolled = false;
-  const auto predict_inner = [&] { predicted = ask_inner(brief, x, v, request, response); };
+  const auto beside = [&] {
+    predicted = ask_inner(brief, x, v, request, response);
+    update_jacobian(request);
+  };
   if (request.kind == GripInput::Force && !request.has_path) {
-    predict_inner();  // the rollout follows its path
+    beside();  // the rollout follows the inner predictor's path
     if (predicted) rolled = roll_out(request, response);
   } else {
     executor_.for_each_block(2, [&](int block) {
-      if (block == 0) predict_inner();
+      if (block == 0) beside();
       if (block == 1) rolled = roll_out(request, response);
     });
   }
@@ -277,12 +303,14 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   if (predicted && rolled) {
     response.free_response = free_;
     response.plan = plan_;
-    if (derive(request)) {
+    if (age_ != kNone || derive(request)) {
       write_jacobian(request, response);
       response.has_jacobian = true;
     }
+    recorded_ = recording_ && age_ != kNone && settings_.derivative_interval <= age_;
+    if (recorded_) last_states_.swap(states_);
   } else {
-    age_ = 0;
+    forget_jacobian();
   }
   if constexpr (kParts) {
     if (brief && predicted && !response.has_jacobian) {
@@ -308,18 +336,26 @@ bool RolloutPredictor<Model, Inner>::ask_inner(bool brief, const PointsView<Scal
 
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
+void RolloutPredictor<Model, Inner>::update_jacobian(const WindowRequest<Scalar>& request) {
+  if constexpr (detail::DerivableRollout<Model>) {
+    if (age_ == kNone) return;
+    if (recorded_) {  // the other thread has the executor
+      age_ = derived_->evaluate(last_states_, request, {}, jacobian_) ? 0 : kNone;
+    }
+    if (age_ == kNone) return;
+    shift_jacobian(request.horizon, jacobian_);
+    ++age_;
+  }
+}
+
+template <class Model, class Inner>
+requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 bool RolloutPredictor<Model, Inner>::derive(const WindowRequest<Scalar>& request) {
   if constexpr (detail::DerivableRollout<Model>) {
-    if (!derived_) return false;
-    if (age_ > 0) {
-      shift_jacobian(request.horizon, jacobian_);
-    } else if (!derived_->evaluate(states_, request, executor_, jacobian_)) {
-      return false;
-    }
-    ++age_;
-    return true;
+    if (derived_ && recording_ && derived_->evaluate(states_, request, executor_, jacobian_))
+      age_ = 0;
   }
-  return false;
+  return age_ != kNone;
 }
 
 template <class Model, class Inner>
@@ -378,7 +414,7 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
   Points<Scalar>& guess = velocities_[static_cast<std::size_t>(k)];
   const bool sent = force && k == 0;
   const int newton_steps = sent ? settings_.first_newton_steps : settings_.newton_steps;
-  const Scalar tolerance = Scalar(sent ? 0.0 : settings_.step_tolerance);
+  const Scalar tolerance = Scalar(sent ? settings_.first_step_tolerance : settings_.step_tolerance);
   const bool plain = fresh_ || settings_.newton_steps == 0;
   const StepReport<Scalar> report =
       plain ? cloth_traits<Model>::step(model_, state_, input_, request.dt, workspace_)
@@ -391,7 +427,7 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
     for (Index j = 0; j < held; ++j) plan_.template block<3, 1>(3 * j, k) = holding_.col(j);
   }
   request.write_outputs(state_.positions, k, free_);
-  if (derived_ && age_ == 0) states_[static_cast<std::size_t>(k) + 1] = state_;
+  if (recording_) states_[static_cast<std::size_t>(k) + 1] = state_;
   return true;
 }
 
