@@ -58,6 +58,24 @@ TEMPLATE_TEST_CASE("bounds beyond 1e20 are open, and smaller ones stay bounds un
   CHECK(is_finite(detail::no_bound<S>()));
 }
 
+TEST_CASE("one entry that differs from its mirror image is found wherever it is", "[qp]") {
+  // Sizes around those of the tiles that are compared.
+  for (const Index n : {1, 15, 16, 17, 33, 48}) {
+    MatrixX<double> H = MatrixX<double>::Constant(n, n, 0.25) + MatrixX<double>::Identity(n, n);
+    REQUIRE(detail::validate_hessian<double>(H).status == QpStatus::Solved);
+    for (Index j = 0; j < n; ++j) {
+      for (Index i = 0; i < n; ++i) {
+        if (i == j) continue;
+        H(i, j) = 0.3;
+        const QpRefusal refusal = detail::validate_hessian<double>(H);
+        CHECK(refusal.status == QpStatus::InvalidData);
+        CHECK(refusal.index == (std::max)(i, j) + (std::min)(i, j) * n);
+        H(i, j) = 0.25;
+      }
+    }
+  }
+}
+
 TEMPLATE_TEST_CASE("Hessians with asymmetry beyond rounding or with negative minors are refused",
                    "[qp]", float, double) {
   using S = TestType;

@@ -374,11 +374,14 @@ void RolloutPredictor<Model, Inner>::write_jacobian(const WindowRequest<Scalar>&
           response.impulse_response.block(p, (d - 1) * m, m, m) / request.dt;
   }
   response.jacobian.setZero();
-  for (Index k = 0; k < horizon; ++k) {
-    for (Index j = 0; j <= k; ++j) {
-      for (Index l = j; l <= k; ++l)
-        response.jacobian.block(k * p, j * m, p, m) +=
-            jacobian_.block(k * p, l * m, p, m).lazyProduct(motion_.middleCols((l - j) * m, m));
+  for (Index j = 0; j < horizon; ++j) {
+    for (Index i = 0; i < m; ++i) {
+      auto column = response.jacobian.col(j * m + i);
+      for (Index l = j; l < horizon; ++l) {  // by what moves in frame l, later features
+        for (Index c = 0; c < m; ++c)
+          column.tail((horizon - l) * p) +=
+              motion_(c, (l - j) * m + i) * jacobian_.col(l * m + c).tail((horizon - l) * p);
+      }
     }
   }
 }
