@@ -68,9 +68,11 @@ void add_planner(CLI::App& app, Options& o) {
          "--predictor", o.predictor,
          "linearised: once a frame; rollout: nonlinear free response; identified: linearised, with "
          "a tension found from motion of the plant before the run; simulator: free and impulse "
-         "response by the plant's own steps, for positions; auto: with soft patches and standard "
-         "weights, rollout on implicit plants, and simulator in still air for positions of single "
-         "vertices on position-based ones of up to 17 vertices a side; else linearised")
+         "response by the plant's own steps, for positions, which --grip force follows by forces; "
+         "auto: with soft patches and standard weights, rollout on implicit plants, and simulator "
+         "in still air for single vertices on position-based ones of up to 17 vertices a side; "
+         "else "
+         "linearised")
       ->transform(old_name("frozen", "linearised"))
       ->check(CLI::IsMember({"auto", "linearised", "rollout", "identified", "simulator"}))
       ->capture_default_str();

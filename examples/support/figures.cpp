@@ -15,17 +15,17 @@ void Figures::add_times(double planning, double plant) {
 }
 
 void Figures::add_plan(const std::vector<clothctl::Grip<double>>& grips,
-                       const clothctl::PlanResult<double>& result) {
+                       const clothctl::PlanResult<double>& result,
+                       const std::vector<clothctl::FingerForce<double>>& forces) {
   agreement_.push_back(result.agreement);
   prediction_.push_back(result.prediction_error);
   iterations_.push_back(result.qp_iterations);
   double patch_normal = 0;  // of the current finger, whose vertices are consecutive
-  for (std::size_t i = 0; i < result.finger_forces.size(); ++i) {
-    const clothctl::FingerForce<double>& f = result.finger_forces[i];
+  for (std::size_t i = 0; i < forces.size(); ++i) {
+    const clothctl::FingerForce<double>& f = forces[i];
     const clothctl::Finger<double>& finger =
         grips[static_cast<std::size_t>(f.grip)].fingers[static_cast<std::size_t>(f.finger)];
-    const bool same = i > 0 && result.finger_forces[i - 1].grip == f.grip &&
-                      result.finger_forces[i - 1].finger == f.finger;
+    const bool same = i > 0 && forces[i - 1].grip == f.grip && forces[i - 1].finger == f.finger;
     patch_normal = (same ? patch_normal : 0) + f.force.dot(f.normal);
     const double violation = clothctl::cone_violation<double>(
         f.force, f.normal, finger.contact.friction, finger.max_normal_force);

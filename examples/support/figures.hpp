@@ -35,7 +35,8 @@ class Figures {
   void add_times(double planning, double plant);
   /// Adds an applied plan.
   void add_plan(const std::vector<clothctl::Grip<double>>& grips,
-                const clothctl::PlanResult<double>& result);
+                const clothctl::PlanResult<double>& result,
+                const std::vector<clothctl::FingerForce<double>>& forces);
   /// Summarises the run. A run of all `frames` with a mean error over half of `size` (m) has lost
   /// the track.
   Summary sum_up(Index features, Index frames, double size);

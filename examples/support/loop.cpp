@@ -8,6 +8,7 @@
 #include "clothctl/mpc/run_frame.hpp"
 #include "support/figures.hpp"
 #include "support/measured_plant.hpp"
+#include "support/pushed_plant.hpp"
 #include "support/recorder.hpp"
 #include "support/timing.hpp"
 #include "support/unknown_gust.hpp"
@@ -75,6 +76,11 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
   if (o.measured) measured.emplace(scene, o, plant);
   std::optional<GustyPlant> gusty;
   if (0 < o.unknown) gusty.emplace(scene, o, plant);
+  std::optional<PushedPlant> pushed;
+  if (follows_poses(o)) {
+    if (gusty) refuse("--unknown: cannot be combined with forces that follow poses");
+    pushed.emplace(scene, o, plant, result);
+  }
   const auto run_one = [&](Index frame) {
     const double t = dt * static_cast<double>(frame);
     if (gusty) {
@@ -83,6 +89,7 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
         refuse("--unknown: the planner refuses the estimated forces");
       return report;
     }
+    if (pushed) return run_frame(planner, *pushed, t, target, scene.task.wind, result);
     if (!measured) return run_frame(planner, plant, t, target, scene.task.wind, result);
     measured->look();
     return run_frame(planner, *measured, measured->time(), target, scene.task.wind, result);
@@ -94,16 +101,17 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
     progress.show(frame, frames);
     const std::chrono::steady_clock::time_point before = std::chrono::steady_clock::now();
     const clothctl::FrameReport<double> report = run_one(frame);
+    const auto& sent = pushed ? pushed->finger_forces() : result.finger_forces;
     const double plant_ms =
         report.status == clothctl::FrameStatus::NotPlanned ? 0.0 : plant.last_step_ms();
     figures.add_times(milliseconds(before) - plant_ms, plant_ms);
-    if (can_apply(report.plan)) figures.add_plan(planner.grips(), result);
+    if (can_apply(report.plan)) figures.add_plan(planner.grips(), result, sent);
     if (const std::string why = reason(report, result, frame); !why.empty()) {
       figures.summary.status = why;
       break;
     }
     ++figures.summary.frames;
-    recorder.add_frame(frame + 1, plant.positions(), recorder.arrows(result), figures);
+    recorder.add_frame(frame + 1, plant.positions(), recorder.arrows(result, sent), figures);
   }
   progress.clear();
   return figures.sum_up(scene.setup.features.count(), frames, o.size);

@@ -167,9 +167,13 @@ std::string chosen_predictor(const Options& o) {
   if (is_implicit(o.plant)) return "rollout";
   // A rollout for each coordinate of each held vertex: too many where hands hold patches. In wind
   // hands lead by what the air does, which a simulator does not tell.
-  const bool few =
-      o.grip == "position" && o.patch_size == 1 && o.cloth <= std::min(17, o.model) && !o.windy();
+  const bool planned = o.grip == "position" || (o.grip == "force" && o.unknown == 0);
+  const bool few = planned && o.patch_size == 1 && o.cloth <= std::min(17, o.model) && !o.windy();
   return is_position_based(o.plant) && few ? "simulator" : "linearised";
+}
+
+bool follows_poses(const Options& o) {
+  return o.grip == "force" && is_position_based(o.plant) && chosen_predictor(o) == "simulator";
 }
 
 AnyPredictor make_predictor(const Options& o, const Body& body,

@@ -168,6 +168,9 @@ AnyPlant plant_in_state(const std::string& name, const Body& body,
 /// Returns the predictor that --predictor names; auto means "linearised", "rollout" or "simulator".
 std::string chosen_predictor(const Options& o);
 
+/// Returns whether poses are planned although forces are sent (PushedPlant).
+bool follows_poses(const Options& o);
+
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In
 /// position-based sheets, unconverged elongation and not tension carries the weight, so their
 /// predictor scales the tension term and uses the measured net force, by factors set by hand, or

@@ -86,10 +86,11 @@ void RunRecorder::add_frame(Index frame, const Points& x, const Points& arrows, 
   page_.add_frame(x, actual, wanted, hands, arrows);
 }
 
-Points RunRecorder::arrows(const clothctl::PlanResult<double>& result) const {
+Points RunRecorder::arrows(const clothctl::PlanResult<double>& result,
+                           const std::vector<clothctl::FingerForce<double>>& forces) const {
   Points out = Points::Zero(3, static_cast<Index>(hands_.size()));
   if (options_.grip != "position") {
-    for (const clothctl::FingerForce<double>& f : result.finger_forces) out.col(f.grip) += f.force;
+    for (const clothctl::FingerForce<double>& f : forces) out.col(f.grip) += f.force;
     return out;
   }
   Index slot = 0;

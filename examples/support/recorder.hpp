@@ -21,7 +21,8 @@ class RunRecorder {
   void add_frame(Index frame, const Points& x, const Points& arrows, Figures& figures);
 
   /// Returns what the page draws at the hands: their planned velocities (m/s) or forces (N).
-  Points arrows(const clothctl::PlanResult<double>& result) const;
+  Points arrows(const clothctl::PlanResult<double>& result,
+                const std::vector<clothctl::FingerForce<double>>& forces) const;
 
   /// Writes player.html, trajectory.csv and summary.json to the requested folder.
   void write(const Summary& summary);

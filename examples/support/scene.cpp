@@ -35,7 +35,8 @@ clothctl::PlannerSettings<double> planner_settings(const Options& o, double weig
                                             ? clothctl::PlannerSettings<double>::paper()
                                             : clothctl::PlannerSettings<double>();
   s.horizon = o.horizon;
-  s.input = o.grip == "position" ? clothctl::GripInput::Pose : clothctl::GripInput::Force;
+  s.input = o.grip == "position" || follows_poses(o) ? clothctl::GripInput::Pose
+                                                     : clothctl::GripInput::Force;
   s.command = o.grip == "planned-position" ? clothctl::PlantCommand::Position
                                            : clothctl::PlantCommand::Force;
   s.patch = o.patch == "hard" ? clothctl::PatchMode::Hard : clothctl::PatchMode::Soft;

@@ -4,6 +4,7 @@
 
 #include "clothctl/mpc/command_window.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
+#include "clothctl/mpc/inverse_dynamics.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/planner.hpp"
@@ -12,5 +13,4 @@
 #include "clothctl/mpc/reachable_targets.hpp"
 #include "clothctl/mpc/run_frame.hpp"
 #include "clothctl/mpc/stepped_plant.hpp"
-#include "clothctl/mpc/suggest_horizon.hpp"
 #include "clothctl/mpc/whole_curve.hpp"

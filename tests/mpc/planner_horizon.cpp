@@ -1,6 +1,6 @@
 // How long a window is suggested, and the search for one.
 
-#include "clothctl/mpc/suggest_horizon.hpp"
+#include "clothctl/mpc/planner_settings.hpp"
 
 #include <cmath>
 #include <limits>

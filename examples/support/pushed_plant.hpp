@@ -1,0 +1,42 @@
+#pragma once
+
+// A plant that receives finger forces, for a planner of poses.
+
+#include "clothctl/cloth/position_based.hpp"
+#include "clothctl/mpc/inverse_dynamics.hpp"
+#include "support/scene.hpp"
+
+namespace program {
+
+/// Turns the poses that a planner sends into forces, by the inverse dynamics of a position-based
+/// model of the plant.
+class PushedPlant {
+ public:
+  using Scalar = double;
+  /// Refers to `plant`, and to the result that the planner fills before it sends.
+  PushedPlant(const Scene& scene, const Options& o, AnyPlant& plant,
+              const clothctl::PlanResult<double>& result);
+
+  /// The forces of the last frame.
+  const std::vector<clothctl::FingerForce<double>>& finger_forces() const {
+    return dynamics_.finger_forces();
+  }
+
+  Index vertex_count() const { return plant_->vertex_count(); }
+  const Points& positions() const { return plant_->positions(); }
+  const Points& velocities() const { return plant_->velocities(); }
+  void apply(const clothctl::ClothInput<double>& input);
+  /// Does not advance where no forces were found.
+  clothctl::StepReport<double> advance(double dt);
+
+ private:
+  using Setup = clothctl::PlannerSetup<double>;
+
+  AnyPlant* plant_;
+  const clothctl::PlanResult<double>* result_;
+  double dt_;
+  bool found_ = false;
+  clothctl::InverseDynamics<clothctl::PositionBased<double>, Setup> dynamics_;
+};
+
+}  // namespace program
