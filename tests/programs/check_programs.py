@@ -62,7 +62,7 @@ def check_runs(programs, folder):
     for plant, grips, bound in (("linear-implicit", ("force", "position", "planned-position"),
                                  0.02),
                                 ("newton", ("force", "position"), 0.02),
-                                ("xpbd", ("position",), 0.1)):
+                                ("xpbd", ("position", "force"), 0.1)):
         for grip in grips:
             name = f"handkerchief --plant {plant} --grip {grip}"
             out = folder / f"{plant}_{grip}"
