@@ -71,8 +71,7 @@ void add_planner(CLI::App& app, Options& o) {
          "response by the plant's own steps, for positions, which --grip force follows by forces; "
          "auto: with soft patches and standard weights, rollout on implicit plants, and simulator "
          "in still air for single vertices on position-based ones of up to 17 vertices a side; "
-         "else "
-         "linearised")
+         "else linearised")
       ->transform(old_name("frozen", "linearised"))
       ->check(CLI::IsMember({"auto", "linearised", "rollout", "identified", "simulator"}))
       ->capture_default_str();

@@ -33,7 +33,7 @@ class Figures {
 
   /// Adds the times of a frame, ms.
   void add_times(double planning, double plant);
-  /// Adds an applied plan.
+  /// Adds an applied plan, and the forces of the fingers.
   void add_plan(const std::vector<clothctl::Grip<double>>& grips,
                 const clothctl::PlanResult<double>& result,
                 const std::vector<clothctl::FingerForce<double>>& forces);

@@ -7,7 +7,7 @@ PushedPlant::PushedPlant(const Scene& scene, const Options& o, AnyPlant& plant,
     : plant_(&plant),
       result_(&result),
       dt_(scene.settings.dt),
-      dynamics_(must(clothctl::InverseDynamics<clothctl::PositionBased<double>, Setup>::create(
+      dynamics_(must(clothctl::PoseForces<clothctl::PositionBased<double>, Setup>::create(
           make_position_based(o.plant, scene.body), scene.setup))) {}
 
 void PushedPlant::apply(const clothctl::ClothInput<double>& input) {

@@ -3,7 +3,7 @@
 // A plant that receives finger forces, for a planner of poses.
 
 #include "clothctl/cloth/position_based.hpp"
-#include "clothctl/mpc/inverse_dynamics.hpp"
+#include "clothctl/mpc/pose_forces.hpp"
 #include "support/scene.hpp"
 
 namespace program {
@@ -36,7 +36,7 @@ class PushedPlant {
   const clothctl::PlanResult<double>* result_;
   double dt_;
   bool found_ = false;
-  clothctl::InverseDynamics<clothctl::PositionBased<double>, Setup> dynamics_;
+  clothctl::PoseForces<clothctl::PositionBased<double>, Setup> dynamics_;
 };
 
 }  // namespace program

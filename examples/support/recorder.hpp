@@ -20,7 +20,8 @@ class RunRecorder {
   /// speed of the hands to `figures`.
   void add_frame(Index frame, const Points& x, const Points& arrows, Figures& figures);
 
-  /// Returns what the page draws at the hands: their planned velocities (m/s) or forces (N).
+  /// Returns what the page draws at the hands: their planned velocities (m/s), or the sum of the
+  /// `forces` of their fingers (N).
   Points arrows(const clothctl::PlanResult<double>& result,
                 const std::vector<clothctl::FingerForce<double>>& forces) const;
 

@@ -4,11 +4,11 @@
 
 #include "clothctl/mpc/command_window.hpp"
 #include "clothctl/mpc/hand_anchor.hpp"
-#include "clothctl/mpc/inverse_dynamics.hpp"
 #include "clothctl/mpc/loose_plant.hpp"
 #include "clothctl/mpc/plan_types.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/mpc/planner_settings.hpp"
+#include "clothctl/mpc/pose_forces.hpp"
 #include "clothctl/mpc/reachability.hpp"
 #include "clothctl/mpc/reachable_targets.hpp"
 #include "clothctl/mpc/run_frame.hpp"

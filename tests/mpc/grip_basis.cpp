@@ -2,6 +2,7 @@
 
 #include "clothctl/mpc/detail/grip_basis.hpp"
 
+#include <cmath>
 #include <random>
 
 #include "support/allocations.hpp"
@@ -148,5 +149,29 @@ TEST_CASE("bounds follow from force limits and largest steps", "[mpc]") {
     turn.head<3>().setZero();
     CHECK((0.02 * (poses.matrix() * (u - turn))).cwiseAbs().maxCoeff() < 0.01 * (1.0 + 1e-12));
     CHECK((0.02 * (poses.matrix() * turn)).cwiseAbs().maxCoeff() < 0.01 * (1.0 + 1e-12));
+  }
+}
+
+TEST_CASE("coefficients that a solver leaves off the contact law are brought back to it", "[mpc]") {
+  std::mt19937 random(5);
+  std::vector<Grip<double>> grips{patch_grip(0, 2), patch_grip(1, 1)};
+  detail::GripBasis<double> basis(grips, sheet().network.triangles, GripInput::Force);
+  basis.update(sheet().state.positions);
+  const detail::GripBasis<double>::FingerColumns& first = basis.fingers()[0];
+  VectorX<double> d = 0.01 * random_vector(basis.unknowns(), random);
+  d[first.column] = 5.0;         // beyond the limit of 2 N
+  d[first.column + 1] = -1e-12;  // and below zero
+  d[basis.fingers()[2].column] = -1e-12;
+  VectorX<double> kept = d;
+  basis.keep_limits(kept);
+  CHECK(kept.minCoeff() == 0.0);
+  CHECK(std::abs(basis.normal_force(first, kept) - 2.0) < 1e-14);
+  CHECK(basis.most_pressed(first) == 2.0);
+  // Its coefficients keep their proportions, and other fingers what they had.
+  const double share = kept[first.column] / d[first.column];
+  for (Index i = 0; i < basis.unknowns(); ++i) {
+    const bool scaled = first.column <= i && i < first.column + first.count;
+    const double expected = d[i] < 0 ? 0.0 : scaled ? share * d[i] : d[i];
+    CHECK(std::abs(kept[i] - expected) <= 1e-15);
   }
 }

@@ -408,6 +408,12 @@ TEST_CASE("states of another size and held vertices off the mesh are refused", "
   CHECK(LinearisedPredictorSettings<double>{1.5}.validate() ==
         "measured_force is 1.5, must be 0 to 1");
   CHECK(RolloutSettings{-1}.validate().find("newton_steps is -1") == 0);
+  RolloutSettings rollout;
+  rollout.first_step_tolerance = -1;
+  CHECK(rollout.validate().find("first_step_tolerance is -1") == 0);
+  rollout = {};
+  rollout.derivative_stride = 0;
+  CHECK(rollout.validate() == "derivative_stride is 0, must be at least 1");
 }
 
 TEST_CASE("the last frame is remembered when vertices are let go", "[mpc]") {

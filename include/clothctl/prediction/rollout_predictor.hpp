@@ -138,7 +138,7 @@ class RolloutPredictor {
   void reset() {
     fresh_ = true;
     known_ = false;
-    forget_jacobian();
+    age_ = kNone;
     predictor_traits<Inner>::reset(inner_);
   }
 
@@ -158,15 +158,11 @@ class RolloutPredictor {
   bool ask_inner(bool brief, const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                  const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
   /// What can be done of a Jacobian beside the rollout: derives that of the last frame's rollout if
-  /// it was recorded, and moves what there is on by a frame.
+  /// the present one is too old, and moves it on by a frame.
   void update_jacobian(const WindowRequest<Scalar>& request);
-  /// Derives the rollout of this frame. Returns false when that fails or the model has no
-  /// derivative.
-  bool derive(const WindowRequest<Scalar>& request);
-  void forget_jacobian() {
-    age_ = kNone;
-    recorded_ = false;
-  }
+  /// Makes the Jacobian that of the last rollout, whose wind is taken to be that of `request`;
+  /// there is none where that fails.
+  void derive(const WindowRequest<Scalar>& request, ExecutorRef executor);
   /// Writes the response of the features to the inputs: for forces, by way of the velocities of the
   /// held vertices that `response.impulse_response` gives.
   void write_jacobian(const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
@@ -192,9 +188,8 @@ class RolloutPredictor {
   static constexpr int kNone = -1;
   MatrixX<Scalar> jacobian_, motion_;  // features by velocities, velocities by forces
   int age_ = kNone;                    // frames since the rollout that the Jacobian is of
-  // Of rollouts that are derived: the last frame's, and this one's while it is recorded.
+  // Where rollouts are derived: of the last one, and of the present one.
   std::vector<ClothState<Scalar>> last_states_, states_;
-  bool recorded_ = false, recording_ = false;
   bool known_ = false;  // the response has the rows of the held vertices
   std::optional<typename detail::RolloutJacobian<Model, Scalar>::type> derived_;
 };
@@ -230,7 +225,7 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   for (Index i = 0; i < count; ++i) input_.force_vertices.push_back(static_cast<int>(i));
   free_ = response.free_response;
   plan_.setZero(request.inputs(), request.horizon);
-  forget_jacobian();
+  age_ = kNone;
   known_ = false;
   if constexpr (detail::DerivableRollout<Model>) {
     if (settings_.derivative_interval == 0) return;
@@ -264,10 +259,7 @@ void RolloutPredictor<Model, Inner>::start(const PointsView<Scalar>& x, const Po
     velocities_.back() = velocities_[velocities_.size() > 1 ? velocities_.size() - 2 : 0];
   }
   plan_ = response.plan;
-  // Recorded is what is derived at once, for want of a Jacobian, or in the next frame.
-  const int age = recorded_ ? 1 : age_ + 1;
-  recording_ = derived_ && (age_ == kNone || settings_.derivative_interval <= age);
-  if (recording_) states_[0] = state_;
+  if (derived_) states_[0] = state_;
 }
 
 template <class Model, class Inner>
@@ -278,7 +270,7 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
                                              WindowResponse<Scalar>& response) {
   if (x.cols() != vertex_count() || v.cols() != vertex_count() ||
       !request.supports_fit(vertex_count())) {
-    forget_jacobian();  // the window moves on without this
+    age_ = kNone;  // the window moves on without this
     return false;
   }
   start(x, v, request, response);
@@ -303,14 +295,14 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   if (predicted && rolled) {
     response.free_response = free_;
     response.plan = plan_;
-    if (age_ != kNone || derive(request)) {
+    last_states_.swap(states_);
+    if (age_ == kNone) derive(request, executor_);
+    if (age_ != kNone) {
       write_jacobian(request, response);
       response.has_jacobian = true;
     }
-    recorded_ = recording_ && age_ != kNone && settings_.derivative_interval <= age_;
-    if (recorded_) last_states_.swap(states_);
   } else {
-    forget_jacobian();
+    age_ = kNone;
   }
   if constexpr (kParts) {
     if (brief && predicted && !response.has_jacobian) {
@@ -337,25 +329,20 @@ bool RolloutPredictor<Model, Inner>::ask_inner(bool brief, const PointsView<Scal
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 void RolloutPredictor<Model, Inner>::update_jacobian(const WindowRequest<Scalar>& request) {
-  if constexpr (detail::DerivableRollout<Model>) {
-    if (age_ == kNone) return;
-    if (recorded_) {  // the other thread has the executor
-      age_ = derived_->evaluate(last_states_, request, {}, jacobian_) ? 0 : kNone;
-    }
-    if (age_ == kNone) return;
-    shift_jacobian(request.horizon, jacobian_);
-    ++age_;
-  }
+  if (age_ == kNone) return;
+  if (settings_.derivative_interval <= age_) derive(request, {});  // the executor is in use
+  if (age_ == kNone) return;
+  shift_jacobian(request.horizon, jacobian_);
+  ++age_;
 }
 
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
-bool RolloutPredictor<Model, Inner>::derive(const WindowRequest<Scalar>& request) {
+void RolloutPredictor<Model, Inner>::derive(const WindowRequest<Scalar>& request,
+                                            ExecutorRef executor) {
   if constexpr (detail::DerivableRollout<Model>) {
-    if (derived_ && recording_ && derived_->evaluate(states_, request, executor_, jacobian_))
-      age_ = 0;
+    if (derived_) age_ = derived_->evaluate(last_states_, request, executor, jacobian_) ? 0 : kNone;
   }
-  return age_ != kNone;
 }
 
 template <class Model, class Inner>
@@ -430,7 +417,7 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
     for (Index j = 0; j < held; ++j) plan_.template block<3, 1>(3 * j, k) = holding_.col(j);
   }
   request.write_outputs(state_.positions, k, free_);
-  if (recording_) states_[static_cast<std::size_t>(k) + 1] = state_;
+  if (derived_) states_[static_cast<std::size_t>(k) + 1] = state_;
   return true;
 }
 

@@ -264,8 +264,8 @@ QpRefusal validate_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   const Scalar rounding = scalar_traits<Scalar>::epsilon() * static_cast<Scalar>(n);
   const Scalar asymmetry =
       Scalar(8) * scalar_traits<Scalar>::epsilon() * sqrt(static_cast<Scalar>(n));
-  const bool exact = equals_transpose<Scalar>(H);
-  for (Index j = 0; j < n && !exact; ++j) {
+  const bool symmetric = equals_transpose<Scalar>(H);
+  for (Index j = 0; !symmetric && j < n; ++j) {
     for (Index i = j + 1; i < n; ++i) {
       const Scalar gap = abs(H(i, j) - H(j, i));
       if (!(gap > Scalar(0))) continue;

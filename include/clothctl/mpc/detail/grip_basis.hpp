@@ -134,6 +134,24 @@ class GripBasis {
     return Scalar(static_cast<double>(m)) *
            ForceBasis<Scalar, Contact>::adhesion(finger(columns).contact, m);
   }
+  /// Returns the largest sum of normal shares times coefficients of a finger: the limit of its
+  /// normal force, and its adhesion, N.
+  Scalar most_pressed(const FingerColumns& columns) const {
+    return finger(columns).max_normal_force + adhesion(columns);
+  }
+  /// Makes one frame's coefficients `d`, which a solver leaves slightly off, obey the contact law:
+  /// negative ones become zero, those of a finger beyond its limit are scaled down to it. Never
+  /// allocates.
+  void keep_limits(Eigen::Ref<VectorX<Scalar>> d) const {
+    for (Index i = 0; i < d.size(); ++i) {
+      if (d[i] < Scalar(0)) d[i] = Scalar(0);
+    }
+    for (const FingerColumns& columns : fingers()) {
+      const Scalar pressed = normal_force(columns, d) + adhesion(columns);
+      const Scalar limit = most_pressed(columns);
+      if (limit < pressed) d.segment(columns.column, columns.count) *= limit / pressed;
+    }
+  }
 
  private:
   Grips grips_;

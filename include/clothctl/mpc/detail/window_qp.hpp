@@ -330,21 +330,11 @@ class WindowQp {
     }
   }
 
-  /// Scales forces that a row solver leaves above the limits down to them, and sets negative
-  /// coefficients to zero. The contact law still holds then.
+  /// Makes coefficients that a row solver leaves slightly off obey the contact law.
   void keep_limits(const Problem& problem) {
-    const Basis& basis = problem.basis;
-    remove_negatives();
-    for (Index k = 0; k < problem.settings.horizon; ++k) {
-      for (const FingerColumns& columns : basis.fingers()) {
-        const Scalar adhesion = basis.adhesion(columns);
-        const Scalar pressed = basis.normal_force(columns, frame(k, basis.unknowns())) + adhesion;
-        const Scalar limit = basis.finger(columns).max_normal_force + adhesion;
-        if (limit < pressed)
-          solution_.segment(k * basis.unknowns() + columns.column, columns.count) *=
-              limit / pressed;
-      }
-    }
+    const Index p = problem.basis.unknowns();
+    for (Index k = 0; k < problem.settings.horizon; ++k)
+      problem.basis.keep_limits(solution_.segment(k * p, p));
   }
 
   /// Fills the rows of all frames, frame by frame: a limit of the normal force for each finger,
@@ -363,7 +353,7 @@ class WindowQp {
         const Index first = k * basis.unknowns() + columns.column;
         for (Index i = 0; i < columns.count; ++i)
           row_matrix_(row, first + i) = basis.normal_share(columns, i);
-        row_upper_[row] = basis.finger(columns).max_normal_force + basis.adhesion(columns);
+        row_upper_[row] = basis.most_pressed(columns);
         ++row;
       }
       if (patch_rows_a_frame_ == 0) continue;

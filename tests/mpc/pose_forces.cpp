@@ -1,7 +1,7 @@
 // Forces that follow poses: on a step that is linear in the forces they are known, and on a
 // position-based sheet they close the loop.
 
-#include "clothctl/mpc/inverse_dynamics.hpp"
+#include "clothctl/mpc/pose_forces.hpp"
 
 #include <limits>
 #include <string>
@@ -23,7 +23,7 @@ using clothctl_test::kFrame;
 
 namespace {
 
-using Dynamics = InverseDynamics<MassSpring<double>>;
+using Dynamics = PoseForces<MassSpring<double>>;
 
 // A hanging sheet of 5×5 vertices, whose linearly implicit steps are linear in the forces, and
 // poses for its upper corners.
@@ -45,7 +45,7 @@ struct Case {
     poses.forces.setZero(3, 0);
   }
 
-  Dynamics dynamics(const InverseDynamicsSettings& settings) const {
+  Dynamics dynamics(const PoseForcesSettings& settings) const {
     return Dynamics::create(model, setup, settings).value();
   }
   // The held vertices after a step with an input: positions, then velocities.
@@ -66,8 +66,8 @@ struct Case {
   }
 };
 
-InverseDynamicsSettings exact(double velocity) {
-  InverseDynamicsSettings settings;
+PoseForcesSettings exact(double velocity) {
+  PoseForcesSettings settings;
   settings.velocity = velocity;
   settings.ridge = 1e-12;
   return settings;
@@ -82,13 +82,17 @@ TEST_CASE("forces bring held vertices where their poses are", "[mpc]") {
   CHECK(dynamics.input().driven_vertices.empty());
   const MatrixX<double> reached = c.after(dynamics.input());
   CHECK((reached.leftCols(2) - c.poses.driven_positions).cwiseAbs().maxCoeff() < 1e-8);
-  // Other forces and wind are part of the frame.
+  // Other forces, springs to points and wind are part of the frame.
   Case gusty;
   gusty.poses.wind = {0.0, 3.0, 0.0};
   gusty.poses.force_vertices = {7, gusty.poses.driven_vertices[1]};
   gusty.poses.forces = clothctl_test::noise<double>(4, 2, 0.01);
+  gusty.poses.attached_vertices = {12};
+  gusty.poses.attached_positions = gusty.sheet.state.positions.col(12) + Vector3<double>(0, 0.1, 0);
+  gusty.poses.attachment_stiffness = VectorX<double>::Constant(1, 2.0);
   REQUIRE(gusty.solve(dynamics));
   REQUIRE(dynamics.input().forces.cols() == 4);
+  CHECK(dynamics.input().attached_vertices == gusty.poses.attached_vertices);
   CHECK((gusty.after(dynamics.input()).leftCols(2) - gusty.poses.driven_positions)
             .cwiseAbs()
             .maxCoeff() < 1e-8);
@@ -137,7 +141,7 @@ TEST_CASE("finger forces obey the contact law, and add up to what is sent", "[mp
 
 TEST_CASE("what does not fit is refused, and changes nothing", "[mpc]") {
   const Case c;
-  InverseDynamicsSettings bad;
+  PoseForcesSettings bad;
   bad.difference = 0;
   CHECK(Dynamics::create(c.model, c.setup, bad).error() == "difference is 0, must be positive");
   bad = {};
@@ -178,7 +182,7 @@ TEST_CASE("what does not fit is refused, and changes nothing", "[mpc]") {
   CHECK(dynamics.input().force_vertices == before.force_vertices);
 }
 
-TEST_CASE("forces are found without allocation, with the same bits after a reset", "[mpc]") {
+TEST_CASE("forces are found without allocation, and the same ones after a reset", "[mpc]") {
   const Case c;
   Dynamics dynamics = c.dynamics({});
   REQUIRE(c.solve(dynamics));
@@ -216,7 +220,7 @@ TEST_CASE("forces make a position-based sheet follow planned poses", "[mpc]") {
                      setup, clothctl_test::corner_settings(sheet, GripInput::Pose, 12, damped),
                      Simulated(model), sheet.state.positions)
                      .value();
-  auto dynamics = InverseDynamics<Sheet>::create(model, setup).value();
+  auto dynamics = PoseForces<Sheet>::create(model, setup).value();
   ModelPlant<Sheet> plant(model);
   plant.set_state(sheet.state);
   PlanResult<double> result = planner.make_result();

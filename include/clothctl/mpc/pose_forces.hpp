@@ -1,7 +1,7 @@
 #pragma once
 
-// Inverse dynamics of held vertices: the contact forces with which fingers make them follow planned
-// poses, for sheets on which forces cannot be planned (prediction/simulator_predictor.hpp).
+// The contact forces with which fingers make held vertices follow planned poses, for sheets on
+// which forces cannot be planned (prediction/simulator_predictor.hpp).
 //
 // A model of the sheet takes one frame from the measured state, with forces r on the held vertices.
 // They end at positions p(r) with velocities w(r). J = ∂(p, w)/∂r around the forces r̄ of the last
@@ -27,8 +27,8 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Settings of InverseDynamics.
-struct InverseDynamicsSettings {
+/// Settings of PoseForces.
+struct PoseForcesSettings {
   /// Weight γ of velocities: that of positions is 1, that of velocities γ times the frame, squared.
   double velocity = 0.7;
   /// Change of a force for the differences, N: it should move a vertex by less than the folds of
@@ -60,7 +60,7 @@ struct InverseDynamicsSettings {
 /// sheet, `Setup` the PlannerSetup of the planner.
 template <class Model, class Setup = PlannerSetup<typename Model::Scalar>>
 requires ClothModel<Model, typename Setup::scalar_type>
-class InverseDynamics {
+class PoseForces {
  public:
   /// The scalar type.
   using Scalar = typename Setup::scalar_type;
@@ -69,8 +69,8 @@ class InverseDynamics {
 
   /// Takes a model, and grips and triangles of a set-up. Returns an error that names what is wrong
   /// with set-up or settings. Allocates.
-  static Result<InverseDynamics> create(Model model, const Setup& setup,
-                                        InverseDynamicsSettings settings = {});
+  static Result<PoseForces> create(Model model, const Setup& setup,
+                                   PoseForcesSettings settings = {});
 
   /// Returns the held vertices, grip by grip.
   const std::vector<int>& held() const { return basis_.held().vertices(); }
@@ -80,8 +80,8 @@ class InverseDynamics {
   /// that order), and what else acts on the sheet. `velocities`: how they shall then move (3×held,
   /// m/s), such as in the next frame of the plan. Returns false, and keeps the forces of the last
   /// frame, when an argument does not fit or is not finite, a step of the model fails, or no forces
-  /// are found. Allocates only when `poses` has more forces than before. Complexity: 1 + 3·held
-  /// steps of the model for each linearisation.
+  /// are found. Allocates only when `poses` has another number of forces or attachments than
+  /// before. Complexity: 1 + 3·held steps of the model for each linearisation.
   [[nodiscard]] bool solve(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                            const ClothInput<Scalar>& poses, const PointsView<Scalar>& velocities,
                            Scalar dt);
@@ -96,7 +96,7 @@ class InverseDynamics {
  private:
   using Basis = detail::GripBasis<Scalar, Contact>;
 
-  InverseDynamics(Model model, Basis basis, InverseDynamicsSettings settings);
+  PoseForces(Model model, Basis basis, PoseForcesSettings settings);
 
   /// Returns whether the arguments of `solve` fit.
   bool fits(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
@@ -109,40 +109,36 @@ class InverseDynamics {
   /// Replaces `trial_` by the forces of the quadratic program.
   bool improve(const ClothInput<Scalar>& poses, const PointsView<Scalar>& velocities,
                const Scalar& dt);
-  /// Makes coefficients that a solver leaves slightly outside of the contact law obey it.
-  void keep_limits(VectorX<Scalar>& d) const;
 
   Model model_;
   Basis basis_;
-  InverseDynamicsSettings settings_;
+  PoseForcesSettings settings_;
   decltype(cloth_traits<Model>::make_workspace(std::declval<const Model&>())) workspace_;
   ClothState<Scalar> start_, state_;
   ClothInput<Scalar> input_, probe_;
   std::vector<FingerForce<Scalar>> finger_forces_;
   VectorX<Scalar> forces_, trial_, changed_;  // 3·held
-  VectorX<Scalar> reached_, residual_, end_;  // 6·held: positions, then velocities
+  VectorX<Scalar> reached_;                   // 6·held: positions, then velocities
   MatrixX<Scalar> jacobian_, by_coefficients_, hessian_, rows_;
-  VectorX<Scalar> gradient_, lower_, upper_, row_lower_, row_upper_, coefficients_;
+  VectorX<Scalar> gradient_, lower_, upper_, row_lower_, row_upper_;
   ActiveSet<Scalar> qp_;
   QpResult<Scalar> result_;
 };
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
-auto InverseDynamics<Model, Setup>::create(Model model, const Setup& setup,
-                                           InverseDynamicsSettings settings)
-    -> Result<InverseDynamics> {
+auto PoseForces<Model, Setup>::create(Model model, const Setup& setup, PoseForcesSettings settings)
+    -> Result<PoseForces> {
   std::string problem = settings.validate();
   if (problem.empty()) problem = setup.validate(cloth_traits<Model>::vertex_count(model));
   if (!problem.empty()) return Error{problem};
-  return InverseDynamics(std::move(model), Basis(setup.grips, setup.triangles, GripInput::Force),
-                         settings);
+  return PoseForces(std::move(model), Basis(setup.grips, setup.triangles, GripInput::Force),
+                    settings);
 }
 
 template <class Model, class Setup>
-requires ClothModel<Model, typename Setup::scalar_type>
-InverseDynamics<Model, Setup>::InverseDynamics(Model model, Basis basis,
-                                               InverseDynamicsSettings settings)
+requires ClothModel<Model, typename Setup::scalar_type> PoseForces<Model, Setup>::PoseForces(
+    Model model, Basis basis, PoseForcesSettings settings)
     : model_(std::move(model)),
       basis_(std::move(basis)),
       settings_(settings),
@@ -152,9 +148,8 @@ InverseDynamics<Model, Setup>::InverseDynamics(Model model, Basis basis,
   const Index inputs = basis_.inputs(), unknowns = basis_.unknowns();
   const Index fingers = static_cast<Index>(basis_.fingers().size());
   for (VectorX<Scalar>* each : {&forces_, &trial_, &changed_}) each->setZero(inputs);
-  for (VectorX<Scalar>* each : {&reached_, &residual_, &end_}) each->setZero(2 * inputs);
-  for (VectorX<Scalar>* each : {&gradient_, &lower_, &upper_, &coefficients_})
-    each->setZero(unknowns);
+  reached_.setZero(2 * inputs);
+  for (VectorX<Scalar>* each : {&gradient_, &lower_, &upper_}) each->setZero(unknowns);
   jacobian_.setZero(2 * inputs, inputs);
   by_coefficients_.setZero(2 * inputs, unknowns);
   hessian_.setZero(unknowns, unknowns);
@@ -165,7 +160,7 @@ InverseDynamics<Model, Setup>::InverseDynamics(Model model, Basis basis,
     const auto& columns = basis_.fingers()[static_cast<std::size_t>(f)];
     for (Index i = 0; i < columns.count; ++i)
       rows_(f, columns.column + i) = basis_.normal_share(columns, i);
-    row_upper_[f] = basis_.finger(columns).max_normal_force + basis_.adhesion(columns);
+    row_upper_[f] = basis_.most_pressed(columns);
   }
   basis_.bounds(start_.positions, Scalar(1), Scalar(1), lower_, upper_);
   for (ClothInput<Scalar>* input : {&input_, &probe_}) {
@@ -179,10 +174,9 @@ InverseDynamics<Model, Setup>::InverseDynamics(Model model, Basis basis,
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
-bool InverseDynamics<Model, Setup>::fits(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
-                                         const ClothInput<Scalar>& poses,
-                                         const PointsView<Scalar>& velocities,
-                                         const Scalar& dt) const {
+bool PoseForces<Model, Setup>::fits(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
+                                    const ClothInput<Scalar>& poses,
+                                    const PointsView<Scalar>& velocities, const Scalar& dt) const {
   const Index n = start_.positions.cols(), count = static_cast<Index>(held().size());
   return x.cols() == n && v.cols() == n && all_finite(x) && all_finite(v) &&
          poses.driven_vertices == held() && poses.driven_positions.cols() == count &&
@@ -193,9 +187,9 @@ bool InverseDynamics<Model, Setup>::fits(const PointsView<Scalar>& x, const Poin
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
-bool InverseDynamics<Model, Setup>::solve(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
-                                          const ClothInput<Scalar>& poses,
-                                          const PointsView<Scalar>& velocities, Scalar dt) {
+bool PoseForces<Model, Setup>::solve(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
+                                     const ClothInput<Scalar>& poses,
+                                     const PointsView<Scalar>& velocities, Scalar dt) {
   if (!fits(x, v, poses, velocities, dt)) return false;
   start_.positions = x;
   start_.velocities = v;
@@ -207,6 +201,9 @@ bool InverseDynamics<Model, Setup>::solve(const PointsView<Scalar>& x, const Poi
                                poses.force_vertices.end());
   probe_.forces.resize(3, count + poses.forces.cols());
   probe_.forces.rightCols(poses.forces.cols()) = poses.forces;
+  probe_.attached_vertices = poses.attached_vertices;
+  probe_.attached_positions = poses.attached_positions;
+  probe_.attachment_stiffness = poses.attachment_stiffness;
   trial_ = forces_;
   for (int step = 0; step < settings_.newton_steps; ++step) {
     if (!linearise(dt) || !improve(poses, velocities, dt)) return false;
@@ -214,14 +211,14 @@ bool InverseDynamics<Model, Setup>::solve(const PointsView<Scalar>& x, const Poi
   forces_ = trial_;
   input_ = probe_;
   for (Index j = 0; j < count; ++j) input_.forces.col(j) = forces_.template segment<3>(3 * j);
-  basis_.finger_forces(coefficients_, finger_forces_);
+  basis_.finger_forces(result_.x, finger_forces_);
   return true;
 }
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
-bool InverseDynamics<Model, Setup>::simulate(const VectorX<Scalar>& r, const Scalar& dt,
-                                             Eigen::Ref<VectorX<Scalar>> out) {
+bool PoseForces<Model, Setup>::simulate(const VectorX<Scalar>& r, const Scalar& dt,
+                                        Eigen::Ref<VectorX<Scalar>> out) {
   const Index count = static_cast<Index>(held().size());
   for (Index j = 0; j < count; ++j) probe_.forces.col(j) = r.template segment<3>(3 * j);
   state_ = start_;
@@ -236,37 +233,36 @@ bool InverseDynamics<Model, Setup>::simulate(const VectorX<Scalar>& r, const Sca
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
-bool InverseDynamics<Model, Setup>::linearise(const Scalar& dt) {
+bool PoseForces<Model, Setup>::linearise(const Scalar& dt) {
   if (!simulate(trial_, dt, reached_)) return false;
   const Scalar change = Scalar(settings_.difference);
   for (Index j = 0; j < trial_.size(); ++j) {
     changed_ = trial_;
     changed_[j] += change;
-    if (!simulate(changed_, dt, end_)) return false;
-    jacobian_.col(j) = (end_ - reached_) / change;
+    if (!simulate(changed_, dt, jacobian_.col(j))) return false;
+    jacobian_.col(j) = (jacobian_.col(j) - reached_) / change;
   }
   return all_finite(jacobian_);
 }
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
-bool InverseDynamics<Model, Setup>::improve(const ClothInput<Scalar>& poses,
-                                            const PointsView<Scalar>& velocities,
-                                            const Scalar& dt) {
+bool PoseForces<Model, Setup>::improve(const ClothInput<Scalar>& poses,
+                                       const PointsView<Scalar>& velocities, const Scalar& dt) {
   const Index inputs = basis_.inputs(), count = inputs / 3;
   const Scalar weight = Scalar(settings_.velocity) * dt;
-  residual_ = reached_;
+  VectorX<Scalar>& residual = reached_;
   for (Index j = 0; j < count; ++j) {
-    residual_.template segment<3>(3 * j) -= poses.driven_positions.col(j);
-    residual_.template segment<3>(inputs + 3 * j) -= velocities.col(j);
+    residual.template segment<3>(3 * j) -= poses.driven_positions.col(j);
+    residual.template segment<3>(inputs + 3 * j) -= velocities.col(j);
   }
   changed_ = basis_.offset() - trial_;
-  residual_.noalias() += jacobian_ * changed_;
-  by_coefficients_.noalias() = jacobian_ * basis_.matrix();
-  residual_.tail(inputs) *= weight;
+  residual += jacobian_.lazyProduct(changed_);  // lazy products never allocate
+  by_coefficients_ = jacobian_.lazyProduct(basis_.matrix());
+  residual.tail(inputs) *= weight;
   by_coefficients_.bottomRows(inputs) *= weight;
-  hessian_.noalias() = by_coefficients_.transpose() * by_coefficients_;
-  gradient_.noalias() = by_coefficients_.transpose() * residual_;
+  hessian_ = by_coefficients_.transpose().lazyProduct(by_coefficients_);
+  gradient_ = by_coefficients_.transpose().lazyProduct(residual);
   Scalar largest = Scalar(0);
   for (Index i = 0; i < hessian_.rows(); ++i) {
     if (largest < hessian_(i, i)) largest = hessian_(i, i);
@@ -279,25 +275,10 @@ bool InverseDynamics<Model, Setup>::improve(const ClothInput<Scalar>& poses,
   if (qp_.set_hessian(hessian_) != QpStatus::Solved || qp_.set_rows(rows_) != QpStatus::Solved ||
       qp_.solve(gradient_, lower_, upper_, row_lower_, row_upper_, result_) != QpStatus::Solved)
     return false;
-  coefficients_ = result_.x;
-  keep_limits(coefficients_);
+  basis_.keep_limits(result_.x);
   trial_ = basis_.offset();
-  trial_.noalias() += basis_.matrix() * coefficients_;
+  trial_ += basis_.matrix().lazyProduct(result_.x);
   return true;
-}
-
-template <class Model, class Setup>
-requires ClothModel<Model, typename Setup::scalar_type>
-void InverseDynamics<Model, Setup>::keep_limits(VectorX<Scalar>& d) const {
-  for (Index i = 0; i < d.size(); ++i) {
-    if (d[i] < Scalar(0)) d[i] = Scalar(0);
-  }
-  for (const auto& columns : basis_.fingers()) {
-    const Scalar adhesion = basis_.adhesion(columns);
-    const Scalar pressed = basis_.normal_force(columns, d) + adhesion;
-    const Scalar limit = basis_.finger(columns).max_normal_force + adhesion;
-    if (limit < pressed) d.segment(columns.column, columns.count) *= limit / pressed;
-  }
 }
 
 }  // namespace clothctl::inline CLOTHCTL_ABI
