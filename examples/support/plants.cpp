@@ -73,6 +73,10 @@ void damp(const Options& o, const Body& body, double step,
   // What predicts the plant's own mesh needs less of the anchor. Fingers slip, and are late.
   const bool same = is_implicit(o.plant) && !body.coarse && !o.hands;
   settings.weights.anchor = same ? 1.5 : calm.weights.anchor;
+  // Weak, it lets hands swing where targets are further apart than the sheet lets them. Strong, it
+  // makes forces on a sheet that is not the model late.
+  const bool poses = settings.input == clothctl::GripInput::Pose;
+  if (!o.hands) settings.weights.smooth = same || poses ? 0.2 : calm.weights.smooth;
   settings.weights.jerk = calm.weights.jerk;
   settings.weights.step = calm.weights.step;
   settings.max_change = calm.max_change;

@@ -240,6 +240,39 @@ TEST_CASE("a derivation serves for as many frames as are set", "[mpc]") {
   jacobians(0, false);
 }
 
+TEST_CASE("the response of hands to forces is predicted where no rollout is derived", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  WindowRequest<double> request = swaying_hands(sheet, GripInput::Force, 5);
+  request.path = MatrixX<double>::Zero(request.inputs(), request.horizon);
+  for (const int interval : {1, 2, 3}) {
+    RolloutSettings settings;
+    settings.derivative_interval = interval;
+    Derived predictor = derived(model, settings);
+    WindowResponse<double> response;
+    predictor.reserve(request, response);
+    std::vector<bool> fresh;
+    MatrixX<double> last;
+    for (int frame = 0; frame < 8; ++frame) {
+      const ClothState<double> state = clothctl_test::shaken(sheet.state, 1 + frame);
+      request.has_path = frame > 0;
+      response.plan = request.plan;
+      REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
+      REQUIRE(response.has_jacobian);
+      fresh.push_back(frame == 0 || response.impulse_response != last);
+      last = response.impulse_response;
+    }
+    // The rollout of frame 0 is derived in it, later ones beside the next rollout: those of frames
+    // 1, 2, 3 and so on, 2, 4, 6 or 3, 6. The response is never older than a frame.
+    const std::vector<bool> expected =
+        interval == 1   ? std::vector<bool>{true, true, false, true, false, true, false, true}
+        : interval == 2 ? std::vector<bool>{true, true, true, false, true, false, true, false}
+                        : std::vector<bool>{true, true, true, true, false, true, true, false};
+    CAPTURE(interval);
+    CHECK(fresh == expected);
+  }
+}
+
 TEST_CASE("where a rollout fails, the prediction is the inner one", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::Newton);

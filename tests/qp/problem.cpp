@@ -76,6 +76,35 @@ TEST_CASE("one entry that differs from its mirror image is found wherever it is"
   }
 }
 
+TEMPLATE_TEST_CASE("an entry too large for its diagonal is found wherever it is", "[qp]", float,
+                   double) {
+  using S = TestType;
+  for (const Index n : {63, 64, 65, 130}) {
+    MatrixX<S> H = MatrixX<S>::Identity(n, n);
+    REQUIRE(detail::validate_hessian<S>(H).status == QpStatus::Solved);
+    for (const Index j : {Index(0), n / 2, n - 2}) {
+      for (const Index i : {j + 1, n - 1}) {
+        CAPTURE(n, i, j);
+        H(i, j) = H(j, i) = S(-1.5);
+        CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
+        CHECK(detail::validate_hessian<S>(H).index == i + j * n);
+        H(i, i) = S(4);
+        CHECK(detail::validate_hessian<S>(H).status == QpStatus::Solved);
+        H(i, i) = S(1);
+        H(i, j) = H(j, i) = scalar_traits<S>::infinity();
+        CHECK(detail::validate_hessian<S>(H).index == i + j * n);
+        CHECK(std::string(detail::validate_hessian<S>(H).message) == "Hessian entry is not finite");
+        H(i, j) = H(j, i) = S(0);
+      }
+    }
+    H(0, 0) = H(n - 1, n - 1) = S(-2);  // their product is positive
+    CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
+    CHECK(detail::validate_hessian<S>(H).index == 0);
+    H.topLeftCorner(n - 1, n - 1).setIdentity();
+    CHECK(detail::validate_hessian<S>(H).index == n - 1 + (n - 1) * n);
+  }
+}
+
 TEMPLATE_TEST_CASE("Hessians with asymmetry beyond rounding or with negative minors are refused",
                    "[qp]", float, double) {
   using S = TestType;

@@ -166,9 +166,12 @@ struct PlannerSettings {
   }
 
   /// Returns settings for a RolloutPredictor: small, damped corrections. `step`: the weight w_r,
-  /// s²/m². 0.05 is better where the model derives its rollouts (MassSpringRollout).
+  /// s²/m². Where the model derives its rollouts (MassSpringRollout), a `step` of 0.05 is better,
+  /// and a `smooth` of 0.2 but for forces on a plant that is not the model: with less, hands swing
+  /// if targets are further apart than the sheet lets them.
   static PlannerSettings rollout(Scalar step = Scalar(0.01)) {
     PlannerSettings s;
+    s.weights.smooth = Scalar(0.02);
     s.weights.jerk = Scalar(0.01);
     s.weights.step = step;
     s.max_change = Scalar(0.1);

@@ -274,8 +274,11 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
     return false;
   }
   start(x, v, request, response);
-  // Where the features have a Jacobian, poses need nothing but the air of the inner predictor.
-  const bool brief = kParts && known_ && derived_ && request.kind == GripInput::Pose;
+  // Where the features have a Jacobian, poses need nothing but the air of the inner predictor. How
+  // the held vertices respond to forces may be a frame old where a rollout is derived, too.
+  const bool derives = age_ != kNone && settings_.derivative_interval <= age_;
+  const bool brief = kParts && known_ && derived_ &&
+                     (request.kind == GripInput::Pose || (derives && request.has_path));
   bool predicted = false, rolled = false;
   const auto beside = [&] {
     predicted = ask_inner(brief, x, v, request, response);
@@ -310,7 +313,7 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
       if (rolled) response.free_response = free_;
     }
   }
-  if (!brief) known_ = predicted;
+  known_ = brief ? known_ && request.kind == GripInput::Pose : predicted;
   return predicted;
 }
 

@@ -13,6 +13,7 @@
 // two bounds are equal it may have either sign.
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <span>
 #include <string_view>
@@ -233,11 +234,37 @@ bool equals_transpose(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   const Index n = H.rows();
   for (Index first = 0; first < n; first += kTile) {
     for (Index top = first; top < n; top += kTile) {
+      bool equal = true;
       for (Index j = first; j < (std::min)(first + kTile, n); ++j) {
-        for (Index i = top; i < (std::min)(top + kTile, n); ++i) {
-          if (H(i, j) != H(j, i)) return false;
-        }
+        for (Index i = top; i < (std::min)(top + kTile, n); ++i)
+          equal = equal & (H(i, j) == H(j, i));  // without branches it is vectorised
       }
+      if (!equal) return false;
+    }
+  }
+  return true;
+}
+
+/// Returns true when every entry of a finite H obeys h_ij² <= h_ii h_jj, as far as products tell
+/// that neither overflow nor underflow; false says nothing.
+template <RealScalar Scalar>
+bool within_diagonal(const Eigen::Ref<const MatrixX<Scalar>>& H) {
+  constexpr Index kTile = 64;
+  const Scalar least = Scalar(1e-30), most = Scalar(1e30);
+  const Index n = H.rows();
+  std::array<Scalar, kTile> diagonal{};
+  for (Index top = 0; top < n; top += kTile) {
+    const Index rows = (std::min)(kTile, n - top);
+    for (Index i = 0; i < rows; ++i) diagonal[static_cast<std::size_t>(i)] = H(top + i, top + i);
+    for (Index j = 0; j < top + rows; ++j) {
+      const Scalar own = H(j, j);
+      const Scalar* column = &H.coeffRef(top, j);
+      bool within = Scalar(0) < own;
+      for (Index i = 0; i < rows; ++i) {
+        const Scalar h = column[i], product = own * diagonal[static_cast<std::size_t>(i)];
+        within = within & (least < product) & (product < most) & (h * h <= product);
+      }
+      if (!within) return false;
     }
   }
   return true;
@@ -256,7 +283,9 @@ QpRefusal validate_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   if (H.cols() != n) return {bad, "Hessian is not square", -1};
   Scalar largest(0);
   for (Index j = 0; j < n; ++j) {
-    for (Index i = 0; i < n; ++i) {
+    bool finite = true;
+    for (Index i = 0; i < n; ++i) finite = finite & is_finite(H(i, j));  // vectorised
+    for (Index i = 0; i < n && !finite; ++i) {
       if (!is_finite(H(i, j))) return {bad, "Hessian entry is not finite", i + j * n};
     }
     largest = (std::max)(largest, H(j, j));
@@ -273,6 +302,7 @@ QpRefusal validate_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
       if (gap > asymmetry * size) return {bad, "Hessian is not symmetric", i + j * n};
     }
   }
+  if (within_diagonal<Scalar>(H)) return {};
   for (Index j = 0; j < n; ++j) {
     const Scalar own = H(j, j);
     if (own < Scalar(0))

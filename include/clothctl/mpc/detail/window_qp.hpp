@@ -58,6 +58,9 @@ class WindowQp {
     for (VectorX<Scalar>* v : {&gradient_, &lower_, &upper_}) v->setZero(unknowns_);
     solution_.setZero(p * horizon);
     column_.setZero(problem.basis.inputs());
+    block_.setZero(problem.basis.unknowns(), problem.basis.unknowns());
+    half_.setZero(problem.basis.unknowns(), problem.basis.inputs());
+    transposed_ = half_;
     input_ = column_;
     qp_solver_traits<BoxSolver>::reserve(box_, unknowns_);
     resize_result(box_result_, unknowns_, 0);
@@ -227,18 +230,23 @@ class WindowQp {
     const PlannerSettings<Scalar>& settings = problem.settings;
     const Index m = basis.inputs(), p = basis.unknowns(), horizon = settings.horizon;
     MatrixX<Scalar>& hessian = splines_.hessian(hessian_);
+    transposed_ = basis.matrix().transpose();
     for (Index l = 0; l < horizon; ++l) {
-      for (Index d = 0; d < p; ++d) {
-        const RowRange wide = basis.rows(d);
-        for (Index j = l; j < horizon; ++j) {
-          column_.noalias() = raw_hessian_.block(j * m, l * m + wide.first, m, wide.second) *
-                              basis.matrix().col(d).segment(wide.first, wide.second);
-          for (Index c = 0; c < p; ++c) {
-            const Scalar value = dot(basis, c, column_);
-            hessian(j * p + c, l * p + d) = value;
-            hessian(l * p + d, j * p + c) = value;
-          }
+      for (Index j = l; j < horizon; ++j) {
+        for (Index s = 0; s < m; ++s) {
+          const Scalar* raw = &raw_hessian_.coeffRef(j * m, l * m + s);
+          half_.col(s) = raw[0] * transposed_.col(0);
+          for (Index r = 1; r < m; ++r) half_.col(s) += raw[r] * transposed_.col(r);
         }
+        for (Index d = 0; d < p; ++d) {
+          const RowRange rows = basis.rows(d);
+          block_.col(d).setZero();
+          for (Index r = rows.first; r < rows.first + rows.second; ++r)
+            block_.col(d) += basis.matrix()(r, d) * half_.col(r);
+        }
+        if (l == j) block_.template triangularView<Eigen::StrictlyUpper>() = block_.transpose();
+        hessian.block(j * p, l * p, p, p) = block_;
+        if (l < j) hessian.block(l * p, j * p, p, p) = block_.transpose();
       }
     }
     const bool force = settings.input == GripInput::Force;
@@ -395,6 +403,7 @@ class WindowQp {
   RowResult row_result_;
   RelaxedQp<Scalar, RowSolver> relaxed_;
   MatrixX<Scalar> raw_hessian_, hessian_, row_matrix_;
+  MatrixX<Scalar> transposed_, half_, block_;  // of a pair of frames: Bᵀ, Bᵀ H, Bᵀ H B
   VectorX<Scalar> raw_gradient_, gradient_, lower_, upper_, solution_, column_, input_, row_lower_,
       row_upper_, start_;
   std::vector<OutputTerm<Scalar>> point_;

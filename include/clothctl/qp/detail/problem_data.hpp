@@ -96,10 +96,15 @@ class ProblemData {
     if (resized) m_ = 0;
     loaded_ = false;
     n_ = n;
-    for (Index j = 0; j < n; ++j) {
-      for (Index i = 0; i < n; ++i) {
-        hessian_[static_cast<std::size_t>(i + j * n)] =
-            Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
+    constexpr Index kTile = 16;  // reads whole lines of cache in both directions
+    for (Index first = 0; first < n; first += kTile) {
+      for (Index top = 0; top < n; top += kTile) {
+        for (Index j = first; j < (std::min)(first + kTile, n); ++j) {
+          for (Index i = top; i < (std::min)(top + kTile, n); ++i) {
+            hessian_[static_cast<std::size_t>(i + j * n)] =
+                Scalar(0.5) * H(i, j) + Scalar(0.5) * H(j, i);
+          }
+        }
       }
     }
     return resized;
