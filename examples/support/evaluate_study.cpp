@@ -9,14 +9,17 @@ namespace program {
 
 namespace {
 
-constexpr double kKnownNoise = 0.04, kRandomNoise = 0.06;  // shares of the size of the sheet
+/// The noise of the control points of a kind of curves, as a share of the size of the sheet.
+double noise_of(const std::string& kind) {
+  return kind == "known" ? 0.04 : kind == "fast" ? 0.08 : 0.06;
+}
 
 Case plain_case(const Evaluation& e, const std::string& name, double value) {
   Case c;
   c.name = name;
   c.value = value;
   c.kind = e.kind;
-  c.noise_sd = (e.kind == "known" ? kKnownNoise : kRandomNoise) * e.run.size;
+  c.noise_sd = noise_of(e.kind) * e.run.size;
   c.run = e.run;
   return c;
 }
@@ -91,8 +94,8 @@ std::vector<Case> size_cases(const Evaluation& e) {
 }  // namespace
 
 const std::vector<std::string>& study_names() {
-  static const std::vector<std::string> names{"known",  "random",   "sd",    "window",
-                                              "plants", "mismatch", "table1"};
+  static const std::vector<std::string> names{"known",  "fast",   "random",   "sd",
+                                              "window", "plants", "mismatch", "table1"};
   return names;
 }
 
@@ -100,7 +103,7 @@ std::vector<std::string> options_set_by(const std::string& study) {
   if (study == "window") return {"--horizon"};
   if (study == "plants") return {"--plant", "--grip"};
   if (study == "sd") return {"--curves"};
-  if (study == "known" || study == "random") return {"--kind"};
+  if (study == "known" || study == "fast" || study == "random") return {"--kind"};
   return {};
 }
 

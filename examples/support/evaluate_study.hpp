@@ -13,7 +13,7 @@ namespace program {
 /// What the user asks for.
 struct Evaluation {
   std::string study;
-  std::string kind;  // of curves: known or random; empty: what the study has by default
+  std::string kind;  // of curves: known, fast or random; empty: what the study has by default
   int seeds = 5;
   double seconds = 5;
   std::vector<std::string> curves;  // files, instead of curves from seeds

@@ -242,8 +242,8 @@ def check_evaluate(programs, folder):
     def table(name):
         return (folder / name / "results.csv").read_bytes()
 
-    for study, cases in (("known", 1), ("random", 1), ("sd", 6), ("plants", 8), ("mismatch", 9),
-                         ("table1", 1), ("window", 13)):
+    for study, cases in (("known", 1), ("fast", 1), ("random", 1), ("sd", 6), ("plants", 8),
+                         ("mismatch", 9), ("table1", 1), ("window", 13)):
         out = folder / f"evaluate_{study}"
         arguments = [a for a in small if study != "window" or a not in ("--horizon", 6)]
         code, text, errors = run(evaluate, "--study", study, *arguments, "--seeds", 1, "--json",
