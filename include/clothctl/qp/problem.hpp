@@ -259,12 +259,14 @@ bool within_diagonal(const Eigen::Ref<const MatrixX<Scalar>>& H) {
     for (Index j = 0; j < top + rows; ++j) {
       const Scalar own = H(j, j);
       const Scalar* column = &H.coeffRef(top, j);
-      bool within = Scalar(0) < own;
+      int within = Scalar(0) < own ? 1 : 0;  // without branches the loop is vectorised
       for (Index i = 0; i < rows; ++i) {
         const Scalar h = column[i], product = own * diagonal[static_cast<std::size_t>(i)];
-        within = within & (least < product) & (product < most) & (h * h <= product);
+        within &= static_cast<int>(least < product);
+        within &= static_cast<int>(product < most);
+        within &= static_cast<int>(h * h <= product);
       }
-      if (!within) return false;
+      if (within == 0) return false;
     }
   }
   return true;
