@@ -183,7 +183,8 @@ TEST_CASE("what does not fit is refused, and changes nothing", "[mpc]") {
 }
 
 TEST_CASE("forces are found without allocation, and the same ones after a reset", "[mpc]") {
-  const Case c;
+  Case c;
+  c.model = c.sheet.model(Integration::Newton);  // whose steps are not linear in the forces
   Dynamics dynamics = c.dynamics({});
   REQUIRE(c.solve(dynamics));
   const Points<double> first = dynamics.input().forces;
@@ -192,9 +193,10 @@ TEST_CASE("forces are found without allocation, and the same ones after a reset"
   const long made = clothctl_test::allocations() - before;
   REQUIRE(solved);
   if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
+  CHECK(dynamics.input().forces != first);  // it starts from the forces of the last frame
   dynamics.reset();
   REQUIRE(c.solve(dynamics));
-  CHECK((dynamics.input().forces - first).cwiseAbs().maxCoeff() < 1e-9);
+  CHECK(dynamics.input().forces == first);
 }
 
 TEST_CASE("forces make a position-based sheet follow planned poses", "[mpc]") {

@@ -41,6 +41,27 @@ Derived derived(const MassSpring<double>& model, const RolloutSettings& settings
                  settings);
 }
 
+// A model whose derivations fail while `broken` is set.
+struct BreakingModel : MassSpringRollout<double> {
+  using MassSpringRollout<double>::MassSpringRollout;
+  inline static bool broken = false;
+
+  struct Derivative : MassSpringDerivative<float> {
+    using Base = MassSpringDerivative<float>;
+    template <int kColumns>
+    bool linearise(const ClothState<float>& from, const ClothState<float>& to, float dt,
+                   Base::Step& step, Base::Memory<kColumns>& memory, float compression,
+                   const Vector3<float>& wind) const {
+      return !broken && Base::linearise(from, to, dt, step, memory, compression, wind);
+    }
+  };
+
+  Derivative make_derivative(std::vector<int> driven) const {
+    return {MassSpringRollout<double>::make_derivative(std::move(driven))};
+  }
+};
+using Breaking = RolloutPredictor<BreakingModel, Exact>;
+
 // Predicts five frames of both kinds on one thread, on two, and with the blocks in reverse.
 // Returns how many loops the threads ran. `derives`: whether each prediction has a Jacobian.
 template <class Make>
@@ -271,6 +292,35 @@ TEST_CASE("the response of hands to forces is predicted where no rollout is deri
     CAPTURE(interval);
     CHECK(fresh == expected);
   }
+}
+
+TEST_CASE("where a derivation fails, the rollout stays", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  for (const GripInput kind : {GripInput::Force, GripInput::Pose}) {
+    WindowRequest<double> request = swaying_hands(sheet, kind, 6);
+    request.path = MatrixX<double>::Constant(request.inputs(), request.horizon, 0.1);
+    RolloutSettings plain;
+    plain.derivative_interval = 0;
+    Derived without = derived(model, plain);
+    Breaking predictor{BreakingModel(model), Exact(MassSpringResponse<double>(model))};
+    WindowResponse<double> a, b;
+    without.reserve(request, a);
+    predictor.reserve(request, b);
+    for (int frame = 0; frame < 7; ++frame) {
+      BreakingModel::broken = 3 <= frame && frame < 5;
+      request.has_path = frame > 0;
+      a.plan = b.plan = request.plan;
+      REQUIRE(without.predict(sheet.state.positions, sheet.state.velocities, request, a));
+      REQUIRE(predictor.predict(sheet.state.positions, sheet.state.velocities, request, b));
+      CAPTURE(kind == GripInput::Force, frame);
+      CHECK(b.has_jacobian == !BreakingModel::broken);
+      CHECK(b.plan == a.plan);
+      CHECK(b.free_response == a.free_response);
+      if (BreakingModel::broken) CHECK(b.impulse_response == a.impulse_response);
+    }
+  }
+  BreakingModel::broken = false;
 }
 
 TEST_CASE("where a rollout fails, the prediction is the inner one", "[mpc]") {

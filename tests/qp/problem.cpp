@@ -97,6 +97,11 @@ TEMPLATE_TEST_CASE("an entry too large for its diagonal is found wherever it is"
         H(i, j) = H(j, i) = S(0);
       }
     }
+    const S tiny = sizeof(S) == 4 ? S(1e-25) : S(1e-170);  // products of two are zero
+    MatrixX<S> small = tiny * H;
+    CHECK(detail::validate_hessian<S>(small).status == QpStatus::Solved);
+    small(1, 0) = small(0, 1) = S(2) * tiny;
+    CHECK(detail::validate_hessian<S>(small).status == QpStatus::NonConvex);
     H(0, 0) = H(n - 1, n - 1) = S(-2);  // their product is positive
     CHECK(detail::validate_hessian<S>(H).status == QpStatus::NonConvex);
     CHECK(detail::validate_hessian<S>(H).index == 0);

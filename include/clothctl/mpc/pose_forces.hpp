@@ -91,7 +91,10 @@ class PoseForces {
   /// The force of each finger on each of its vertices. The contact law holds.
   const std::vector<FingerForce<Scalar>>& finger_forces() const { return finger_forces_; }
   /// Forgets the forces of the last frame. Call it after the plant jumped.
-  void reset() { forces_.setZero(); }
+  void reset() {
+    forces_.setZero();
+    qp_.reset();
+  }
 
  private:
   using Basis = detail::GripBasis<Scalar, Contact>;

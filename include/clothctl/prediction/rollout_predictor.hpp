@@ -310,7 +310,10 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   if constexpr (kParts) {
     if (brief && predicted && !response.has_jacobian) {
       predictor_traits<Inner>::predict_rest(inner_, x, request, response);
-      if (rolled) response.free_response = free_;
+      if (rolled) {
+        response.free_response = free_;
+        response.plan = plan_;
+      }
     }
   }
   known_ = brief ? known_ && request.kind == GripInput::Pose : predicted;
