@@ -34,10 +34,8 @@ void complete(const CLI::App& app, const std::string& shard, Evaluation& e) {
   }
   if (!shard.empty()) read_shard(shard, e);
   if (e.study == "table1" && app.count("--cloth") == 0) e.run.cloth = 65;
-  if (e.kind.empty())
-    e.kind = e.study == "random" || e.study == "sd" || e.study == "table1" ? "random"
-             : e.study == "fast"                                           ? "fast"
-                                                                           : "known";
+  if (is_curve_kind(e.study)) e.kind = e.study;
+  if (e.kind.empty()) e.kind = e.study == "sd" || e.study == "table1" ? "random" : "known";
   e.curves = curve_files(e.curves);
   const int files = static_cast<int>(e.curves.size());
   if (files == 0) return;
@@ -58,15 +56,15 @@ EvaluationRequest read_evaluation(int argc, char** argv) {
   app.add_option("--study", e.study,
                  "known, random: error of curves with and without a known solution; fast: known "
                  "ones at twice the speed; sd: against the noise of curves; window: against the "
-                 "window size; plants: of all plants and "
-                 "grips; mismatch: of sheets that differ from the predicted one; table1: time by "
-                 "size of the sheet, up to --cloth (default: 65)")
+                 "window size; plants: of all plants and grips; mismatch: of sheets that differ "
+                 "from the predicted one; table1: time by size of the sheet, up to --cloth "
+                 "(default: 65)")
       ->check(CLI::IsMember(study_names()))
       ->required();
   app.add_option(
          "--kind", e.kind,
          "Curves of the other studies: known, fast or random (default: random for sd and table1)")
-      ->check(CLI::IsMember({"known", "fast", "random"}));
+      ->check(CLI::IsMember(curve_kinds()));
   app.add_option("--seeds", e.seeds, "Curves of each case, from seeds 1, 2, …")
       ->check(between(1, 100000))
       ->capture_default_str();

@@ -11,7 +11,8 @@ namespace {
 
 /// The noise of the control points of a kind of curves, as a share of the size of the sheet.
 double noise_of(const std::string& kind) {
-  return kind == "known" ? 0.04 : kind == "fast" ? 0.08 : 0.06;
+  if (kind == "random") return 0.06;
+  return kind == "fast" ? 0.08 : 0.04;
 }
 
 Case plain_case(const Evaluation& e, const std::string& name, double value) {
@@ -99,11 +100,20 @@ const std::vector<std::string>& study_names() {
   return names;
 }
 
+const std::vector<std::string>& curve_kinds() {
+  static const std::vector<std::string> kinds{"known", "fast", "random"};
+  return kinds;
+}
+
+bool is_curve_kind(const std::string& study) {
+  return std::find(curve_kinds().begin(), curve_kinds().end(), study) != curve_kinds().end();
+}
+
 std::vector<std::string> options_set_by(const std::string& study) {
   if (study == "window") return {"--horizon"};
   if (study == "plants") return {"--plant", "--grip"};
   if (study == "sd") return {"--curves"};
-  if (study == "known" || study == "fast" || study == "random") return {"--kind"};
+  if (is_curve_kind(study)) return {"--kind"};
   return {};
 }
 

@@ -41,6 +41,12 @@ struct Case {
 /// The names of all studies.
 const std::vector<std::string>& study_names();
 
+/// The kinds of curves from seeds. Each is the name of a study, too, which has these curves.
+const std::vector<std::string>& curve_kinds();
+
+/// Returns whether a study is named after its kind of curves.
+bool is_curve_kind(const std::string& study);
+
 /// Returns the options that a study sets itself, as "--horizon", so that the user cannot.
 std::vector<std::string> options_set_by(const std::string& study);
 

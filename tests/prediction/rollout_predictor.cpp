@@ -3,10 +3,12 @@
 
 #include "clothctl/prediction/rollout_predictor.hpp"
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
 #include "clothctl/cloth/mass_spring_rollout.hpp"
+#include "clothctl/mpc/run_frame.hpp"
 #include "laws/predictor_laws.hpp"
 #include "mpc/planner_loops.hpp"
 #include "prediction/window_requests.hpp"
@@ -294,6 +296,37 @@ TEST_CASE("the response of hands to forces is predicted where no rollout is deri
   }
 }
 
+TEST_CASE("a response to other inputs is predicted anew", "[mpc]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  const ClothState<double>& state = sheet.state;
+  for (const GripInput first : {GripInput::Force, GripInput::Pose}) {
+    const bool force = first == GripInput::Force;
+    WindowRequest<double> request = swaying_hands(sheet, first, 5);
+    request.path = MatrixX<double>::Zero(request.inputs(), request.horizon);
+    request.has_path = true;
+    Derived predictor = derived(model, {});
+    WindowResponse<double> response, expected;
+    predictor.reserve(request, response);
+    for (int frame = 0; frame < 3; ++frame) {
+      response.plan = request.plan;
+      REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
+    }
+    // The next frame derives a rollout.
+    request.kind = force ? GripInput::Pose : GripInput::Force;
+    request.plan = swaying_hands(sheet, request.kind, 5).plan;
+    response.plan = request.plan;
+    REQUIRE(predictor.predict(state.positions, state.velocities, request, response));
+    Exact alone{MassSpringResponse<double>(model)};
+    alone.reserve(request, expected);
+    expected.plan = request.plan;
+    REQUIRE(alone.predict(state.positions, state.velocities, request, expected));
+    CAPTURE(force);
+    CHECK(response.has_jacobian);
+    CHECK(response.impulse_response == expected.impulse_response);
+  }
+}
+
 TEST_CASE("where a derivation fails, the rollout stays", "[mpc]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(6, 1, 30);
   const MassSpring<double> model = sheet.model(Integration::Newton);
@@ -472,4 +505,52 @@ TEST_CASE(
   CHECK(rolled.mean_error < 0.85 * plain.mean_error);
   CHECK(cone <= 1e-9);
   CHECK(error < 1e-3);
+}
+
+TEST_CASE("smooth hands do not swing where targets are further apart than the sheet lets them",
+          "[mpc]") {
+  using Linearised = LinearisedPredictor<MassSpringResponse<float>, double>;
+  using Predictor = RolloutPredictor<MassSpringRollout<double>, Linearised>;
+  const HangingSheet sheet = clothctl_test::hanging_sheet(13);
+  const MassSpring<double> model = sheet.model(Integration::Newton);
+  Points<double> wanted(3, 2);
+  wanted << sheet.state.positions.col(sheet.lower_left()),
+      sheet.state.positions.col(sheet.lower_right());
+  const Vector3<double> middle = wanted.rowwise().mean(),
+                        across = (wanted.col(1) - wanted.col(0)).normalized();
+  wanted.col(0) = middle - 0.2495 * across;  // they hang 0.497 m apart
+  wanted.col(1) = middle + 0.2495 * across;
+  const auto target = [&](Index i, double) { return Vector3<double>(wanted.col(i)); };
+  // Returns how far a hand moves to and fro in the last second, m.
+  const auto swing = [&](double smooth) {
+    PlannerSettings<double> settings = clothctl_test::corner_settings(
+        sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout(0.05));
+    settings.weights.anchor = 1.5;
+    settings.weights.smooth = smooth;
+    auto planner =
+        Planner<Predictor>::create(clothctl_test::corner_setup(sheet), settings,
+                                   Predictor(MassSpringRollout<double>(model),
+                                             Linearised(MassSpringResponse<float>(model))),
+                                   sheet.state.positions)
+            .value();
+    auto plant = clothctl_test::sheet_plant(sheet, Integration::Newton);
+    PlanResult<double> result = planner.make_result();
+    double front = 1e9, back = -1e9;
+    for (int frame = 0; frame < 120; ++frame) {
+      const double time = kDt * static_cast<double>(frame);
+      REQUIRE(run_frame(planner, plant, time, target, clothctl_test::NoWind(), result).advanced());
+      if (frame < 70) continue;
+      const double y = plant.state().positions(1, sheet.upper_left());
+      front = std::min(front, y);
+      back = std::max(back, y);
+    }
+    return back - front;
+  };
+  const double rough = swing(PlannerWeights<double>().smooth);
+  const double preset = swing(PlannerSettings<double>::rollout().weights.smooth);
+  const double smooth = swing(0.2);
+  CAPTURE(rough, preset, smooth);
+  CHECK(rough > 1.5e-3);
+  CHECK(preset < 0.8 * rough);
+  CHECK(smooth < 0.4e-3);
 }

@@ -36,7 +36,7 @@ def jobs(shared, full):
     numbers = range(1, 6) if full else [1]
     for plant in ("one-solve", "newton"):
         for grip in ("force", "position"):
-            for kind, bar in (("known", 10 if plant == "one-solve" else 15), ("random", 16)):
+            for kind, bar in (("known", 4), ("random", 7)):
                 for i in numbers:
                     if full or (plant, grip, kind) in (("newton", "force", "known"),
                                                        ("one-solve", "position", "random")):
@@ -45,14 +45,14 @@ def jobs(shared, full):
                                 "--plant", plant, "--grip", grip])
     for i in range(1, 9) if full else [1]:
         pair = f"{curves / 'iri' / f'ref_{i}L.csv'},{curves / 'iri' / f'ref_{i}R.csv'}"
-        yield (f"iri ref_{i} newton position", 1.7, "handkerchief",
+        yield (f"iri ref_{i} newton position", 1, "handkerchief",
                ["--targets", pair, "--dt", 0.02, "--size", 0.3, "--plant", "newton", "--grip",
                 "position"])
     if not full:
         return
     for i in numbers:
         for grip in ("force", "position"):
-            for kind, plant, bar in (("fast", "newton", 40), ("known", "xpbd", 500)):
+            for kind, plant, bar in (("fast", "newton", 7), ("known", "xpbd", 30)):
                 yield (f"{kind}_{i} {plant} {grip}", bar, "handkerchief",
                        [*sheet, "--targets", curves / "splines" / f"{kind}_{i}.csv", "--plant",
                         plant, "--grip", grip])

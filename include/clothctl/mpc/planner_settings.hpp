@@ -165,11 +165,11 @@ struct PlannerSettings {
     return s;
   }
 
-  /// Returns settings for a RolloutPredictor: small, damped corrections (`smooth` 0.02, `jerk` 0.01
-  /// s²/m², `max_change` 0.1 m/s). `step`: the weight w_r,
-  /// s²/m². Where the model derives its rollouts (MassSpringRollout), a `step` of 0.05 is better,
-  /// and a `smooth` of 0.2 but for forces on a plant that is not the model: with less, hands swing
-  /// if targets are further apart than the sheet lets them.
+  /// Returns settings for a RolloutPredictor: small, damped corrections (`smooth` 0.02 and `jerk`
+  /// 0.01 s²/m², `max_change` 0.1 m/s). `step`: the weight w_r, s²/m². Where the model derives its
+  /// rollouts (MassSpringRollout), a `step` of 0.05 is better, and a `smooth` of 0.2 but for forces
+  /// on a plant that is not the model: with less, hands swing if targets are further apart than the
+  /// sheet lets them.
   static PlannerSettings rollout(Scalar step = Scalar(0.01)) {
     PlannerSettings s;
     s.weights.smooth = Scalar(0.02);

@@ -137,7 +137,7 @@ class RolloutPredictor {
   /// Forgets earlier rollouts. Call it after the plant jumped.
   void reset() {
     fresh_ = true;
-    known_ = false;
+    known_.reset();
     age_ = kNone;
     predictor_traits<Inner>::reset(inner_);
   }
@@ -157,6 +157,8 @@ class RolloutPredictor {
   /// Predicts by the inner predictor, or if `brief` and it can, only what the air does.
   bool ask_inner(bool brief, const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                  const WindowRequest<Scalar>& request, WindowResponse<Scalar>& response);
+  /// Returns whether the Jacobian is to be derived anew.
+  bool is_stale() const { return age_ != kNone && settings_.derivative_interval <= age_; }
   /// What can be done of a Jacobian beside the rollout: derives that of the last frame's rollout if
   /// the present one is too old, and moves it on by a frame.
   void update_jacobian(const WindowRequest<Scalar>& request);
@@ -190,7 +192,7 @@ class RolloutPredictor {
   int age_ = kNone;                    // frames since the rollout that the Jacobian is of
   // Where rollouts are derived: of the last one, and of the present one.
   std::vector<ClothState<Scalar>> last_states_, states_;
-  bool known_ = false;  // the response has the rows of the held vertices
+  std::optional<GripInput> known_;  // the inputs to which the response of the held vertices is
   std::optional<typename detail::RolloutJacobian<Model, Scalar>::type> derived_;
 };
 
@@ -226,7 +228,7 @@ void RolloutPredictor<Model, Inner>::reserve(const WindowRequest<Scalar>& reques
   free_ = response.free_response;
   plan_.setZero(request.inputs(), request.horizon);
   age_ = kNone;
-  known_ = false;
+  known_.reset();
   if constexpr (detail::DerivableRollout<Model>) {
     if (settings_.derivative_interval == 0) return;
     response.has_jacobian = false;
@@ -276,9 +278,8 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
   start(x, v, request, response);
   // Where the features have a Jacobian, poses need nothing but the air of the inner predictor. How
   // the held vertices respond to forces may be a frame old where a rollout is derived, too.
-  const bool derives = age_ != kNone && settings_.derivative_interval <= age_;
-  const bool brief = kParts && known_ && derived_ &&
-                     (request.kind == GripInput::Pose || (derives && request.has_path));
+  const bool brief = kParts && derived_ && known_ == request.kind &&
+                     (request.kind == GripInput::Pose || (is_stale() && request.has_path));
   bool predicted = false, rolled = false;
   const auto beside = [&] {
     predicted = ask_inner(brief, x, v, request, response);
@@ -316,7 +317,8 @@ bool RolloutPredictor<Model, Inner>::predict(const PointsView<Scalar>& x,
       }
     }
   }
-  known_ = brief ? known_ && request.kind == GripInput::Pose : predicted;
+  if (!brief || request.kind == GripInput::Force) known_.reset();
+  if (!brief && predicted) known_ = request.kind;
   return predicted;
 }
 
@@ -335,8 +337,7 @@ bool RolloutPredictor<Model, Inner>::ask_inner(bool brief, const PointsView<Scal
 template <class Model, class Inner>
 requires ClothRollout<Model, typename predictor_traits<Inner>::scalar_type>
 void RolloutPredictor<Model, Inner>::update_jacobian(const WindowRequest<Scalar>& request) {
-  if (age_ == kNone) return;
-  if (settings_.derivative_interval <= age_) derive(request, {});  // the executor is in use
+  if (is_stale()) derive(request, {});  // the executor is in use
   if (age_ == kNone) return;
   shift_jacobian(request.horizon, jacobian_);
   ++age_;

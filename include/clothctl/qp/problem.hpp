@@ -237,7 +237,7 @@ bool equals_transpose(const Eigen::Ref<const MatrixX<Scalar>>& H) {
       bool equal = true;
       for (Index j = first; j < (std::min)(first + kTile, n); ++j) {
         for (Index i = top; i < (std::min)(top + kTile, n); ++i)
-          equal = equal & (H(i, j) == H(j, i));  // without branches it is vectorised
+          equal &= H(i, j) == H(j, i);  // without branches it is vectorised
       }
       if (!equal) return false;
     }
@@ -259,14 +259,14 @@ bool within_diagonal(const Eigen::Ref<const MatrixX<Scalar>>& H) {
     for (Index j = 0; j < top + rows; ++j) {
       const Scalar own = H(j, j);
       const Scalar* column = &H.coeffRef(top, j);
-      int within = Scalar(0) < own ? 1 : 0;  // without branches the loop is vectorised
+      bool within = Scalar(0) < own;
       for (Index i = 0; i < rows; ++i) {
         const Scalar h = column[i], product = own * diagonal[static_cast<std::size_t>(i)];
-        within &= static_cast<int>(least < product);
-        within &= static_cast<int>(product < most);
-        within &= static_cast<int>(h * h <= product);
+        within &= least < product;  // without branches it is vectorised
+        within &= product < most;
+        within &= h * h <= product;
       }
-      if (within == 0) return false;
+      if (!within) return false;
     }
   }
   return true;
@@ -286,7 +286,7 @@ QpRefusal validate_hessian(const Eigen::Ref<const MatrixX<Scalar>>& H) {
   Scalar largest(0);
   for (Index j = 0; j < n; ++j) {
     bool finite = true;
-    for (Index i = 0; i < n; ++i) finite = finite & is_finite(H(i, j));  // vectorised
+    for (Index i = 0; i < n; ++i) finite &= is_finite(H(i, j));  // vectorised, too
     for (Index i = 0; i < n && !finite; ++i) {
       if (!is_finite(H(i, j))) return {bad, "Hessian entry is not finite", i + j * n};
     }

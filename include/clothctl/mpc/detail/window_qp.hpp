@@ -58,8 +58,8 @@ class WindowQp {
     for (VectorX<Scalar>* v : {&gradient_, &lower_, &upper_}) v->setZero(unknowns_);
     solution_.setZero(p * horizon);
     column_.setZero(problem.basis.inputs());
-    block_.setZero(problem.basis.unknowns(), problem.basis.unknowns());
-    half_.setZero(problem.basis.unknowns(), problem.basis.inputs());
+    block_.setZero(p, p);
+    half_.setZero(p, problem.basis.inputs());
     transposed_ = half_;
     input_ = column_;
     qp_solver_traits<BoxSolver>::reserve(box_, unknowns_);
