@@ -276,7 +276,7 @@ TEST_CASE("the response of hands to forces is predicted where no rollout is deri
     predictor.reserve(request, response);
     std::vector<bool> fresh;
     MatrixX<double> last;
-    for (int frame = 0; frame < 8; ++frame) {
+    for (unsigned frame = 0; frame < 8; ++frame) {
       const ClothState<double> state = clothctl_test::shaken(sheet.state, 1 + frame);
       request.has_path = frame > 0;
       response.plan = request.plan;
