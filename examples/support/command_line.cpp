@@ -171,7 +171,7 @@ CLI::Option* add_model(CLI::App& app, int& model) {
   return app
       .add_option("--model", model,
                   "Vertices along a side of the sheet that the planner predicts with, if --cloth "
-                  "is larger; with --hands, it predicts with all")
+                  "is larger")
       ->check(between(3, 129))
       ->capture_default_str();
 }

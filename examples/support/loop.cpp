@@ -107,7 +107,10 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
     figures.add_times(milliseconds(before) - plant_ms, plant_ms);
     if (can_apply(report.plan)) figures.add_plan(planner.grips(), result, sent);
     if (const std::string why = reason(report, result, frame); !why.empty()) {
-      figures.summary.status = why;
+      figures.summary.status =
+          pushed && can_apply(report.plan) && !pushed->found_forces()
+              ? "no contact forces follow the poses in frame " + std::to_string(frame)
+              : why;
       break;
     }
     ++figures.summary.frames;

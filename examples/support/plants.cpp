@@ -88,6 +88,9 @@ AnyPredictor make_simulator(const Options& o, const Body& body,
   if (!is_implicit(o.plant) && !is_position_based(o.plant))
     refuse("--predictor simulator: the plant " + o.plant + " is no cloth model");
   if (body.coarse) refuse("--predictor simulator: cannot be combined with a coarse --model");
+  if (follows_poses(o) && 1 < o.patch_size)
+    refuse("--patch-size: " + std::to_string(o.patch_size) +
+           " cannot be combined with --predictor simulator and --grip force");
   damp(o, body, 0.01, settings);
   const auto simulated = [&](auto model) {
     clothctl::SimulatorPredictor<decltype(model)> predictor(std::move(model));

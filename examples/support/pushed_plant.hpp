@@ -22,6 +22,9 @@ class PushedPlant {
     return dynamics_.finger_forces();
   }
 
+  /// Returns whether the last call of `apply` found forces.
+  bool found_forces() const { return found_; }
+
   Index vertex_count() const { return plant_->vertex_count(); }
   const Points& positions() const { return plant_->positions(); }
   const Points& velocities() const { return plant_->velocities(); }

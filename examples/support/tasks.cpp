@@ -1,10 +1,30 @@
 #include "support/tasks.hpp"
 
+#include <algorithm>
 #include <cstdio>
 
 #include "clothctl/io/targets.hpp"
 
 namespace program {
+
+namespace {
+
+/// Returns a number as text.
+std::string short_text(double value) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.3g", value);
+  return text;
+}
+
+/// Warns of times that are hardly seconds.
+void check_times(const Options& o, const Task& task, Index rows) {
+  const double apart = task.duration / static_cast<double>(rows - 1);
+  if (apart < 1 && task.duration < 3600) return;
+  std::fprintf(stderr, "warning: %s: lasts %.6g s with %.3g s from row to row; times are seconds\n",
+               o.targets.c_str(), task.duration, apart);
+}
+
+}  // namespace
 
 Task read_task(const Options& o) {
   const std::size_t comma = o.targets.find(',');
@@ -22,7 +42,12 @@ Task read_task(const Options& o) {
   const clothctl::VectorX<double> times = read.times.array() - read.times[0];
   for (const Points& points : read.features)
     task.curves.push_back(must(clothctl::CubicBSpline<double>::interpolate(times, points)));
+  if (task.names == std::vector<std::string>{"R", "L"}) {  // features are taken from left to right
+    std::swap(task.names[0], task.names[1]);
+    std::swap(task.curves[0], task.curves[1]);
+  }
   task.duration = times[times.size() - 1];
+  check_times(o, task, times.size());
   return task;
 }
 
@@ -36,12 +61,11 @@ void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t 
     }
   }
   if (furthest <= 1.05 * cloth) return;
-  char text[160];
-  std::snprintf(text, sizeof text,
-                ": %s and %s are %.3g m apart at %.2f s; there is %.3g m of cloth between them",
-                task.names[a].c_str(), task.names[b].c_str(), furthest, when, cloth);
-  if (!(furthest <= 10 * cloth)) refuse(o.targets + text);
-  std::fprintf(stderr, "warning: %s%s\n", o.targets.c_str(), text);
+  const std::string text = o.targets + ": " + task.names[a] + " and " + task.names[b] + " are " +
+                           short_text(furthest) + " m apart at " + short_text(when) +
+                           " s; there is " + short_text(cloth) + " m of cloth between them";
+  if (!(furthest <= 10 * cloth)) refuse(text + "; coordinates are metres");
+  std::fprintf(stderr, "warning: %s\n", text.c_str());
 }
 
 }  // namespace program

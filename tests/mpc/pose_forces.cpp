@@ -3,6 +3,8 @@
 
 #include "clothctl/mpc/pose_forces.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 #include <string>
 #include <utility>
@@ -139,11 +141,67 @@ TEST_CASE("finger forces obey the contact law, and add up to what is sent", "[mp
   }
 }
 
+TEST_CASE("a finger that sticks may pull, and no harder than it can", "[mpc]") {
+  using Contact = AdhesiveFinger<double>;
+  Case c;
+  PlannerSetup<double, Contact> setup;
+  setup.triangles = c.sheet.network.triangles;
+  for (const int v : c.poses.driven_vertices) {  // one finger on each corner, from one side
+    Grip<double, Contact> grip;
+    grip.fingers.push_back({{v}, 1.0, Contact{{0.9, 8}, 0.5}, 20.0});
+    setup.grips.push_back(grip);
+  }
+  setup.features.add_point(c.sheet.lower_left());
+  auto dynamics = PoseForces<MassSpring<double>, PlannerSetup<double, Contact>>::create(
+                      c.model, setup, exact(0))
+                      .value();
+  double least = 0, reached = 0;
+  for (const double distance : {0.0, 0.001, -0.001, 0.1, -0.1}) {
+    Case moved = c;
+    for (Index j = 0; j < 2; ++j) {
+      const int v = c.poses.driven_vertices[static_cast<std::size_t>(j)];
+      moved.poses.driven_positions.col(j) =
+          c.sheet.state.positions.col(v) + Vector3<double>(0, distance, 0);
+    }
+    REQUIRE(dynamics.solve(c.sheet.state.positions, c.sheet.state.velocities, moved.poses,
+                           c.velocities, kFrame));
+    for (const FingerForce<double>& f : dynamics.finger_forces()) {
+      CHECK(cone_violation<double>(f.force + 0.5 * f.normal, f.normal, 0.9, 20.5) <= 1e-8);
+      least = (std::min)(least, f.force.dot(f.normal));
+    }
+    const MatrixX<double> after = c.after(dynamics.input());
+    reached = (std::max)(reached, std::abs(after(1, 0) - moved.poses.driven_positions(1, 0)));
+  }
+  CHECK(least < -0.1);  // it pulls
+  CHECK(-0.5 - 1e-9 <= least);
+  CHECK(0.01 < reached);  // that is not enough for 0.1 m
+}
+
+TEST_CASE("more linearisations come closer where steps are not linear in the forces", "[mpc]") {
+  Case c;
+  c.model = c.sheet.model(Integration::Newton);
+  c.poses.driven_positions.row(2).array() += 0.02;
+  double last = 1.0;
+  for (const int steps : {1, 2, 4}) {
+    PoseForcesSettings settings = exact(0);
+    settings.newton_steps = steps;
+    Dynamics dynamics = c.dynamics(settings);
+    REQUIRE(c.solve(dynamics));
+    const double error = (c.after(dynamics.input()).leftCols(2) - c.poses.driven_positions).norm();
+    CAPTURE(steps, error);
+    CHECK(error < 0.5 * last);
+    last = error;
+  }
+}
+
 TEST_CASE("what does not fit is refused, and changes nothing", "[mpc]") {
   const Case c;
   PoseForcesSettings bad;
   bad.difference = 0;
   CHECK(Dynamics::create(c.model, c.setup, bad).error() == "difference is 0, must be positive");
+  bad = {};
+  bad.ridge = std::numeric_limits<double>::quiet_NaN();
+  CHECK(Dynamics::create(c.model, c.setup, bad).error() == "ridge is nan, must be positive");
   bad = {};
   bad.velocity = -1;
   CHECK(Dynamics::create(c.model, c.setup, bad).error().find("velocity is -1") == 0);

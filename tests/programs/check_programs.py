@@ -112,6 +112,7 @@ def check_runs(programs, folder):
     check("linear-implicit" in shown and "linearised" in shown and "one-solve" not in shown
           and "frozen" not in shown,
           "handkerchief --help shows earlier words")
+    check_columns(hand, folder, small)
     left, right = folder / "left.csv", folder / "right.csv"
     left.write_text(targets(1.0, header=""))
     right.write_text(targets(1.0, header=""))
@@ -230,6 +231,31 @@ def check_runs(programs, folder):
 
 
 EVALUATE_TABLE = "# clothctl evaluation 1 "
+
+
+def check_columns(hand, folder, given):
+    """Columns of the right corner may come first; times in milliseconds are told."""
+
+    def summary(curve):
+        code, text, errors = run(hand, *given, "--targets", curve, "--plant", "one-solve",
+                                 "--grip", "position")
+        check(code == 0, f"{curve.name}: exit {code}: {errors}")
+        return without_times(json.loads(text)), errors
+
+    def write(name, order, unit):
+        rows = [row.split(",") for row in targets(0.4).strip().split("\n")]
+        if unit != 1:  # 0.4 s said to be 400 ms would run for 400 s: three rows are enough
+            rows = rows[:1] + [[f"{unit * float(t):.9g}", *row] for t, *row in rows[1:4]]
+        path = folder / name
+        path.write_text("\n".join(",".join(row[i] for i in order) for row in rows) + "\n")
+        return path
+
+    mirrored, errors = summary(write("mirrored.csv", [0, 4, 5, 6, 1, 2, 3], 1))
+    plain, _ = summary(write("plain.csv", range(7), 1))
+    check(not errors and mirrored["mean_error_m"] == plain["mean_error_m"],
+          f"columns of the right corner first: {mirrored}, {errors!r}")
+    _, errors = summary(write("ms.csv", range(7), 100))
+    check("ms.csv" in errors and "times are seconds" in errors, f"times in ms: {errors!r}")
 
 
 def check_evaluate(programs, folder):
@@ -1090,7 +1116,11 @@ def check_bad_input(programs, folder):
     bad("a folder without a name", ["--out", "empty"], "--out", "")
     bad("a feature twice", ["--features", "5"], "--features", "5,5")
     far = file("far.csv", targets(1, spoil=spoil(4, "0.06,-225,0,-500,225,0,-500")))
-    bad("targets in millimetres", ["far.csv", "apart", "0.5 m"], "--targets", far)
+    bad("targets in millimetres", ["far.csv", "apart", "0.5 m", "are metres"], "--targets", far)
+    bad("intervals of no frame", ["--input-intervals", "0"], "--input-intervals", "0,20", "--grip",
+        "position")
+    bad("forces on patches that follow poses", ["--patch-size", "2"], "--plant", "xpbd",
+        "--predictor", "simulator", "--cloth", 5, "--patch-size", 2)
     bad("out in a file", ["dt.csv"], "--cloth", 5, "--horizon", 5, "--targets",
         file("dt.csv", targets(0.4)), "--out",
         folder / "dt.csv" / "x")
