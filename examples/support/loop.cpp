@@ -37,16 +37,18 @@ void warn_of_weight(const Scene& scene, const Options& o) {
                  grip, weight);
 }
 
-/// Returns why a frame ended the run, or an empty string.
+/// Returns why a frame ended the run, or an empty string. `pushed`: what receives forces for poses,
+/// if something does.
 std::string reason(const clothctl::FrameReport<double>& report,
-                   const clothctl::PlanResult<double>& result, Index frame) {
+                   const clothctl::PlanResult<double>& result,
+                   const std::optional<PushedPlant>& pushed, Index frame) {
   const std::string where = " in frame " + std::to_string(frame);
   if (report.status == clothctl::FrameStatus::NotPlanned)
     return "planner " + std::string(to_string(report.plan)) + where + ", qp " +
            std::string(to_string(result.qp_status));
-  if (report.status == clothctl::FrameStatus::NotAdvanced)
-    return "plant " + std::string(to_string(report.step.status)) + where;
-  return {};
+  if (report.status != clothctl::FrameStatus::NotAdvanced) return {};
+  if (pushed && !pushed->found_forces()) return "no contact forces follow the poses" + where;
+  return "plant " + std::string(to_string(report.step.status)) + where;
 }
 
 }  // namespace
@@ -106,11 +108,8 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
         report.status == clothctl::FrameStatus::NotPlanned ? 0.0 : plant.last_step_ms();
     figures.add_times(milliseconds(before) - plant_ms, plant_ms);
     if (can_apply(report.plan)) figures.add_plan(planner.grips(), result, sent);
-    if (const std::string why = reason(report, result, frame); !why.empty()) {
-      figures.summary.status =
-          pushed && can_apply(report.plan) && !pushed->found_forces()
-              ? "no contact forces follow the poses in frame " + std::to_string(frame)
-              : why;
+    if (const std::string why = reason(report, result, pushed, frame); !why.empty()) {
+      figures.summary.status = why;
       break;
     }
     ++figures.summary.frames;

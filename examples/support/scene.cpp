@@ -1,26 +1,9 @@
 #include "support/scene.hpp"
 
-#include <algorithm>
-
 #include "clothctl/cloth/settle.hpp"
 #include "clothctl/network/sheet.hpp"
 
 namespace program {
-
-namespace {
-
-/// Returns what is wrong with settings, with options in place of the settings' names.
-std::string with_options(std::string problem) {
-  for (const std::string name : {"input_intervals", "input_degree", "max_acceleration"}) {
-    if (!problem.starts_with(name)) continue;
-    std::replace(problem.begin(), problem.begin() + static_cast<std::ptrdiff_t>(name.size()), '_',
-                 '-');
-    return "--" + problem;
-  }
-  return problem;
-}
-
-}  // namespace
 
 void check_scene(const Scene& scene) {
   const Index vertices = scene.body.network.vertex_count();
@@ -28,10 +11,13 @@ void check_scene(const Scene& scene) {
           clothctl::validate_features<double>(scene.setup.features, vertices);
       !problem.empty())
     refuse("--features: " + problem);
-  for (const std::string& problem : {clothctl::validate_grips(scene.setup.grips, vertices),
-                                     with_options(scene.settings.validate())}) {
-    if (!problem.empty()) refuse(problem);
-  }
+  if (const std::string problem = clothctl::validate_grips(scene.setup.grips, vertices);
+      !problem.empty())
+    refuse(problem);
+  std::string problem = scene.settings.validate();
+  const std::string name = "input_intervals";  // all other settings are checked as options
+  if (problem.starts_with(name)) problem.replace(0, name.size(), "--input-intervals");
+  if (!problem.empty()) refuse(problem);
 }
 
 Body sheet_body(const Options& o, const clothctl::GridMesh<double>& grid,

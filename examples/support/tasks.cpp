@@ -1,20 +1,14 @@
 #include "support/tasks.hpp"
 
-#include <algorithm>
 #include <cstdio>
+#include <utility>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/io/targets.hpp"
 
 namespace program {
 
 namespace {
-
-/// Returns a number as text.
-std::string short_text(double value) {
-  char text[32];
-  std::snprintf(text, sizeof text, "%.3g", value);
-  return text;
-}
 
 /// Warns of times that are hardly seconds.
 void check_times(const Options& o, const Task& task, Index rows) {
@@ -62,8 +56,9 @@ void check_reach(const Options& o, const Task& task, std::size_t a, std::size_t 
   }
   if (furthest <= 1.05 * cloth) return;
   const std::string text = o.targets + ": " + task.names[a] + " and " + task.names[b] + " are " +
-                           short_text(furthest) + " m apart at " + short_text(when) +
-                           " s; there is " + short_text(cloth) + " m of cloth between them";
+                           clothctl::rounded_text(furthest) + " m apart at " +
+                           clothctl::rounded_text(when) + " s; there is " +
+                           clothctl::rounded_text(cloth) + " m of cloth between them";
   if (!(furthest <= 10 * cloth)) refuse(text + "; coordinates are metres");
   std::fprintf(stderr, "warning: %s\n", text.c_str());
 }

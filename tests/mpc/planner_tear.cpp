@@ -19,12 +19,6 @@ namespace {
 
 using Sheet = TearableSheet<MassSpring<double>>;
 
-// Number of frames of a run, the frame of the tear, and the one from which errors count. Sanitizers
-// do not need to see the outcome.
-constexpr int kFrames = clothctl_test::kSanitized ? 20 : 160;
-constexpr int kTear = clothctl_test::kSanitized ? 8 : 60;
-constexpr int kSettled = clothctl_test::kSanitized ? 15 : 100;
-
 /// Makes a planner on the sheet as it is now; `start`: its vertices in the start pose.
 FrozenPlanner planner_of(const Sheet& sheet, const PlannerSetup<double>& setup,
                          const PlannerSettings<double>& settings, const Points<double>& start) {
@@ -52,9 +46,9 @@ void tear(Sheet& sheet, PlannerSetup<double>& setup, Points<double>& start) {
   setup.triangles = sheet.network().triangles;
 }
 
-/// Runs to the tear, tears the sheet or not, and goes on with a new planner. Returns the mean error
-/// of the features once it has settled.
-double tracked(const HangingSheet& hanging, GripInput input, bool torn) {
+/// Runs 3/8 of `frames`, tears the sheet or not, and goes on with a new planner. Returns the mean
+/// error of the features over the last 3/8.
+double tracked(const HangingSheet& hanging, GripInput input, bool torn, int frames) {
   Sheet sheet = Sheet::create(hanging.model(Integration::Newton), {}).value();
   sheet.set_state(hanging.state);
   PlannerSetup<double> setup = clothctl_test::corner_setup(hanging, 2);
@@ -64,8 +58,8 @@ double tracked(const HangingSheet& hanging, GripInput input, bool torn) {
   FrozenPlanner planner = planner_of(sheet, setup, settings, start);
   PlanResult<double> result = planner.make_result();
   double mean = 0;
-  for (int frame = 0; frame < kFrames; ++frame) {
-    if (frame == kTear) {
+  for (int frame = 0; frame < frames; ++frame) {
+    if (frame == 3 * frames / 8) {
       if (torn) {
         tear(sheet, setup, start);
         // The old planner sees that its sheet is gone.
@@ -79,7 +73,7 @@ double tracked(const HangingSheet& hanging, GripInput input, bool torn) {
     }
     const FrameReport<double> report = run_frame(planner, sheet, kFrame * frame, target, result);
     REQUIRE(report.advanced());
-    if (frame >= kSettled) mean += report.mean_error / (kFrames - kSettled);
+    if (frame >= 5 * frames / 8) mean += report.mean_error / (3 * frames / 8);
   }
   return mean;
 }
@@ -89,9 +83,9 @@ double tracked(const HangingSheet& hanging, GripInput input, bool torn) {
 TEST_CASE("the planner goes on tracking after a tear", "[mpc]") {
   const HangingSheet hanging = clothctl_test::hanging_sheet(7);
   for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    const double torn = tracked(hanging, input, true);
-    if (clothctl_test::kSanitized) continue;
-    const double whole = tracked(hanging, input, false);
+    const int frames = clothctl_test::trials(160, 160, 16);
+    const double whole = tracked(hanging, input, false, frames);
+    const double torn = tracked(hanging, input, true, frames);
     INFO("mean error of the whole sheet " << whole << " m, of the torn one " << torn << " m");
     CHECK(torn < 2 * whole + 0.002);
     CHECK(torn < 0.025);

@@ -155,7 +155,7 @@ TEST_CASE("a finger that sticks may pull, and no harder than it can", "[mpc]") {
   auto dynamics = PoseForces<MassSpring<double>, PlannerSetup<double, Contact>>::create(
                       c.model, setup, exact(0))
                       .value();
-  double least = 0, reached = 0;
+  double least = 0, missed = 0;
   for (const double distance : {0.0, 0.001, -0.001, 0.1, -0.1}) {
     Case moved = c;
     for (Index j = 0; j < 2; ++j) {
@@ -170,11 +170,11 @@ TEST_CASE("a finger that sticks may pull, and no harder than it can", "[mpc]") {
       least = (std::min)(least, f.force.dot(f.normal));
     }
     const MatrixX<double> after = c.after(dynamics.input());
-    reached = (std::max)(reached, std::abs(after(1, 0) - moved.poses.driven_positions(1, 0)));
+    missed = (std::max)(missed, std::abs(after(1, 0) - moved.poses.driven_positions(1, 0)));
   }
   CHECK(least < -0.1);  // it pulls
   CHECK(-0.5 - 1e-9 <= least);
-  CHECK(0.01 < reached);  // that is not enough for 0.1 m
+  CHECK(0.01 < missed);  // that is not enough for 0.1 m
 }
 
 TEST_CASE("more linearisations come closer where steps are not linear in the forces", "[mpc]") {

@@ -234,28 +234,34 @@ EVALUATE_TABLE = "# clothctl evaluation 1 "
 
 
 def check_columns(hand, folder, given):
-    """Columns of the right corner may come first; times in milliseconds are told."""
+    """L and R are corners in any order, other names are from left to right; slow times are told."""
 
-    def summary(curve):
-        code, text, errors = run(hand, *given, "--targets", curve, "--plant", "one-solve",
-                                 "--grip", "position")
-        check(code == 0, f"{curve.name}: exit {code}: {errors}")
-        return without_times(json.loads(text)), errors
-
-    def write(name, order, unit):
-        rows = [row.split(",") for row in targets(0.4).strip().split("\n")]
-        if unit != 1:  # 0.4 s said to be 400 ms would run for 400 s: three rows are enough
-            rows = rows[:1] + [[f"{unit * float(t):.9g}", *row] for t, *row in rows[1:4]]
+    def summary(name, rows):
         path = folder / name
-        path.write_text("\n".join(",".join(row[i] for i in order) for row in rows) + "\n")
-        return path
+        path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+        code, text, errors = run(hand, *given, "--targets", path, "--plant", "one-solve",
+                                 "--grip", "position")
+        check(code == 0, f"{name}: exit {code}: {errors}")
+        figures = without_times(json.loads(text))
+        del figures["setup"]  # has the name of the file
+        return figures, errors
 
-    mirrored, errors = summary(write("mirrored.csv", [0, 4, 5, 6, 1, 2, 3], 1))
-    plain, _ = summary(write("plain.csv", range(7), 1))
-    check(not errors and mirrored["mean_error_m"] == plain["mean_error_m"],
-          f"columns of the right corner first: {mirrored}, {errors!r}")
-    _, errors = summary(write("ms.csv", range(7), 100))
-    check("ms.csv" in errors and "times are seconds" in errors, f"times in ms: {errors!r}")
+    def right_first(rows):
+        return [row[:1] + row[4:] + row[1:4] for row in rows]
+
+    plain = [row.split(",") for row in targets(0.4).strip().split("\n")]
+    for row in plain[1:]:  # only the left corner moves up
+        row[3] = f"{float(row[3]) + 0.2 * float(row[0]):.9g}"
+    expected, errors = summary("plain.csv", plain)
+    check(not errors, f"plain columns: {errors!r}")
+    check(summary("right.csv", right_first(plain)) == (expected, ""),
+          "columns of the right corner first: not the figures of the left corner first")
+    others = [["t", "Ax", "Ay", "Az", "Bx", "By", "Bz"], *right_first(plain)[1:]]
+    check(summary("others.csv", others)[0]["mean_error_m"] != expected["mean_error_m"],
+          "columns of other names: taken as L and R")
+    slow = [plain[0], *[[str(2 * i), *row[1:]] for i, row in enumerate(plain[1:4])]]
+    _, errors = summary("slow.csv", slow)
+    check("slow.csv" in errors and "times are seconds" in errors, f"rows 2 s apart: {errors!r}")
 
 
 def check_evaluate(programs, folder):
