@@ -215,15 +215,12 @@ AnyPredictor make_predictor(const Options& o, const Body& body,
   const bool rolls = chosen_predictor(o) == "rollout", newton = o.plant == "newton";
   clothctl::RolloutModelSettings fast = rollout_model_settings(model.vertex_count());
   if (body.coarse) fast.factors = clothctl::CoarseFactors::fitted();
-  if (rolls && newton) response.bending_in_matrix = fast.bending_in_matrix;
+  if (!newton) fast.integration = clothctl::Integration::LinearlyImplicit;
+  if (rolls) response.bending_in_matrix = fast.bending_in_matrix;
   Linearised linearised(Response(model, response), exact);
   if (!rolls) return sampled(body, std::move(linearised));
-  damp(o, body, newton ? 0.05 : 0.01, settings);  // what is derived may be damped more
+  damp(o, body, 0.05, settings);  // what is derived may be damped more
   clothctl::RolloutSettings rollout;
-  if (!newton) {  // such a plant takes the model's own step
-    rollout.newton_steps = 0;
-    return sampled(body, rolled(model, std::move(linearised), rollout, o.second_thread));
-  }
   rollout.step_tolerance = 0.5;  // one step, but where something moves violently
   return sampled(body, rolled(clothctl::MassSpringRollout<double>(model, fast),
                               std::move(linearised), rollout, o.second_thread));

@@ -58,6 +58,38 @@ TEST_CASE("many quasi-Newton steps end where the converged step ends", "[cloth]"
   }
 }
 
+TEST_CASE("springs that are linearised give the linearly implicit step", "[cloth]") {
+  const HangingSheet sheet = clothctl_test::hanging_sheet(9, 1, 60);
+  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit, true);
+  for (const bool bending : {false, true}) {
+    CAPTURE(bending);
+    RolloutModelSettings settings;
+    settings.integration = Integration::LinearlyImplicit;
+    settings.bending_in_matrix = bending;
+    const MassSpringRollout<double, double> rollout(model, settings);
+    auto workspace = rollout.make_workspace();
+    auto exact_workspace = model.make_workspace();
+    ClothState<double> exact = sheet.state, state = exact;
+    Points<double> forces(3, 2), exact_forces(3, 2);
+    for (int k = 0; k < 5; ++k) {
+      CAPTURE(k);
+      ClothInput<double> input = driven_corners(sheet, (k + 1) * Vector3<double>(0.02, 0.01, 0.03));
+      input.force_vertices = {20};
+      input.forces = Vector3<double>(0.01, 0, 0.02);
+      REQUIRE(model.step(exact, input, 0.02, exact_workspace).advanced);
+      REQUIRE(model.holding_forces(input.driven_vertices, exact_workspace, exact_forces));
+      const Points<double> guess = state.velocities;
+      // What bends is in the matrix, so one solve is enough, from any guess.
+      const int solves = bending ? 1 : 300;
+      REQUIRE(rollout.step_from(guess, solves, state, input, 0.02, workspace, 1e-11).advanced);
+      CHECK((state.velocities - exact.velocities).cwiseAbs().maxCoeff() < 1e-8);
+      CHECK((state.positions - exact.positions).cwiseAbs().maxCoeff() < 1e-10);
+      REQUIRE(rollout.holding_forces(input.driven_vertices, workspace, forces));
+      CHECK((forces - exact_forces).cwiseAbs().maxCoeff() < 1e-7);
+    }
+  }
+}
+
 TEST_CASE("a support is a spring along its normal until its vertex leaves", "[cloth]") {
   const HangingSheet sheet = clothctl_test::hanging_sheet(9, 1, 60);
   const MassSpring<double> model = sheet.model(Integration::Newton);

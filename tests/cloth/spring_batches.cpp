@@ -36,7 +36,7 @@ struct Scene {
     batches.set_directions(start, direction);
     gradient.setZero(3, network.vertex_count());
     matrix.set_zero();
-    batches.add_step(end, velocity, direction, h, gradient, matrix);
+    batches.add_step(false, end, velocity, direction, h, gradient, matrix);
   }
 };
 
@@ -81,8 +81,23 @@ TEMPLATE_TEST_CASE("springs in batches add what they add one by one", "[cloth]",
   const SpringBatches<S> batches(scene.network, scene.pattern.matrix(),
                                  [](const Spring<S>&) { return S(1); });
   Points<S> alone = Points<S>::Zero(3, scene.network.vertex_count());
-  batches.add_gradient(scene.end, scene.velocity, scene.direction, scene.h, alone);
+  batches.add_gradient(false, scene.end, scene.velocity, scene.direction, scene.h, alone);
   CHECK(alone == scene.gradient);
+
+  // Linearised: impulses without velocities, and the matrix times the velocities.
+  const Index n = scene.network.vertex_count();
+  const Points<S> zero = Points<S>::Zero(3, n);
+  Points<S> still = zero, linear = zero, step = zero;
+  batches.add_gradient(false, scene.end, zero, scene.direction, scene.h, still);
+  batches.add_gradient(true, scene.end, scene.velocity, scene.direction, scene.h, linear);
+  const Lanes<S, 1> v = scene.velocity.reshaped().transpose();
+  Lanes<S, 1> product = Lanes<S, 1>::Zero(1, 3 * n);
+  scene.matrix.template multiply<1>(v, product);
+  CHECK((linear - still - product.reshaped(3, n)).cwiseAbs().maxCoeff() < tolerance);
+  BlockSymmetric<S> again = scene.pattern.matrix();
+  batches.add_step(true, scene.end, scene.velocity, scene.direction, scene.h, step, again);
+  CHECK(step == linear);
+  CHECK(largest_difference(again, scene.matrix) == S(0));
 }
 
 TEST_CASE("compressed springs keep the part of their stiffness that they are given", "[cloth]") {

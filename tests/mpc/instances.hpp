@@ -3,6 +3,7 @@
 // The planners that most tests of this folder use, those that CLOTHCTL_PRECOMPILED compiles once.
 
 #include "clothctl/cloth/mass_spring_response.hpp"
+#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "clothctl/mpc/planner.hpp"
 #include "clothctl/prediction/linearised_predictor.hpp"
 #include "clothctl/prediction/rollout_predictor.hpp"
@@ -11,8 +12,18 @@ namespace clothctl_test {
 
 using FrozenPredictor = clothctl::LinearisedPredictor<clothctl::MassSpringResponse<float>, double>;
 using FrozenPlanner = clothctl::Planner<FrozenPredictor>;
-using RollingPredictor = clothctl::RolloutPredictor<clothctl::MassSpring<double>, FrozenPredictor>;
+using RollingPredictor =
+    clothctl::RolloutPredictor<clothctl::MassSpringRollout<double>, FrozenPredictor>;
 using RollingPlanner = clothctl::Planner<RollingPredictor>;
+
+/// Rolls out a model by steps of its own equations.
+inline RollingPredictor rolling_predictor(const clothctl::MassSpring<double>& model,
+                                          clothctl::RolloutSettings settings = {}) {
+  clothctl::RolloutModelSettings steps;
+  steps.integration = model.settings().integration;
+  return {clothctl::MassSpringRollout<double>(model, steps),
+          FrozenPredictor(clothctl::MassSpringResponse<float>(model)), settings};
+}
 
 /// A FrozenPredictor that fails on request.
 struct FailingPredictor {

@@ -59,15 +59,10 @@ double mean_error(const HangingSheet& sheet, const std::string& path, GripInput 
   const PlannerSettings<double> settings =
       clothctl_test::corner_settings(sheet, input, 20, PlannerSettings<double>::rollout());
   if (frames == 0) frames = static_cast<int>(curves.rows - 1 - settings.horizon);
-  const MassSpring<double> model = sheet.model(Integration::LinearlyImplicit);
-  RolloutSettings rollout;
-  if (integration == Integration::LinearlyImplicit) rollout.newton_steps = 0;
   auto planner =
       clothctl_test::RollingPlanner::create(
           clothctl_test::corner_setup(sheet), settings,
-          clothctl_test::RollingPredictor(
-              model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)), rollout),
-          sheet.state.positions)
+          clothctl_test::rolling_predictor(sheet.model(integration)), sheet.state.positions)
           .value();
   auto plant = clothctl_test::sheet_plant(sheet, integration);
   const auto target = [&](Index i, double t) {

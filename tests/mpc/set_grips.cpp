@@ -50,13 +50,10 @@ P planner_at(const Grips& grips, const PlannerSettings<double>& settings, const 
   PlannerSetup<double> setup = clothctl_test::corner_setup(sheet());
   setup.grips = grips;
   const MassSpring<double> model = sheet().model(Integration::LinearlyImplicit);
-  const clothctl_test::FrozenPredictor linear{MassSpringResponse<float>(model)};
   if constexpr (std::is_same_v<P, RollingPlanner>) {
-    RolloutSettings rollout;
-    rollout.newton_steps = 0;  // the plant takes single linear solves
-    return P::create(setup, settings, clothctl_test::RollingPredictor(model, linear, rollout), x)
-        .value();
+    return P::create(setup, settings, clothctl_test::rolling_predictor(model), x).value();
   } else {
+    const clothctl_test::FrozenPredictor linear{MassSpringResponse<float>(model)};
     return P::create(setup, settings, linear, x).value();
   }
 }

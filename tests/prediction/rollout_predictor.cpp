@@ -407,13 +407,9 @@ TEST_CASE("on a converged plant, rollouts track better than the linearised predi
 
   const PlannerSettings<double> settings = clothctl_test::corner_settings(
       sheet, GripInput::Pose, 20, PlannerSettings<double>::rollout());
-  const MassSpring<double> model = sheet.model(Integration::Newton);
   auto made = clothctl_test::RollingPlanner::create(
       clothctl_test::corner_setup(sheet), settings,
-      clothctl_test::RollingPredictor(
-          model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model)),
-          RolloutSettings{}),
-      sheet.state.positions);
+      clothctl_test::rolling_predictor(sheet.model(Integration::Newton)), sheet.state.positions);
   REQUIRE(made.has_value());
   auto planner = std::move(made).value();
   auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
@@ -484,13 +480,11 @@ TEST_CASE(
                               clothctl_test::NoWind(), clothctl_test::NoWatch());
   const PlannerSettings<double> settings = clothctl_test::corner_settings(
       sheet, GripInput::Force, 20, PlannerSettings<double>::rollout());
-  const MassSpring<double> model = sheet.model(Integration::Newton);
-  auto planner = clothctl_test::RollingPlanner::create(
-                     clothctl_test::corner_setup(sheet), settings,
-                     clothctl_test::RollingPredictor(
-                         model, clothctl_test::FrozenPredictor(MassSpringResponse<float>(model))),
-                     sheet.state.positions)
-                     .value();
+  auto planner =
+      clothctl_test::RollingPlanner::create(
+          clothctl_test::corner_setup(sheet), settings,
+          clothctl_test::rolling_predictor(sheet.model(Integration::Newton)), sheet.state.positions)
+          .value();
   auto other = clothctl_test::sheet_plant(sheet, Integration::Newton);
   double cone = 0.0, error = 0.0;
   const LoopStats rolled = clothctl_test::run_loop(

@@ -21,10 +21,13 @@
 // the shortest spring, and the slope of the energy along it has turned from s0 < 0 to s1 > -s0, it
 // is cut to s0/(s0 - s1) of its length.
 //
+// Under Integration::LinearlyImplicit, springs enter g and B as linearised at x0: f(x0) - h K v for
+// f(y), K(x0) for K(y). With `bending_in_matrix` a single step is then the linearly implicit step
+// of mass_spring.hpp, else a few are; only hinges that are folded at rest are still taken at y.
+//
 // A coarse sheet that stands for a fine one resists compression and shear more than the fine one
 // does, which wrinkles between the coarse vertices; CoarseFactors make it softer.
 
-#include <array>
 #include <cassert>
 #include <cstddef>
 #include <cstdint>
@@ -39,44 +42,6 @@
 
 namespace clothctl::inline CLOTHCTL_ABI {
 
-/// Factors on the parameters of a network, for a coarse sheet that stands for a finer one. The
-/// defaults change nothing.
-struct CoarseFactors {
-  /// Stiffness of springs other than diagonals of cells.
-  double stretch = 1;
-  /// Stiffness of the diagonals of cells.
-  double shear = 1;
-  /// What is left of the former where such a spring is shorter than at rest.
-  double compressed_stretch = 1;
-  /// What is left of the latter where a diagonal is shorter than at rest.
-  double compressed_shear = 1;
-  /// Stiffness of bending.
-  double bending = 1;
-  /// Mass-proportional drag.
-  double drag = 1;
-
-  /// Returns the factors that made a grid of 17×17 vertices predict the motion of one of 33×33 best
-  /// (docs/planner.md, section 1.5).
-  static CoarseFactors fitted() { return {0.84, 1.3, 0.4, 0.05, 0.65, 0.84}; }
-
-  /// Returns an empty string, or a line that names the first bad factor and its value.
-  std::string validate() const {
-    const std::array<std::pair<const char*, double>, 6> factors{
-        {{"stretch", stretch},
-         {"shear", shear},
-         {"compressed_stretch", compressed_stretch},
-         {"compressed_shear", compressed_shear},
-         {"bending", bending},
-         {"drag", drag}}};
-    for (const auto& [name, value] : factors) {
-      if (!is_finite(value) || value < 0)
-        return std::string(name) + " is " + number_text(value) +
-               ", must be finite and not negative";
-    }
-    return {};
-  }
-};
-
 /// Settings of a MassSpringRollout.
 struct RolloutModelSettings {
   /// Factors for a coarse sheet.
@@ -85,6 +50,8 @@ struct RolloutModelSettings {
   bool bending_in_matrix = false;
   /// Largest number of quasi-Newton steps of `step`, which starts from the velocities before it.
   int first_steps = 8;
+  /// Which equations a step solves.
+  Integration integration = Integration::Newton;
 
   /// Returns an empty string, or a line that names the first bad setting and its value.
   std::string validate() const {
@@ -211,6 +178,11 @@ class MassSpringRollout {
     Vector3<Inner> normal = Vector3<Inner>::Zero(), force = Vector3<Inner>::Zero();
     Inner release = Inner(0), stiffness = Inner(0);
   };
+  /// Where forces and stiffness of the springs are evaluated.
+  const Points<Inner>& spring_positions(const Workspace& ws) const {
+    return is_linear() ? ws.start : ws.position;
+  }
+  bool is_linear() const { return settings_.integration == Integration::LinearlyImplicit; }
   std::span<const Ground> grounds() const { return {grounds_.data(), ground_count_}; }
 
   /// How far the vertex of a ground lifts off at the velocities of the workspace, m.
@@ -314,7 +286,8 @@ bool MassSpringRollout<S, Inner>::holding_forces(std::span<const int> vertices, 
     if (v < 0 || v >= vertex_count()) return false;
   }
   load_gradient(ws);
-  springs_.add_gradient(ws.position, ws.velocity, ws.direction, ws.dt, ws.gradient);
+  springs_.add_gradient(is_linear(), spring_positions(ws), ws.velocity, ws.direction, ws.dt,
+                        ws.gradient);
   for (std::size_t j = 0; j < vertices.size(); ++j) {
     for (Index c = 0; c < 3; ++c)
       forces(c, static_cast<Index>(j)) = static_cast<Scalar>(ws.gradient(c, vertices[j]) / ws.dt);
@@ -396,7 +369,8 @@ Inner MassSpringRollout<S, Inner>::improve(Workspace& ws) const {
   }
   pattern_.add_bending(network_, ws.position, h * h, ws.matrix);
   pattern_.add_air(network_, ws.air, h, ws.matrix);
-  springs_.add_step(ws.position, ws.velocity, ws.direction, h, ws.gradient, ws.matrix);
+  springs_.add_step(is_linear(), spring_positions(ws), ws.velocity, ws.direction, h, ws.gradient,
+                    ws.matrix);
   if (!ws.factor.factorize(ws.matrix, ws.held)) return scalar_traits<Inner>::infinity();
   for (Index k = 0; k < ws.change.cols(); ++k)
     ws.change[k] = ws.is_held(k / 3) ? Inner(0) : Inner(Inner(0) - ws.gradient.data()[k]);
@@ -410,9 +384,9 @@ Inner MassSpringRollout<S, Inner>::improve(Workspace& ws) const {
   detail::move_along(ws.velocity, Inner(1), ws.change, ws.velocity);
   const Inner change = detail::largest_magnitude(ws.change);
   if (!all_finite(ws.change)) return scalar_traits<Inner>::infinity();
-  if (h * change < longest_move_) return change;
+  if (is_linear() || h * change < longest_move_) return change;
   load_gradient(ws);
-  springs_.add_gradient(ws.position, ws.velocity, ws.direction, h, ws.gradient);
+  springs_.add_gradient(false, ws.position, ws.velocity, ws.direction, h, ws.gradient);
   const Inner after = slope();
   if (!is_finite(after)) return after;
   if (!(Inner(0) - before < after)) return change;

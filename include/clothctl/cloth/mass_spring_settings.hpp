@@ -1,11 +1,14 @@
 #pragma once
 
 // Settings of the mass-spring model: which equations a step solves (mass_spring.hpp states them),
-// gravity, drag, air and pinned vertices.
+// gravity, drag, air and pinned vertices. Factors for predictions.
 
+#include <array>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "clothctl/core/number_text.hpp"
 #include "clothctl/network/materials.hpp"
 #include "clothctl/network/spring_network.hpp"
 
@@ -43,6 +46,44 @@ struct StiffnessScale {
   /// Factor γ on the compression part k min(0, 1 - l0/l) (I - n nᵀ). 1 is exact, but any value
   /// other than 0 may make the matrix indefinite.
   Scalar compression = Scalar(0);
+};
+
+/// Factors on the parameters of a network, for a coarse sheet that stands for a finer one. The
+/// defaults change nothing.
+struct CoarseFactors {
+  /// Stiffness of springs other than diagonals of cells.
+  double stretch = 1;
+  /// Stiffness of the diagonals of cells.
+  double shear = 1;
+  /// What is left of the former where such a spring is shorter than at rest.
+  double compressed_stretch = 1;
+  /// What is left of the latter where a diagonal is shorter than at rest.
+  double compressed_shear = 1;
+  /// Stiffness of bending.
+  double bending = 1;
+  /// Mass-proportional drag.
+  double drag = 1;
+
+  /// Returns the factors that made a grid of 17×17 vertices predict the motion of one of 33×33 best
+  /// (docs/planner.md, section 1.5).
+  static CoarseFactors fitted() { return {0.84, 1.3, 0.4, 0.05, 0.65, 0.84}; }
+
+  /// Returns an empty string, or a line that names the first bad factor and its value.
+  std::string validate() const {
+    const std::array<std::pair<const char*, double>, 6> factors{
+        {{"stretch", stretch},
+         {"shear", shear},
+         {"compressed_stretch", compressed_stretch},
+         {"compressed_shear", compressed_shear},
+         {"bending", bending},
+         {"drag", drag}}};
+    for (const auto& [name, value] : factors) {
+      if (!is_finite(value) || value < 0)
+        return std::string(name) + " is " + number_text(value) +
+               ", must be finite and not negative";
+    }
+    return {};
+  }
 };
 
 /// Settings of a MassSpring model. The defaults are gravity, no drag and one linear solve.

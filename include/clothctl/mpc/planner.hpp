@@ -488,7 +488,7 @@ PlanStatus Planner<P, Setup, BoxSolver, RowSolver>::fail(PlanResult<Scalar>& res
 // sheet, with both predictors.
 CLOTHCTL_INSTANTIATE(class Planner<LinearisedPredictor<MassSpringResponse<float>, double>>);
 CLOTHCTL_INSTANTIATE(
-    class Planner<RolloutPredictor<MassSpring<double>,
+    class Planner<RolloutPredictor<MassSpringRollout<double>,
                                    LinearisedPredictor<MassSpringResponse<float>, double>>>);
 
 }  // namespace clothctl::inline CLOTHCTL_ABI

@@ -32,8 +32,7 @@
 #include "clothctl/prediction/window_jacobian.hpp"
 
 #ifdef CLOTHCTL_PRECOMPILED
-#include "clothctl/cloth/mass_spring.hpp"  // what is compiled once
-#include "clothctl/cloth/mass_spring_rollout.hpp"
+#include "clothctl/cloth/mass_spring_rollout.hpp"  // what is compiled once
 #include "clothctl/prediction/linearised_predictor.hpp"
 #endif
 
@@ -429,8 +428,6 @@ bool RolloutPredictor<Model, Inner>::roll(Index k, const WindowRequest<Scalar>& 
 }
 
 // Compiled once where CLOTHCTL_PRECOMPILED is defined (config.hpp).
-CLOTHCTL_INSTANTIATE(class RolloutPredictor<
-                     MassSpring<double>, LinearisedPredictor<MassSpringResponse<float>, double>>);
 CLOTHCTL_INSTANTIATE(
     class RolloutPredictor<MassSpringRollout<double>,
                            LinearisedPredictor<MassSpringResponse<float>, double>>);

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <vector>
 
-#include "clothctl/cloth/mass_spring_rollout.hpp"
 #include "mpc/instances.hpp"
 #include "support/catch.hpp"
 #include "support/random_bodies.hpp"
@@ -19,9 +18,6 @@ using clothctl_test::FrozenPredictor;
 using clothctl_test::HangingSheet;
 
 namespace {
-
-// Rollouts along which the response of the features is derived.
-using Derived = RolloutPredictor<MassSpringRollout<double>, FrozenPredictor>;
 
 // A weight: the default, nothing, or any size.
 double weight(Draw& draw, double usual) {
@@ -171,16 +167,14 @@ TEST_CASE("plans of random tasks are finite and within the friction cones", "[mp
     Draw draw(static_cast<std::uint64_t>(seed) + 1);
     const HangingSheet& sheet = sheets[draw.whole(0, 1)];
     const bool air = draw.chance(0.4);
-    const MassSpring<double> model = sheet.model(Integration::Newton, air);
-    FrozenPredictor frozen{MassSpringResponse<float>(model)};
     if (draw.chance(0.4)) {
-      run_task<clothctl_test::FrozenPlanner>(draw, sheet, std::move(frozen), tally);
-    } else if (draw.chance(0.5)) {
-      run_task<Planner<Derived>>(
-          draw, sheet, Derived(MassSpringRollout<double>(model), std::move(frozen)), tally);
+      const MassSpringResponse<float> response(sheet.model(Integration::LinearlyImplicit, air));
+      run_task<clothctl_test::FrozenPlanner>(draw, sheet, FrozenPredictor(response), tally);
     } else {
+      const Integration integration =
+          draw.chance(0.5) ? Integration::Newton : Integration::LinearlyImplicit;
       run_task<clothctl_test::RollingPlanner>(
-          draw, sheet, clothctl_test::RollingPredictor(model, std::move(frozen)), tally);
+          draw, sheet, clothctl_test::rolling_predictor(sheet.model(integration, air)), tally);
     }
   }
   CAPTURE(tally.frames, tally.applicable, tally.refused);

@@ -86,19 +86,31 @@ class SpringBatches {
     }
   }
 
-  /// Adds h D v - h f(y) to `gradient` (3×n, N s), with the damping D along `direction`.
-  void add_gradient(const Points<Scalar>& y, const Points<Scalar>& v,
+  /// Adds h D v - h f(y) to `gradient` (3×n, N s), with the damping D along `direction`. If
+  /// `linear` also h² K v, with the projected stiffness K at y.
+  void add_gradient(bool linear, const Points<Scalar>& y, const Points<Scalar>& v,
                     const Points<Scalar>& direction, const Scalar& h,
                     Points<Scalar>& gradient) const {
-    add(y, v, direction, h, gradient, [](const Batch&, std::size_t, const Blocks&) {});
+    const auto none = [](const Batch&, std::size_t, const Blocks&) {};
+    if (linear) {
+      add<true>(y, v, direction, h, gradient, none);
+    } else {
+      add<false>(y, v, direction, h, gradient, none);
+    }
   }
 
-  /// The same, and adds h D + h² K to `matrix`, with the projected stiffness K at y.
-  void add_step(const Points<Scalar>& y, const Points<Scalar>& v, const Points<Scalar>& direction,
-                const Scalar& h, Points<Scalar>& gradient, BlockSymmetric<Scalar>& matrix) const {
-    add(y, v, direction, h, gradient, [&](const Batch& batch, std::size_t l, const Blocks& k) {
+  /// The same, and adds h D + h² K to `matrix`.
+  void add_step(bool linear, const Points<Scalar>& y, const Points<Scalar>& v,
+                const Points<Scalar>& direction, const Scalar& h, Points<Scalar>& gradient,
+                BlockSymmetric<Scalar>& matrix) const {
+    const auto each = [&](const Batch& batch, std::size_t l, const Blocks& k) {
       add_blocks(batch, l, k, matrix);
-    });
+    };
+    if (linear) {
+      add<true>(y, v, direction, h, gradient, each);
+    } else {
+      add<false>(y, v, direction, h, gradient, each);
+    }
   }
 
   /// Adds h D + h² K to `matrix`, with the share `compression` of the part of K under compression
@@ -250,17 +262,28 @@ class SpringBatches {
     }
   }
 
-  template <class AddBlock>
+  /// Adds the blocks of a batch times differences of velocities to its impulses.
+  static void add_product(const Blocks& k, const Lengths& u, Lengths& f) {
+    for (std::size_t l = 0; l < kLanes; ++l) {
+      f.x[l] = f.x[l] + k.xx[l] * u.x[l] + k.xy[l] * u.y[l] + k.xz[l] * u.z[l];
+      f.y[l] = f.y[l] + k.xy[l] * u.x[l] + k.yy[l] * u.y[l] + k.yz[l] * u.z[l];
+      f.z[l] = f.z[l] + k.xz[l] * u.x[l] + k.yz[l] * u.y[l] + k.zz[l] * u.z[l];
+    }
+  }
+
+  template <bool kLinear, class AddBlock>
   void add(const Points<Scalar>& y, const Points<Scalar>& v, const Points<Scalar>& direction,
            const Scalar& h, Points<Scalar>& gradient, const AddBlock& add_block) const {
     const Scalar* e = direction.data();
     Scalar* g = gradient.data();
     for (const Batch& batch : batches_) {
-      Lengths d, f;
+      Lengths d, u, f{};
       Blocks k;
       gather(batch, y, d);
-      gather(batch, v, f);
+      gather(batch, v, u);
+      if constexpr (!kLinear) f = u;
       evaluate(batch, e, h, Scalar(0), d, f, k);
+      if constexpr (kLinear) add_product(k, u, f);
       for (std::size_t l = 0; l < static_cast<std::size_t>(batch.used); ++l) {
         Scalar *a = g + 3 * batch.a[l], *b = g + 3 * batch.b[l];
         const std::array<Scalar, 3> push{f.x[l], f.y[l], f.z[l]};
