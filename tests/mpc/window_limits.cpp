@@ -82,7 +82,15 @@ TEST_CASE("the cost of a limit is the square of what is beyond it", "[mpc]") {
     const MatrixX<double> still = MatrixX<double>::Zero(problem.request.output_rows(), kWindow);
     MatrixX<double> H = MatrixX<double>::Zero(size, size);
     VectorX<double> g = VectorX<double>::Zero(size);
-    cost.add(problem, H, g);
+    const auto add = [&] {
+      const double weight = problem.settings.weights.limit;
+      cost.for_each_row(problem, [&](const auto& row, double excess) {
+        const Index n = row.size();
+        for (Index c = 0; c < n; ++c) H.col(c).head(n) += (weight * row[c]) * row;
+        g.head(n) += (weight * excess) * row;
+      });
+    };
+    add();
     CHECK(H.isZero(0));  // no frame counts before the first solution
     CHECK(cost.update(problem, still));
     CHECK_FALSE(cost.update(problem, still));
@@ -150,7 +158,7 @@ TEST_CASE("the cost of a limit is the square of what is beyond it", "[mpc]") {
     CHECK(cost.largest() == Approx(largest).margin(1e-12));
     REQUIRE(largest > 0);
     const long before = clothctl_test::allocations();
-    cost.add(problem, H, g);
+    add();
     const long taken = clothctl_test::allocations() - before;
     if (clothctl_test::allocation_counting_works()) CHECK(taken == 0);
     CHECK(0.5 * delta.dot(H * delta) + g.dot(delta) == Approx(expected).epsilon(1e-9));
@@ -179,6 +187,41 @@ TEST_CASE("hands stop at what they reach, and come back at once", "[mpc]") {
     const Run again = run(input, limits);
     CHECK(again.farthest == kept.farthest);
   }
+}
+
+TEST_CASE("hands that hold patches stop at what they reach", "[mpc]") {
+  const HangingSheet patched = clothctl_test::hanging_sheet(9, 2, 120);
+  PlannerSetup<double> setup = clothctl_test::corner_setup(patched, 2);
+  const double reach = 0.05;
+  const auto farthest = [&](bool limited) {
+    FrozenPlanner planner = clothctl_test::frozen_planner(
+        patched, setup, clothctl_test::corner_settings(patched, GripInput::Pose, 12));
+    auto plant = clothctl_test::sheet_plant(patched, Integration::LinearlyImplicit);
+    const std::vector<int> held = setup.grips[0].vertices();
+    const auto place = [&] {
+      double sum = 0;
+      for (const int v : held) sum += plant.positions()(0, v) / static_cast<double>(held.size());
+      return sum;
+    };
+    const double start = place();
+    if (limited)
+      REQUIRE(planner.set_limits(std::vector<Limit>{{0, -1, Vec(1, 0, 0), start + reach}}).empty());
+    Points<double> from(3, 2);
+    evaluate_features<double>(setup.features, plant.positions(), from);
+    auto result = planner.make_result();
+    double most = 0;
+    for (int k = 0; k < 60; ++k) {
+      const auto target = [&](Index i, double t) -> Vec {
+        return Vec(from.col(i)) + Vec(0.15 * std::min(t, 1.0), 0, 0);
+      };
+      REQUIRE(run_frame(planner, plant, kFrame * k, target, result).advanced());
+      most = std::max(most, place() - start);
+    }
+    return most;
+  };
+  CHECK(farthest(false) > 0.1);
+  CHECK(farthest(true) > 0.9 * reach);
+  CHECK(farthest(true) < reach + 0.005);
 }
 
 TEST_CASE("two grips part no more than they can", "[mpc]") {

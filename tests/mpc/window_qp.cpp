@@ -449,6 +449,33 @@ TEST_CASE("hard rows require that the patch moves affinely", "[mpc]") {
   CHECK(equalities > 0);
 }
 
+TEST_CASE("poses of patches pay for the velocities of their vertices", "[mpc]") {
+  PlannerSettings<double> settings;
+  settings.input = GripInput::Pose;
+  MatrixX<double> H;
+  VectorX<double> g;
+  for (const double weight : {0.0, 0.3}) {
+    settings.weights.velocity = weight;
+    Frame frame(patched(), settings, 2, 20.0, 0.5);
+    frame.run(1);
+    if (weight == 0.0) {
+      H = told.H;
+      g = told.g;
+      continue;
+    }
+    const MatrixX<double> b = frame.basis();
+    const Index p = b.cols();
+    REQUIRE(p < b.rows());
+    MatrixX<double> effort = MatrixX<double>::Zero(H.rows(), H.cols());
+    for (Index k = 0; k < frame.settings.horizon; ++k) {
+      effort.block(k * p, k * p, p, p) = weight / 4 * b.transpose() * b;  // four vertices a hand
+      effort.block(k * p, k * p, p, p).diagonal().array() += 1e-3 * weight;
+    }
+    CHECK((told.H - H - effort).norm() < 1e-9 * effort.norm());
+    CHECK((told.g - g).norm() < 1e-9 * g.norm());  // of poses none is preferred
+  }
+}
+
 TEST_CASE("planned poses minimise the cost", "[mpc]") {
   PlannerSettings<double> settings;
   settings.input = GripInput::Pose;

@@ -60,10 +60,16 @@ std::vector<Entry> entries(const Names& chosen) {
   const std::vector<Entry> all = versus::all_entries();
   if (chosen.empty()) return all;
   std::vector<Entry> some;
-  for (const Entry& e : all) {
-    if (holds(chosen, e.name)) some.push_back(e);
+  for (const std::string& name : chosen) {
+    const auto found =
+        std::find_if(all.begin(), all.end(), [&](const Entry& e) { return e.name == name; });
+    if (found == all.end()) {
+      Names known;
+      for (const Entry& e : all) known.push_back(e.name);
+      refuse("--solvers: '" + name + "' is none of " + CLI::detail::join(known));
+    }
+    some.push_back(*found);
   }
-  if (some.empty()) refuse("--solvers: none of '" + CLI::detail::join(chosen) + "' is built in");
   return some;
 }
 
