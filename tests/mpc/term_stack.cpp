@@ -104,6 +104,7 @@ TEST_CASE("rows in unknowns are rows in what the unknowns make of the raw inputs
   const MatrixX<double> change = MatrixX<double>::Random(kInputs, kHorizon);
   for (int again = 0; again < 2; ++again) {  // clear forgets the map
     fill(mapped);
+    CHECK(mapped.blocks() == raw.blocks());
     const long before = clothctl_test::allocations();
     mapped.map_inputs(map, change);
     const long made = clothctl_test::allocations() - before;

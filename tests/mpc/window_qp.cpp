@@ -79,13 +79,15 @@ struct TellingRows : ActiveSet<double> {
 };
 
 using Predicting = LinearisedPredictor<MassSpringResponse<double>, double>;
-using TellingPlanner = Planner<Predicting, PlannerSetup<double>, TellingBox, TellingRows>;
+template <class Contact>
+using TellingPlanner = Planner<Predicting, PlannerSetup<double, Contact>, TellingBox, TellingRows>;
 
 // A planner's frame with everything that its cost depends on.
+template <class Contact = HardFinger<double>>
 struct Frame {
   const HangingSheet& sheet;
   MassSpring<double> model;
-  PlannerSetup<double> setup;
+  PlannerSetup<double, Contact> setup;
   PlannerSettings<double> settings;
   clothctl_test::AsyncTarget target;
   ClothState<double> state;
@@ -96,6 +98,9 @@ struct Frame {
 
   Frame(const HangingSheet& sheet_, PlannerSettings<double> settings_, int patch, double limit,
         double friction)
+      : Frame(sheet_, settings_, patch, limit, HardFinger<double>{friction}) {}
+  Frame(const HangingSheet& sheet_, PlannerSettings<double> settings_, int patch, double limit,
+        const Contact& contact)
       : sheet(sheet_),
         model(sheet_.model(Integration::LinearlyImplicit, true)),
         settings(settings_),
@@ -104,7 +109,7 @@ struct Frame {
     setup.features.add_centroid({sheet.lower_right(), sheet.grid.vertex(1, sheet.grid.cols - 1)});
     setup.triangles = sheet.network.triangles;
     for (int side : {0, 1})
-      setup.grips.push_back(make_pinch<double>(sheet.corner_patch(side, patch), friction, limit));
+      setup.grips.push_back(make_pinch<double>(sheet.corner_patch(side, patch), contact, limit));
     if (settings.input == GripInput::Force) settings.gravity_load = sheet.gravity_load();
     settings.horizon = 6;
   }
@@ -114,10 +119,10 @@ struct Frame {
 
   // Plans `frames` frames of a closed loop and keeps the last one.
   void run(int frames) {
-    auto made = TellingPlanner::create(
+    auto made = TellingPlanner<Contact>::create(
         setup, settings, Predicting(MassSpringResponse<double>(model)), sheet.state.positions);
     REQUIRE(made.has_value());
-    TellingPlanner planner = std::move(made).value();
+    TellingPlanner<Contact> planner = std::move(made).value();
     result = planner.make_result();
     ModelPlant<MassSpring<double>> plant(model);
     ClothState<double> start = sheet.state;
@@ -146,14 +151,14 @@ struct Frame {
   }
 
   MatrixX<double> basis() const {
-    detail::GripBasis<double> b(setup.grips, setup.triangles, settings.input);
+    detail::GripBasis<double, Contact> b(setup.grips, setup.triangles, settings.input);
     b.update(state.positions);
     return b.matrix();
   }
 
   std::vector<std::vector<int>> patches() const {
     std::vector<std::vector<int>> out;
-    for (const Grip<double>& grip : setup.grips) out.push_back(grip.vertices());
+    for (const Grip<double, Contact>& grip : setup.grips) out.push_back(grip.vertices());
     return out;
   }
 
@@ -307,7 +312,8 @@ struct Frame {
 };
 
 // The solver's quadratic function must be the cost, and its answer the cost's constrained minimum.
-void check_frame(Frame& frame, int frames) {
+template <class Contact>
+void check_frame(Frame<Contact>& frame, int frames) {
   frame.run(frames);
   const clothctl_test::DenseStep dense = frame.dense();
   const Index n = told.g.size();
@@ -406,6 +412,15 @@ TEST_CASE("planned forces of soft patches minimise the cost", "[mpc]") {
   for (const int frames : {1, 3}) {
     Frame frame(patched(), settings, 2, 20.0, 0.5);
     check_frame(frame, frames);
+  }
+}
+
+TEST_CASE("planned forces with fewer coefficients than forces minimise the cost", "[mpc]") {
+  // Two coefficients and three forces a vertex: the cost is mapped before it is condensed.
+  for (const int frames : {1, 2}) {
+    Frame frame(patched(), PlannerSettings<double>(), 2, 20.0, Frictionless<double>());
+    check_frame(frame, frames);
+    CHECK(frame.basis().cols() < frame.basis().rows());
   }
 }
 

@@ -23,7 +23,8 @@
 //
 // Under Integration::LinearlyImplicit, springs enter g and B as linearised at x0: f(x0) - h K v for
 // f(y), K(x0) for K(y). With `bending_in_matrix` a single step is then the linearly implicit step
-// of mass_spring.hpp, else a few are; only hinges that are folded at rest are still taken at y.
+// of mass_spring.hpp (without `limit_energy`), else a few are; only hinges that are folded at rest
+// are still taken at y.
 //
 // A coarse sheet that stands for a fine one resists compression and shear more than the fine one
 // does, which wrinkles between the coarse vertices; CoarseFactors make it softer.
@@ -93,8 +94,8 @@ class MassSpringRollout {
   /// All memory of a step, made by `make_workspace`.
   using Workspace = detail::RolloutWorkspace<Inner>;
 
-  /// Copies the network and the dynamics (gravity, drag, air, pinned vertices) of a model.
-  /// Allocates. Fails when the settings are not valid (assert).
+  /// Copies the network and the dynamics (gravity, drag, air, pinned vertices) of a model, but not
+  /// its integration. Allocates. Fails when the settings are not valid (assert).
   template <RealScalar Other>
   explicit MassSpringRollout(const MassSpring<Other>& model, RolloutModelSettings settings = {});
 

@@ -48,13 +48,20 @@ struct Sway {
 }  // namespace
 
 TEST_CASE("a Jacobian that is the impulse response plans the same", "[mpc]") {
-  const HangingSheet sheet = clothctl_test::hanging_sheet(7);
-  const Sway target{sheet.state.positions(Eigen::all, clothctl_test::corners(sheet))};
-  for (const GripInput input : {GripInput::Force, GripInput::Pose}) {
-    const auto settings = clothctl_test::corner_settings(sheet, input, 8);
-    auto plain = clothctl_test::frozen_planner(sheet, clothctl_test::corner_setup(sheet), settings);
-    auto expanded = Planner<Expanded>::create(clothctl_test::corner_setup(sheet), settings,
-                                              Expanded{plain.predictor()}, sheet.state.positions)
+  struct Case {
+    GripInput input;
+    int patch;  // poses of 2×2 vertices are mapped before they are condensed
+  };
+  for (const Case& c :
+       {Case{GripInput::Force, 1}, Case{GripInput::Pose, 1}, Case{GripInput::Pose, 2}}) {
+    CAPTURE(c.patch);
+    const HangingSheet sheet = clothctl_test::hanging_sheet(7, c.patch);
+    const Sway target{sheet.state.positions(Eigen::all, clothctl_test::corners(sheet))};
+    const auto settings = clothctl_test::corner_settings(sheet, c.input, 8);
+    const auto setup = clothctl_test::corner_setup(sheet, c.patch);
+    auto plain = clothctl_test::frozen_planner(sheet, setup, settings);
+    auto expanded = Planner<Expanded>::create(setup, settings, Expanded{plain.predictor()},
+                                              sheet.state.positions)
                         .value();
     // The first feature may not rise as far as its target does.
     const std::vector<FeatureLimit<double>> limits{
