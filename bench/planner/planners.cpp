@@ -26,6 +26,7 @@ auto rolled(const MassSpring<double>& model, CoarseFactors factors) {
   RolloutModelSettings settings;
   settings.factors = factors;
   settings.bending_in_matrix = model.vertex_count() > 33 * 33;
+  settings.integration = model.settings().integration;
   ResponseSettings<float> response;
   response.bending_in_matrix = settings.bending_in_matrix;
   RolloutSettings steps;

@@ -19,9 +19,11 @@ clothctl::PointFeatures<double> markers(const Scene& scene, const Options& o) {
   return spread_markers(grid, o.markers == 0 ? o.cloth : o.markers);
 }
 
-Rollout model(const Body& body) {
-  return Rollout(make_mass_spring(body, body.network, clothctl::Integration::LinearlyImplicit),
-                 rollout_model_settings(body.network.vertex_count()));
+Rollout model(const Scene& scene, const Options& o) {
+  const Body& body = scene.body;
+  clothctl::RolloutModelSettings settings = rollout_model_settings(body.network.vertex_count());
+  if (o.plant == "linear-implicit") settings.integration = clothctl::Integration::LinearlyImplicit;
+  return Rollout(make_mass_spring(body, body.network, settings.integration), settings);
 }
 
 /// The input that keeps the hands where they are.
@@ -52,7 +54,7 @@ MeasuredPlant::MeasuredPlant(const Scene& scene, const Options& o, AnyPlant& pla
     : plant_(&plant),
       camera_(markers(scene, o), o.noise, frames(scene, o.delay), o.noise_seed),
       estimator_(must(Estimator::create(
-          model(scene.body), markers(scene, o), {plant.positions(), plant.velocities()},
+          model(scene, o), markers(scene, o), {plant.positions(), plant.velocities()},
           hold(scene, plant.positions()), estimator_settings(scene, o)))),
       sent_(static_cast<std::size_t>(o.latency), hold(scene, plant.positions())) {}
 

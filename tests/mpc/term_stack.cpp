@@ -38,7 +38,7 @@ TEST_CASE("stacked rows are the differences of the point, for the plan and for n
   const MatrixX<double> target = MatrixX<double>::Random(3, kHorizon);
   const double scale = 2.5;
   detail::TermStack<double> stack;
-  stack.reserve(12, 2, kInputs, kInputs, kHorizon);
+  stack.reserve(12, 2, kInputs, kHorizon);
   const long before = clothctl_test::allocations();
   for (int order = 0; order <= 3; ++order) {
     stack.add(window, point, past, order, scale,
@@ -76,61 +76,6 @@ TEST_CASE("stacked rows are the differences of the point, for the plan and for n
   }
 }
 
-TEST_CASE("rows in unknowns are rows in what the unknowns make of the raw inputs", "[mpc]") {
-  constexpr Index kUnknowns = 4, kFeatures = 2;
-  WindowResponse<double> window = random_window();
-  window.jacobian = MatrixX<double>::Random(3 * kFeatures * kHorizon, kInputs * kHorizon);
-  for (Index k = 0; k < kHorizon; ++k)
-    window.jacobian.block(3 * kFeatures * k, 0, 3 * kFeatures, kInputs * kHorizon)
-        .rightCols((kHorizon - 1 - k) * kInputs)
-        .setZero();
-  const std::vector<detail::OutputTerm<double>> point{{2, 0.7}, {3, -1.2}};
-  const std::array<Vector3<double>, 3> past{Vector3<double>(0.1, 0.2, 0.3),
-                                            Vector3<double>(-0.4, 0.0, 0.9),
-                                            Vector3<double>(1.5, -0.5, 0.2)};
-  const MatrixX<double> targets = MatrixX<double>::Random(3 * kFeatures, kHorizon);
-  const auto fill = [&](detail::TermStack<double>& stack) {
-    stack.clear();
-    stack.add_features(window, 1.5, targets);
-    stack.add(window, point, past, 2, 2.5,
-              [&](Index k) { return Vector3<double>(targets.col(k).head<3>()); });
-    stack.add_change(window, point, 0, 0.5);
-  };
-  detail::TermStack<double> raw, mapped;
-  raw.reserve(9, kFeatures, kInputs, kUnknowns, kHorizon);
-  mapped.reserve(9, kFeatures, kInputs, kUnknowns, kHorizon);
-  fill(raw);
-  const MatrixX<double> map = MatrixX<double>::Random(kInputs, kUnknowns);
-  const MatrixX<double> change = MatrixX<double>::Random(kInputs, kHorizon);
-  for (int again = 0; again < 2; ++again) {  // clear forgets the map
-    fill(mapped);
-    CHECK(mapped.blocks() == raw.blocks());
-    const long before = clothctl_test::allocations();
-    mapped.map_inputs(map, change);
-    const long made = clothctl_test::allocations() - before;
-    if (clothctl_test::allocation_counting_works()) CHECK(made == 0);
-    REQUIRE(mapped.rows() == 6);
-    const MatrixX<double> u = MatrixX<double>::Random(kUnknowns, kHorizon);
-    const MatrixX<double> r = map * u + change;
-    for (Index k = 0; k < kHorizon; ++k) {
-      VectorX<double> expected = raw.residual().col(k), rows = mapped.residual().col(k);
-      for (Index j = 0; j <= k; ++j) {
-        expected += raw.blocks().middleCols((k - j) * kInputs, kInputs) * r.col(j);
-        rows += mapped.blocks().middleCols((k - j) * kUnknowns, kUnknowns) * u.col(j);
-      }
-      CHECK((rows - expected).norm() < 1e-12 * expected.norm());
-      for (Index i = 0; i < 3 * kFeatures; ++i) {
-        const Index column = 3 * kFeatures * k + i;
-        const double wanted =
-            raw.feature_residual()(i, k) + raw.feature_response().col(column).dot(r.reshaped());
-        const double made_here = mapped.feature_residual()(i, k) +
-                                 mapped.feature_response().col(column).dot(u.reshaped());
-        CHECK(made_here == Approx(wanted).epsilon(1e-12));
-      }
-    }
-  }
-}
-
 TEST_CASE("a term without weight takes no rows, and clear removes all rows", "[mpc]") {
   const WindowResponse<double> window = random_window();
   const std::vector<detail::OutputTerm<double>> point{{0, 1.0}};
@@ -138,7 +83,7 @@ TEST_CASE("a term without weight takes no rows, and clear removes all rows", "[m
                                             Vector3<double>::Zero()};
   const auto none = [](Index) { return Vector3<double>(Vector3<double>::Zero()); };
   detail::TermStack<double> stack;
-  stack.reserve(6, 2, kInputs, kInputs, kHorizon);
+  stack.reserve(6, 2, kInputs, kHorizon);
   stack.add(window, point, past, 0, 0.0, none);
   CHECK(stack.rows() == 0);
   stack.add(window, point, past, 0, 1.0, none);

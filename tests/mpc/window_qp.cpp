@@ -416,7 +416,7 @@ TEST_CASE("planned forces of soft patches minimise the cost", "[mpc]") {
 }
 
 TEST_CASE("planned forces with fewer coefficients than forces minimise the cost", "[mpc]") {
-  // Two coefficients and three forces a vertex: the cost is mapped before it is condensed.
+  // Two coefficients and three forces a vertex.
   for (const int frames : {1, 2}) {
     Frame frame(patched(), PlannerSettings<double>(), 2, 20.0, Frictionless<double>());
     check_frame(frame, frames);

@@ -50,7 +50,7 @@ struct Sway {
 TEST_CASE("a Jacobian that is the impulse response plans the same", "[mpc]") {
   struct Case {
     GripInput input;
-    int patch;  // poses of 2×2 vertices are mapped before they are condensed
+    int patch;
   };
   for (const Case& c :
        {Case{GripInput::Force, 1}, Case{GripInput::Pose, 1}, Case{GripInput::Pose, 2}}) {

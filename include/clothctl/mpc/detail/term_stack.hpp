@@ -30,27 +30,24 @@ struct OutputTerm {
 template <RealScalar Scalar>
 class TermStack {
  public:
-  /// Makes room for `max_rows` rows, for the features, and for `map_inputs` where there are fewer
-  /// `unknowns` than `inputs` in a frame. Allocates.
-  void reserve(Index max_rows, Index features, Index inputs, Index unknowns, Index horizon) {
+  /// Makes room for `max_rows` rows, and for the features. Allocates.
+  void reserve(Index max_rows, Index features, Index inputs, Index horizon) {
     blocks_.setZero(max_rows, inputs * horizon);
     feature_response_.setZero(inputs * horizon, 3 * features * horizon);
     feature_residual_.setZero(3 * features, horizon);
     residual_.setZero(max_rows, horizon);
-    const Index mapped = unknowns < inputs ? unknowns * horizon : 0;
-    mapped_blocks_.setZero(max_rows, mapped);
-    mapped_features_.setZero(mapped, feature_response_.cols());
-    clear();
+    rows_ = 0;
   }
   /// Removes all rows.
   void clear() {
     rows_ = 0;
-    has_features_ = mapped_ = false;
+    has_features_ = false;
   }
   /// Returns the number of scalar rows.
   Index rows() const { return rows_; }
-  /// Returns the response of all rows to the inputs, Z_0 .. Z_{K-1} side by side, rows × inputs·K.
-  auto blocks() const { return (mapped_ ? mapped_blocks_ : blocks_).topRows(rows_); }
+  /// Returns the response of all rows to the raw inputs, Z_0 .. Z_{K-1} side by side, rows ×
+  /// inputs·K.
+  auto blocks() const { return blocks_.topRows(rows_); }
   /// Returns the residuals e_k of all rows at the plan, rows × K.
   auto residual() const { return residual_.topRows(rows_); }
 
@@ -58,9 +55,7 @@ class TermStack {
   bool has_features() const { return has_features_; }
   /// Returns their responses, (inputs·K) × (3·features·K): column 3 F k + i is the response of row
   /// i in frame k to all inputs.
-  const MatrixX<Scalar>& feature_response() const {
-    return mapped_ ? mapped_features_ : feature_response_;
-  }
+  const MatrixX<Scalar>& feature_response() const { return feature_response_; }
   /// Returns their residuals e_k at the plan, 3·features × K.
   const MatrixX<Scalar>& feature_residual() const { return feature_residual_; }
 
@@ -122,33 +117,9 @@ class TermStack {
     residual_.middleRows(before, rows_ - before).setZero();
   }
 
-  /// Makes the inputs of all rows, those of the features included, unknowns u with r = `map` u +
-  /// r0, and u = 0 the plan. `change`: r0 - ū of all frames, inputs × K.
-  void map_inputs(const MatrixX<Scalar>& map, const MatrixX<Scalar>& change) {
-    const Index horizon = residual_.cols(), m = map.rows(), p = map.cols();
-    assert(mapped_blocks_.cols() == p * horizon && !mapped_);
-    for (Index k = 0; k < horizon; ++k) {
-      mapped_blocks_.block(0, k * p, rows_, p) = blocks_.block(0, k * m, rows_, m).lazyProduct(map);
-      for (Index j = 0; j <= k; ++j)
-        residual_.col(k).head(rows_).noalias() +=
-            blocks_.block(0, (k - j) * m, rows_, m) * change.col(j);
-    }
-    const Index features = has_features_ ? feature_residual_.rows() : 0;
-    for (Index i = 0; i < features * horizon; ++i) {
-      const Index k = i / features;
-      for (Index j = 0; j < horizon; ++j) {
-        const auto row = feature_response_.col(i).segment(j * m, m);
-        mapped_features_.col(i).segment(j * p, p).noalias() = map.transpose() * row;
-        feature_residual_(i % features, k) += row.dot(change.col(j));
-      }
-    }
-    mapped_ = true;
-  }
-
  private:
   MatrixX<Scalar> blocks_, residual_, feature_response_, feature_residual_;
-  MatrixX<Scalar> mapped_blocks_, mapped_features_;
-  bool has_features_ = false, mapped_ = false;
+  bool has_features_ = false;
   Index rows_ = 0;
 };
 

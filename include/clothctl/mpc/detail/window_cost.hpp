@@ -66,7 +66,7 @@ class WindowCost {
     const Index features = problem.feature_count, horizon = problem.settings.horizon;
     Index rows = 3 * features + 12 * grips;
     for (const HeldPatch<Scalar>& p : problem.patches) rows += 9 + 3 * p.affine.count();
-    stack_.reserve(rows, features, problem.basis.inputs(), problem.basis.unknowns(), horizon);
+    stack_.reserve(rows, features, problem.basis.inputs(), horizon);
     point_.reserve(problem.request.held.size());
     targets_.setZero(3 * features, horizon);
     anchor_targets_.setZero(3 * grips, horizon);
@@ -136,7 +136,7 @@ class WindowCost {
   /// Returns the rows of the cost about the plan of `problem.response`. `step_weight`: w_r, s²/m²,
   /// `anchor_weight`: w_h, 1/m²; both change from frame to frame. Valid until the next call. Never
   /// allocates.
-  TermStack<Scalar>& stack(const Problem& problem, Scalar step_weight, Scalar anchor_weight) {
+  const TermStack<Scalar>& stack(const Problem& problem, Scalar step_weight, Scalar anchor_weight) {
     stack_.clear();
     add_features(problem);
     for (std::size_t g = 0; g < problem.basis.grips().size(); ++g)

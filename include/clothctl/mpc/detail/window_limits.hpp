@@ -62,11 +62,11 @@ class WindowLimits {
     }
   }
 
-  /// Calls `add(row, excess)` for the cost w/2 (row δ + excess)² of each limit and frame beyond it,
-  /// w = `weights.limit`: `row` holds the first inputs of the window, the others have no effect; δ
-  /// are changes of the raw inputs. Never allocates.
-  template <class Problem, class Add>
-  void for_each_row(const Problem& problem, const Add& add) {
+  /// Adds the cost about the plan of the prediction to a Hessian and gradient in raw inputs. Never
+  /// allocates. Complexity: O((inputs K)²) for each limit and frame beyond it.
+  template <class Problem>
+  void add(const Problem& problem, MatrixX<Scalar>& hessian, VectorX<Scalar>& gradient) {
+    const Scalar& weight = problem.settings.weights.limit;
     const Index horizon = problem.settings.horizon, m = problem.request.inputs();
     for (std::size_t i = 0; i < count_; ++i) {
       for (Index k = 0; k < horizon; ++k) {
@@ -76,7 +76,8 @@ class WindowLimits {
         auto row = row_.head(size);
         row.setZero();
         for (Index d = 0; d <= limit.order && d <= k; ++d) add_row(problem, limit, d, k - d);
-        add(row, excess(problem, limit, k, nullptr));
+        for (Index c = 0; c < size; ++c) hessian.col(c).head(size) += (weight * row[c]) * row;
+        gradient.head(size) += (weight * excess(problem, limit, k, nullptr)) * row;
       }
     }
   }

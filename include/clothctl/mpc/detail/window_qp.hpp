@@ -7,9 +7,6 @@
 //   grip limits:    Σ s_i d_i - a <= limit    for each finger and frame (s: normal shares)
 //   hard patches:   N y_k = 0                 3 · non-affine modes a frame ([Bai 2016], eq. 3)
 //
-// Where a frame has fewer unknowns than raw inputs, as the poses of hands that hold patches, the
-// cost is mapped to them before it is condensed: Z B for Z, about u = 0.
-//
 // Without hard patch rows, the QP with only bounds is solved first; the row solver follows only
 // when that solution exceeds a grip limit. With hard patch rows, the row solver is used at once. If
 // a grip limit makes the patch rows infeasible, they are relaxed by an exact L1 penalty.
@@ -55,11 +52,8 @@ class WindowQp {
       rows_ = RowSolver(settings);
       relaxed_.solver = RowSolver(settings);
     }
-    mapped_ = p < problem.basis.inputs();
-    raw_hessian_.setZero(mapped_ ? 0 : raw, mapped_ ? 0 : raw);
-    raw_gradient_.setZero(mapped_ ? 0 : raw);
-    changes_.setZero(problem.basis.inputs(), horizon);
-    mapped_row_.setZero(p * horizon);
+    raw_hessian_.setZero(raw, raw);
+    raw_gradient_.setZero(raw);
     hessian_.setZero(unknowns_, unknowns_);
     for (VectorX<Scalar>* v : {&gradient_, &lower_, &upper_}) v->setZero(unknowns_);
     solution_.setZero(p * horizon);
@@ -67,6 +61,7 @@ class WindowQp {
     block_.setZero(p, p);
     half_.setZero(p, problem.basis.inputs());
     transposed_ = half_;
+    input_ = column_;
     qp_solver_traits<BoxSolver>::reserve(box_, unknowns_);
     resize_result(box_result_, unknowns_, 0);
     if (problem.settings.input == GripInput::Force) reserve_rows(problem);
@@ -120,24 +115,16 @@ class WindowQp {
 
   /// Builds H, g and bounds at positions `x` (3×n) from the stacked cost and that of the limits
   /// about the plan of the predicted window. Never allocates.
-  void assemble(const Problem& problem, TermStack<Scalar>& stack, WindowLimits<Scalar>& limits,
-                const PointsView<Scalar>& x) {
-    MatrixX<Scalar>& hessian = splines_.hessian(hessian_);
-    VectorX<Scalar>& gradient = splines_.gradient(gradient_);
-    for (Index k = 0; k < problem.settings.horizon; ++k)
-      changes_.col(k) = problem.basis.offset() - problem.response.plan.col(k);
-    if (mapped_) {
-      stack.map_inputs(problem.basis.matrix(), changes_);
-      condense_cost(problem, stack, limits, hessian, gradient);
-    } else {
-      condense_cost(problem, stack, limits, raw_hessian_, raw_gradient_);
-      map_gradient(problem, gradient);
-      map_hessian(problem, hessian);
-    }
-    // A rotation about a line of vertices moves nothing, so poses need a ridge too.
-    const PlannerWeights<Scalar>& w = problem.settings.weights;
-    const bool force = problem.settings.input == GripInput::Force;
-    hessian.diagonal().array() += force ? w.cone : Scalar(1e-3) * w.velocity;
+  void assemble(const Problem& problem, const TermStack<Scalar>& stack,
+                WindowLimits<Scalar>& limits, const PointsView<Scalar>& x) {
+    condense<Scalar>(stack.blocks(), stack.residual(), raw_hessian_, raw_gradient_);
+    if (stack.has_features())
+      condense_jacobian(stack.feature_response(), stack.feature_residual(), raw_hessian_,
+                        raw_gradient_);
+    limits.add(problem, raw_hessian_, raw_gradient_);
+    add_effort(problem);
+    map_gradient(problem);
+    map_hessian(problem);
     set_bounds(problem, x);
     splines_.contract(hessian_, gradient_, lower_, upper_);
   }
@@ -194,61 +181,17 @@ class WindowQp {
     if (hard > 0) relaxed_.reserve(unknowns_, rows, hard * horizon);
   }
 
-  /// Hessian and gradient of the whole cost: in raw inputs about the plan, or mapped, as `stack`.
-  void condense_cost(const Problem& problem, const TermStack<Scalar>& stack,
-                     WindowLimits<Scalar>& limits, MatrixX<Scalar>& hessian,
-                     VectorX<Scalar>& gradient) {
-    condense<Scalar>(stack.blocks(), stack.residual(), hessian, gradient);
-    if (stack.has_features())
-      condense_jacobian(stack.feature_response(), stack.feature_residual(), hessian, gradient);
-    const Scalar& weight = problem.settings.weights.limit;
-    limits.for_each_row(problem, [&](const auto& row, const Scalar& excess) {
-      if (mapped_) {
-        const Scalar here = excess + row.dot(changes_.reshaped().head(row.size()));
-        add_square(map_row(problem, row), weight, here, hessian, gradient);
-      } else {
-        add_square(row, weight, excess, hessian, gradient);
-      }
-    });
-    add_effort(problem, hessian, gradient);
-  }
-
-  /// Adds w/2 (row δ + excess)²; `row` holds the first entries, the others are zero.
-  template <class Row>
-  static void add_square(const Row& row, const Scalar& weight, const Scalar& excess,
-                         MatrixX<Scalar>& hessian, VectorX<Scalar>& gradient) {
-    const Index size = row.size();
-    for (Index c = 0; c < size; ++c) hessian.col(c).head(size) += (weight * row[c]) * row;
-    gradient.head(size) += (weight * excess) * row;
-  }
-
-  /// A row of raw inputs in unknowns.
-  template <class Row>
-  auto map_row(const Problem& problem, const Row& row) {
-    const Index m = problem.basis.inputs(), p = problem.basis.unknowns(), frames = row.size() / m;
-    for (Index j = 0; j < frames; ++j)
-      mapped_row_.segment(j * p, p).noalias() =
-          problem.basis.matrix().transpose() * row.segment(j * m, m);
-    return mapped_row_.head(frames * p);
-  }
-
-  void add_effort(const Problem& problem, MatrixX<Scalar>& hessian, VectorX<Scalar>& gradient) {
+  void add_effort(const Problem& problem) {
     const PlannerWeights<Scalar>& w = problem.settings.weights;
     const bool force = problem.settings.input == GripInput::Force;
-    const Basis& basis = problem.basis;
-    const Index m = basis.inputs(), p = basis.unknowns();
+    const Index m = problem.basis.inputs();
     for (Index k = 0; k < problem.settings.horizon; ++k) {
       for (Index i = 0; i < m; ++i) {
-        const Scalar effort = force ? w.force : w.velocity * basis.held().vertex_share(i / 3);
-        const Scalar& share = problem.force_share[i % 3];
-        if (mapped_) {
-          const auto row = basis.matrix().row(i);
-          hessian.block(k * p, k * p, p, p) += effort * row.transpose().lazyProduct(row);
-          gradient.segment(k * p, p) += (effort * (basis.offset()[i] - share)) * row.transpose();
-        } else {
-          hessian(k * m + i, k * m + i) += effort;
-          gradient[k * m + i] += effort * (problem.response.plan(i, k) - share);
-        }
+        const Index row = k * m + i;
+        const Scalar effort =
+            force ? w.force : w.velocity * problem.basis.held().vertex_share(i / 3);
+        raw_hessian_(row, row) += effort;
+        raw_gradient_[row] += effort * (problem.response.plan(i, k) - problem.force_share[i % 3]);
       }
     }
   }
@@ -267,22 +210,26 @@ class WindowQp {
   }
 
   /// Bᵀ (g - H (ū - r0)).
-  void map_gradient(const Problem& problem, VectorX<Scalar>& gradient) {
+  void map_gradient(const Problem& problem) {
+    VectorX<Scalar>& gradient = splines_.gradient(gradient_);
     const Basis& basis = problem.basis;
     const Index m = basis.inputs(), p = basis.unknowns(), horizon = problem.settings.horizon;
     for (Index k = 0; k < horizon; ++k) {
       column_ = raw_gradient_.segment(k * m, m);
       for (Index j = 0; j < horizon; ++j) {
-        column_.noalias() += raw_hessian_.block(k * m, j * m, m, m) * changes_.col(j);
+        input_ = problem.response.plan.col(j) - basis.offset();
+        column_.noalias() -= raw_hessian_.block(k * m, j * m, m, m) * input_;
       }
       for (Index c = 0; c < p; ++c) gradient[k * p + c] = dot(basis, c, column_);
     }
   }
 
-  /// Bᵀ H B.
-  void map_hessian(const Problem& problem, MatrixX<Scalar>& hessian) {
+  /// Bᵀ H B, and a ridge.
+  void map_hessian(const Problem& problem) {
     const Basis& basis = problem.basis;
-    const Index m = basis.inputs(), p = basis.unknowns(), horizon = problem.settings.horizon;
+    const PlannerSettings<Scalar>& settings = problem.settings;
+    const Index m = basis.inputs(), p = basis.unknowns(), horizon = settings.horizon;
+    MatrixX<Scalar>& hessian = splines_.hessian(hessian_);
     transposed_ = basis.matrix().transpose();
     for (Index l = 0; l < horizon; ++l) {
       for (Index j = l; j < horizon; ++j) {
@@ -302,6 +249,10 @@ class WindowQp {
         if (l < j) hessian.block(l * p, j * p, p, p) = block_.transpose();
       }
     }
+    const bool force = settings.input == GripInput::Force;
+    // A rotation about a line of vertices moves nothing, so poses need a ridge too.
+    const Scalar ridge = force ? settings.weights.cone : Scalar(1e-3) * settings.weights.velocity;
+    hessian.diagonal().array() += ridge;
   }
 
   /// Solves the QP with only bounds.
@@ -451,13 +402,12 @@ class WindowQp {
   BoxResult box_result_;
   RowResult row_result_;
   RelaxedQp<Scalar, RowSolver> relaxed_;
-  MatrixX<Scalar> raw_hessian_, hessian_, row_matrix_, changes_;  // changes: r0 - ū, frame by frame
+  MatrixX<Scalar> raw_hessian_, hessian_, row_matrix_;
   MatrixX<Scalar> transposed_, half_, block_;  // of a pair of frames: Bᵀ, Bᵀ H, Bᵀ H B
-  VectorX<Scalar> raw_gradient_, gradient_, lower_, upper_, solution_, column_, row_lower_,
-      row_upper_, start_, mapped_row_;
+  VectorX<Scalar> raw_gradient_, gradient_, lower_, upper_, solution_, column_, input_, row_lower_,
+      row_upper_, start_;
   std::vector<OutputTerm<Scalar>> point_;
   Index unknowns_ = 0, limits_a_frame_ = 0, patch_rows_a_frame_ = 0;
-  bool mapped_ = false;  // to unknowns before the cost is condensed
   bool solved_ = false;  // solution_ is that of the last frame
 };
 
