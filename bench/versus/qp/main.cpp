@@ -37,8 +37,11 @@ Options parse(int argc, char** argv) {
       ->delimiter(',')
       ->check(CLI::IsMember(o.sets))
       ->capture_default_str();
+  Names built;
+  for (const Entry& e : versus::all_entries()) built.push_back(e.name);
   app.add_option("--solvers", o.solvers, "Solvers by name (default: all that were built in)")
-      ->delimiter(',');
+      ->delimiter(',')
+      ->check(CLI::IsMember(built));
   app.add_option("--passes", o.run.passes, "Times are the least of this many passes")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
@@ -60,15 +63,8 @@ std::vector<Entry> entries(const Names& chosen) {
   const std::vector<Entry> all = versus::all_entries();
   if (chosen.empty()) return all;
   std::vector<Entry> some;
-  for (const std::string& name : chosen) {
-    const auto found =
-        std::find_if(all.begin(), all.end(), [&](const Entry& e) { return e.name == name; });
-    if (found == all.end()) {
-      Names known;
-      for (const Entry& e : all) known.push_back(e.name);
-      refuse("--solvers: '" + name + "' is none of " + CLI::detail::join(known));
-    }
-    some.push_back(*found);
+  for (const Entry& e : all) {
+    if (holds(chosen, e.name)) some.push_back(e);
   }
   return some;
 }

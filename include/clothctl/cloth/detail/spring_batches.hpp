@@ -91,26 +91,17 @@ class SpringBatches {
   void add_gradient(bool linear, const Points<Scalar>& y, const Points<Scalar>& v,
                     const Points<Scalar>& direction, const Scalar& h,
                     Points<Scalar>& gradient) const {
-    const auto none = [](const Batch&, std::size_t, const Blocks&) {};
-    if (linear) {
-      add<true>(y, v, direction, h, gradient, none);
-    } else {
-      add<false>(y, v, direction, h, gradient, none);
-    }
+    add(linear, y, v, direction, h, gradient, [](const Batch&, std::size_t, const Blocks&) {});
   }
 
   /// The same, and adds h D + h² K to `matrix`.
   void add_step(bool linear, const Points<Scalar>& y, const Points<Scalar>& v,
                 const Points<Scalar>& direction, const Scalar& h, Points<Scalar>& gradient,
                 BlockSymmetric<Scalar>& matrix) const {
-    const auto each = [&](const Batch& batch, std::size_t l, const Blocks& k) {
-      add_blocks(batch, l, k, matrix);
-    };
-    if (linear) {
-      add<true>(y, v, direction, h, gradient, each);
-    } else {
-      add<false>(y, v, direction, h, gradient, each);
-    }
+    add(linear, y, v, direction, h, gradient,
+        [&](const Batch& batch, std::size_t l, const Blocks& k) {
+          add_blocks(batch, l, k, matrix);
+        });
   }
 
   /// Adds h D + h² K to `matrix`, with the share `compression` of the part of K under compression
@@ -271,9 +262,10 @@ class SpringBatches {
     }
   }
 
-  template <bool kLinear, class AddBlock>
-  void add(const Points<Scalar>& y, const Points<Scalar>& v, const Points<Scalar>& direction,
-           const Scalar& h, Points<Scalar>& gradient, const AddBlock& add_block) const {
+  template <class AddBlock>
+  void add(bool linear, const Points<Scalar>& y, const Points<Scalar>& v,
+           const Points<Scalar>& direction, const Scalar& h, Points<Scalar>& gradient,
+           const AddBlock& add_block) const {
     const Scalar* e = direction.data();
     Scalar* g = gradient.data();
     for (const Batch& batch : batches_) {
@@ -281,9 +273,9 @@ class SpringBatches {
       Blocks k;
       gather(batch, y, d);
       gather(batch, v, u);
-      if constexpr (!kLinear) f = u;
+      if (!linear) f = u;
       evaluate(batch, e, h, Scalar(0), d, f, k);
-      if constexpr (kLinear) add_product(k, u, f);
+      if (linear) add_product(k, u, f);
       for (std::size_t l = 0; l < static_cast<std::size_t>(batch.used); ++l) {
         Scalar *a = g + 3 * batch.a[l], *b = g + 3 * batch.b[l];
         const std::array<Scalar, 3> push{f.x[l], f.y[l], f.z[l]};
