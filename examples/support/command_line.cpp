@@ -61,7 +61,8 @@ void add_planner(CLI::App& app, Options& o) {
       ->capture_default_str();
   app.add_option("--grip", o.grip,
                  "What is planned and sent: force; position; or planned-position (forces planned, "
-                 "positions sent)")
+                 "positions sent). Forces of several vertices a hand follow planned positions on "
+                 "implicit plants, unless the predictor is linearised")
       ->check(CLI::IsMember({"force", "position", "planned-position"}))
       ->capture_default_str();
   app.add_option(
@@ -69,7 +70,8 @@ void add_planner(CLI::App& app, Options& o) {
          "linearised: once a frame; rollout: nonlinear free response; identified: linearised, with "
          "a tension found from motion of the plant before the run; simulator: free and impulse "
          "response by the plant's own steps, for positions, which --grip force follows by forces; "
-         "auto: with soft patches and standard weights, rollout on implicit plants, and simulator "
+         "auto: with standard weights, rollout on implicit plants (but hard patches with "
+         "planned-position), and simulator "
          "in still air for single vertices on position-based ones of up to 17 vertices a side; "
          "else linearised")
       ->transform(old_name("frozen", "linearised"))

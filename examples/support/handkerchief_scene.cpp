@@ -28,12 +28,17 @@ clothctl::ClothState<double> place(const Options& o, const Grid& grid, const Tas
     if (level.norm() > 1e-6) along = level.normalized();
   }
   const Vec up(0, 0, 1), normal = up.cross(along), hands = middle + o.size * up;
+  // The sheet bows between the patches, which are flat.
+  const double patch = o.size * (o.patch_size - 1) / (o.cloth - 1), half = o.size / 2 - patch;
+  const double share = std::max(o.spread - (1 - o.spread) * patch / half, 0.5 * o.spread);
   clothctl::ClothState<double> state{grid.positions, Points::Zero(3, grid.positions.cols())};
   for (Index i = 0; i < grid.positions.cols(); ++i) {
     const Vec flat = grid.positions.col(i);
-    const double turn = std::numbers::pi * flat[0] / o.size;
+    const double between = std::clamp(flat[0], -half, half), beyond = flat[0] - between;
+    const double turn = std::numbers::pi * between / (2 * half);
     const double bow = 0.25 * std::sqrt(1 - o.spread) * o.size * std::cos(turn);
-    state.positions.col(i) = hands + o.spread * flat[0] * along + flat[2] * up + bow * normal;
+    state.positions.col(i) =
+        hands + (share * between + beyond) * along + flat[2] * up + bow * normal;
   }
   return state;
 }

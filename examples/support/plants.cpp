@@ -65,6 +65,13 @@ clothctl::RolloutPredictor<Model, Linearised> rolled(Model model, Linearised lin
   return predictor;
 }
 
+/// Returns whether the forces of patches on an implicit plant can follow planned poses. To plan
+/// them takes an unknown for each generator of each vertex.
+bool may_follow_poses(const Options& o) {
+  return o.grip == "force" && is_implicit(o.plant) && 1 < o.patch_size && !o.hands && !o.measured &&
+         !(0 < o.unknown) && o.profile != "paper";
+}
+
 /// Weights for predictions that roll out the sheet of a body. `step`: the weight of that name.
 void damp(const Options& o, const Body& body, double step,
           clothctl::PlannerSettings<double>& settings) {
@@ -88,7 +95,7 @@ AnyPredictor make_simulator(const Options& o, const Body& body,
   if (!is_implicit(o.plant) && !is_position_based(o.plant))
     refuse("--predictor simulator: the plant " + o.plant + " is no cloth model");
   if (body.coarse) refuse("--predictor simulator: cannot be combined with a coarse --model");
-  if (follows_poses(o) && 1 < o.patch_size)
+  if (follows_poses(o) && 1 < o.patch_size && is_position_based(o.plant))
     refuse("--patch-size: " + std::to_string(o.patch_size) +
            " cannot be combined with --predictor simulator and --grip force");
   damp(o, body, 0.01, settings);
@@ -168,9 +175,10 @@ AnyPlant plant_in_state(const std::string& name, const Body& body,
 
 std::string chosen_predictor(const Options& o) {
   if (o.predictor != "auto") return o.predictor;
-  // With hard patch rows, rollouts can become unstable (docs/performance.md), so the linearised
-  // predictor is used.
-  if (o.patch != "soft" || o.profile == "paper") return "linearised";
+  // With hard patch rows, rollouts under planned forces can become unstable (docs/performance.md),
+  // so the linearised predictor is used. Poses move patches rigidly.
+  const bool rigid = o.grip == "position" || may_follow_poses(o);
+  if ((o.patch != "soft" && !rigid) || o.profile == "paper") return "linearised";
   if (is_implicit(o.plant)) return "rollout";
   // A rollout for each coordinate of each held vertex: too many where hands hold patches. In wind
   // hands lead by what the air does, which a simulator does not tell.
@@ -180,7 +188,9 @@ std::string chosen_predictor(const Options& o) {
 }
 
 bool follows_poses(const Options& o) {
-  return o.grip == "force" && is_position_based(o.plant) && chosen_predictor(o) == "simulator";
+  if (!is_position_based(o.plant))
+    return may_follow_poses(o) && chosen_predictor(o) != "linearised";
+  return o.grip == "force" && chosen_predictor(o) == "simulator";
 }
 
 AnyPredictor make_predictor(const Options& o, const Body& body,

@@ -168,7 +168,9 @@ AnyPlant plant_in_state(const std::string& name, const Body& body,
 /// Returns the predictor that --predictor names; auto means "linearised", "rollout" or "simulator".
 std::string chosen_predictor(const Options& o);
 
-/// Returns whether poses are planned although forces are sent (PushedPlant).
+/// Returns whether poses are planned although forces are sent (PushedPlant): on position-based
+/// plants that are predicted by their own steps, and with patches on implicit plants that are not
+/// predicted linearly.
 bool follows_poses(const Options& o);
 
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In

@@ -2,14 +2,17 @@
 
 // A plant that receives finger forces, for a planner of poses.
 
+#include <variant>
+
+#include "clothctl/cloth/mass_spring.hpp"
 #include "clothctl/cloth/position_based.hpp"
 #include "clothctl/mpc/pose_forces.hpp"
 #include "support/scene.hpp"
 
 namespace program {
 
-/// Turns the poses that a planner sends into forces, by the inverse dynamics of a position-based
-/// model of the plant.
+/// Turns the poses that a planner sends into forces, by the inverse dynamics of a model of the
+/// plant, which is position-based or implicit.
 class PushedPlant {
  public:
   using Scalar = double;
@@ -19,7 +22,8 @@ class PushedPlant {
 
   /// The forces of the last frame.
   const std::vector<clothctl::FingerForce<double>>& finger_forces() const {
-    return dynamics_.finger_forces();
+    return std::visit(
+        [](const auto& dynamics) -> const auto& { return dynamics.finger_forces(); }, dynamics_);
   }
 
   /// Returns whether the last call of `apply` found forces.
@@ -33,13 +37,15 @@ class PushedPlant {
   clothctl::StepReport<double> advance(double dt);
 
  private:
-  using Setup = clothctl::PlannerSetup<double>;
+  using Dynamics = std::variant<clothctl::PoseForces<clothctl::PositionBased<double>>,
+                                clothctl::PoseForces<clothctl::MassSpring<double>>>;
+  static Dynamics make_dynamics(const Scene& scene, const Options& o);
 
   AnyPlant* plant_;
   const clothctl::PlanResult<double>* result_;
   double dt_;
   bool found_ = false;
-  clothctl::PoseForces<clothctl::PositionBased<double>, Setup> dynamics_;
+  Dynamics dynamics_;
 };
 
 }  // namespace program
