@@ -235,8 +235,7 @@ class WindowQp {
       for (Index j = l; j < horizon; ++j) {
         for (Index s = 0; s < m; ++s) {
           const Scalar* raw = &raw_hessian_.coeffRef(j * m, l * m + s);
-          half_.col(s) = raw[0] * transposed_.col(0);
-          for (Index r = 1; r < m; ++r) half_.col(s) += raw[r] * transposed_.col(r);
+          for (Index d = 0; d < p;) d = map_column(basis, raw, d, s);
         }
         for (Index d = 0; d < p; ++d) {
           const RowRange rows = basis.rows(d);
@@ -253,6 +252,28 @@ class WindowQp {
     // A rotation about a line of vertices moves nothing, so poses need a ridge too.
     const Scalar ridge = force ? settings.weights.cone : Scalar(1e-3) * settings.weights.velocity;
     hessian.diagonal().array() += ridge;
+  }
+
+  /// Writes the entries from `d` on of column `s` of half_ that share their rows of B, for the
+  /// column `raw` of a block of H. Returns the first entry after them.
+  Index map_column(const Basis& basis, const Scalar* raw, Index d, Index s) {
+    const RowRange rows = basis.rows(d);
+    Index end = d + 1;
+    while (end < basis.unknowns() && basis.rows(end) == rows) ++end;
+    const auto add = [&](auto half, const auto& part) {
+      half = raw[rows.first] * part(rows.first);
+      for (Index r = rows.first + 1; r < rows.first + rows.second; ++r) half += raw[r] * part(r);
+      return half;
+    };
+    if (end - d == 6) {  // a rigid grip: its six sums stay in registers
+      using Six = Eigen::Matrix<Scalar, 6, 1>;
+      half_.col(s).template segment<6>(d) =
+          add(Six(), [&](Index r) { return transposed_.col(r).template segment<6>(d); });
+    } else {
+      add(half_.col(s).segment(d, end - d),
+          [&](Index r) { return transposed_.col(r).segment(d, end - d); });
+    }
+    return end;
   }
 
   /// Solves the QP with only bounds.
