@@ -59,10 +59,11 @@ void add_planner(CLI::App& app, Options& o) {
       ->transform(old_name("one-solve", "linear-implicit"))
       ->check(CLI::IsMember({"linear-implicit", "newton", "pbd", "xpbd"}))
       ->capture_default_str();
-  app.add_option("--grip", o.grip,
-                 "What is planned and sent: force; position; or planned-position (forces planned, "
-                 "positions sent). Forces of several vertices a hand follow planned positions on "
-                 "implicit plants, unless the predictor is linearised")
+  app.add_option(
+         "--grip", o.grip,
+         "What is planned and sent: force; position; or planned-position (forces planned, "
+         "positions sent). Forces of several vertices a hand follow planned positions where "
+         "a rollout or the simulator predicts an implicit plant")
       ->check(CLI::IsMember({"force", "position", "planned-position"}))
       ->capture_default_str();
   app.add_option(
@@ -70,8 +71,8 @@ void add_planner(CLI::App& app, Options& o) {
          "linearised: once a frame; rollout: nonlinear free response; identified: linearised, with "
          "a tension found from motion of the plant before the run; simulator: free and impulse "
          "response by the plant's own steps, for positions, which --grip force follows by forces; "
-         "auto: with standard weights, rollout on implicit plants (but hard patches with "
-         "planned-position), and simulator "
+         "auto: with standard weights and no hard patches under planned forces, rollout on "
+         "implicit plants, and simulator "
          "in still air for single vertices on position-based ones of up to 17 vertices a side; "
          "else linearised")
       ->transform(old_name("frozen", "linearised"))

@@ -189,7 +189,8 @@ std::string chosen_predictor(const Options& o) {
 
 bool follows_poses(const Options& o) {
   if (!is_position_based(o.plant))
-    return may_follow_poses(o) && chosen_predictor(o) != "linearised";
+    return may_follow_poses(o) &&
+           (chosen_predictor(o) == "rollout" || chosen_predictor(o) == "simulator");
   return o.grip == "force" && chosen_predictor(o) == "simulator";
 }
 

@@ -169,8 +169,8 @@ AnyPlant plant_in_state(const std::string& name, const Body& body,
 std::string chosen_predictor(const Options& o);
 
 /// Returns whether poses are planned although forces are sent (PushedPlant): on position-based
-/// plants that are predicted by their own steps, and with patches on implicit plants that are not
-/// predicted linearly.
+/// plants that are predicted by their own steps, and with patches on implicit plants that are
+/// rolled out.
 bool follows_poses(const Options& o);
 
 /// Adjusts weights and predictor to a plant. Predicts by the coarse sheet if the body has one. In

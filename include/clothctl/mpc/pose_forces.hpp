@@ -22,6 +22,7 @@
 // grip of several vertices is not the pose itself, but the undeformed cloth there, spread a little
 // and fitted to the pose (math/horn.hpp).
 
+#include <concepts>
 #include <memory>
 #include <optional>
 #include <span>
@@ -30,6 +31,7 @@
 #include <vector>
 
 #include "clothctl/concepts/cloth.hpp"
+#include "clothctl/concepts/impulse_response.hpp"
 #include "clothctl/core/number_text.hpp"
 #include "clothctl/core/result.hpp"
 #include "clothctl/math/horn.hpp"
@@ -114,12 +116,13 @@ class PoseForces {
 
   /// Finds the forces for a frame of `dt` (s) from positions `x` and velocities `v` (3×n, m, m/s).
   /// `poses`: where the held vertices shall be at its end (driven_vertices: those of `held`, in
-  /// that order), and what else acts on the sheet. `velocities`: how they shall then move (3×held,
-  /// m/s), such as in the next frame of the plan. Returns false, and keeps the forces of the last
-  /// frame, when an argument does not fit or is not finite, a step of the model fails, or no forces
-  /// are found. Allocates only when `poses` has another number of forces or attachments than
-  /// before. Complexity: two steps of an implicit model and one MassSpringImpulses `attach`, or
-  /// 1 + 3·held steps for each linearisation by differences.
+  /// that order), and what else acts on the sheet. Of a grip of several vertices only place and
+  /// turn count: what it holds has its rest shape, spread. `velocities`: how they shall then move
+  /// (3×held, m/s), such as in the next frame of the plan. Returns false, and keeps the forces of
+  /// the last frame, when an argument does not fit or is not finite, a step of the model fails, or
+  /// no forces are found. Allocates in the first call, and when `poses` has another number of
+  /// forces or attachments than before. Complexity: two or three steps of an implicit model and one
+  /// MassSpringImpulses `attach`, or 1 + 3·held steps for each linearisation by differences.
   [[nodiscard]] bool solve(const PointsView<Scalar>& x, const PointsView<Scalar>& v,
                            const ClothInput<Scalar>& poses, const PointsView<Scalar>& velocities,
                            Scalar dt);
@@ -154,18 +157,25 @@ class PoseForces {
   bool linearise(const Scalar& dt);
   /// Linearises around the forces that hold the sheet where it shall be.
   bool linearise_held(const Scalar& dt);
+  /// Writes those forces to `trial_`, and to `guess_` how the sheet moves under them.
+  bool hold(const Scalar& dt);
   /// Replaces `trial_` by the forces of the quadratic program.
   bool improve(const PointsView<Scalar>& velocities, const Scalar& dt);
 
   using Impulses = typename detail::StepImpulses<Model>::type;
-  static constexpr bool kHoldsPoses = ClothRollout<Model, Scalar> && requires {
-    typename Model::Impulses;
+  using Workspace = decltype(cloth_traits<Model>::make_workspace(std::declval<const Model&>()));
+  static constexpr bool kHoldsPoses =
+      ClothRollout<Model, Scalar> && ImpulseResponse<Impulses, Scalar> &&
+      requires(Impulses & impulses, const Model& model, std::span<const int> vertices,
+               ClothState<Scalar>& state, Workspace& workspace) {
+    { Impulses::create(model, Index(1)) } -> std::same_as<Result<Impulses>>;
+    { impulses.attach(vertices, state, workspace) } -> std::same_as<StepStatus>;
   };
 
   std::shared_ptr<const Model> model_;  // shared, since `impulses_` refers to it
   Basis basis_;
   PoseForcesSettings settings_;
-  decltype(cloth_traits<Model>::make_workspace(std::declval<const Model&>())) workspace_;
+  Workspace workspace_;
   std::optional<Impulses> impulses_;
   ClothState<Scalar> start_, state_;
   ClothInput<Scalar> input_, probe_, goal_;  // goal_: as poses
@@ -173,6 +183,7 @@ class PoseForces {
   Points<Scalar> rest_;                       // 3×held, spread
   Points<Scalar> holding_, guess_;            // forces that hold the poses; velocities under them
   Scalar same_ = Scalar(0);                   // positions closer than this are the same, m
+  int solves_ = 0;                            // of the last step
   VectorX<Scalar> forces_, trial_, changed_;  // 3·held
   VectorX<Scalar> reached_;                   // 6·held: positions, then velocities
   MatrixX<Scalar> jacobian_, by_coefficients_, hessian_, rows_;
@@ -310,7 +321,10 @@ bool PoseForces<Model, Setup>::simulate(const VectorX<Scalar>& r, const Scalar& 
   const Index count = static_cast<Index>(held().size());
   for (Index j = 0; j < count; ++j) probe_.forces.col(j) = r.template segment<3>(3 * j);
   state_ = start_;
-  if (!cloth_traits<Model>::step(*model_, state_, probe_, dt, workspace_).advanced) return false;
+  const StepReport<Scalar> report =
+      cloth_traits<Model>::step(*model_, state_, probe_, dt, workspace_);
+  if (!report.advanced) return false;
+  solves_ = static_cast<int>(report.iterations);
   read(out);
   return true;
 }
@@ -345,19 +359,40 @@ bool PoseForces<Model, Setup>::linearise(const Scalar& dt) {
 
 template <class Model, class Setup>
 requires ClothModel<Model, typename Setup::scalar_type>
+bool PoseForces<Model, Setup>::hold(const Scalar& dt) {
+  if constexpr (kHoldsPoses) {
+    state_ = start_;
+    if (!cloth_traits<Model>::step(*model_, state_, goal_, dt, workspace_).advanced) return false;
+    cloth_rollout_traits<Model>::holding_forces(*model_, std::span<const int>(held()), workspace_,
+                                                holding_);
+    // The velocities of the state may have been calmed.
+    guess_ = (state_.positions - start_.positions) / dt;
+    for (std::size_t j = 0; j < held().size(); ++j) {
+      Vector3<Scalar> force = holding_.col(static_cast<Index>(j));
+      for (std::size_t i = 0; i < goal_.attached_vertices.size(); ++i) {
+        if (goal_.attached_vertices[i] != held()[j]) continue;  // pulls only what is not driven
+        const Index a = static_cast<Index>(i);
+        force -=
+            goal_.attachment_stiffness[a] *
+            (goal_.attached_positions.col(a) - goal_.driven_positions.col(static_cast<Index>(j)));
+      }
+      trial_.template segment<3>(3 * static_cast<Index>(j)) = force;
+    }
+  }
+  return all_finite(trial_);
+}
+
+template <class Model, class Setup>
+requires ClothModel<Model, typename Setup::scalar_type>
 bool PoseForces<Model, Setup>::linearise_held(const Scalar& dt) {
   if constexpr (kHoldsPoses) {
     using Rollout = cloth_rollout_traits<Model>;
-    const Index inputs = basis_.inputs(), count = inputs / 3;
-    state_ = start_;
-    if (!cloth_traits<Model>::step(*model_, state_, goal_, dt, workspace_).advanced) return false;
-    Rollout::holding_forces(*model_, std::span<const int>(held()), workspace_, holding_);
-    guess_ = state_.velocities;
-    for (Index j = 0; j < count; ++j) trial_.template segment<3>(3 * j) = holding_.col(j);
-    if (!simulate(trial_, dt, reached_)) return false;
-    // A step may end in another fold than the one that is held.
+    const Index inputs = basis_.inputs();
+    if (!hold(dt) || !simulate(trial_, dt, reached_)) return false;
+    // A step of several solves may end in another fold than the one that is held. One that is a
+    // single solve is linear in the forces.
     changed_ = reached_.head(inputs) - goal_.driven_positions.reshaped();
-    if (!(changed_.cwiseAbs().maxCoeff() < same_)) {
+    if (1 < solves_ && !(changed_.cwiseAbs().maxCoeff() < same_)) {
       state_ = start_;
       if (!Rollout::step_from(*model_, guess_, 1, state_, probe_, dt, workspace_, Scalar(0))
                .advanced)

@@ -75,6 +75,7 @@ template <RealScalar Scalar>
 void condense_jacobian(const MatrixX<Scalar>& response, const MatrixX<Scalar>& residual,
                        MatrixX<Scalar>& hessian, VectorX<Scalar>& gradient) {
   const Index horizon = residual.cols(), rows = residual.rows();
+  if (horizon == 0) return;
   const Index inputs = response.rows() / horizon;
   constexpr Index kRows = 16, kColumns = 4;  // that stay in registers
   for (Index c = 0; c < hessian.cols(); c += kColumns) {
