@@ -37,6 +37,20 @@ void warn_of_weight(const Scene& scene, const Options& o) {
                  grip, weight);
 }
 
+/// Tells of frames that take seconds.
+void warn_of_unknowns(const Scene& scene, const Options& o) {
+  if (scene.settings.input != clothctl::GripInput::Force) return;
+  Index generators = 0;
+  for (const clothctl::Grip<double>& g : scene.setup.grips) {
+    for (const clothctl::Finger<double>& f : g.fingers)
+      generators += static_cast<Index>(f.vertices.size()) * o.generators;
+  }
+  const Index unknowns = generators * scene.settings.horizon;
+  if (1500 < unknowns)
+    std::fprintf(stderr, "warning: a frame plans %ld contact forces, which takes seconds\n",
+                 static_cast<long>(unknowns));
+}
+
 /// Returns why a frame ended the run, or an empty string. `pushed`: what receives forces for poses,
 /// if something does.
 std::string reason(const clothctl::FrameReport<double>& report,
@@ -122,6 +136,7 @@ Summary run_loop(const Scene& scene, const Options& o, AnyPlant& plant, AnyPredi
 int run(const Scene& scene, const Options& o, AnyPlant plant, AnyPredictor predictor) {
   RunRecorder recorder(scene, o, scored_frames(scene, o));
   warn_of_weight(scene, o);
+  warn_of_unknowns(scene, o);
   Progress progress;
   const Summary summary = run_loop(scene, o, plant, std::move(predictor), recorder, progress);
   if (!o.out.empty()) recorder.write(summary);

@@ -98,6 +98,8 @@ AnyPredictor make_simulator(const Options& o, const Body& body,
   if (follows_poses(o) && 1 < o.patch_size && is_position_based(o.plant))
     refuse("--patch-size: " + std::to_string(o.patch_size) +
            " cannot be combined with --predictor simulator and --grip force");
+  if (settings.input == clothctl::GripInput::Force)
+    refuse("--predictor simulator: predicts positions; no forces follow them with these options");
   damp(o, body, 0.01, settings);
   const auto simulated = [&](auto model) {
     clothctl::SimulatorPredictor<decltype(model)> predictor(std::move(model));
